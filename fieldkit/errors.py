@@ -1,0 +1,79 @@
+"""The exceptions fieldkit raises on purpose, and the exit code each stands for.
+
+    FieldkitError
+    ├── UsageError            2   the call itself is wrong (flags, an existing result)
+    ├── InputError            3   a file or folder given cannot be used as it is
+    │   ├── CaptureError      3   photographs
+    │   ├── MetadataError     3   poses.csv, geo.txt, camera files, reference.json …
+    │   ├── CloudError        3   point-cloud files
+    │   │   └── EmptyCloudError
+    │   └── StorageError      3   no permission, no space left
+    └── ReconstructionError   4   the photographs are readable but do not reconstruct
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+EXIT_OK = 0
+EXIT_INTERRUPTED = 130
+
+
+class FieldkitError(Exception):
+    """A problem a person can act on.
+
+    Args:
+        message: what is wrong, in one sentence.
+        path: the file or folder concerned.
+        remedy: what to do about it, in one sentence.
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, *, path: Path | str | None = None, remedy: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.path = None if path is None else Path(path)
+        self.remedy = remedy
+
+    def __str__(self) -> str:
+        where = f"{self.path}: " if self.path is not None else ""
+        return f"{where}{self.message}"
+
+
+class UsageError(FieldkitError):
+    """The call is wrong; nothing was read or written."""
+
+    exit_code = 2
+
+
+class InputError(FieldkitError):
+    """A given file or folder cannot be used as it is."""
+
+    exit_code = 3
+
+
+class CaptureError(InputError):
+    """A folder of photographs cannot be used."""
+
+
+class MetadataError(InputError):
+    """A sidecar or result file is missing, malformed or contradicts the photographs."""
+
+
+class CloudError(InputError):
+    """A point-cloud file cannot be read or written."""
+
+
+class EmptyCloudError(CloudError):
+    """A cloud has no points where at least one is needed."""
+
+
+class StorageError(InputError):
+    """A place to write to is not writable or is full."""
+
+
+class ReconstructionError(FieldkitError):
+    """The photographs were read, but no usable model came out of them."""
+
+    exit_code = 4

@@ -1,0 +1,97 @@
+"""Similarity transforms (Sim3): scale, rotation, translation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fieldkit.geometry.pose import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """x' = scale · rotation · x + translation.
+
+    Attributes:
+        scale: positive, without unit (metres per model unit when it makes a model metric).
+        rotation: (3, 3), determinant +1.
+        translation: (3,), in the target's unit.
+    """
+
+    scale: float
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        rotation = np.array(self.rotation, dtype=np.float64).reshape(3, 3)
+        translation = np.array(self.translation, dtype=np.float64).reshape(3)
+        rotation.setflags(write=False)
+        translation.setflags(write=False)
+        object.__setattr__(self, "scale", float(self.scale))
+        object.__setattr__(self, "rotation", rotation)
+        object.__setattr__(self, "translation", translation)
+
+    @classmethod
+    def identity(cls) -> Similarity:
+        return cls(1.0, np.eye(3), np.zeros(3))
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike) -> Similarity:
+        """From a (3, 4) or (4, 4) matrix whose upper left block is a scaled rotation.
+
+        Raises:
+            ValueError: the block is not a rotation times a positive scale.
+        """
+        m = np.asarray(matrix, dtype=np.float64)
+        determinant = float(np.linalg.det(m[:3, :3]))
+        scale = float(np.cbrt(determinant))
+        if scale <= 0 or not np.allclose(m[:3, :3] @ m[:3, :3].T, scale**2 * np.eye(3), rtol=1e-6, atol=1e-6 * scale**2):
+            raise ValueError("not a similarity: the upper left 3×3 block is not a rotation times a positive scale")
+        return cls(scale, m[:3, :3] / scale, m[:3, 3])
+
+    def matrix(self) -> NDArray[np.float64]:
+        """(4, 4) homogeneous matrix."""
+        m = np.eye(4)
+        m[:3, :3] = self.scale * self.rotation
+        m[:3, 3] = self.translation
+        return m
+
+    def apply(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Points (n, 3) or one point (3,), transformed."""
+        return self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
+
+    def apply_pose(self, pose: Pose) -> Pose:
+        """The same camera in the target frame."""
+        return Pose(pose.rotation @ self.rotation.T, self.apply(pose.center))
+
+    def inverse(self) -> Similarity:
+        rotation = self.rotation.T
+        return Similarity(1.0 / self.scale, rotation, -(rotation @ self.translation) / self.scale)
+
+    def after(self, first: Similarity) -> Similarity:
+        """The transform that applies ``first`` and then this one."""
+        return Similarity(
+            self.scale * first.scale, self.rotation @ first.rotation, self.apply(first.translation)
+        )
+
+
+def fit_similarity(source: ArrayLike, target: ArrayLike, *, with_scale: bool = True) -> Similarity:
+    """Least-squares similarity from ``source`` (n, 3) to ``target`` (n, 3) (Umeyama 1991).
+
+    Raises:
+        ValueError: fewer than 3 pairs, or the source points lie on one line.
+    """
+    s, t = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    if len(s) < 3 or s.shape != t.shape:
+        raise ValueError("a similarity needs at least 3 pairs of points")
+    s_mean, t_mean = s.mean(0), t.mean(0)
+    u, singular, vt = np.linalg.svd((t - t_mean).T @ (s - s_mean) / len(s))
+    if singular[1] < 1e-9 * max(singular[0], 1e-300):
+        raise ValueError("the points lie on one line, so the rotation about it is free")
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
+    rotation = u @ np.diag(signs) @ vt
+    variance = float(((s - s_mean) ** 2).sum() / len(s))
+    scale = float((singular * signs).sum() / variance) if with_scale else 1.0
+    return Similarity(scale, rotation, t_mean - scale * rotation @ s_mean)

@@ -1,0 +1,25 @@
+"""Thread counts of every library that starts threads of its own."""
+
+from __future__ import annotations
+
+import os
+
+_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def set_thread_environment(count: int = 1) -> None:
+    """Limit libraries that read their thread count once, at import. Call before NumPy is imported.
+
+    Variables a person has set already are left as they are.
+    """
+    for name in _VARIABLES:
+        os.environ.setdefault(name, str(count))
+
+
+def limit_threads(count: int = 1) -> None:
+    """Limit the loaded libraries to ``count`` threads in this process (determinism needs 1)."""
+    import cv2
+    from threadpoolctl import threadpool_limits
+
+    cv2.setNumThreads(count)
+    threadpool_limits(limits=count)
