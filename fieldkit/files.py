@@ -1,0 +1,264 @@
+"""Writing results so that a killed run, a full disk or a second run never leaves half of one behind."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import fcntl
+import os
+import secrets
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from fieldkit.errors import StorageError, UsageError
+
+_REMEDIES = {
+    errno.ENOSPC: "Free some space there, or write to another disk.",
+    errno.EDQUOT: "Your disk quota is used up: free some space, or write to another disk.",
+    errno.EFBIG: "The file would be larger than this disk or account allows: write to another disk.",
+    errno.EACCES: "Choose a folder you may write to, or change its permissions.",
+    errno.EPERM: "Choose a folder you may write to, or change its permissions.",
+    errno.EROFS: "The disk is mounted read-only: write to another one.",
+    errno.ENAMETOOLONG: "Use a shorter name.",
+    errno.ENOTDIR: "A part of the path is a file: choose another path.",
+    errno.EEXIST: "Something is in the way there: choose another path.",
+    errno.EIO: "The disk reports an error: check it, or write to another one.",
+}
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_PARTIAL = ".partial"
+_AT_FDCWD = -100
+_RENAME_EXCHANGE = 2
+
+
+@contextmanager
+def storage_errors(path: Path) -> Iterator[None]:
+    """Turn the operating system's refusals to write at ``path`` into errors with a remedy.
+
+    A full disk is reported wherever it shows; refusals such as EACCES only where they concern ``path`` itself, its
+    parents or what lies in it, so that an unreadable input is not blamed on the output.
+
+    Raises:
+        StorageError: in place of such an OSError. Other exceptions pass.
+    """
+    path = Path(path)
+    try:
+        yield
+    except OSError as error:
+        code = _errno(error)
+        if code in _FULL or (code in _REMEDIES and _concerns(error, path)):
+            assert code is not None
+            raise StorageError(f"cannot write: {os.strerror(code)}", path=path, remedy=_REMEDIES[code]) from error
+        raise
+
+
+def check_writable(path: Path) -> None:
+    """Make sure that a file can be created in ``path``, or, where it does not exist, in its nearest parent.
+
+    Raises:
+        StorageError: it cannot.
+    """
+    folder = _absolute(path)
+    while not os.path.lexists(folder) and folder != folder.parent:
+        folder = folder.parent
+    with storage_errors(path):
+        if not folder.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
+        # Permission bits say little to root, on network disks and on read-only mounts: try it.
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"\0")
+
+
+def write_atomic(path: Path, data: bytes | str) -> None:
+    """Write a file under a temporary name, sync it and rename it to ``path``; text is written as UTF-8.
+
+    Raises:
+        StorageError: the place is full or not writable; an older file of that name is left as it was.
+    """
+    path = _absolute(path)
+    content = data.encode("utf-8") if isinstance(data, str) else data
+    partial = _partial_name(path)
+    with storage_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with partial.open("xb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            partial.replace(path)
+        except BaseException:
+            with suppress(OSError):
+                partial.unlink()
+            raise
+        _sync(path.parent)
+
+
+@contextmanager
+def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None = None) -> Iterator[Path]:
+    """A temporary folder beside ``target`` that takes its name when the block ends without an error.
+
+    An empty folder at ``target`` counts as absent. What a killed run left beside ``target`` is removed.
+
+    Args:
+        target: the result's folder.
+        overwrite: replace an existing result; it stays in place until the new one is complete.
+        marker: name of a file that every such result holds. An existing folder without it is somebody's other work
+            and is never replaced.
+
+    Raises:
+        UsageError: ``target`` exists and ``overwrite`` is off or does not apply; raised before the block runs.
+        StorageError: the disk is full or not writable.
+    """
+    target = _absolute(target)
+    _check_target(target, overwrite, marker)
+    with storage_errors(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _remove_abandoned(target)
+        partial, lock = _locked_folder(target)
+        try:
+            yield partial
+            _sync_tree(partial)
+            _move_into_place(partial, target, overwrite)
+            _sync(target.parent)
+        except BaseException:
+            shutil.rmtree(partial, ignore_errors=True)
+            raise
+        finally:
+            os.close(lock)
+
+
+def _absolute(path: Path) -> Path:
+    return Path(os.path.abspath(Path(path).expanduser()))
+
+
+def _errno(error: OSError) -> int | None:
+    # NumPy reports a short write without an errno: "1000 requested and 12 written".
+    if error.errno is None and "requested and" in str(error) and "written" in str(error):
+        return errno.ENOSPC
+    return error.errno
+
+
+def _concerns(error: OSError, path: Path) -> bool:
+    names = [name for name in (error.filename, error.filename2) if name is not None]
+    if not names:
+        return True
+    target = _absolute(path)
+    for name in names:
+        if not isinstance(name, str | bytes | os.PathLike):
+            return True  # a file descriptor
+        place = _absolute(Path(os.fsdecode(name)))
+        line = (place, *place.parents)
+        temporary = any(part.name.endswith(_PARTIAL) and part.parent == target.parent for part in line)
+        if temporary or place in target.parents or target in line:
+            return True
+    return False
+
+
+def _partial_name(path: Path) -> Path:
+    # The name is cut, so that one as long as the file system allows still works.
+    return path.with_name(f".{path.name[:40]}.{secrets.token_hex(6)}{_PARTIAL}")
+
+
+def _check_target(target: Path, overwrite: bool, marker: str | None) -> None:
+    if not os.path.lexists(target):
+        return
+    if not target.is_dir() or target.is_symlink():
+        raise UsageError("exists and is not a folder", path=target, remedy="Choose another name for the result.")
+    with storage_errors(target):
+        held = {entry.name for entry in target.iterdir()}
+    if not held:
+        return
+    if not overwrite:
+        raise UsageError(
+            "the result exists already", path=target, remedy="Give --overwrite to replace it, or choose another folder."
+        )
+    here = Path.cwd()
+    if target == here or target in here.parents or target == Path.home() or target.is_mount():
+        raise UsageError("will not replace this folder", path=target, remedy="Choose a folder of the result's own.")
+    if marker is not None and marker not in held:
+        raise UsageError(
+            f"holds no {marker}, so it is not a result that --overwrite may replace",
+            path=target,
+            remedy="Choose another folder.",
+        )
+
+
+def _locked_folder(target: Path) -> tuple[Path, int]:
+    """A new folder and a descriptor whose lock says that its maker lives."""
+    while True:
+        partial = _partial_name(target)
+        partial.mkdir()
+        lock = os.open(partial, os.O_RDONLY)
+        with suppress(OSError):  # file systems without locks: nobody can take the folder for abandoned there
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if partial.exists():
+            return partial, lock
+        os.close(lock)  # another run took it for abandoned before it was locked
+
+
+def _remove_abandoned(target: Path) -> None:
+    prefix = f".{target.name[:40]}."
+    for place in target.parent.iterdir():
+        if not (place.name.startswith(prefix) and place.name.endswith(_PARTIAL) and place.is_dir()):
+            continue
+        if len(place.name) != len(prefix) + 12 + len(_PARTIAL):
+            continue
+        with suppress(OSError):
+            lock = os.open(place, os.O_RDONLY)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(place, ignore_errors=True)
+            finally:
+                os.close(lock)
+
+
+def _move_into_place(partial: Path, target: Path, overwrite: bool) -> None:
+    try:
+        partial.rename(target)
+    except OSError as error:
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+            raise
+        if not overwrite:
+            raise UsageError(
+                "another run wrote this result meanwhile", path=target, remedy="Choose another folder."
+            ) from error
+        if not _exchange(partial, target):
+            aside = _partial_name(target)
+            target.rename(aside)
+            partial.rename(target)
+            partial = aside
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def _exchange(a: Path, b: Path) -> bool:
+    """Swap two folders in one step (Linux renameat2); False where the system cannot."""
+    try:
+        renameat2 = ctypes.CDLL(None, use_errno=True).renameat2
+    except (OSError, AttributeError):
+        return False
+    status = renameat2(_AT_FDCWD, os.fsencode(a), _AT_FDCWD, os.fsencode(b), ctypes.c_uint(_RENAME_EXCHANGE))
+    return int(status) == 0
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some network disks refuse to sync a folder
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _sync_tree(folder: Path) -> None:
+    for root, _, files in os.walk(folder):
+        for name in files:
+            path = Path(root) / name
+            if path.is_file() and not path.is_symlink():
+                descriptor = os.open(path, os.O_RDONLY)
+                try:
+                    os.fsync(descriptor)  # a full disk may show only here
+                finally:
+                    os.close(descriptor)
+        _sync(Path(root))

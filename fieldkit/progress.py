@@ -1,0 +1,37 @@
+"""What long work tells the person who waits for it. Light: the bars themselves are drawn in fieldkit.cli."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from typing import Protocol
+
+Advance = Callable[[int], None]
+
+
+class Progress(Protocol):
+    """Receives the stages of a run as they happen."""
+
+    def stage(self, name: str, total: int | None = None) -> AbstractContextManager[Advance]:
+        """A stage of ``total`` steps (None: unknown); the callable it yields advances by n steps."""
+        ...
+
+    def note(self, message: str) -> None:
+        """A finding for people, such as a photograph that was left out."""
+        ...
+
+
+class Silent:
+    """Progress that says nothing."""
+
+    @contextmanager
+    def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+        """A stage nobody sees."""
+        yield _ignore
+
+    def note(self, message: str) -> None:
+        """Drop the message."""
+
+
+def _ignore(steps: int) -> None:
+    pass
