@@ -130,7 +130,8 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
 
 
 def _absolute(path: Path) -> Path:
-    return Path(os.path.abspath(Path(path).expanduser()))
+    # Path.resolve would follow links, and a result belongs where the person pointed.
+    return Path(os.path.abspath(Path(path).expanduser()))  # noqa: PTH100
 
 
 def _errno(error: OSError) -> int | None:
