@@ -1,7 +1,8 @@
 """Content-addressed cache of what a stage computed: the key is a digest of everything the result depends on.
 
 An entry is an uncompressed .npz, written under a temporary name and renamed, so that several processes may share one
-cache and may be killed at any moment. Its CRCs show damage; a damaged entry is removed and computed again.
+cache and may be killed at any moment. Its CRCs and the digest of its members' names show damage; a damaged entry is
+removed and computed again.
 """
 
 from __future__ import annotations
@@ -109,11 +110,15 @@ class StageCache:
             return None
         path = self.path(stage, key)
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in archive.files}
+            file = path.open("rb")
         except OSError:
             return None
-        except Exception:  # damage shows in many ways: BadZipFile, ValueError, KeyError, zlib.error, MemoryError …
+        try:
+            with file, np.load(file, allow_pickle=False) as archive:
+                arrays = {name: archive[name] for name in archive.files}
+                if archive.zip is None or archive.zip.comment != _contents(arrays):
+                    raise ValueError("an array is missing")
+        except Exception:  # damage shows in many ways: BadZipFile, ValueError, OSError, zlib.error, MemoryError …
             with suppress(OSError):
                 path.unlink()
             return None
@@ -221,6 +226,12 @@ def _write_npz(file: IO[bytes], arrays: dict[str, np.ndarray]) -> None:
         for name, array in arrays.items():
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+        archive.comment = _contents(arrays)
+
+
+def _contents(arrays: dict[str, np.ndarray]) -> bytes:
+    # A zip's CRCs cover each member but not the list of members: one damaged byte there can drop the last one.
+    return digest(set(arrays)).encode()
 
 
 def _feed(state: Any, value: Any) -> None:

@@ -63,7 +63,7 @@ def check_writable(path: Path) -> None:
     folder = _absolute(path)
     while not os.path.lexists(folder) and folder != folder.parent:
         folder = folder.parent
-    with storage_errors(path):
+    with storage_errors(folder):
         if not folder.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
         # Permission bits say little to root, on network disks and on read-only mounts: try it.

@@ -1,0 +1,50 @@
+"""Fixtures that several test folders share."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    """The recorded image sets; they are not part of the repository."""
+    folder = os.environ.get("FIELDKIT_DATA")
+    if not folder:
+        pytest.skip("FIELDKIT_DATA is unset: it names the folder with the recorded image sets")
+    return Path(folder)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 1 MiB."""
+    yield from _mounted(tmp_path / "disk", "size=1m")
+
+
+@pytest.fixture
+def unwritable(tmp_path: Path) -> Iterator[Path]:
+    """A folder nothing can be written to: a read-only mount for root, whom permissions do not stop."""
+    folder = tmp_path / "unwritable"
+    if os.geteuid() == 0:
+        yield from _mounted(folder, "ro,size=1m")
+        return
+    folder.mkdir(mode=0o555)
+    yield folder
+    folder.chmod(0o755)
+
+
+def _mounted(folder: Path, options: str) -> Iterator[Path]:
+    folder.mkdir()
+    mount = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)], capture_output=True, text=True, check=False
+    )
+    if mount.returncode != 0:
+        pytest.skip(f"a small disk cannot be mounted here: {mount.stderr.strip()}")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)

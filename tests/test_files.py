@@ -1,0 +1,220 @@
+"""Results appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.errors import StorageError, UsageError
+from fieldkit.files import atomic_folder, check_writable, storage_errors, write_atomic
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(place.name for place in folder.iterdir())
+
+
+class TestAtomicFolder:
+    def test_appears_only_when_complete(self, tmp_path: Path) -> None:
+        target = tmp_path / "deep" / "reference"
+        with atomic_folder(target) as folder:
+            (folder / "a.txt").write_text("a")
+            assert not target.exists()
+            assert folder.parent == target.parent
+        assert names(target) == ["a.txt"]
+        assert names(target.parent) == ["reference"]
+
+    def test_leaves_nothing_after_an_error(self, tmp_path: Path) -> None:
+        with pytest.raises(ZeroDivisionError), atomic_folder(tmp_path / "reference") as folder:
+            (folder / "a.txt").write_text("a")
+            _ = 1 / 0
+        assert names(tmp_path) == []
+
+    def test_refuses_an_existing_result_before_any_work(self, tmp_path: Path) -> None:
+        (tmp_path / "old.txt").write_text("old")
+        worked = False
+        with pytest.raises(UsageError, match="exists already") as caught, atomic_folder(tmp_path):
+            worked = True
+        assert not worked
+        assert "--overwrite" in caught.value.remedy
+        assert names(tmp_path) == ["old.txt"]
+
+    def test_takes_an_empty_folder(self, tmp_path: Path) -> None:
+        target = tmp_path / "reference"
+        target.mkdir()
+        with atomic_folder(target) as folder:
+            (folder / "a.txt").write_text("a")
+        assert names(target) == ["a.txt"]
+
+    @pytest.mark.parametrize("can_exchange", [True, False])
+    def test_overwrites_when_told_to(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, can_exchange: bool) -> None:
+        if not can_exchange:
+            monkeypatch.setattr("fieldkit.files._exchange", lambda a, b: False)
+        target = tmp_path / "reference"
+        for content in ("first", "second"):
+            with atomic_folder(target, overwrite=True, marker="reference.json") as folder:
+                if content == "second":
+                    assert (target / "reference.json").read_text() == "first", "the old result stays meanwhile"
+                (folder / "reference.json").write_text(content)
+        assert (target / "reference.json").read_text() == "second"
+        assert names(tmp_path) == ["reference"]
+
+    def test_failed_overwrite_keeps_the_old_result(self, tmp_path: Path) -> None:
+        target = tmp_path / "reference"
+        with atomic_folder(target) as folder:
+            (folder / "a.txt").write_text("old")
+        with pytest.raises(ZeroDivisionError), atomic_folder(target, overwrite=True):
+            _ = 1 / 0
+        assert (target / "a.txt").read_text() == "old"
+
+    def test_never_replaces_what_is_not_a_result(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        (tmp_path / "thesis.odt").write_text("years of work")
+        with (
+            pytest.raises(UsageError, match="not a result"),
+            atomic_folder(tmp_path, overwrite=True, marker="reference.json"),
+        ):
+            pass
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(UsageError, match="will not replace"), atomic_folder(Path(), overwrite=True):
+            pass
+        monkeypatch.setenv("HOME", str(tmp_path))
+        monkeypatch.chdir("/")
+        with pytest.raises(UsageError, match="will not replace"), atomic_folder(Path("~"), overwrite=True):
+            pass
+        assert names(tmp_path) == ["thesis.odt"]
+
+    def test_refuses_a_file(self, tmp_path: Path) -> None:
+        (tmp_path / "file").write_text("")
+        with pytest.raises(UsageError, match="not a folder"), atomic_folder(tmp_path / "file", overwrite=True):
+            pass
+
+    def test_second_run_meanwhile(self, tmp_path: Path) -> None:
+        target = tmp_path / "reference"
+        with pytest.raises(UsageError, match="another run"), atomic_folder(target):
+            with atomic_folder(target) as other:
+                (other / "a.txt").write_text("other")
+        assert (target / "a.txt").read_text() == "other"
+        assert names(tmp_path) == ["reference"]
+
+    def test_longest_name(self, tmp_path: Path) -> None:
+        target = tmp_path / ("ä" * 127)
+        with atomic_folder(target) as folder:
+            write_atomic(folder / ("é" * 127), "x")
+        assert len(names(target)) == 1
+
+    def test_name_too_long(self, tmp_path: Path) -> None:
+        with pytest.raises(StorageError) as caught, atomic_folder(tmp_path / ("x" * 256)):
+            pass
+        assert "shorter" in caught.value.remedy
+
+    def test_parent_is_a_file(self, tmp_path: Path) -> None:
+        (tmp_path / "file").write_text("")
+        with pytest.raises(StorageError), atomic_folder(tmp_path / "file" / "reference"):
+            pass
+
+    def test_killed_in_the_middle(self, tmp_path: Path) -> None:
+        script = textwrap.dedent("""
+            import sys, time
+            from pathlib import Path
+            from fieldkit.files import atomic_folder
+            with atomic_folder(Path(sys.argv[1])) as folder:
+                (folder / "a.txt").write_text("half")
+                print("ready", flush=True)
+                time.sleep(60)
+        """)
+        target = tmp_path / "reference"
+        with subprocess.Popen([sys.executable, "-c", script, str(target)], stdout=subprocess.PIPE) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            with atomic_folder(tmp_path / "reference") as folder:
+                assert len(names(tmp_path)) == 2, "a living run's folder is left alone"
+                (folder / "a.txt").write_text("whole")
+            process.send_signal(signal.SIGKILL)
+        assert (target / "a.txt").read_text() == "whole"
+        assert len(names(tmp_path)) == 2
+        with atomic_folder(target, overwrite=True) as folder:
+            (folder / "a.txt").write_text("next")
+        assert names(tmp_path) == ["reference"], "the dead run's folder is removed"
+
+
+class TestWriteAtomic:
+    def test_writes_text_and_bytes(self, tmp_path: Path) -> None:
+        write_atomic(tmp_path / "sub" / "a.txt", "µ")
+        write_atomic(tmp_path / "sub" / "b.bin", b"\xff")
+        assert (tmp_path / "sub" / "a.txt").read_bytes() == "µ".encode()
+        assert (tmp_path / "sub" / "b.bin").read_bytes() == b"\xff"
+        assert names(tmp_path / "sub") == ["a.txt", "b.bin"]
+
+    def test_respects_the_umask(self, tmp_path: Path) -> None:
+        before = os.umask(0o027)
+        try:
+            write_atomic(tmp_path / "a.txt", "a")
+        finally:
+            os.umask(before)
+        assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
+
+    def test_failure_keeps_the_old_file(self, tmp_path: Path) -> None:
+        script = textwrap.dedent("""
+            import resource, sys
+            from pathlib import Path
+            from fieldkit.errors import StorageError
+            from fieldkit.files import write_atomic
+            resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
+            try:
+                write_atomic(Path(sys.argv[1]), bytes(100_000))
+            except StorageError as error:
+                print(error.remedy)
+        """)
+        path = tmp_path / "a.bin"
+        write_atomic(path, b"old")
+        done = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True, text=True, check=True)
+        assert "another disk" in done.stdout
+        assert path.read_bytes() == b"old"
+        assert names(tmp_path) == ["a.bin"]
+
+
+class TestStorageErrors:
+    def test_full_disk(self, small_disk: Path) -> None:
+        with pytest.raises(StorageError) as caught, atomic_folder(small_disk / "reference") as folder:
+            (folder / "cloud.ply").write_bytes(bytes(8 << 20))
+        assert "space" in str(caught.value).lower()
+        assert "Free some space" in caught.value.remedy
+        assert names(small_disk) == []
+
+    def test_full_disk_through_numpy(self, small_disk: Path) -> None:
+        with pytest.raises(StorageError), storage_errors(small_disk / "a.npy"):
+            np.save(small_disk / "a.npy", np.zeros(8 << 17))
+
+    def test_unwritable_folder(self, unwritable: Path) -> None:
+        for act in (check_writable, lambda path: write_atomic(path / "a", ""), _make_folder):
+            with pytest.raises(StorageError) as caught:
+                act(unwritable / "reference")
+            assert caught.value.remedy
+        assert names(unwritable) == []
+
+    def test_unreadable_input_is_not_blamed_on_the_output(self, tmp_path: Path) -> None:
+        with pytest.raises(PermissionError), atomic_folder(tmp_path / "out" / "reference"):
+            raise PermissionError(errno.EACCES, "Permission denied", str(tmp_path / "photos" / "a.jpg"))
+
+    def test_other_errors_pass(self, tmp_path: Path) -> None:
+        with pytest.raises(FileNotFoundError), storage_errors(tmp_path):
+            (tmp_path / "none").read_bytes()
+
+    def test_check_writable(self, tmp_path: Path) -> None:
+        check_writable(tmp_path / "not" / "yet" / "there")
+        assert names(tmp_path) == []
+        (tmp_path / "file").write_text("")
+        with pytest.raises(StorageError):
+            check_writable(tmp_path / "file" / "below")
+
+
+def _make_folder(path: Path) -> None:
+    with atomic_folder(path):
+        pass
