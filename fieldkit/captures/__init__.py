@@ -1,0 +1,26 @@
+"""Folders of photographs: what is in them, what is known of cameras and poses, how good the images are."""
+
+from fieldkit.captures.capture import MAX_PIXELS, read_capture
+from fieldkit.captures.decode import read_image
+from fieldkit.captures.folder import find_mask
+from fieldkit.captures.model import CameraGroup, Capture, Finding, GeoTag, Photo, PosePrior
+from fieldkit.captures.quality import Quality, assess_quality, measure_quality
+from fieldkit.captures.units import UnitSuspicion, suspicious_unit
+
+__all__ = [
+    "MAX_PIXELS",
+    "CameraGroup",
+    "Capture",
+    "Finding",
+    "GeoTag",
+    "Photo",
+    "PosePrior",
+    "Quality",
+    "UnitSuspicion",
+    "assess_quality",
+    "find_mask",
+    "measure_quality",
+    "read_capture",
+    "read_image",
+    "suspicious_unit",
+]

@@ -1,0 +1,198 @@
+"""Reading a folder of photographs into a `Capture`."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+
+from fieldkit.captures.camera_file import read_camera_file
+from fieldkit.captures.cameras import group_cameras
+from fieldkit.captures.decode import jpeg_is_complete
+from fieldkit.captures.exif import read_exif
+from fieldkit.captures.folder import Candidate, FolderContents, list_folder
+from fieldkit.captures.geo_txt import read_geo_txt
+from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
+from fieldkit.captures.poses_csv import read_poses_csv
+from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
+from fieldkit.errors import CaptureError, MetadataError
+
+MAX_PIXELS = 150_000_000
+"""More than any single camera frame that flies today (100 Mpx), and 450 MB once decoded to RGB."""
+_MAX_FILE_BYTES = 2 << 30
+
+
+@dataclass(frozen=True)
+class _Read:
+    photo: Photo | None
+    findings: tuple[Finding, ...]
+
+
+def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
+    """Read a folder of photographs and what lies beside them. Nothing is decoded and nothing written.
+
+    Photographs are JPEG, PNG or TIFF by content, directly in ``folder`` or, when there are none, in
+    ``folder/images``. Whatever cannot be used is left out and named in ``findings``; one photograph is enough here
+    (reconstruction asks for more).
+
+    Args:
+        folder: with the photographs.
+        max_pixels: larger images are left out unread (decompression bombs).
+
+    Raises:
+        CaptureError: the folder is missing or unreadable, or has no usable photograph.
+        MetadataError: poses.csv, geo.txt or a camera file is malformed or contradicts the photographs.
+    """
+    contents = list_folder(Path(folder))
+    photos: list[Photo] = []
+    findings = list(contents.findings)
+    by_hash: dict[str, str] = {}
+    for candidate in contents.candidates:
+        read = _read_photo(candidate, max_pixels)
+        findings.extend(read.findings)
+        if read.photo is None:
+            continue
+        first = by_hash.setdefault(read.photo.sha256, read.photo.name)
+        if first == read.photo.name:
+            photos.append(read.photo)
+        else:
+            findings.append(Finding(read.photo.name, "duplicate", f"the same bytes as {first}", True))
+    if not photos:
+        raise _no_photographs(Path(folder), findings)
+    groups, camera_findings = _cameras(photos, contents)
+    priors = _priors(photos, contents)
+    findings += [*camera_findings, *priors.findings]
+    return Capture(
+        folder=Path(folder),
+        image_folder=contents.image_folder,
+        photos=tuple(photos),
+        groups=tuple(groups),
+        findings=tuple(findings),
+        priors=priors.priors,
+        metric_source=priors.metric_source,
+        origin=priors.origin,
+        height_source=priors.height_source,
+        crs_epsg=_utm(priors),
+    )
+
+
+def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
+    left_out = [f for f in findings if f.left_out]
+    if not left_out:
+        return CaptureError(
+            "there are no photographs in this folder",
+            path=folder,
+            remedy="Put JPEG, PNG or TIFF images directly into it, or into a subfolder 'images'.",
+        )
+    shown = "; ".join(f"{f.name}: {f.message}" for f in left_out[:3])
+    more = f"; and {len(left_out) - 3} more" if len(left_out) > 3 else ""
+    return CaptureError(
+        f"none of the {len(left_out)} image files can be used ({shown}{more})",
+        path=folder,
+        remedy="Copy the photographs again from the camera, as JPEG.",
+    )
+
+
+def _read_photo(candidate: Candidate, max_pixels: int) -> _Read:
+    """The photograph, or the finding that leaves it out."""
+    name = candidate.name
+
+    def leave_out(code: str, message: str) -> _Read:
+        return _Read(None, (Finding(name, code, message, True),))
+
+    try:
+        with warnings.catch_warnings():
+            # Pillow warns of large images and of odd EXIF; both are findings here.
+            warnings.simplefilter("ignore")
+            with Image.open(candidate.path, formats=[candidate.format]) as image:
+                width, height = image.size
+                if width * height > max_pixels:
+                    return leave_out("too-large", _too_large(f"{width}×{height} pixels", max_pixels))
+                exif = read_exif(image)
+                if candidate.format == "PNG":
+                    image.verify()
+                elif candidate.format == "TIFF":
+                    image.load()
+        if candidate.path.stat().st_size > _MAX_FILE_BYTES:
+            return leave_out("too-large", "the file is larger than 2 GiB")
+        data = candidate.path.read_bytes()
+    except Image.DecompressionBombError:
+        return leave_out("too-large", _too_large("the image", max_pixels))
+    except OSError as error:
+        if error.errno is not None:
+            return leave_out("unreadable", f"cannot be read ({(error.strerror or str(error)).lower()})")
+        return leave_out("truncated", "the file is damaged or cut short; copy it again from the camera")
+    # Pillow's readers raise whatever a damaged header leads them into (SyntaxError, struct.error, ValueError …).
+    except Exception as error:
+        return leave_out("truncated", f"the file is damaged ({type(error).__name__})")
+    if candidate.format == "JPEG" and not jpeg_is_complete(data):
+        return leave_out("truncated", "the file is cut short; copy it again from the camera")
+    photo = Photo(
+        path=candidate.path,
+        name=name,
+        width=width,
+        height=height,
+        format=candidate.format,
+        sha256=hashlib.sha256(data).hexdigest(),
+        make=exif.make,
+        model=exif.model,
+        serial=exif.serial,
+        lens=exif.lens,
+        focal_mm=exif.focal_mm,
+        focal_35mm=exif.focal_35mm,
+        focal_px=exif.focal_px,
+        captured_at=exif.captured_at,
+        orientation=exif.orientation,
+        geotag=exif.geotag,
+        yaw_deg=exif.xmp.gimbal_yaw_deg,
+        pitch_deg=exif.xmp.gimbal_pitch_deg,
+        roll_deg=exif.xmp.gimbal_roll_deg,
+        flight_yaw_deg=exif.xmp.flight_yaw_deg,
+    )
+    return _Read(photo, tuple(Finding(name, code, message) for code, message in exif.problems))
+
+
+def _too_large(what: str, max_pixels: int) -> str:
+    return f"{what} is more than the limit of {max_pixels / 1e6:.0f} Mpx; not decoded"
+
+
+def _cameras(photos: list[Photo], contents: FolderContents) -> tuple[list[CameraGroup], list[Finding]]:
+    toml, json_file = contents.sidecars.get("camera.toml"), contents.sidecars.get("camera.json")
+    path = toml or json_file
+    groups, findings = group_cameras(photos, read_camera_file(path) if path is not None else (), path)
+    if toml is not None and json_file is not None:
+        findings.append(Finding("camera.json", "sidecar-unused", "camera.toml is used instead"))
+    return groups, findings
+
+
+def _priors(photos: list[Photo], contents: FolderContents) -> PriorSet:
+    poses, geo = contents.sidecars.get("poses.csv"), contents.sidecars.get("geo.txt")
+    try:
+        if poses is not None:
+            pose_rows, odd = read_poses_csv(poses)
+            priors = priors_from_poses(photos, pose_rows)
+        elif geo is not None:
+            geo_rows, odd = read_geo_txt(geo)
+            priors = priors_from_geo(photos, geo_rows)
+        else:
+            return priors_from_gps(photos)
+    except MetadataError as error:
+        if error.path is None:
+            raise MetadataError(error.message, path=poses or geo, remedy=error.remedy) from error
+        raise
+    if poses is not None and geo is not None:
+        odd = [*odd, Finding("geo.txt", "sidecar-unused", "poses.csv is used instead")]
+    findings = (*odd, *priors.findings)
+    return PriorSet(priors.priors, priors.metric_source, priors.origin, priors.height_source, findings)
+
+
+def _utm(priors: PriorSet) -> int | None:
+    if priors.origin is None:
+        return None
+    try:
+        return priors.origin.utm_epsg()
+    except ValueError:
+        return None

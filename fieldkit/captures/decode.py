@@ -1,0 +1,105 @@
+"""Reading pixels, and checking files without decoding them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.captures.model import Photo
+from fieldkit.errors import CaptureError
+
+_SCAN_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
+_STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
+_REDUCED = {
+    2: (cv2.IMREAD_REDUCED_COLOR_2, cv2.IMREAD_REDUCED_GRAYSCALE_2),
+    4: (cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_REDUCED_GRAYSCALE_4),
+    8: (cv2.IMREAD_REDUCED_COLOR_8, cv2.IMREAD_REDUCED_GRAYSCALE_8),
+}
+
+
+def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool = False) -> NDArray[np.uint8]:
+    """The pixels of a photograph, (h, w, 3) RGB or (h, w) grey, 8 bits.
+
+    The EXIF orientation tag is **not** applied: the pixel grid is the stored one, as COLMAP reads it, so that
+    ``Photo.width`` × ``height`` and the intrinsics fit. 16-bit images are cut to their upper 8 bits, transparency is
+    dropped, grey is the luma of BT.601.
+
+    Args:
+        photo: a photograph of a capture, or any image file.
+        max_side: shrink so that the longer side is at most this (pixels); never enlarged. JPEGs are first shrunk
+            by 2, 4 or 8 while they are decoded, where that divides both sides exactly: deterministic, and the
+            pixel grid stays aligned. The rest is area averaging.
+        gray: one channel instead of three.
+
+    Raises:
+        CaptureError: the file cannot be read or decoded.
+    """
+    path = photo.path if isinstance(photo, Photo) else Path(photo)
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise CaptureError(
+            f"cannot be read ({(error.strerror or str(error)).lower()})", path=path, remedy="Copy it again."
+        ) from error
+    is_jpeg = data[:2].tobytes() == b"\xff\xd8"
+    size = (photo.width, photo.height) if isinstance(photo, Photo) else None
+    factor = _reduction(size, max_side) if is_jpeg and size is not None and max_side is not None else 1
+    flags = _REDUCED[factor][gray] if factor > 1 else (cv2.IMREAD_GRAYSCALE if gray else cv2.IMREAD_COLOR)
+    try:
+        image = cv2.imdecode(data, flags | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
+    except cv2.error:
+        image = None
+    if image is None:
+        raise CaptureError("cannot be decoded as an image", path=path, remedy="Copy it again or remove it.")
+    if max_side is not None and max(image.shape[:2]) > max_side:
+        height, width = image.shape[:2]
+        scale = max_side / max(height, width)
+        target = (max(1, round(width * scale)), max(1, round(height * scale)))
+        image = cv2.resize(image, target, interpolation=cv2.INTER_AREA)
+    if not gray:
+        image = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    return np.ascontiguousarray(image, dtype=np.uint8)
+
+
+def _reduction(size: tuple[int, int], max_side: int) -> int:
+    for factor in (8, 4, 2):
+        if max(size) // factor >= max_side and size[0] % factor == 0 and size[1] % factor == 0:
+            return factor
+    return 1
+
+
+def jpeg_is_complete(data: bytes) -> bool:
+    """Whether a JPEG's segments run through to its end marker (ITU-T T.81, annex B), without decoding it.
+
+    A file cut short, or filled up with zeros by a broken copy, has no end marker. What follows the end marker
+    (embedded previews, vendor data) does not matter.
+    """
+    position = 2
+    while True:
+        # Fill bytes: any number of 0xFF may precede a marker.
+        start = position
+        while position < len(data) and data[position] == 0xFF:
+            position += 1
+        if position == start or position >= len(data):
+            return False
+        marker = data[position]
+        position += 1
+        if marker == 0xD9:
+            return True
+        if marker in _STANDALONE:
+            continue
+        if marker == 0x00 or position + 2 > len(data):
+            return False
+        length = int.from_bytes(data[position : position + 2], "big")
+        if length < 2:
+            return False
+        position += length
+        if marker == 0xDA:
+            following = _SCAN_MARKER.search(data, position)
+            if following is None:
+                return False
+            position = following.start()

@@ -1,0 +1,224 @@
+"""EXIF of a photograph: camera, focal length, time, GPS. Damaged values are reported, never fatal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from PIL import ExifTags, Image
+
+from fieldkit.captures.model import GeoTag
+from fieldkit.captures.xmp import RTK_FIXED, XmpData, XmpError, parse_xmp
+
+_BASE, _GPS = ExifTags.Base, ExifTags.GPS
+_FILM_WIDTH_MM, _FILM_HEIGHT_MM = 36.0, 24.0
+_MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+_ALTITUDE_RANGE_M = (-1000.0, 10000.0)
+
+Problem = tuple[str, str]
+"""A finding's code and message, the file's name still to be put to it."""
+
+
+@dataclass(frozen=True)
+class ExifData:
+    """What EXIF and DJI's XMP say of one photograph; see `fieldkit.captures.Photo` for units."""
+
+    make: str | None = None
+    model: str | None = None
+    serial: str | None = None
+    lens: str | None = None
+    focal_mm: float | None = None
+    focal_35mm: float | None = None
+    focal_px: float | None = None
+    captured_at: datetime | None = None
+    orientation: int = 1
+    geotag: GeoTag | None = None
+    xmp: XmpData = field(default_factory=XmpData)
+    problems: tuple[Problem, ...] = ()
+
+
+def focal_in_pixels(focal_35mm: float, width: int, height: int) -> float:
+    """Focal length in pixels of a 35 mm equivalent (FocalLengthIn35mmFilm), for an image of width × height.
+
+    The equivalent compares diagonals (CIPA DCG-001), so f_px = f_35 / 43.27 mm × diagonal. That diagonal is the
+    sensor's: an image wider than 3:2 (16:9) is taken for a crop in height of a 4:3 sensor, as drones and compact
+    cameras make it, and the diagonal is that of the 4:3 frame of the same width.
+    """
+    long, short = float(max(width, height)), float(min(width, height))
+    if long / short > 1.55:
+        short = long * 3 / 4
+    return focal_35mm * math.hypot(long, short) / math.hypot(_FILM_WIDTH_MM, _FILM_HEIGHT_MM)
+
+
+def read_exif(image: Image.Image) -> ExifData:
+    """EXIF and XMP of an opened image (its header is enough; nothing is decoded)."""
+    problems: list[Problem] = []
+    base, detail, gps = _directories(image, problems)
+    xmp = _read_xmp(image, base, problems)
+    width, height = image.size
+    focal_mm = _number(detail.get(_BASE.FocalLength), positive=True)
+    focal_35mm = _number(detail.get(_BASE.FocalLengthIn35mmFilm), positive=True)
+    focal_px = _plausible_focal(_focal_px(detail, focal_mm, focal_35mm, width, height), width, height, problems)
+    return ExifData(
+        make=_text(base.get(_BASE.Make)),
+        model=_text(base.get(_BASE.Model)),
+        serial=_text(detail.get(_BASE.BodySerialNumber)) or _text(base.get(_BASE.CameraSerialNumber)),
+        lens=_text(detail.get(_BASE.LensModel)),
+        focal_mm=focal_mm,
+        focal_35mm=focal_35mm,
+        focal_px=focal_px,
+        captured_at=_time(base, detail),
+        orientation=_orientation(base.get(_BASE.Orientation)),
+        geotag=_geotag(gps, xmp, problems),
+        xmp=xmp,
+        problems=tuple(problems),
+    )
+
+
+def _directories(
+    image: Image.Image, problems: list[Problem]
+) -> tuple[Mapping[int, Any], Mapping[int, Any], Mapping[int, Any]]:
+    try:
+        exif = image.getexif()
+        return dict(exif), dict(exif.get_ifd(ExifTags.IFD.Exif)), dict(exif.get_ifd(ExifTags.IFD.GPSInfo))
+    # Pillow's parser raises whatever a damaged directory leads it into (struct.error, SyntaxError, KeyError …).
+    except Exception as error:
+        problems.append(("exif-damaged", f"the EXIF cannot be read ({type(error).__name__}: {error}); not used"))
+        return {}, {}, {}
+
+
+def _read_xmp(image: Image.Image, base: Mapping[int, Any], problems: list[Problem]) -> XmpData:
+    packet = image.info.get("xmp") or base.get(_BASE.XMLPacket)
+    if isinstance(packet, str):
+        packet = packet.encode()
+    if not isinstance(packet, bytes) or not packet.strip(b"\0 "):
+        return XmpData()
+    try:
+        return parse_xmp(packet)
+    except XmpError as error:
+        problems.append(("xmp-damaged", f"{error}; not used"))
+        return XmpData()
+
+
+def _number(value: Any, *, positive: bool = False) -> float | None:
+    try:
+        number = float(value)
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+        return None
+    return number if math.isfinite(number) and (number > 0 or not positive) else None
+
+
+def _text(value: Any) -> str | None:
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", "replace")
+    if not isinstance(value, str):
+        return None
+    cleaned = "".join(c for c in value.split("\0")[0] if c.isprintable()).strip()
+    return cleaned[:200] or None
+
+
+def _orientation(value: Any) -> int:
+    return value if isinstance(value, int) and 1 <= value <= 8 else 1
+
+
+def _time(base: Mapping[int, Any], detail: Mapping[int, Any]) -> datetime | None:
+    text = _text(detail.get(_BASE.DateTimeOriginal)) or _text(base.get(_BASE.DateTime))
+    if text is None:
+        return None
+    try:
+        time = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")
+    except ValueError:
+        return None
+    fraction = _text(detail.get(_BASE.SubsecTimeOriginal)) or ""
+    if not (fraction.isascii() and fraction.isdigit()):
+        return time
+    return time.replace(microsecond=int(fraction[:6].ljust(6, "0")))
+
+
+def _focal_px(
+    detail: Mapping[int, Any], focal_mm: float | None, focal_35mm: float | None, width: int, height: int
+) -> float | None:
+    if focal_35mm is not None:
+        return focal_in_pixels(focal_35mm, width, height)
+    resolution = _number(detail.get(_BASE.FocalPlaneXResolution), positive=True)
+    unit = _MM_PER_UNIT.get(detail.get(_BASE.FocalPlaneResolutionUnit, 2))
+    stored_width = _number(detail.get(_BASE.ExifImageWidth), positive=True)
+    if focal_mm is None or resolution is None or unit is None:
+        return None
+    # The resolution belongs to the size the camera wrote; a resized copy keeps the tag.
+    return focal_mm * resolution / unit * (width / stored_width if stored_width else 1.0)
+
+
+def _plausible_focal(value: float | None, width: int, height: int, problems: list[Problem]) -> float | None:
+    if value is None:
+        return None
+    if not 0.2 <= value / max(width, height) <= 50.0:
+        problems.append(("focal-implausible", f"the EXIF's focal length would be {value:.0f} px; not used"))
+        return None
+    return value
+
+
+def _angle(parts: Any, reference: Any, negative: str) -> float | None:
+    """Degrees of a GPS (degrees, minutes, seconds) triple."""
+    if not isinstance(parts, (tuple, list)) or not 1 <= len(parts) <= 3:
+        return None
+    numbers = [_number(part) for part in parts]
+    if any(number is None for number in numbers):
+        return None
+    degrees = sum(float(number or 0.0) / 60.0**power for power, number in enumerate(numbers))
+    return -degrees if (_text(reference) or "").upper().startswith(negative) else degrees
+
+
+def _altitude(gps: Mapping[int, Any], xmp: XmpData) -> tuple[float | None, str]:
+    """Altitude and its datum. EXIF 3.0's references 2 and 3 are ellipsoidal, 0 and 1 sea level (CIPA DC-008-2023)."""
+    altitude = _number(gps.get(_GPS.GPSAltitude))
+    raw = gps.get(_GPS.GPSAltitudeRef)
+    reference = raw[0] if isinstance(raw, bytes) and raw else raw if isinstance(raw, int) else -1
+    datum = {0: "sea level", 1: "sea level", 2: "ellipsoid", 3: "ellipsoid"}.get(reference, "unknown")
+    if altitude is not None and reference in (1, 3):
+        altitude = -abs(altitude)
+    if altitude is None:
+        altitude, datum = xmp.absolute_altitude_m, "unknown"
+    # DJI writes reference 0 even where AltitudeType says that RTK gave an ellipsoidal height.
+    if (xmp.altitude_type or "").lower().startswith("rtk"):
+        datum = "ellipsoid"
+    return altitude, datum
+
+
+def _geotag(gps: Mapping[int, Any], xmp: XmpData, problems: list[Problem]) -> GeoTag | None:
+    if _GPS.GPSLatitude not in gps and _GPS.GPSLongitude not in gps:
+        return None
+    latitude = _angle(gps.get(_GPS.GPSLatitude), gps.get(_GPS.GPSLatitudeRef), "S")
+    longitude = _angle(gps.get(_GPS.GPSLongitude), gps.get(_GPS.GPSLongitudeRef), "W")
+    if latitude is None or longitude is None:
+        problems.append(("gps-damaged", "the GPS position cannot be read; not used"))
+        return None
+    if abs(latitude) < 1e-6 and abs(longitude) < 1e-6:
+        problems.append(("gps-zero", "the GPS position is (0, 0), so the camera had no fix; not used"))
+        return None
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+        problems.append(("gps-implausible", f"GPS ({latitude:.5f}, {longitude:.5f}) is not on Earth; not used"))
+        return None
+    map_datum = _text(gps.get(_GPS.GPSMapDatum))
+    if map_datum and "".join(c for c in map_datum.upper() if c.isalnum()) not in ("WGS84", "WGS1984", "EPSG4326"):
+        problems.append(("gps-datum", f"the GPS datum is {map_datum!r}; used as if it were WGS 84"))
+    altitude, datum = _altitude(gps, xmp)
+    if altitude is not None and not _ALTITUDE_RANGE_M[0] <= altitude <= _ALTITUDE_RANGE_M[1]:
+        problems.append(("altitude-implausible", f"the altitude {altitude:.0f} m is not plausible; not used"))
+        altitude, datum = None, "unknown"
+    horizontal = [s for s in (xmp.rtk_std_lon_m, xmp.rtk_std_lat_m) if s is not None and s > 0]
+    vertical = xmp.rtk_std_height_m if xmp.rtk_std_height_m is not None and xmp.rtk_std_height_m > 0 else None
+    error = _number(gps.get(_GPS.GPSHPositioningError), positive=True)
+    return GeoTag(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_m=altitude,
+        datum=datum,
+        relative_altitude_m=xmp.relative_altitude_m,
+        horizontal_accuracy_m=max(horizontal) if horizontal else error,
+        vertical_accuracy_m=vertical,
+        rtk=xmp.rtk_flag == RTK_FIXED,
+    )

@@ -1,0 +1,220 @@
+"""Which files of a folder are photographs: by content, with everything else named and left out."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import unicodedata
+from dataclasses import dataclass
+from pathlib import Path
+
+from fieldkit.captures.model import Finding
+from fieldkit.errors import CaptureError
+
+PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"})
+RAW_SUFFIXES = frozenset(
+    {".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw", ".3fr", ".iiq", ".raw"}
+)
+SIDECARS = ("poses.csv", "geo.txt", "camera.toml", "camera.json")
+
+_FORMAT_SUFFIXES = {
+    "JPEG": {".jpg", ".jpeg", ".jpe", ".jfif"},
+    "PNG": {".png"},
+    "TIFF": {".tif", ".tiff"},
+}
+_OTHER_IMAGES = {"HEIC", "AVIF", "WebP", "GIF", "BMP", "JPEG 2000", "JPEG XL"}
+_MASK = re.compile(r"(^|[._-])mask\.[a-z]+$", re.IGNORECASE)
+_THUMBNAIL_SUFFIXES = frozenset({".thm"})
+_HEAD_BYTES = 64
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A file whose first bytes are those of a photograph."""
+
+    path: Path
+    name: str
+    format: str
+
+
+@dataclass(frozen=True)
+class FolderContents:
+    """What lies in a capture's folder."""
+
+    image_folder: Path
+    candidates: tuple[Candidate, ...]
+    sidecars: dict[str, Path]
+    findings: tuple[Finding, ...]
+
+
+def natural_key(name: str) -> tuple[tuple[int, int | str], ...]:
+    """A sort key by which ``IMG_2`` comes before ``IMG_10``."""
+    parts = re.split(r"([0-9]+)", unicodedata.normalize("NFC", name))
+    key: list[tuple[int, int | str]] = []
+    for index, part in enumerate(parts):
+        if index % 2:
+            key.append((0, int(part[-4000:])))
+        elif part:
+            key.append((1, part.casefold()))
+    # Names equal but for case or leading zeros still need one order everywhere.
+    return (*key, (2, name))
+
+
+def sniff_format(head: bytes) -> str | None:
+    """The image format that a file's first bytes (64 or more) announce, or None."""
+    if head.startswith(b"\xff\xd8\xff"):
+        return "JPEG"
+    if head.startswith(b"\x89PNG\r\n\x1a\n"):
+        return "PNG"
+    if head[:4] in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
+        return "TIFF"
+    if head[4:8] == b"ftyp":
+        brand = head[8:12]
+        if brand in (b"avif", b"avis"):
+            return "AVIF"
+        return "HEIC" if brand in (b"heic", b"heix", b"hevc", b"hevx", b"heim", b"heis", b"mif1", b"msf1") else None
+    if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
+        return "WebP"
+    if head[:6] in (b"GIF87a", b"GIF89a"):
+        return "GIF"
+    if head[:2] == b"BM" and head[6:10] == b"\0\0\0\0":
+        return "BMP"
+    if head.startswith(b"\0\0\0\x0cjP  "):
+        return "JPEG 2000"
+    return "JPEG XL" if head.startswith((b"\xff\x0a", b"\0\0\0\x0cJXL ")) else None
+
+
+def is_mask_name(name: str) -> bool:
+    """Whether a file's name marks it as a mask: ``X.mask.png``, ``X_mask.png``, ``mask.png``."""
+    return _MASK.search(name) is not None
+
+
+def find_mask(path: Path) -> Path | None:
+    """The mask image that belongs to a photograph, or None.
+
+    Looked for, in this order: ``X.jpg.mask.png``, ``X.mask.png``, ``X_mask.png`` and ``X_mask`` with the
+    photograph's own suffix beside it, then ``X.jpg.png`` (COLMAP's), ``X.png`` and ``X.jpg`` in ``masks/``.
+    """
+    stem, suffix, folder = path.stem, path.suffix, path.parent
+    beside = [f"{path.name}.mask.png", f"{stem}.mask.png", f"{stem}_mask.png", f"{stem}_mask{suffix}"]
+    inside = [f"{path.name}.png", f"{stem}.png", path.name]
+    for candidate in [*(folder / n for n in beside), *(folder / "masks" / n for n in inside)]:
+        if candidate.is_file():
+            return candidate
+    return None
+
+
+def list_folder(folder: Path) -> FolderContents:
+    """Sort a folder's files into photographs, sidecars and what is left out.
+
+    Photographs lie directly in ``folder``; when there are none, ``folder/images`` is used. Hidden files, masks and
+    files that are neither images nor named like one are passed over in silence.
+
+    Raises:
+        CaptureError: the folder does not exist, is not a folder or cannot be read.
+    """
+    root = Path(folder)
+    try:
+        resolved = root.resolve(strict=True)
+    except (OSError, RuntimeError) as error:
+        reason = "the folder does not exist" if not os.path.lexists(root) else f"cannot be opened ({_reason(error)})"
+        raise CaptureError(reason, path=root, remedy="Give the folder that holds the photographs.") from error
+    if not resolved.is_dir():
+        raise CaptureError(
+            "this is a file, not a folder", path=root, remedy="Give the folder that holds the photographs."
+        )
+    candidates, findings = _scan(root, resolved)
+    image_folder = root
+    inner = root / "images"
+    if not candidates and inner.is_dir() and inner.resolve().is_relative_to(resolved):
+        inner_candidates, inner_findings = _scan(inner, resolved)
+        if inner_candidates or not findings:
+            candidates, image_folder = inner_candidates, inner
+            findings = findings + inner_findings
+    sidecars, sidecar_findings = _find_sidecars((image_folder, root), resolved)
+    return FolderContents(image_folder, tuple(candidates), sidecars, tuple(findings + sidecar_findings))
+
+
+def _reason(error: BaseException) -> str:
+    return (getattr(error, "strerror", None) or str(error)).lower()
+
+
+def _scan(folder: Path, root: Path) -> tuple[list[Candidate], list[Finding]]:
+    try:
+        names = sorted((e.name for e in os.scandir(folder) if not e.is_dir()), key=natural_key)
+    except OSError as error:
+        raise CaptureError(
+            f"the folder cannot be read ({_reason(error)})", path=folder, remedy="Check its permissions."
+        ) from error
+    candidates: list[Candidate] = []
+    findings: list[Finding] = []
+    for name in names:
+        if name.startswith(".") or name in SIDECARS or is_mask_name(name):
+            continue
+        found = _classify(folder / name, root)
+        if isinstance(found, Finding):
+            findings.append(found)
+        elif found is not None:
+            candidates.append(found)
+            expected = _FORMAT_SUFFIXES[found.format]
+            if found.path.suffix.lower() not in expected:
+                findings.append(Finding(name, "wrong-suffix", f"the content is {found.format}; read as such"))
+    return candidates, findings
+
+
+def _classify(path: Path, root: Path) -> Candidate | Finding | None:
+    """A photograph, a finding that leaves the file out, or None for a file that is none of our business."""
+    name, suffix = path.name, path.suffix.lower()
+    named_like_one = suffix in PHOTO_SUFFIXES
+    if suffix in _THUMBNAIL_SUFFIXES:
+        return None
+    if path.is_symlink() and not _stays_inside(path, root):
+        if not named_like_one and suffix not in RAW_SUFFIXES:
+            return None
+        return Finding(name, "symlink-outside", "a symbolic link that leaves the folder or leads nowhere", True)
+    if suffix in RAW_SUFFIXES:
+        return Finding(name, "unsupported-format", "a raw file; convert it to JPEG or TIFF", True)
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            return Finding(name, "unreadable", "not a regular file", True) if named_like_one else None
+        if status.st_size == 0:
+            message = "0 bytes; copy it again from the camera"
+            return Finding(name, "empty-file", message, True) if named_like_one else None
+        with path.open("rb") as stream:
+            head = stream.read(_HEAD_BYTES)
+    except OSError as error:
+        return Finding(name, "unreadable", f"cannot be read ({_reason(error)})", True) if named_like_one else None
+    kind = sniff_format(head)
+    if kind in _FORMAT_SUFFIXES:
+        return Candidate(path, name, str(kind))
+    if kind in _OTHER_IMAGES:
+        return Finding(name, "unsupported-format", f"{kind} is not read; convert it to JPEG", True)
+    if named_like_one:
+        return Finding(name, "not-an-image", "the content is neither JPEG, PNG nor TIFF", True)
+    return None
+
+
+def _stays_inside(path: Path, root: Path) -> bool:
+    try:
+        return path.resolve(strict=True).is_relative_to(root)
+    except (OSError, RuntimeError):
+        return False
+
+
+def _find_sidecars(folders: tuple[Path, ...], root: Path) -> tuple[dict[str, Path], list[Finding]]:
+    found: dict[str, Path] = {}
+    findings: list[Finding] = []
+    for folder in dict.fromkeys(folders):
+        for name in SIDECARS:
+            path = folder / name
+            if name in found or not os.path.lexists(path):
+                continue
+            if path.is_symlink() and not _stays_inside(path, root):
+                findings.append(
+                    Finding(name, "symlink-outside", "a symbolic link that leaves the folder or leads nowhere", True)
+                )
+            elif path.is_file():
+                found[name] = path
+    return found, findings

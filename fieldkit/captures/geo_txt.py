@@ -1,0 +1,194 @@
+"""ODM's ``geo.txt``: geotags kept beside the photographs.
+
+    EPSG:32633                      ← the projection: EPSG:code, "WGS84", "WGS84 UTM 16N" or a PROJ string
+    name x y [z [yaw pitch roll [horizontal_accuracy vertical_accuracy]]] [extras]
+
+docs.opendronemap.org/geo. Geographic coordinates are longitude, latitude in degrees; projected ones are turned into
+them with pyproj. Angles are checked but not used: ODM's documentation calls them yaw, pitch and roll and its reader
+omega, phi and kappa, so nobody can tell what a given file means.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.captures.folder import PHOTO_SUFFIXES
+from fieldkit.captures.model import Finding
+from fieldkit.captures.tables import parse_number, read_text
+from fieldkit.errors import MetadataError
+
+_LAYOUT = "name x y [z [yaw pitch roll [horizontal_accuracy vertical_accuracy]]]"
+_HEADER_REMEDY = "The first line names the projection: EPSG:4326, WGS84 UTM 33N or a PROJ string."
+_GEOGRAPHIC_EPSG = frozenset({4326, 4979})
+_UTM = re.compile(r"WGS\s*84[\s/]+UTM\s*(?:ZONE)?\s*([0-9]{1,2})\s*([NS])", re.IGNORECASE)
+_GEOGRAPHIC = re.compile(r"(WGS\s*84|\+proj=(longlat|latlong)\b.*)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class GeoRow:
+    """One line: degrees (WGS 84) and metres; None where the file gives nothing.
+
+    Attributes:
+        has_angles: whether the line has angles that are not all zero (ODM's "not available").
+    """
+
+    image: str
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float | None = None
+    horizontal_accuracy_m: float | None = None
+    vertical_accuracy_m: float | None = None
+    has_angles: bool = False
+
+
+@dataclass(frozen=True)
+class _RawRow:
+    line: int
+    row: GeoRow
+
+
+def read_geo_txt(path: Path) -> tuple[list[GeoRow], list[Finding]]:
+    """The rows of a geo.txt in WGS 84 and what is odd about it.
+
+    Raises:
+        MetadataError: unreadable or malformed (with the line), a projection that is not known, or one that needs
+            pyproj where that is not installed.
+    """
+    return parse_geo_txt(read_text(path), path)
+
+
+def parse_geo_txt(text: str, path: Path | None = None) -> tuple[list[GeoRow], list[Finding]]:
+    """As `read_geo_txt`, from text; ``path`` is for messages."""
+    lines = text.split("\n")
+    header = lines[0].strip()
+    if not header:
+        raise MetadataError("line 1 is empty", path=path, remedy=_HEADER_REMEDY)
+    projection = _projection(header, path)
+    findings: list[Finding] = []
+    kept: dict[str, _RawRow] = {}
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        row = _read_row(line.split(), number, path)
+        earlier = kept.get(row.image)
+        if earlier is None:
+            kept[row.image] = _RawRow(number, row)
+        elif earlier.row == row:
+            findings.append(Finding(row.image, "pose-repeated", f"listed twice (lines {earlier.line} and {number})"))
+        else:
+            raise MetadataError(
+                f"line {number}: {row.image} is listed again with another position (first on line {earlier.line})",
+                path=path,
+                remedy="Keep one line per photograph.",
+            )
+    raw = list(kept.values())
+    if not raw:
+        raise MetadataError("no photograph is listed", path=path, remedy=f"Expected lines of {_LAYOUT}.")
+    if projection is not None:
+        raw = _to_geographic(raw, projection, header, path)
+    for entry in raw:
+        _check_degrees(entry, path)
+    if any(entry.row.has_angles for entry in raw):
+        findings.append(
+            Finding("geo.txt", "angles-not-used", "the angles are not used, since the format does not define them")
+        )
+    return [entry.row for entry in raw], findings
+
+
+def _projection(header: str, path: Path | None) -> str | None:
+    """What pyproj is to be given for the header, or None for WGS 84 longitude and latitude."""
+    utm = _UTM.fullmatch(header)
+    if utm is not None:
+        zone = int(utm[1])
+        if not 1 <= zone <= 60:
+            raise MetadataError(f"line 1: there is no UTM zone {zone}", path=path, remedy=_HEADER_REMEDY)
+        return f"EPSG:{(32600 if utm[2].upper() == 'N' else 32700) + zone}"
+    if _GEOGRAPHIC.fullmatch(header):
+        return None
+    code = re.fullmatch(r"EPSG\s*:\s*([0-9]{4,6})", header, re.IGNORECASE)
+    if code is not None:
+        return None if int(code[1]) in _GEOGRAPHIC_EPSG else f"EPSG:{code[1]}"
+    if header.lower().startswith("+proj="):
+        return header
+    raise MetadataError(f"line 1: {header[:60]!r} names no projection", path=path, remedy=_HEADER_REMEDY)
+
+
+def _read_row(fields: list[str], line: int, path: Path | None) -> GeoRow:
+    # Names with blanks: join what comes before the first two numbers, unless the first word is a file name already.
+    start = 1
+    if PurePosixPath(fields[0]).suffix.lower() not in PHOTO_SUFFIXES:
+        start = next((i for i in range(1, len(fields) - 1) if None not in map(parse_number, fields[i : i + 2])), start)
+    name, rest = " ".join(fields[:start]), fields[start:]
+    if len(rest) < 2:
+        raise MetadataError(f"line {line} has {len(fields)} fields", path=path, remedy=f"Expected {_LAYOUT}.")
+    values: list[float] = []
+    for position, text in enumerate(rest[:8]):
+        value = parse_number(text)
+        if value is None:
+            # Columns 7 and 8 may already be a label when no accuracies are given.
+            if position in (6, 7):
+                values = values[:6]
+                break
+            column = ("x", "y", "z", "yaw", "pitch", "roll")[position]
+            raise MetadataError(
+                f"line {line}, column {column}: {text[:40]!r} is not a number", path=path, remedy=f"Expected {_LAYOUT}."
+            )
+        values.append(value)
+    accuracies = values[6:8] if len(values) == 8 else []
+    positive = [a if a > 0 else None for a in accuracies] or [None, None]
+    return GeoRow(
+        image=name,
+        longitude_deg=values[0],
+        latitude_deg=values[1],
+        altitude_m=values[2] if len(values) > 2 else None,
+        horizontal_accuracy_m=positive[0],
+        vertical_accuracy_m=positive[1],
+        has_angles=any(values[3:6]),
+    )
+
+
+def _to_geographic(raw: list[_RawRow], projection: str, header: str, path: Path | None) -> list[_RawRow]:
+    try:
+        from pyproj import Transformer
+        from pyproj.exceptions import ProjError
+    except ImportError as error:
+        raise MetadataError(
+            f"the projection {header} needs pyproj",
+            path=path,
+            remedy="Install it with: pip install 'fieldkit[geo]', or give longitude and latitude under EPSG:4326.",
+        ) from error
+    x = np.array([entry.row.longitude_deg for entry in raw])
+    y = np.array([entry.row.latitude_deg for entry in raw])
+    try:
+        transformer = Transformer.from_crs(projection, "EPSG:4326", always_xy=True)
+        longitude, latitude = _as_arrays(transformer.transform(x, y))
+    except ProjError as error:
+        raise MetadataError(
+            f"line 1: {header[:60]!r} is not a projection pyproj knows", path=path, remedy=_HEADER_REMEDY
+        ) from error
+    # The height is left as it is: the file does not say what it is measured from.
+    return [
+        replace(entry, row=replace(entry.row, longitude_deg=float(lon), latitude_deg=float(lat)))
+        for entry, lon, lat in zip(raw, longitude, latitude, strict=True)
+    ]
+
+
+def _as_arrays(values: tuple[NDArray[np.float64], ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return np.asarray(values[0], dtype=np.float64), np.asarray(values[1], dtype=np.float64)
+
+
+def _check_degrees(entry: _RawRow, path: Path | None) -> None:
+    latitude, longitude = entry.row.latitude_deg, entry.row.longitude_deg
+    if np.isfinite([latitude, longitude]).all() and abs(latitude) <= 90.0 and abs(longitude) <= 180.0:
+        return
+    swapped = abs(longitude) <= 90.0 and abs(latitude) <= 180.0
+    raise MetadataError(
+        f"line {entry.line}: {entry.row.image} lies at longitude {longitude:.6g}, latitude {latitude:.6g}",
+        path=path,
+        remedy="Longitude comes before latitude." if swapped else "Check that the projection fits the coordinates.",
+    )

@@ -1,0 +1,232 @@
+"""What is known of the photographs' poses: poses.csv before geo.txt before EXIF GPS."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fieldkit.captures.geo_txt import GeoRow
+from fieldkit.captures.model import Finding, GeoTag, Photo, PosePrior
+from fieldkit.captures.poses_csv import PoseRow
+from fieldkit.captures.tables import match_names
+from fieldkit.captures.units import suspicious_unit
+from fieldkit.errors import MetadataError
+from fieldkit.geometry.geodesy import LocalFrame
+
+GPS_ACCURACY_M = 3.0
+"""A consumer GNSS receiver with open sky: 95 % within about 5 m horizontally, so σ ≈ 2–3 m."""
+RTK_ACCURACY_M = 0.03
+"""A fixed RTK solution whose deviations the camera does not give; also the least that RtkStd is believed, since
+DJI's deviations are the solution's and leave out antenna-to-lens offset and shutter delay."""
+POSES_ACCURACY_M = 0.05
+"""poses.csv without an accuracy: what a copter under RTK holds a station to (0.04–0.07 m in simulated wind)."""
+ANGLE_ACCURACY_DEG = 3.0
+"""A gimbal's compass-based yaw is good to a few degrees; its pitch is better, but one figure serves all three."""
+
+_MIN_FOR_SCALE = 3
+_TAKE_OFF_SPREAD_M = 3.0
+_MAX_EXTENT_M = 50_000.0
+_SHOWN = 5
+
+
+@dataclass(frozen=True)
+class PriorSet:
+    """Priors and the frame they are in; the fields of `fieldkit.captures.Capture` of the same names."""
+
+    priors: dict[str, PosePrior] = field(default_factory=dict)
+    metric_source: str | None = None
+    origin: LocalFrame | None = None
+    height_source: str | None = None
+    findings: tuple[Finding, ...] = ()
+
+
+def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> PriorSet:
+    """Priors from poses.csv; its frame is the metric frame. XMP angles are not mixed in: north may be elsewhere.
+
+    Raises:
+        MetadataError: no row names a photograph of the folder.
+    """
+    matched, findings = _match([row.image for row in rows], photos, "poses.csv")
+    priors = {}
+    for row in rows:
+        name = matched.get(row.image)
+        if name is None:
+            continue
+        angles = row.yaw_deg is not None or row.pitch_deg is not None
+        priors[name] = PosePrior(
+            position=row.position,
+            position_accuracy_m=POSES_ACCURACY_M if row.accuracy_m is None else row.accuracy_m,
+            yaw_deg=row.yaw_deg,
+            pitch_deg=row.pitch_deg,
+            roll_deg=row.roll_deg,
+            angle_accuracy_deg=ANGLE_ACCURACY_DEG if angles else None,
+            source="poses.csv",
+        )
+    tags = {p.name: p.geotag for p in photos if p.geotag is not None and p.name in priors}
+    if len(tags) >= _MIN_FOR_SCALE:
+        frame = _frame([(t.latitude_deg, t.longitude_deg, t.altitude_m or 0.0) for t in tags.values()], "unknown")
+        gps = {n: frame.to_local(t.latitude_deg, t.longitude_deg, t.altitude_m or 0.0)[0] for n, t in tags.items()}
+        common = [np.array([priors[n].position for n in gps], dtype=float), np.array(list(gps.values()))]
+        suspicion = suspicious_unit(common[0], gps_positions=common[1])
+    else:
+        suspicion = suspicious_unit(np.array([p.position for p in priors.values()], dtype=float))
+    if suspicion is not None:
+        findings.append(Finding("poses.csv", "unit-suspicious", suspicion.message))
+    ordered = {photo.name: priors[photo.name] for photo in photos if photo.name in priors}
+    return _finish(PriorSet(ordered, "poses.csv", None, None, tuple(findings)), photos)
+
+
+def priors_from_geo(photos: Sequence[Photo], rows: Sequence[GeoRow]) -> PriorSet:
+    """Priors from geo.txt in a local east-north-up frame, with the photographs' XMP angles.
+
+    Raises:
+        MetadataError: no row names a photograph of the folder.
+    """
+    matched, findings = _match([row.image for row in rows], photos, "geo.txt")
+    by_name = {matched[row.image]: row for row in rows if row.image in matched}
+    tags = {
+        name: GeoTag(
+            row.latitude_deg,
+            row.longitude_deg,
+            row.altitude_m,
+            horizontal_accuracy_m=row.horizontal_accuracy_m,
+            vertical_accuracy_m=row.vertical_accuracy_m,
+        )
+        for name, row in by_name.items()
+    }
+    return _finish(_georeferenced(photos, tags, "geo.txt", findings), photos)
+
+
+def priors_from_gps(photos: Sequence[Photo]) -> PriorSet:
+    """Priors from EXIF GPS in a local east-north-up frame; where there is none, XMP angles alone."""
+    tags = {photo.name: photo.geotag for photo in photos if photo.geotag is not None}
+    findings: list[Finding] = []
+    if tags:
+        without = [photo.name for photo in photos if photo.name not in tags]
+        findings += [Finding(name, "no-gps", "no usable GPS position; others have one") for name in without]
+    return _finish(_georeferenced(photos, tags, "EXIF GPS", findings), photos)
+
+
+def _match(listed: list[str], photos: Sequence[Photo], source: str) -> tuple[dict[str, str], list[Finding]]:
+    names = [photo.name for photo in photos]
+    matched = match_names(listed, names)
+    if not matched:
+        examples = ", ".join(listed[:2])
+        raise MetadataError(
+            f"{source} names no photograph of the folder (it has {examples}; the folder {', '.join(names[:2])})",
+            remedy=f"Write the photographs' file names into {source}, or move it away.",
+        )
+    findings = []
+    targets: dict[str, str] = {}
+    for entry in listed:
+        name = matched.get(entry)
+        if name is None:
+            findings.append(Finding(entry, "pose-without-photo", f"listed in {source}, but not among the photographs"))
+        elif name in targets:
+            raise MetadataError(
+                f"{source} has two lines for {name} ({targets[name]} and {entry})",
+                remedy="Keep one line per photograph.",
+            )
+        else:
+            targets[name] = entry
+    findings += [
+        Finding(name, "photo-without-pose", f"not listed in {source}") for name in names if name not in targets
+    ]
+    return matched, findings
+
+
+def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str, findings: list[Finding]) -> PriorSet:
+    heights, height_source, datum, more = _heights(tags)
+    findings = findings + more
+    located = [name for name in tags if name in heights]
+    priors: dict[str, PosePrior] = {}
+    origin = None
+    positions: dict[str, tuple[float, float, float]] = {}
+    if located:
+        geodetic = [(tags[n].latitude_deg, tags[n].longitude_deg, heights[n]) for n in located]
+        origin = _frame(geodetic, datum)
+        local = origin.to_local(*np.array(geodetic).T)
+        positions = {n: (float(p[0]), float(p[1]), float(p[2])) for n, p in zip(located, local, strict=True)}
+        findings += _far_apart(positions)
+    for photo in photos:
+        position = positions.get(photo.name)
+        angles = photo.yaw_deg is not None or photo.pitch_deg is not None
+        if position is None and not angles:
+            continue
+        priors[photo.name] = PosePrior(
+            position=position,
+            position_accuracy_m=None if position is None else _accuracy(tags[photo.name]),
+            yaw_deg=photo.yaw_deg,
+            pitch_deg=photo.pitch_deg,
+            roll_deg=photo.roll_deg,
+            angle_accuracy_deg=ANGLE_ACCURACY_DEG if angles else None,
+            source=source if position is not None else "XMP",
+        )
+    return PriorSet(priors, source if located else None, origin, height_source if located else None, tuple(findings))
+
+
+def _accuracy(tag: GeoTag) -> float:
+    given = [a for a in (tag.horizontal_accuracy_m, tag.vertical_accuracy_m) if a is not None]
+    if given:
+        return max(*given, RTK_ACCURACY_M)
+    return RTK_ACCURACY_M if tag.rtk else GPS_ACCURACY_M
+
+
+def _heights(tags: dict[str, GeoTag]) -> tuple[dict[str, float], str, str, list[Finding]]:
+    """Heights that agree with one another: by name, what they are, their datum, and findings.
+
+    A fixed RTK height is used as it is. Otherwise height above take-off, where every photograph has it: barometric, it
+    is good to decimetres within a flight, while the absolute altitude beside it wanders by metres. It is shifted by
+    the median difference to the absolute altitudes, so that it keeps their datum.
+    """
+    absolute = {n: t.altitude_m for n, t in tags.items() if t.altitude_m is not None}
+    relative = {n: t.relative_altitude_m for n, t in tags.items() if t.relative_altitude_m is not None}
+    datums = sorted({t.datum for n, t in tags.items() if n in absolute})
+    datum = datums[0] if len(datums) == 1 else "unknown"
+    findings: list[Finding] = []
+    if len(datums) > 1:
+        first = next(iter(absolute))
+        findings.append(Finding(first, "mixed-datums", f"altitudes are above {' and '.join(datums)}"))
+    if tags and all(t.rtk and t.altitude_m is not None for t in tags.values()):
+        return absolute, "RTK altitude", datum, findings
+    if tags and len(relative) == len(tags):
+        if not absolute:
+            return dict(relative), "relative altitude", "unknown", findings
+        offsets = np.array([absolute[n] - relative[n] for n in absolute])
+        if np.ptp(offsets) <= _TAKE_OFF_SPREAD_M:
+            shift = float(np.median(offsets))
+            return {n: r + shift for n, r in relative.items()}, "relative altitude", datum, findings
+        message = f"take-off heights differ by {np.ptp(offsets):.1f} m, so absolute altitudes are used"
+        findings.append(Finding(next(iter(tags)), "several-take-offs", message))
+    findings += [Finding(n, "no-altitude", "no altitude, so no position prior") for n in tags if n not in absolute]
+    return absolute, "absolute altitude", datum, findings
+
+
+def _frame(geodetic: Sequence[tuple[float, float, float]], datum: str) -> LocalFrame:
+    """A frame at the centroid; longitudes are averaged around the first, so the antimeridian does not matter."""
+    values = np.array(geodetic, dtype=float)
+    first = values[0, 1]
+    longitude = first + float(np.mean((values[:, 1] - first + 180.0) % 360.0 - 180.0))
+    longitude = float((longitude + 180.0) % 360.0 - 180.0)
+    return LocalFrame(float(values[:, 0].mean()), longitude, float(values[:, 2].mean()), datum)
+
+
+def _far_apart(positions: dict[str, tuple[float, float, float]]) -> list[Finding]:
+    """Positions kilometres away from the others, as a camera writes them before its first fix."""
+    names = list(positions)
+    points = np.array(list(positions.values()))
+    distance = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    far = [n for n, d in zip(names, distance, strict=True) if d > _MAX_EXTENT_M]
+    return [Finding(n, "gps-far-away", "the position is more than 50 km from the other photographs'") for n in far]
+
+
+def _finish(priors: PriorSet, photos: Sequence[Photo]) -> PriorSet:
+    """Three positions are the least that scale and orient a model."""
+    count = sum(prior.position is not None for prior in priors.priors.values())
+    if priors.metric_source is None or count >= _MIN_FOR_SCALE:
+        return priors
+    message = f"{priors.metric_source} locates {count} of {len(photos)} photographs; scale and orientation need 3"
+    finding = Finding(photos[0].name, "too-few-positions", message)
+    return PriorSet(priors.priors, None, priors.origin, priors.height_source, (*priors.findings, finding))
