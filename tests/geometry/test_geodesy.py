@@ -1,0 +1,146 @@
+"""The plot frame against PROJ, at the poles and across the antimeridian."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.geometry.geodesy import LocalFrame, ecef_to_geodetic, geodetic_to_ecef, utm_epsg
+
+latitudes = st.one_of(st.floats(-90, 90), st.sampled_from([-90.0, 90.0, 0.0, 89.999999, -89.999999]))
+longitudes = st.one_of(st.floats(-180, 180), st.sampled_from([-180.0, 180.0, 0.0, 179.9999999]))
+heights = st.floats(-500, 12000)
+frames = st.builds(LocalFrame, latitudes, longitudes, heights)
+
+
+def _random_places(count: int = 500) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(5)
+    latitude = np.append(rng.uniform(-90, 90, count - 2), [90.0, -90.0])
+    return latitude, rng.uniform(-180, 180, count), rng.uniform(-500, 9000, count)
+
+
+def test_ecef_agrees_with_proj_to_a_micrometre() -> None:
+    pyproj = pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
+    latitude, longitude, height = _random_places()
+    to_ecef = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
+    expected = np.stack(to_ecef.transform(longitude, latitude, height), axis=1)
+    np.testing.assert_allclose(geodetic_to_ecef(latitude, longitude, height), expected, rtol=0, atol=1e-6)
+
+
+def test_local_frame_agrees_with_proj_topocentric() -> None:
+    pyproj = pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
+    frame = LocalFrame(46.8426, -91.994, 198.3, "sea level")
+    rng = np.random.default_rng(1)
+    latitude = frame.latitude_deg + rng.uniform(-0.02, 0.02, 200)
+    longitude = frame.longitude_deg + rng.uniform(-0.02, 0.02, 200)
+    height = frame.altitude_m + rng.uniform(-200, 200, 200)
+    pipeline = pyproj.Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=cart +ellps=WGS84 "
+        f"+step +proj=topocentric +ellps=WGS84 +lat_0={frame.latitude_deg} +lon_0={frame.longitude_deg} "
+        f"+h_0={frame.altitude_m}"
+    )
+    expected = np.stack(pipeline.transform(longitude, latitude, height), axis=1)
+    local = frame.to_local(latitude, longitude, height)
+    assert np.abs(local).max() > 1000
+    np.testing.assert_allclose(local, expected, rtol=0, atol=1e-5)
+
+
+def test_distances_agree_with_the_geodesic() -> None:
+    pyproj = pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
+    frame = LocalFrame(46.8426, -91.994)
+    east_north = frame.to_local([46.8436, 46.8426], [-91.994, -91.993], [0.0, 0.0])
+    for point, latitude, longitude in zip(east_north, [46.8436, 46.8426], [-91.994, -91.993], strict=True):
+        distance = pyproj.Geod(ellps="WGS84").inv(frame.longitude_deg, frame.latitude_deg, longitude, latitude)[2]
+        assert math.hypot(point[0], point[1]) == pytest.approx(distance, abs=1e-4)
+
+
+@given(latitudes, longitudes, heights)
+def test_ecef_round_trip(latitude: float, longitude: float, height: float) -> None:
+    point = geodetic_to_ecef(latitude, longitude, height)
+    back = geodetic_to_ecef(*ecef_to_geodetic(point))
+    np.testing.assert_allclose(back, point, rtol=0, atol=1e-7)
+    assert ecef_to_geodetic(point)[2][0] == pytest.approx(height, abs=1e-7)
+
+
+@given(frames, st.lists(st.tuples(*[st.floats(-2000, 2000)] * 3), min_size=1, max_size=5))
+def test_local_round_trip(frame: LocalFrame, points: list[tuple[float, float, float]]) -> None:
+    latitude, longitude, altitude = frame.to_geodetic(points)
+    assert (np.abs(latitude) <= 90).all()
+    assert (np.abs(longitude) <= 180).all()
+    np.testing.assert_allclose(frame.to_local(latitude, longitude, altitude), points, rtol=0, atol=1e-6)
+
+
+@given(frames)
+def test_frame_is_right_handed_and_starts_at_its_origin(frame: LocalFrame) -> None:
+    rotation = frame.rotation()
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(rotation) == pytest.approx(1.0)
+    np.testing.assert_allclose(
+        frame.to_local(frame.latitude_deg, frame.longitude_deg, frame.altitude_m), [[0, 0, 0]], atol=1e-9
+    )
+
+
+def test_axes_point_east_north_and_up() -> None:
+    frame = LocalFrame(52.0, 13.0, 30.0)
+    east, north, up = frame.to_local([52.0, 52.00001, 52.0], [13.00001, 13.0, 13.0], [30.0, 30.0, 31.0])
+    assert east[0] > 0.5
+    assert abs(east[1]) < 1e-3
+    assert north[1] > 1.0
+    assert abs(north[0]) < 1e-3
+    np.testing.assert_allclose(up, [0, 0, 1], atol=1e-9)
+
+
+def test_neighbours_across_the_antimeridian_stay_neighbours() -> None:
+    frame = LocalFrame(-17.0, 179.99999)
+    point = frame.to_local(-17.0, -179.99999, 0.0)[0]
+    assert 1.5 < point[0] < 2.5
+
+
+def test_sea_level_heights_read_as_ellipsoidal_change_distances_by_millimetres_only() -> None:
+    undulation = 100.0
+    a = LocalFrame(46.8, -92.0, 200.0).to_local(46.8009, -92.0, 200.0)[0]
+    b = LocalFrame(46.8, -92.0, 200.0 + undulation).to_local(46.8009, -92.0, 200.0 + undulation)[0]
+    assert abs(np.linalg.norm(a) - np.linalg.norm(b)) < 0.002
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "epsg"),
+    [
+        (46.84, -91.99, 32615),
+        (52.5, 13.4, 32633),
+        (-33.9, 18.4, 32734),
+        (60.4, 5.3, 32632),
+        (78.2, 15.6, 32633),
+        (78.2, 8.9, 32631),
+        (0.0, -180.0, 32601),
+        (10.0, 180.0, 32601),
+        (10.0, 179.9999, 32660),
+        (-0.0001, 0.0, 32731),
+    ],
+)
+def test_utm_zone(latitude: float, longitude: float, epsg: int) -> None:
+    assert utm_epsg(latitude, longitude) == epsg
+
+
+@given(st.floats(-80, 84), st.floats(-180, 180))
+def test_every_place_has_a_zone(latitude: float, longitude: float) -> None:
+    assert 1 <= utm_epsg(latitude, longitude) % 100 <= 60
+
+
+@pytest.mark.parametrize("latitude", [84.5, -81.0, math.nan])
+def test_no_utm_near_the_poles(latitude: float) -> None:
+    with pytest.raises(ValueError, match="UTM"):
+        utm_epsg(latitude, 0.0)
+
+
+@pytest.mark.parametrize("values", [(91.0, 0.0, 0.0), (math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)])
+def test_impossible_origins_are_refused(values: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError):
+        LocalFrame(*values)
+
+
+def test_unknown_datum_is_refused() -> None:
+    with pytest.raises(ValueError, match="datum"):
+        LocalFrame(0.0, 0.0, 0.0, "AMSL")

@@ -1,0 +1,105 @@
+"""Projection against COLMAP's and OpenCV's own."""
+
+import cv2
+import numpy as np
+import pycolmap
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.geometry import Intrinsics
+from fieldkit.geometry.intrinsics import PARAMETER_NAMES
+
+EXAMPLES = {
+    "SIMPLE_PINHOLE": (900.0, 640.5, 361.0),
+    "PINHOLE": (900.0, 905.0, 640.5, 361.0),
+    "SIMPLE_RADIAL": (900.0, 640.5, 361.0, -0.08),
+    "RADIAL": (900.0, 640.5, 361.0, -0.08, 0.03),
+    "OPENCV": (900.0, 905.0, 640.5, 361.0, -0.08, 0.03, 0.002, -0.001),
+    "FULL_OPENCV": (900.0, 905.0, 640.5, 361.0, -0.08, 0.03, 0.002, -0.001, 0.01, 0.02, -0.01, 0.004),
+}
+
+
+def _camera(model: str) -> Intrinsics:
+    return Intrinsics(model, 1280, 720, EXAMPLES[model])
+
+
+def _points(count: int = 200) -> np.ndarray:
+    rng = np.random.default_rng(2)
+    return np.stack([rng.uniform(-2, 2, count), rng.uniform(-1, 1, count), rng.uniform(3, 8, count)], axis=1)
+
+
+def test_every_model_has_an_example() -> None:
+    assert set(EXAMPLES) == set(PARAMETER_NAMES)
+
+
+@pytest.mark.parametrize("model", EXAMPLES)
+def test_projection_agrees_with_colmap(model: str) -> None:
+    camera = _camera(model)
+    colmap = pycolmap.Camera(model=model, width=1280, height=720, params=list(camera.params))
+    np.testing.assert_allclose(camera.project(_points()), colmap.img_from_cam(_points()), atol=1e-9)
+
+
+@pytest.mark.parametrize("model", EXAMPLES)
+def test_projection_agrees_with_opencv_but_for_its_pixel_origin(model: str) -> None:
+    """OpenCV puts (0, 0) at the centre of the first pixel, COLMAP and fieldkit at its corner: half a pixel apart."""
+    camera = _camera(model)
+    names = PARAMETER_NAMES[model]
+    named = dict(zip(names, camera.params, strict=True))
+    radial = [named.get("k1", named.get("k", 0.0)), named.get("k2", 0.0)]
+    rest = [named.get(n, 0.0) for n in ("p1", "p2", "k3", "k4", "k5", "k6")]
+    matrix = camera.matrix()
+    matrix[:2, 2] -= 0.5
+    pixels, _ = cv2.projectPoints(_points(), np.zeros(3), np.zeros(3), matrix, np.array(radial + rest))
+    np.testing.assert_allclose(camera.project(_points()), pixels.reshape(-1, 2) + 0.5, atol=1e-9)
+
+
+@pytest.mark.parametrize("model", EXAMPLES)
+def test_scaled_camera_projects_to_scaled_pixels(model: str) -> None:
+    camera = _camera(model)
+    half = camera.scaled(640, 360)
+    np.testing.assert_allclose(half.project(_points()), camera.project(_points()) / 2, atol=1e-9)
+    np.testing.assert_allclose(half.scaled(1280, 720).params, camera.params, rtol=1e-12)
+
+
+@given(st.floats(100, 5000), st.integers(2, 8000), st.integers(2, 8000))
+def test_the_axis_of_a_pinhole_hits_the_middle_of_the_image(focal: float, width: int, height: int) -> None:
+    camera = Intrinsics.pinhole(width, height, focal)
+    np.testing.assert_allclose(camera.project(np.array([[0.0, 0.0, 2.0]])), [[width / 2, height / 2]])
+    assert not camera.distorted
+
+
+def test_points_behind_the_camera_have_no_pixel() -> None:
+    pixels = _camera("OPENCV").project(np.array([[0.1, 0.1, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    assert np.isnan(pixels[:2]).all()
+    assert np.isfinite(pixels[2]).all()
+
+
+def test_without_distortion_keeps_size_focal_length_and_principal_point() -> None:
+    camera = _camera("FULL_OPENCV")
+    ideal = camera.without_distortion()
+    assert camera.distorted
+    assert not ideal.distorted
+    np.testing.assert_array_equal(ideal.matrix(), camera.matrix())
+
+
+def test_one_focal_length_refuses_another_aspect_ratio() -> None:
+    with pytest.raises(ValueError, match="aspect"):
+        _camera("SIMPLE_RADIAL").scaled(640, 480)
+    stretched = _camera("PINHOLE").scaled(640, 480)
+    assert stretched.fy / stretched.fx == pytest.approx(905 / 900 * 4 / 3)
+
+
+@pytest.mark.parametrize(
+    ("model", "width", "params"),
+    [
+        ("FISHEYE", 100, (1.0,)),
+        ("PINHOLE", 100, (1.0, 1.0, 1.0)),
+        ("PINHOLE", 0, (1.0, 1.0, 1.0, 1.0)),
+        ("PINHOLE", 100, (-1.0, 1.0, 1.0, 1.0)),
+        ("PINHOLE", 100, (float("nan"), 1.0, 1.0, 1.0)),
+    ],
+)
+def test_impossible_cameras_are_refused(model: str, width: int, params: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError):
+        Intrinsics(model, width, 100, params)
