@@ -4,7 +4,7 @@ from fieldkit.captures.capture import MAX_PIXELS, read_capture
 from fieldkit.captures.decode import read_image
 from fieldkit.captures.folder import find_mask
 from fieldkit.captures.model import CameraGroup, Capture, Finding, GeoTag, Photo, PosePrior
-from fieldkit.captures.quality import Quality, assess_quality, measure_quality
+from fieldkit.captures.quality import Quality, assess_quality, flag_set, measure_quality, quality_findings
 from fieldkit.captures.units import UnitSuspicion, suspicious_unit
 
 __all__ = [
@@ -19,7 +19,9 @@ __all__ = [
     "UnitSuspicion",
     "assess_quality",
     "find_mask",
+    "flag_set",
     "measure_quality",
+    "quality_findings",
     "read_capture",
     "read_image",
     "suspicious_unit",

@@ -91,9 +91,9 @@ def _make_group(
 
 
 def _focal_text(photo: Photo) -> str | None:
-    if photo.focal_mm is not None:
-        return f"{photo.focal_mm:g}mm"
-    return None if photo.focal_35mm is None else f"{photo.focal_35mm:g}mm-equivalent"
+    own = None if photo.focal_mm is None else f"{photo.focal_mm:g} mm"
+    equivalent = None if photo.focal_35mm is None else f"{photo.focal_35mm:g} mm equivalent"
+    return f"{own} ({equivalent})" if own and equivalent else own or equivalent
 
 
 def _mixed(groups: list[list[Photo]]) -> list[Finding]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from PIL import Image
 
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.cameras import group_cameras
-from fieldkit.captures.decode import jpeg_is_complete
+from fieldkit.captures.decode import PngMetadata, jpeg_is_complete, read_png_metadata
 from fieldkit.captures.exif import read_exif
 from fieldkit.captures.folder import Candidate, FolderContents, list_folder
 from fieldkit.captures.geo_txt import read_geo_txt
@@ -40,13 +41,15 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
 
     Args:
         folder: with the photographs.
-        max_pixels: larger images are left out unread (decompression bombs).
+        max_pixels: larger images are left out undecoded (decompression bombs); Pillow's own limit of 178 Mpx
+            holds besides.
 
     Raises:
         CaptureError: the folder is missing or unreadable, or has no usable photograph.
         MetadataError: poses.csv, geo.txt or a camera file is malformed or contradicts the photographs.
     """
-    contents = list_folder(Path(folder))
+    folder = Path(folder)
+    contents = list_folder(folder)
     photos: list[Photo] = []
     findings = list(contents.findings)
     by_hash: dict[str, str] = {}
@@ -61,13 +64,13 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
         else:
             findings.append(Finding(read.photo.name, "duplicate", f"the same bytes as {first}", True))
     if not photos:
-        raise _no_photographs(Path(folder), findings)
+        raise _no_photographs(folder, findings)
     groups, camera_findings = _cameras(photos, contents)
     priors = _priors(photos, contents)
     findings += [*camera_findings, *priors.findings]
     return Capture(
-        folder=Path(folder),
-        image_folder=contents.image_folder,
+        folder=folder.absolute(),
+        image_folder=contents.image_folder.absolute(),
         photos=tuple(photos),
         groups=tuple(groups),
         findings=tuple(findings),
@@ -103,6 +106,7 @@ def _read_photo(candidate: Candidate, max_pixels: int) -> _Read:
     def leave_out(code: str, message: str) -> _Read:
         return _Read(None, (Finding(name, code, message, True),))
 
+    png: PngMetadata | None = None
     try:
         with warnings.catch_warnings():
             # Pillow warns of large images and of odd EXIF; both are findings here.
@@ -111,16 +115,19 @@ def _read_photo(candidate: Candidate, max_pixels: int) -> _Read:
                 width, height = image.size
                 if width * height > max_pixels:
                     return leave_out("too-large", _too_large(f"{width}×{height} pixels", max_pixels))
-                exif = read_exif(image)
+                if candidate.path.stat().st_size > _MAX_FILE_BYTES:
+                    return leave_out("too-large", "the file is larger than 2 GiB")
+                data = candidate.path.read_bytes()
                 if candidate.format == "PNG":
-                    image.verify()
-                elif candidate.format == "TIFF":
+                    png = read_png_metadata(data)
+                exif = read_exif(image, png)
+                if candidate.format == "TIFF":
                     image.load()
-        if candidate.path.stat().st_size > _MAX_FILE_BYTES:
-            return leave_out("too-large", "the file is larger than 2 GiB")
-        data = candidate.path.read_bytes()
-    except Image.DecompressionBombError:
-        return leave_out("too-large", _too_large("the image", max_pixels))
+    except Image.DecompressionBombError as error:
+        # Pillow refuses these before it tells their size otherwise.
+        pixels = re.search(r"[0-9]+", str(error))
+        what = f"{int(pixels[0]) / 1e6:.0f} Mpx" if pixels else "the image"
+        return leave_out("too-large", _too_large(what, max_pixels))
     except OSError as error:
         if error.errno is not None:
             return leave_out("unreadable", f"cannot be read ({(error.strerror or str(error)).lower()})")
@@ -128,10 +135,10 @@ def _read_photo(candidate: Candidate, max_pixels: int) -> _Read:
     # Pillow's readers raise whatever a damaged header leads them into (SyntaxError, struct.error, ValueError …).
     except Exception as error:
         return leave_out("truncated", f"the file is damaged ({type(error).__name__})")
-    if candidate.format == "JPEG" and not jpeg_is_complete(data):
+    if (candidate.format == "PNG" and png is None) or (candidate.format == "JPEG" and not jpeg_is_complete(data)):
         return leave_out("truncated", "the file is cut short; copy it again from the camera")
     photo = Photo(
-        path=candidate.path,
+        path=candidate.path.absolute(),
         name=name,
         width=width,
         height=height,

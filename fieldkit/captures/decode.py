@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import zlib
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -13,6 +15,7 @@ from fieldkit.captures.model import Photo
 from fieldkit.errors import CaptureError
 
 _SCAN_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
+_MAX_XMP_BYTES = 1 << 20
 _STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 _REDUCED = {
     2: (cv2.IMREAD_REDUCED_COLOR_2, cv2.IMREAD_REDUCED_GRAYSCALE_2),
@@ -31,8 +34,9 @@ def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool =
     Args:
         photo: a photograph of a capture, or any image file.
         max_side: shrink so that the longer side is at most this (pixels); never enlarged. JPEGs are first shrunk
-            by 2, 4 or 8 while they are decoded, where that divides both sides exactly: deterministic, and the
-            pixel grid stays aligned. The rest is area averaging.
+            by 2, 4 or 8 while they are decoded, where that divides both sides exactly and leaves at least twice
+            ``max_side``: deterministic, the pixel grid stays aligned and no sharpness is lost. The rest is area
+            averaging.
         gray: one channel instead of three.
 
     Raises:
@@ -67,7 +71,7 @@ def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool =
 
 def _reduction(size: tuple[int, int], max_side: int) -> int:
     for factor in (8, 4, 2):
-        if max(size) // factor >= max_side and size[0] % factor == 0 and size[1] % factor == 0:
+        if max(size) // factor >= 2 * max_side and size[0] % factor == 0 and size[1] % factor == 0:
             return factor
     return 1
 
@@ -103,3 +107,46 @@ def jpeg_is_complete(data: bytes) -> bool:
             if following is None:
                 return False
             position = following.start()
+
+
+@dataclass(frozen=True)
+class PngMetadata:
+    """The metadata chunks of a complete PNG: an EXIF block (TIFF structure) and an XMP packet, where there are any."""
+
+    exif: bytes | None = None
+    xmp: bytes | None = None
+
+
+def read_png_metadata(data: bytes) -> PngMetadata | None:
+    """The metadata of a PNG whose chunks are all there with the right checksums (ISO/IEC 15948), else None.
+
+    Read here, since metadata may stand behind the image data, where Pillow only sees it after decoding.
+    """
+    position, exif, xmp = 8, None, None
+    while position + 12 <= len(data):
+        length = int.from_bytes(data[position : position + 4], "big")
+        kind, end = data[position + 4 : position + 8], position + 8 + length
+        if end + 4 > len(data) or zlib.crc32(data[position + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
+            return None
+        if kind == b"IEND":
+            return PngMetadata(exif, xmp)
+        if kind == b"eXIf":
+            exif = data[position + 8 : end]
+        elif kind == b"iTXt" and data.startswith(b"XML:com.adobe.xmp\0", position + 8):
+            xmp = _itxt_text(data[position + 8 : end])
+        position = end + 4
+    return None
+
+
+def _itxt_text(chunk: bytes) -> bytes | None:
+    """The text of an iTXt chunk: keyword, 0, compressed?, method, language, 0, translated keyword, 0, text."""
+    _, _, rest = chunk.partition(b"\0")
+    parts = rest[2:].split(b"\0", 2)
+    if len(rest) < 2 or len(parts) < 3:
+        return None
+    if not rest[0]:
+        return parts[2]
+    try:
+        return zlib.decompressobj().decompress(parts[2], _MAX_XMP_BYTES)
+    except zlib.error:
+        return None

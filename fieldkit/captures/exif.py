@@ -10,6 +10,7 @@ from typing import Any
 
 from PIL import ExifTags, Image
 
+from fieldkit.captures.decode import PngMetadata
 from fieldkit.captures.model import GeoTag
 from fieldkit.captures.xmp import RTK_FIXED, XmpData, XmpError, parse_xmp
 
@@ -53,11 +54,16 @@ def focal_in_pixels(focal_35mm: float, width: int, height: int) -> float:
     return focal_35mm * math.hypot(long, short) / math.hypot(_FILM_WIDTH_MM, _FILM_HEIGHT_MM)
 
 
-def read_exif(image: Image.Image) -> ExifData:
-    """EXIF and XMP of an opened image (its header is enough; nothing is decoded)."""
+def read_exif(image: Image.Image, png: PngMetadata | None = None) -> ExifData:
+    """EXIF and XMP of an opened image. Nothing is decoded.
+
+    Args:
+        image: its header is enough.
+        png: the metadata of a PNG, which is then read from there.
+    """
     problems: list[Problem] = []
-    base, detail, gps = _directories(image, problems)
-    xmp = _read_xmp(image, base, problems)
+    base, detail, gps = _directories(image, png, problems)
+    xmp = _read_xmp(png.xmp if png is not None else image.info.get("xmp") or base.get(_BASE.XMLPacket), problems)
     width, height = image.size
     focal_mm = _number(detail.get(_BASE.FocalLength), positive=True)
     focal_35mm = _number(detail.get(_BASE.FocalLengthIn35mmFilm), positive=True)
@@ -79,10 +85,14 @@ def read_exif(image: Image.Image) -> ExifData:
 
 
 def _directories(
-    image: Image.Image, problems: list[Problem]
+    image: Image.Image, png: PngMetadata | None, problems: list[Problem]
 ) -> tuple[Mapping[int, Any], Mapping[int, Any], Mapping[int, Any]]:
     try:
-        exif = image.getexif()
+        if png is None:
+            exif = image.getexif()
+        else:
+            exif = Image.Exif()
+            exif.load(b"Exif\0\0" + png.exif if png.exif else b"")
         return dict(exif), dict(exif.get_ifd(ExifTags.IFD.Exif)), dict(exif.get_ifd(ExifTags.IFD.GPSInfo))
     # Pillow's parser raises whatever a damaged directory leads it into (struct.error, SyntaxError, KeyError …).
     except Exception as error:
@@ -90,8 +100,7 @@ def _directories(
         return {}, {}, {}
 
 
-def _read_xmp(image: Image.Image, base: Mapping[int, Any], problems: list[Problem]) -> XmpData:
-    packet = image.info.get("xmp") or base.get(_BASE.XMLPacket)
+def _read_xmp(packet: Any, problems: list[Problem]) -> XmpData:
     if isinstance(packet, str):
         packet = packet.encode()
     if not isinstance(packet, bytes) or not packet.strip(b"\0 "):

@@ -127,7 +127,9 @@ def list_folder(folder: Path) -> FolderContents:
     candidates, findings = _scan(root, resolved)
     image_folder = root
     inner = root / "images"
-    if not candidates and inner.is_dir() and inner.resolve().is_relative_to(resolved):
+    if not candidates and inner.is_symlink() and not _stays_inside(inner, resolved):
+        findings.append(Finding("images", "symlink-outside", "a symbolic link that leaves the folder", True))
+    elif not candidates and inner.is_dir():
         inner_candidates, inner_findings = _scan(inner, resolved)
         if inner_candidates or not findings:
             candidates, image_folder = inner_candidates, inner
@@ -136,13 +138,22 @@ def list_folder(folder: Path) -> FolderContents:
     return FolderContents(image_folder, tuple(candidates), sidecars, tuple(findings + sidecar_findings))
 
 
+def _is_text(name: str) -> bool:
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def _reason(error: BaseException) -> str:
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 
 def _scan(folder: Path, root: Path) -> tuple[list[Candidate], list[Finding]]:
     try:
-        names = sorted((e.name for e in os.scandir(folder) if not e.is_dir()), key=natural_key)
+        with os.scandir(folder) as entries:
+            names = sorted((e.name for e in entries if not _is_folder(e)), key=natural_key)
     except OSError as error:
         raise CaptureError(
             f"the folder cannot be read ({_reason(error)})", path=folder, remedy="Check its permissions."
@@ -151,6 +162,10 @@ def _scan(folder: Path, root: Path) -> tuple[list[Candidate], list[Finding]]:
     findings: list[Finding] = []
     for name in names:
         if name.startswith(".") or name in SIDECARS or is_mask_name(name):
+            continue
+        if not _is_text(name):
+            shown = name.encode("utf-8", "backslashreplace").decode()
+            findings.append(Finding(shown, "bad-name", "the file's name is not UTF-8; rename it", True))
             continue
         found = _classify(folder / name, root)
         if isinstance(found, Finding):
@@ -161,6 +176,13 @@ def _scan(folder: Path, root: Path) -> tuple[list[Candidate], list[Finding]]:
             if found.path.suffix.lower() not in expected:
                 findings.append(Finding(name, "wrong-suffix", f"the content is {found.format}; read as such"))
     return candidates, findings
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # a symbolic link that leads to itself
+        return False
 
 
 def _classify(path: Path, root: Path) -> Candidate | Finding | None:

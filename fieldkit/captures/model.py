@@ -140,7 +140,7 @@ class Capture:
     """A folder of photographs, read.
 
     Attributes:
-        folder: as given.
+        folder: as given, absolute.
         image_folder: where the photographs lie (``folder`` or ``folder/images``).
         photos: in natural order of their names.
         groups: cameras; every photograph is in exactly one.

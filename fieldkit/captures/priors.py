@@ -13,7 +13,7 @@ from fieldkit.captures.poses_csv import PoseRow
 from fieldkit.captures.tables import match_names
 from fieldkit.captures.units import suspicious_unit
 from fieldkit.errors import MetadataError
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
 
 GPS_ACCURACY_M = 3.0
 """A consumer GNSS receiver with open sky: 95 % within about 5 m horizontally, so σ ≈ 2–3 m."""
@@ -139,8 +139,9 @@ def _match(listed: list[str], photos: Sequence[Photo], source: str) -> tuple[dic
 
 def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str, findings: list[Finding]) -> PriorSet:
     heights, height_source, datum, more = _heights(tags)
-    findings = findings + more
-    located = [name for name in tags if name in heights]
+    far, more_far = _far_away(tags)
+    findings = findings + more + more_far
+    located = [name for name in tags if name in heights and name not in far]
     priors: dict[str, PosePrior] = {}
     origin = None
     positions: dict[str, tuple[float, float, float]] = {}
@@ -149,7 +150,6 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
         origin = _frame(geodetic, datum)
         local = origin.to_local(*np.array(geodetic).T)
         positions = {n: (float(p[0]), float(p[1]), float(p[2])) for n, p in zip(located, local, strict=True)}
-        findings += _far_apart(positions)
     for photo in photos:
         position = positions.get(photo.name)
         angles = photo.yaw_deg is not None or photo.pitch_deg is not None
@@ -177,9 +177,10 @@ def _accuracy(tag: GeoTag) -> float:
 def _heights(tags: dict[str, GeoTag]) -> tuple[dict[str, float], str, str, list[Finding]]:
     """Heights that agree with one another: by name, what they are, their datum, and findings.
 
-    A fixed RTK height is used as it is. Otherwise height above take-off, where every photograph has it: barometric, it
-    is good to decimetres within a flight, while the absolute altitude beside it wanders by metres. It is shifted by
-    the median difference to the absolute altitudes, so that it keeps their datum.
+    Absolute altitudes are used as they are where most come from a fixed RTK solution. Otherwise height above take-off,
+    where every photograph has it: barometric, it is good to decimetres within a flight, while the absolute altitude
+    beside it wanders by metres. It is shifted by the median difference to the absolute altitudes, so that it keeps
+    their datum.
     """
     absolute = {n: t.altitude_m for n, t in tags.items() if t.altitude_m is not None}
     relative = {n: t.relative_altitude_m for n, t in tags.items() if t.relative_altitude_m is not None}
@@ -189,7 +190,7 @@ def _heights(tags: dict[str, GeoTag]) -> tuple[dict[str, float], str, str, list[
     if len(datums) > 1:
         first = next(iter(absolute))
         findings.append(Finding(first, "mixed-datums", f"altitudes are above {' and '.join(datums)}"))
-    if tags and all(t.rtk and t.altitude_m is not None for t in tags.values()):
+    if tags and len(absolute) == len(tags) and 2 * sum(t.rtk for t in tags.values()) > len(tags):
         return absolute, "RTK altitude", datum, findings
     if tags and len(relative) == len(tags):
         if not absolute:
@@ -213,13 +214,16 @@ def _frame(geodetic: Sequence[tuple[float, float, float]], datum: str) -> LocalF
     return LocalFrame(float(values[:, 0].mean()), longitude, float(values[:, 2].mean()), datum)
 
 
-def _far_apart(positions: dict[str, tuple[float, float, float]]) -> list[Finding]:
-    """Positions kilometres away from the others, as a camera writes them before its first fix."""
-    names = list(positions)
-    points = np.array(list(positions.values()))
+def _far_away(tags: dict[str, GeoTag]) -> tuple[set[str], list[Finding]]:
+    """Positions far from the others, as a camera writes them before its first fix: they would tilt the frame."""
+    if len(tags) < _MIN_FOR_SCALE:
+        return set(), []
+    degrees = np.array([(tag.latitude_deg, tag.longitude_deg) for tag in tags.values()])
+    points = geodetic_to_ecef(degrees[:, 0], degrees[:, 1], 0.0)
     distance = np.linalg.norm(points - np.median(points, axis=0), axis=1)
-    far = [n for n, d in zip(names, distance, strict=True) if d > _MAX_EXTENT_M]
-    return [Finding(n, "gps-far-away", "the position is more than 50 km from the other photographs'") for n in far]
+    far = {name for name, d in zip(tags, distance, strict=True) if d > _MAX_EXTENT_M}
+    message = "the position is more than 50 km from the other photographs'; not used"
+    return far, [Finding(name, "gps-far-away", message) for name in sorted(far)]
 
 
 def _finish(priors: PriorSet, photos: Sequence[Photo]) -> PriorSet:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 _UNITS = {"millimetres": 0.001, "centimetres": 0.01, "feet": 0.3048, "kilometres": 1000.0}
 _WIDE_SPACING_M = 15.0
@@ -49,9 +50,8 @@ def suspicious_unit(
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     if 0.0 < extent < _NARROW_EXTENT_M:
         return UnitSuspicion("kilometres", 1000.0, f"all positions lie within {extent * 1000:.1f} mm of one another")
-    distances = np.linalg.norm(points[:, None] - points[None], axis=2)
-    np.fill_diagonal(distances, np.inf)
-    spacing = float(np.median(distances.min(axis=1)))
+    distances, _ = cKDTree(points).query(points, k=2)
+    spacing = float(np.median(distances[:, 1]))
     if spacing <= _WIDE_SPACING_M:
         return None
     message = f"neighbouring photographs would be {spacing:.0f} m apart; are these millimetres instead of metres?"
