@@ -1,0 +1,168 @@
+"""Where every exception of a command ends: one message for people, an exit code, JSON when asked for."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import traceback
+import warnings
+from collections.abc import Sequence
+from types import FrameType, TracebackType
+from typing import Any, TextIO
+
+from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError
+
+EXIT_BUG = 1
+EXIT_TERMINATED = 143
+
+
+class Boundary:
+    """A context around a command: swallows what it raises and holds the exit code it stands for.
+
+    Attributes:
+        command: the subcommand's name, once known.
+        resumable: whether it takes --resume.
+        exit_code: what the process should end with.
+    """
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        options = arguments[: arguments.index("--")] if "--" in arguments else arguments
+        self.command = ""
+        self.resumable = False
+        self.exit_code = 0
+        self._json = "--json" in options
+        self._debug = "--debug" in options
+        self._catch_warnings = warnings.catch_warnings()
+
+    def __enter__(self) -> Boundary:
+        self._catch_warnings.__enter__()
+        warnings.simplefilter("default")
+        warnings.showwarning = self._show_warning
+        self._before = _on_terminate(_terminate)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        if error is not None:
+            self.exit_code = self._report(error)
+        elif self.exit_code == EXIT_INTERRUPTED:  # Typer gives this code for Ctrl-C
+            self._interrupted()
+        _on_terminate(self._before)
+        self._catch_warnings.__exit__()
+        flush(sys.stdout)
+        flush(sys.stderr)
+        return True
+
+    def _report(self, error: BaseException) -> int:
+        """Say what went wrong and give its exit code."""
+        if isinstance(error, SystemExit):
+            return error.code if isinstance(error.code, int) else EXIT_BUG if error.code else 0
+        if isinstance(error, KeyboardInterrupt):
+            return self._interrupted()
+        if self._debug:
+            traceback.print_exception(error)
+        if isinstance(error, FieldkitError):
+            self._tell(type(error).__name__, error.message, str(error.path or "") or None, error.remedy)
+            return error.exit_code
+        if isinstance(error, MemoryError):
+            remedy = "Close other programs, or choose a lower --fidelity."
+            self._tell("MemoryError", "not enough memory", None, remedy)
+            return EXIT_BUG
+        if _is_typers(error):
+            name = " ".join(["fieldkit", self.command]).strip()
+            self._tell("UsageError", _sentence(error), None, f"'{name} --help' explains the command.")
+            return int(getattr(error, "exit_code", EXIT_BUG))
+        message = f"this is a bug in fieldkit: {type(error).__name__}: {error}"
+        self._tell(type(error).__name__, message, None, "Run it again with --debug and report what that shows.")
+        return EXIT_BUG
+
+    def _interrupted(self) -> int:
+        remedy = "The same command with --resume goes on from here." if self.resumable else ""
+        self._tell("Interrupted", "interrupted", None, remedy)
+        return EXIT_INTERRUPTED
+
+    def _tell(self, kind: str, message: str, path: str | None, remedy: str) -> None:
+        where = f"{path}: " if path else ""
+        say(f"Error: {where}{message}" + (f"\n  {remedy}" if remedy else ""))
+        if self._json:
+            emit_json({"error": {"type": kind, "message": message, "path": path, "remedy": remedy}})
+
+    def _show_warning(
+        self,
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        # fieldkit's own warnings are written for people; those of other libraries are for their authors.
+        if category.__module__.startswith("fieldkit."):
+            say(f"Warning: {message}")
+        elif self._debug:
+            say(warnings.formatwarning(message, category, filename, lineno, line).rstrip())
+
+
+def emit_json(value: Any) -> None:
+    """Print one JSON object on stdout. Numbers that JSON does not know (NaN, infinity) become null."""
+    try:
+        sys.stdout.write(json.dumps(_plain(value), ensure_ascii=False, indent=2, allow_nan=False) + "\n")
+    except BrokenPipeError:
+        pass
+    flush(sys.stdout)
+
+
+def say(text: str) -> None:
+    """Print a line for people, on stderr."""
+    try:
+        sys.stderr.write(text + "\n")
+    except BrokenPipeError:
+        pass
+    flush(sys.stderr)
+
+
+def flush(stream: TextIO) -> None:
+    """Flush; a reader that has gone (``| head``) is no error, the result is in its folder."""
+    try:
+        stream.flush()
+    except BrokenPipeError:
+        with open(os.devnull, "w") as nowhere:
+            os.dup2(nowhere.fileno(), stream.fileno())
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if hasattr(value, "tolist"):  # NumPy's scalars and arrays
+        return _plain(value.tolist())
+    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
+        return None
+    return value
+
+
+def _is_typers(error: BaseException) -> bool:
+    typer = sys.modules.get("typer")
+    return typer is not None and isinstance(error, typer.TyperException | typer.Abort)
+
+
+def _sentence(error: BaseException) -> str:
+    message: str = error.format_message() if hasattr(error, "format_message") else "aborted"
+    return message[:1].lower() + message[1:].rstrip(".")
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(EXIT_TERMINATED)  # so that temporary folders are removed on the way out
+
+
+def _on_terminate(handler: Any) -> Any:
+    try:
+        return signal.signal(signal.SIGTERM, handler)
+    except ValueError:  # not the main thread
+        return None

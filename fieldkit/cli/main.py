@@ -1,0 +1,95 @@
+"""The `fieldkit` command: finds the subcommand's file and runs it.
+
+This module and the files of the commands import nothing heavy, so that help is instant: the library is imported when
+a command runs. Even Typer is imported only for a subcommand, and its own groups are not used: they import pydantic to
+parse their options.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from fieldkit import __version__
+from fieldkit.cli.boundary import Boundary
+from fieldkit.errors import EXIT_OK, UsageError
+
+# name: one line for `fieldkit --help`. The command is the function `command` in fieldkit/cli/<name>.py.
+COMMANDS = {
+    "doctor": "Check this machine: packages, renderer, GPU, memory, cache.",
+    "cache": "Show, prune or clear what earlier runs keep for later ones.",
+}
+
+_INTRODUCTION = """\
+Usage: fieldkit COMMAND [OPTIONS] ...
+
+  Reference clouds and capture scores of field plots from photographs.
+
+Commands:
+"""
+_CLOSING = """
+Options:
+  --version  Show the version and exit.
+  --help     Show this message and exit.
+
+Every command takes --json (one JSON object on stdout, nothing else there) and
+--debug (tracebacks). Exit codes: 0 done, 1 a bug in fieldkit, 2 wrong usage,
+3 bad input, 4 reconstruction failed, 130 interrupted.
+
+'fieldkit COMMAND --help' explains a command.
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line and give its exit code."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    with Boundary(arguments) as boundary:
+        boundary.exit_code = _dispatch(arguments, boundary)
+    return boundary.exit_code
+
+
+def overview() -> str:
+    """What `fieldkit --help` prints."""
+    width = max(map(len, COMMANDS))
+    return _INTRODUCTION + "".join(f"  {name:{width}}  {line}\n" for name, line in COMMANDS.items()) + _CLOSING
+
+
+def _dispatch(arguments: list[str], boundary: Boundary) -> int:
+    match arguments:
+        case [] | ["-h" | "--help" | "help"]:
+            sys.stdout.write(overview())
+            return EXIT_OK
+        case ["help", name, *_]:
+            return _run(name, ["--help"], boundary)
+        case ["--version" | "-V", *_]:
+            sys.stdout.write(f"fieldkit {__version__}\n")
+            return EXIT_OK
+        case [name, *rest]:
+            return _run(name, rest, boundary)
+    raise AssertionError("unreachable")
+
+
+def _run(name: str, arguments: list[str], boundary: Boundary) -> int:
+    if name not in COMMANDS:
+        raise UsageError(f"no such command: {name}", remedy=_suggestion(name))
+    from fieldkit.threads import set_thread_environment
+
+    set_thread_environment()  # before anything imports NumPy
+    boundary.command = name
+    module = import_module(f"fieldkit.cli.{name.replace('-', '_')}")
+    boundary.resumable = "resume" in module.command.__annotations__
+
+    import typer
+
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    app.command(context_settings={"help_option_names": ["--help", "-h"]})(module.command)
+    result = app(args=arguments, prog_name=f"fieldkit {name}", standalone_mode=False)
+    return result if isinstance(result, int) else EXIT_OK
+
+
+def _suggestion(name: str) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, COMMANDS, n=1)
+    return f"Did you mean `fieldkit {near[0]}`?" if near else "`fieldkit --help` lists the commands."

@@ -1,0 +1,99 @@
+"""Progress as people see it: bars on a terminal, plain lines in a log, nothing with --json."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TextIO
+
+from fieldkit.cli.boundary import say
+from fieldkit.progress import Advance, Progress, Silent
+
+_LINE_EVERY_S = 10.0
+
+
+@contextmanager
+def open_progress(*, as_json: bool) -> Iterator[Progress]:
+    """Progress that suits where stderr goes."""
+    if as_json:
+        yield Silent()
+    elif sys.stderr.isatty():
+        with _bars() as bars:
+            yield bars
+    else:
+        yield Lines()
+
+
+class Lines:
+    """A line when a stage starts, at most one every ten seconds meanwhile, and one with its time at the end."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream
+
+    @contextmanager
+    def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+        """A stage in plain lines."""
+        start = shown = time.monotonic()
+        count = 0
+
+        def advance(steps: int) -> None:
+            nonlocal count, shown
+            count += steps
+            now = time.monotonic()
+            if now - shown >= _LINE_EVERY_S:
+                shown = now
+                left = "" if not total or not count else f", {_clock((now - start) * (total - count) / count)} left"
+                self._print(f"{name}: {count}{f' of {total}' if total else ''}{left}")
+
+        self._print(f"{name} …")
+        yield advance
+        self._print(f"{name}: done in {_clock(time.monotonic() - start)}")
+
+    def note(self, message: str) -> None:
+        """A finding on a line of its own."""
+        self._print(f"note: {message}")
+
+    def _print(self, text: str) -> None:
+        if self._stream is None:
+            say(text)
+        else:
+            self._stream.write(text + "\n")
+
+
+@contextmanager
+def _bars() -> Iterator[Progress]:
+    from rich import progress
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    columns = (
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(bar_width=None),
+        progress.MofNCompleteColumn(),
+        progress.TimeElapsedColumn(),
+        progress.TextColumn("left"),
+        progress.TimeRemainingColumn(),
+    )
+    with progress.Progress(*columns, console=console, refresh_per_second=4, expand=True) as display:
+
+        class Bars:
+            @contextmanager
+            def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+                task = display.add_task(name, total=total)
+                yield lambda steps: display.advance(task, steps)
+                done = total if total is not None else max(1, int(display.tasks[display.task_ids.index(task)].completed))
+                display.update(task, total=done, completed=done)
+
+            def note(self, message: str) -> None:
+                console.print(f"note: {message}", markup=False)
+
+        yield Bars()
+
+
+def _clock(seconds: float) -> str:
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}" if minutes >= 60 else f"{minutes}:{rest:02d} min"

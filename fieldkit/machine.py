@@ -1,0 +1,105 @@
+"""How many cores and how much memory this process may use: the machine's, less what a container or job allows."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+_UNLIMITED = 1 << 60  # cgroup v1 writes a huge number where v2 writes "max"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What control groups allow (Linux; None: no limit)."""
+
+    cores: float | None = None
+    memory_bytes: int | None = None
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What this process may use.
+
+    Attributes:
+        cores: whole cores; a share of one counts as one.
+        memory_bytes: total.
+        available_bytes: what can be taken now without swapping.
+    """
+
+    cores: int
+    memory_bytes: int
+    available_bytes: int
+
+
+def this_machine() -> Machine:
+    """Cores by CPU affinity and quota, memory by what is installed and allowed."""
+    import psutil
+
+    limits = cgroup_limits()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if limits.cores is not None:
+        cores = min(cores, max(1, round(limits.cores)))
+    memory = psutil.virtual_memory()
+    total, available = int(memory.total), int(memory.available)
+    if limits.memory_bytes is not None and limits.memory_bytes < total:
+        total = limits.memory_bytes
+        available = min(available, max(0, total - int(psutil.Process().memory_info().rss)))
+    return Machine(cores, total, available)
+
+
+def cgroup_limits(proc: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")) -> Limits:
+    """The tightest limits on the way from this process's control groups up to the root (cgroup v1 and v2).
+
+    Args:
+        proc: the file that names the process's groups, as in cgroups(7).
+        root: where the hierarchies are mounted.
+    """
+    try:
+        lines = proc.read_text().splitlines()
+    except OSError:
+        return Limits()
+    cores: list[float] = []
+    memory: list[int] = []
+    for line in lines:
+        _, _, rest = line.partition(":")
+        controllers, _, group = rest.partition(":")
+        for folder in _folders(root, controllers, group):
+            cores += [value for value in (_cores(folder),) if value is not None]
+            memory += [value for value in (_memory(folder),) if value is not None]
+    return Limits(min(cores, default=None), min(memory, default=None))
+
+
+def _folders(root: Path, controllers: str, group: str) -> Iterator[Path]:
+    # Inside a container the group's path may not exist below the mount; the root is then the container's own group.
+    path = PurePosixPath(group)
+    places = [path, *path.parents]
+    for name in controllers.split(",") if controllers else [""]:
+        for place in places:
+            yield root / name / str(place).lstrip("/")
+
+
+def _cores(folder: Path) -> float | None:
+    v2 = _words(folder / "cpu.max")
+    if len(v2) == 2 and v2[0] != "max":
+        return int(v2[0]) / int(v2[1])
+    quota, period = _words(folder / "cpu.cfs_quota_us"), _words(folder / "cpu.cfs_period_us")
+    if quota and period and int(quota[0]) > 0:
+        return int(quota[0]) / int(period[0])
+    return None
+
+
+def _memory(folder: Path) -> int | None:
+    for name in ("memory.max", "memory.limit_in_bytes"):
+        words = _words(folder / name)
+        if words and words[0] != "max" and int(words[0]) < _UNLIMITED:
+            return int(words[0])
+    return None
+
+
+def _words(path: Path) -> list[str]:
+    try:
+        return path.read_text().split()
+    except OSError:
+        return []
