@@ -1,0 +1,40 @@
+"""Point clouds: files, metrics, alignment, thinning, ground and the volume of interest."""
+
+from fieldkit.clouds.cloud import Cloud, concatenate
+from fieldkit.clouds.depth import DepthError, depth_mae, pooled_depth_error
+from fieldkit.clouds.metrics import (
+    DISTANCES_M,
+    Chamfer,
+    CloudScore,
+    FScore,
+    ReferenceIndex,
+    chamfer_distance,
+    f_scores,
+    score,
+)
+from fieldkit.clouds.neighbors import PointIndex
+from fieldkit.clouds.ply import read_ply, write_ply
+from fieldkit.clouds.thinning import voxel_thin
+from fieldkit.clouds.volume import Volume, crop
+
+__all__ = [
+    "DISTANCES_M",
+    "Chamfer",
+    "Cloud",
+    "CloudScore",
+    "DepthError",
+    "FScore",
+    "PointIndex",
+    "ReferenceIndex",
+    "Volume",
+    "chamfer_distance",
+    "concatenate",
+    "crop",
+    "depth_mae",
+    "f_scores",
+    "pooled_depth_error",
+    "read_ply",
+    "score",
+    "voxel_thin",
+    "write_ply",
+]

@@ -1,0 +1,155 @@
+"""How close an estimated cloud is to its reference.
+
+Both directions are measured in one nearest-neighbour pass each, and everything is derived from those two arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.neighbors import PointIndex
+from fieldkit.errors import EmptyCloudError
+
+DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
+"""Distances at which F-scores are reported where nobody asks for others."""
+
+
+@dataclass(frozen=True)
+class Chamfer:
+    """Symmetric chamfer distance with its two directed terms, metres.
+
+    Attributes:
+        chamfer_m: accuracy_m + completeness_m (eq. r_func of BOSfM; the same as point-cloud-utils').
+        accuracy_m: mean distance from the estimate's points to the reference: what is there but should not be.
+        completeness_m: mean distance from the reference's points to the estimate: what should be there but is not.
+    """
+
+    chamfer_m: float
+    accuracy_m: float
+    completeness_m: float
+
+
+@dataclass(frozen=True)
+class FScore:
+    """Precision, recall and their harmonic mean at one distance (Knapitsch et al. 2017), each in [0, 1].
+
+    Attributes:
+        precision: share of the estimate's points within the distance of the reference.
+        recall: share of the reference's points within the distance of the estimate.
+        f_score: 2 · precision · recall / (precision + recall), 0 where both are 0.
+    """
+
+    precision: float
+    recall: float
+    f_score: float
+
+
+@dataclass(frozen=True)
+class CloudScore:
+    """An estimate's score against a reference.
+
+    Attributes:
+        chamfer: the symmetric distance and its directed terms.
+        f_scores: by distance in metres, ascending.
+        reference_points: points of the reference.
+        estimate_points: points of the estimate.
+    """
+
+    chamfer: Chamfer
+    f_scores: dict[float, FScore]
+    reference_points: int
+    estimate_points: int
+
+
+class ReferenceIndex:
+    """A reference cloud made ready to score many estimates against: sorted and indexed once.
+
+    Raises:
+        EmptyCloudError: the reference has no points.
+    """
+
+    def __init__(self, reference: Cloud) -> None:
+        self.cloud = reference
+        self.index = _index(reference, "reference")
+
+    def __len__(self) -> int:
+        return len(self.cloud)
+
+
+def score(reference: Cloud | ReferenceIndex, estimate: Cloud, distances_m: Sequence[float] = DISTANCES_M) -> CloudScore:
+    """Chamfer distance and F-scores of an estimate, from one nearest-neighbour pass in each direction.
+
+    Args:
+        reference: metres in the plot frame; a `ReferenceIndex` saves the work of indexing it again.
+        estimate: metres in the same frame.
+        distances_m: positive thresholds for the F-scores.
+
+    Raises:
+        EmptyCloudError: either cloud has no points. An empty cloud has no distance to anything, so what an empty
+            reconstruction is worth is for the caller's written rule to say, not for this function.
+        ValueError: a distance is not a positive number.
+    """
+    thresholds = sorted({float(d) for d in distances_m})
+    if not all(np.isfinite(d) and d > 0 for d in thresholds):
+        raise ValueError(f"distances must be positive numbers of metres, not {list(distances_m)}")
+    to_reference, to_estimate = _distances(reference, estimate)
+    return CloudScore(
+        chamfer=_chamfer(to_reference, to_estimate),
+        f_scores={d: _f_score(to_reference, to_estimate, d) for d in thresholds},
+        reference_points=len(reference),
+        estimate_points=len(estimate),
+    )
+
+
+def chamfer_distance(reference: Cloud | ReferenceIndex, estimate: Cloud) -> Chamfer:
+    """Symmetric chamfer distance in metres: the sum of the two mean (unsquared) nearest-neighbour distances.
+
+    Raises:
+        EmptyCloudError: either cloud has no points.
+    """
+    return _chamfer(*_distances(reference, estimate))
+
+
+def f_scores(
+    reference: Cloud | ReferenceIndex, estimate: Cloud, distances_m: Sequence[float] = DISTANCES_M
+) -> dict[float, FScore]:
+    """Precision, recall and F-score at each distance in metres, ascending; see `score`, which gives both at once.
+
+    Raises:
+        EmptyCloudError: either cloud has no points.
+        ValueError: a distance is not a positive number.
+    """
+    return score(reference, estimate, distances_m).f_scores
+
+
+def _index(cloud: Cloud, name: str) -> PointIndex:
+    if not len(cloud):
+        raise EmptyCloudError(
+            f"the {name} cloud has no points, so there is nothing to measure distances to",
+            remedy="Check the volume of interest and the ground clearance, or whether the photographs registered.",
+        )
+    return PointIndex(cloud.points)
+
+
+def _distances(reference: Cloud | ReferenceIndex, estimate: Cloud) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Estimate → reference (m,) and reference → estimate (n,), each in its own cloud's Z-order."""
+    kept = reference if isinstance(reference, ReferenceIndex) else ReferenceIndex(reference)
+    own = _index(estimate, "estimated")
+    return kept.index.distances_from(own), own.distances_from(kept.index)
+
+
+def _chamfer(to_reference: NDArray[np.float64], to_estimate: NDArray[np.float64]) -> Chamfer:
+    accuracy, completeness = float(to_reference.mean()), float(to_estimate.mean())
+    return Chamfer(accuracy + completeness, accuracy, completeness)
+
+
+def _f_score(to_reference: NDArray[np.float64], to_estimate: NDArray[np.float64], distance_m: float) -> FScore:
+    precision = float(np.count_nonzero(to_reference <= distance_m) / len(to_reference))
+    recall = float(np.count_nonzero(to_estimate <= distance_m) / len(to_estimate))
+    total = precision + recall
+    return FScore(precision, recall, 2.0 * precision * recall / total if total > 0 else 0.0)

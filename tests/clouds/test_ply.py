@@ -1,0 +1,258 @@
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fieldkit.clouds import Cloud, read_ply, write_ply
+from fieldkit.errors import CloudError, StorageError
+from tests.clouds.examples import clouds
+
+in_one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def ply(tmp_path: Path, header: str, body: bytes = b"", *, newline: str = "\n") -> Path:
+    path = tmp_path / "cloud.ply"
+    lines = ["ply", *[line.strip() for line in header.strip().splitlines()], "end_header", ""]
+    path.write_bytes(newline.join(lines).encode("latin-1") + body)
+    return path
+
+
+@given(clouds())
+@in_one_folder
+def test_what_is_written_is_read_again(tmp_path: Path, cloud: Cloud) -> None:
+    path = tmp_path / "cloud.ply"
+    write_ply(path, cloud)
+    again = read_ply(path)
+    if len(cloud) and np.abs(cloud.points).max() < 16:
+        np.testing.assert_allclose(again.points, cloud.points, rtol=0, atol=0.5e-6)
+    else:
+        np.testing.assert_array_equal(again.points, cloud.points)
+    for name in ("colors", "normals"):
+        written, read = getattr(cloud, name), getattr(again, name)
+        assert (written is None) == (read is None)
+        if written is not None:
+            np.testing.assert_array_equal(read, written)
+    first = path.read_bytes()
+    write_ply(path, cloud)
+    assert path.read_bytes() == first
+
+
+def test_utm_coordinates_keep_their_digits(tmp_path: Path) -> None:
+    points = np.array([[448_262.123456, 5_411_932.654321, 118.000001]])
+    write_ply(tmp_path / "utm.ply", Cloud(points))
+    np.testing.assert_array_equal(read_ply(tmp_path / "utm.ply").points, points)
+
+
+def test_ascii_with_faces_lists_comments_and_unknown_properties(tmp_path: Path) -> None:
+    header = """
+        comment made by hand
+        format ascii 1.0
+        obj_info anything at all
+        element camera 1
+        property float focal
+        element vertex 2
+        property double z
+        property list uchar int seen_by
+        property uchar red
+        property uchar green
+        property uchar blue
+        property float confidence
+        property float x
+        property float y
+        element face 1
+        property list uchar int vertex_indices
+    """
+    path = ply(tmp_path, header, b"1200\n3 2 7 8 1 2 3 0.5 1 2\n\n6 0 4 5 6 0.25 4 5\n3 0 1 0\n")
+    cloud = read_ply(path)
+    np.testing.assert_array_equal(cloud.points, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(cloud.colors, [[1, 2, 3], [4, 5, 6]])
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
+def test_ascii_line_endings(tmp_path: Path, newline: str) -> None:
+    header = "format ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z"
+    path = ply(tmp_path, header, newline.join(["1 2 3", "4 5 6"]).encode(), newline=newline)
+    np.testing.assert_array_equal(read_ply(path).points, [[1, 2, 3], [4, 5, 6]])
+
+
+@pytest.mark.parametrize(("name", "order"), [("little", "<"), ("big", ">")])
+def test_binary_of_both_byte_orders_with_lists_before_and_in_the_vertices(
+    tmp_path: Path, name: str, order: str
+) -> None:
+    header = f"""
+        format binary_{name}_endian 1.0
+        element strip 2
+        property list ushort short indices
+        element vertex 2
+        property int16 x
+        property list uint8 float32 weights
+        property float64 y
+        property float32 z
+        property uint8 r
+        property uint8 g
+        property uint8 b
+    """
+    body = struct.pack(order + "HhhH", 2, 5, 6, 0)
+    body += struct.pack(order + "hBffdfBBB", -7, 2, 0.5, 0.5, 1.25, 2.5, 1, 2, 3)
+    body += struct.pack(order + "hBdfBBB", 8, 0, -1.25, 3.5, 4, 5, 6)
+    cloud = read_ply(ply(tmp_path, header, body))
+    np.testing.assert_array_equal(cloud.points, [[-7, 1.25, 2.5], [8, -1.25, 3.5]])
+    np.testing.assert_array_equal(cloud.colors, [[1, 2, 3], [4, 5, 6]])
+    with pytest.raises(CloudError, match="ends before its 2 rows"):
+        read_ply(ply(tmp_path, header, body[:-12]))
+
+
+@pytest.mark.parametrize(
+    ("kind", "code", "values", "expected"),
+    [
+        ("uchar", "B", (0, 128, 255), [0, 128, 255]),
+        ("ushort", "H", (0, 32896, 65535), [0, 128, 255]),
+        ("float", "f", (0.0, 0.5, 1.0), [0, 128, 255]),
+        ("double", "d", (0.0, 128.0, 255.0), [0, 128, 255]),
+        ("int", "i", (-5, 128, 999), [0, 128, 255]),
+        ("float", "f", (float("nan"), float("inf"), 1.0), [0, 0, 255]),
+    ],
+)
+def test_colours_of_other_types(tmp_path: Path, kind: str, code: str, values, expected) -> None:
+    xyz = "\n".join(f"property float {axis}" for axis in "xyz")
+    colors = "\n".join(f"property {kind} {channel}" for channel in ("red", "green", "blue"))
+    header = f"format binary_little_endian 1.0\nelement vertex 1\n{xyz}\n{colors}"
+    cloud = read_ply(ply(tmp_path, header, struct.pack("<fff" + 3 * code, 1, 2, 3, *values)))
+    np.testing.assert_array_equal(cloud.colors, [expected])
+
+
+def test_rows_that_are_not_finite_are_left_out(tmp_path: Path) -> None:
+    header = "format ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z"
+    np.testing.assert_array_equal(read_ply(ply(tmp_path, header, b"1 2 3\nnan 0 0\n0 inf 0\n")).points, [[1, 2, 3]])
+
+
+XYZ = "property float x\nproperty float y\nproperty float z"
+
+
+@pytest.mark.parametrize(
+    ("header", "body", "message"),
+    [
+        (f"format ascii 1.0\nelement vertex 3\n{XYZ}", b"1 2 3\n4 5 6\n", "ends before its 3 rows"),
+        (f"format ascii 1.0\nelement vertex 2\n{XYZ}", b"1 2 3\n4 five 6\n", "row that cannot be read"),
+        (f"format ascii 1.0\nelement vertex 2\n{XYZ}", b"1 2 3\n4   5\n", "row that cannot be read"),
+        (f"format ascii 1.0\nelement vertex 999999999999999999\n{XYZ}", b"1 2 3\n", "ends before"),
+        (f"format binary_little_endian 1.0\nelement vertex 999999999999999999\n{XYZ}", b"12345", "ends before"),
+        (
+            f"format binary_little_endian 1.0\nelement vertex 999999999\n{XYZ}\nproperty list int int l",
+            b"0" * 99,
+            "ends before",
+        ),
+        (f"format binary_little_endian 1.0\nelement vertex -1\n{XYZ}", b"", "not a number of rows"),
+        (f"format binary_little_endian 1.0\nelement vertex 1e3\n{XYZ}", b"", "not a number of rows"),
+        (f"format morse 1.0\nelement vertex 1\n{XYZ}", b"", "unknown format"),
+        (f"element vertex 0\n{XYZ}", b"", "no format"),
+        ("format ascii 1.0\nelement vertex 1\nproperty float x", b"1\n", "no x, y and z"),
+        ("format ascii 1.0\nelement face 0\nproperty float x", b"", "has no vertices"),
+        (f"format ascii 1.0\nelement vertex 0\n{XYZ}\nproperty quaternion q", b"", "unknown property"),
+        (f"format ascii 1.0\nelement vertex 0\n{XYZ}\nproperty float x", b"", "'x' is there twice"),
+        (f"format ascii 1.0\nelement vertex 0\n{XYZ}\nelement vertex 0", b"", "there twice"),
+        (f"format ascii 1.0\nelement vertex 0\n{XYZ}\nproperty list float int l", b"", "floating-point"),
+        ("format ascii 1.0\nproperty float x", b"", "unexpected line"),
+        (
+            "format binary_big_endian 1.0\nelement vertex 1\n" + XYZ.replace("float", "double"),
+            struct.pack(">ddd", 1e300, 0, 0),
+            "no place on Earth",
+        ),
+        (
+            f"format binary_little_endian 1.0\nelement f 1\nproperty list char int l\nelement vertex 0\n{XYZ}",
+            b"\xff" * 9,
+            "ends before",
+        ),
+    ],
+)
+def test_damage_is_named_with_its_remedy(tmp_path: Path, header: str, body: bytes, message: str) -> None:
+    path = ply(tmp_path, header, body)
+    with pytest.raises(CloudError, match=message) as caught:
+        read_ply(path)
+    assert caught.value.path == path
+    assert caught.value.remedy
+
+
+@pytest.mark.parametrize("content", [b"", b"plywood", b"\x89PNG\r\n", b"ply\nformat ascii 1.0\n", b"ply\n" + b"a" * 99])
+def test_other_files(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "cloud.ply"
+    path.write_bytes(content)
+    with pytest.raises(CloudError):
+        read_ply(path)
+
+
+def test_missing_files_and_folders(tmp_path: Path) -> None:
+    with pytest.raises(CloudError, match="No such file"):
+        read_ply(tmp_path / "none.ply")
+    with pytest.raises(CloudError, match="directory"):
+        read_ply(tmp_path)
+
+
+def test_a_full_disk(small_disk: Path) -> None:
+    with pytest.raises(StorageError):
+        write_ply(small_disk / "cloud.ply", Cloud(np.zeros((200_000, 3))))
+
+
+ASCII_EXAMPLE = (
+    b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    b"property uchar red\nproperty uchar green\nproperty uchar blue\nproperty list uchar int near\n"
+    b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    b"1 2 3 9 9 9 1 5\n4 5 6 8 8 8 0\n7 8 9 7 7 7 2 1 1\n3 0 1 2\n"
+)
+BINARY_EXAMPLE = (
+    b"ply\nformat binary_big_endian 1.0\nelement face 2\nproperty list uchar short vertex_indices\n"
+    b"element vertex 2\nproperty double x\nproperty double y\nproperty double z\nproperty list int char tags\n"
+    b"property float nx\nproperty float ny\nproperty float nz\nend_header\n"
+    + struct.pack(">Bhh", 2, 0, 1)
+    + struct.pack(">B", 0)
+    + 2 * struct.pack(">dddibfff", 1, 2, 3, 1, 7, 0, 0, 1)
+)
+FRAGMENTS = [b"", b"0", b"-1", b"99999999999", b"\n", b"\r", b"vertex", b"list", b"ascii", b"\xff" * 8, b"nan", b"\x00"]
+
+
+@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.sampled_from([ASCII_EXAMPLE, BINARY_EXAMPLE]),
+    st.lists(st.tuples(st.integers(0, 500), st.integers(0, 12), st.sampled_from(FRAGMENTS) | st.binary(max_size=4))),
+    st.none() | st.integers(0, 500),
+)
+def test_damaged_files_give_a_cloud_or_a_cloud_error(tmp_path: Path, content: bytes, edits, length) -> None:
+    for position, removed, inserted in edits:
+        content = content[:position] + inserted + content[position + removed :]
+    path = tmp_path / "fuzzed.ply"
+    path.write_bytes(content[:length])
+    try:
+        cloud = read_ply(path)
+    except CloudError as raised:
+        error = raised
+    else:
+        error = None
+        assert np.isfinite(cloud.points).all()
+    assert error is None or (error.path == path and error.remedy)
+
+
+def test_the_undamaged_examples_are_read(tmp_path: Path) -> None:
+    for content, count in [(ASCII_EXAMPLE, 3), (BINARY_EXAMPLE, 2)]:
+        path = tmp_path / "cloud.ply"
+        path.write_bytes(content)
+        assert len(read_ply(path)) == count
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "colored", "oriented"),
+    [
+        ("basil_rig/reference_cloud.ply", 31_189, False, True),
+        ("meshes/maize_bonn_0313_cloud.ply", 338_874, False, False),
+        ("meshes/sorghum_mccormick2_mesh.ply", 31_873, True, False),
+    ],
+)
+def test_files_of_other_programs(data_folder: Path, name: str, count: int, colored: bool, oriented: bool) -> None:
+    cloud = read_ply(data_folder / name)
+    assert len(cloud) == count
+    assert (cloud.colors is not None) == colored
+    assert (cloud.normals is not None) == oriented
