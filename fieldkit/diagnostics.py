@@ -117,7 +117,7 @@ def check_renderer() -> Check:
 
 
 def check_pycolmap() -> Check:
-    """pycolmap's build, and the CUDA devices dense stereo could use."""
+    """The build of pycolmap, and the CUDA devices dense stereo could use."""
     builds = [name for name in ("pycolmap", "pycolmap-cuda12") if _version(name)]
     if len(builds) > 1:
         remedy = (

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sys
-import traceback
 import warnings
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, suppress
+from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, TextIO
 
@@ -34,7 +34,7 @@ class Boundary:
         self.exit_code = 0
         self._json = "--json" in options
         self._debug = "--debug" in options
-        self._catch_warnings = warnings.catch_warnings()
+        self._catch_warnings: AbstractContextManager[None] = warnings.catch_warnings()
 
     def __enter__(self) -> Boundary:
         self._catch_warnings.__enter__()
@@ -51,7 +51,7 @@ class Boundary:
         elif self.exit_code == EXIT_INTERRUPTED:  # Typer gives this code for Ctrl-C
             self._interrupted()
         _on_terminate(self._before)
-        self._catch_warnings.__exit__()
+        self._catch_warnings.__exit__(None, None, None)
         flush(sys.stdout)
         flush(sys.stderr)
         return True
@@ -63,6 +63,8 @@ class Boundary:
         if isinstance(error, KeyboardInterrupt):
             return self._interrupted()
         if self._debug:
+            import traceback
+
             traceback.print_exception(error)
         if isinstance(error, FieldkitError):
             self._tell(type(error).__name__, error.message, str(error.path or "") or None, error.remedy)
@@ -108,19 +110,17 @@ class Boundary:
 
 def emit_json(value: Any) -> None:
     """Print one JSON object on stdout. Numbers that JSON does not know (NaN, infinity) become null."""
-    try:
+    import json
+
+    with suppress(BrokenPipeError):
         sys.stdout.write(json.dumps(_plain(value), ensure_ascii=False, indent=2, allow_nan=False) + "\n")
-    except BrokenPipeError:
-        pass
     flush(sys.stdout)
 
 
 def say(text: str) -> None:
     """Print a line for people, on stderr."""
-    try:
+    with suppress(BrokenPipeError):
         sys.stderr.write(text + "\n")
-    except BrokenPipeError:
-        pass
     flush(sys.stderr)
 
 
@@ -129,7 +129,7 @@ def flush(stream: TextIO) -> None:
     try:
         stream.flush()
     except BrokenPipeError:
-        with open(os.devnull, "w") as nowhere:
+        with Path(os.devnull).open("w") as nowhere:
             os.dup2(nowhere.fileno(), stream.fileno())
 
 
@@ -154,6 +154,7 @@ def _is_typers(error: BaseException) -> bool:
 
 def _sentence(error: BaseException) -> str:
     message: str = error.format_message() if hasattr(error, "format_message") else "aborted"
+    message = message.replace("Value error, ", "")  # pydantic's prefix
     return message[:1].lower() + message[1:].rstrip(".")
 
 
@@ -163,6 +164,6 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 
 def _on_terminate(handler: Any) -> Any:
     try:
-        return signal.signal(signal.SIGTERM, handler)
+        return signal.signal(signal.SIGTERM, handler or signal.SIG_DFL)
     except ValueError:  # not the main thread
         return None

@@ -81,9 +81,16 @@ def _bars() -> Iterator[Progress]:
         class Bars:
             @contextmanager
             def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+                count = 0
+
+                def advance(steps: int) -> None:
+                    nonlocal count
+                    count += steps
+                    display.update(task, completed=count)
+
                 task = display.add_task(name, total=total)
-                yield lambda steps: display.advance(task, steps)
-                done = total if total is not None else max(1, int(display.tasks[display.task_ids.index(task)].completed))
+                yield advance
+                done = max(1, count if total is None else total)
                 display.update(task, total=done, completed=done)
 
             def note(self, message: str) -> None:
