@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+import re
 import shutil
 import signal
 import subprocess
@@ -196,7 +197,7 @@ def _required_packages() -> list[str]:
     except metadata.PackageNotFoundError:  # run from a source folder that is not installed
         return []
     names = [line.split(";")[0] for line in requirements if "extra ==" not in line]
-    return sorted(name.split("[")[0].rstrip("<>=!~, .0123456789") for name in names)
+    return sorted(re.split(r"[^\w.-]", name.strip())[0].lower().replace("_", "-") for name in names)
 
 
 def _version(distribution: str) -> str | None:

@@ -20,7 +20,7 @@ IMPORTS = {
     "pillow": "PIL.Image",
     "pydantic": "pydantic",
     "trimesh": "trimesh",
-    "small_gicp": "small_gicp",
+    "small-gicp": "small_gicp",
     "psutil": "psutil",
     "matplotlib": "matplotlib.figure",
 }

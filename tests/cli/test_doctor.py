@@ -1,0 +1,141 @@
+"""fieldkit doctor, and what it rests on."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import sys
+from pathlib import Path
+
+import pytest
+
+from fieldkit import diagnostics, probes
+from fieldkit.cli.main import main
+from fieldkit.diagnostics import Check
+
+
+def test_this_machine(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path))
+    code = main(["doctor", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    checks = {check["name"]: check for check in found["checks"]}
+    assert checks.keys() == {
+        "python", "packages", "optional packages", "renderer", "pycolmap", "cores", "memory", "cache", "exiftool",
+    }  # fmt: skip
+    assert code == (3 if found["status"] == "fail" else 0)
+    assert checks["packages"]["status"] == "ok", checks["packages"]
+    assert checks["pycolmap"]["status"] in ("ok", "warn"), checks["pycolmap"]
+    assert checks["cache"]["values"]["writable"]
+    for check in found["checks"]:
+        assert check["status"] == "ok" or check["remedy"]
+
+
+def test_table_for_people(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    checks = [
+        Check("cores", "warn", "1 [of 2]", "Everything works."),
+        Check("renderer", "fail", "no EGL", "Install [libegl1]."),
+    ]
+    monkeypatch.setattr(diagnostics, "diagnose", lambda: iter(checks))
+    assert main(["doctor"]) == 3
+    output = capsys.readouterr()
+    assert output.out == ""
+    for text in ("warn", "fail", "1 [of 2]", "→ Everything works.", "Install [libegl1]."):
+        assert text in output.err
+
+
+class TestRenderer:
+    def test_no_display(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")
+        monkeypatch.setenv("EGL_DEVICE_ID", "99")
+        check = diagnostics.check_renderer()
+        assert check.status == "fail"
+        assert "libegl1" in check.remedy
+
+    def test_crash_is_caught(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        """A driver that ends the process is reported, not suffered."""
+        (tmp_path / "pyrender.py").write_text("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        check = diagnostics.check_renderer()
+        assert check.status == "fail"
+        assert "SIGSEGV" in check.detail
+
+    def test_wrong_pixels(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        line = {"renderer": "Broken GL", "wrong_pixels": 7, "wrong_depths": 0}
+        monkeypatch.setattr(diagnostics, "_probe", lambda name: ([line], ""))
+        check = diagnostics.check_renderer()
+        assert check.status == "fail"
+        assert "7 wrong pixels" in check.detail
+
+
+class TestPackages:
+    def test_broken_import_is_named(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        (tmp_path / "cv2.py").write_text("raise ImportError('libGL.so.1: cannot open shared object file')")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        check = diagnostics.check_packages()
+        assert check.status == "fail"
+        assert "opencv-python-headless" in check.detail
+        assert "libGL.so.1" in check.detail
+
+    def test_crash_is_named(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        (tmp_path / "cv2.py").write_text("import os; os.abort()")
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        assert diagnostics.check_packages().values["broken"] == {
+            "opencv-python-headless": "the process was ended by SIGABRT"
+        }
+
+    def test_missing_package(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(diagnostics.metadata, "requires", lambda name: ["numpy>=2", "no-such-thing>=1.0,<2"])
+        check = diagnostics.check_packages()
+        assert check.status == "fail"
+        assert check.values["missing"] == ["no-such-thing"]
+
+    def test_every_requirement_is_probed(self) -> None:
+        probed_elsewhere = {"pycolmap", "pyrender", "pyopengl", "rich", "typer", "platformdirs", "threadpoolctl"}
+        assert set(diagnostics._required_packages()) - probed_elsewhere == set(probes.IMPORTS)
+
+
+class TestPycolmap:
+    @pytest.mark.parametrize(
+        ("cuda", "devices", "driver", "status"),
+        [(False, 0, False, "ok"), (True, 2, True, "ok"), (True, 0, True, "warn"), (False, 0, True, "warn")],
+    )
+    def test_status(
+        self, monkeypatch: pytest.MonkeyPatch, cuda: bool, devices: int, driver: bool, status: str
+    ) -> None:
+        line = {"version": "4.2.1", "built_with_cuda": cuda, "cuda_devices": devices, "features": 9}
+        monkeypatch.setattr(diagnostics, "_probe", lambda name: ([line], ""))
+        monkeypatch.setattr(diagnostics, "_version", lambda name: "4.2.1" if name == "pycolmap" else None)
+        monkeypatch.setattr(diagnostics.shutil, "which", lambda name: "/usr/bin/nvidia-smi" if driver else None)
+        assert diagnostics.check_pycolmap().status == status
+
+    def test_two_builds_at_once(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(diagnostics, "_version", lambda name: "4.2.1")
+        check = diagnostics.check_pycolmap()
+        assert check.status == "fail"
+        assert "uninstall" in check.remedy
+
+
+class TestCache:
+    def test_unwritable(self, unwritable: Path) -> None:
+        check = diagnostics.check_cache(unwritable / "fieldkit")
+        assert check.status == "warn"
+        assert "FIELDKIT_CACHE" in check.remedy
+        assert check.values["writable"] is False
+
+    def test_little_space(self, small_disk: Path) -> None:
+        check = diagnostics.check_cache(small_disk)
+        assert check.status == "warn"
+        assert "prune" in check.remedy
+
+
+def test_exiftool(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert diagnostics.check_exiftool().values == {"version": None}
+    tool = tmp_path / "exiftool"
+    tool.write_text(f"#!{sys.executable}\nprint('13.36')\n")
+    tool.chmod(tool.stat().st_mode | stat.S_IXUSR)
+    assert diagnostics.check_exiftool().values == {"version": "13.36"}
+    tool.write_text("#!/bin/false\n")
+    assert diagnostics.check_exiftool().status == "ok"
+    assert os.environ["PATH"] == str(tmp_path)

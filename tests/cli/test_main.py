@@ -1,0 +1,257 @@
+"""The command line as a whole: help is light, results go to stdout, errors are for people."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from fieldkit import __version__
+from fieldkit.cli.main import COMMANDS, main, overview
+
+ROOT = Path(__file__).parents[2]
+HEAVY = (
+    "numpy", "scipy", "numba", "cv2", "PIL", "pycolmap", "torch", "pydantic", "trimesh", "pyrender", "OpenGL",
+    "matplotlib", "rich", "psutil", "platformdirs", "laspy", "small_gicp",
+)  # fmt: skip
+
+
+def run(*arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", "import sys; from fieldkit.cli.main import main; sys.exit(main())", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, **options)  # type: ignore[call-overload]
+
+
+class TestHelp:
+    @pytest.mark.parametrize("arguments", [["--help"], ["--version"], [], *([name, "--help"] for name in COMMANDS)])
+    def test_imports_nothing_heavy(self, arguments: list[str]) -> None:
+        script = textwrap.dedent(f"""
+            import sys
+            from fieldkit.cli.main import main
+            code = main({arguments!r})
+            print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr)
+            sys.exit(code)
+        """)
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.strip() == "[]"
+        assert done.stdout
+
+    @pytest.mark.parametrize("name", COMMANDS)
+    def test_imports_only_that_command(self, name: str) -> None:
+        script = textwrap.dedent(f"""
+            import sys
+            from fieldkit.cli.main import COMMANDS, main
+            main([{name!r}, "--help"])
+            print([n for n in COMMANDS if "fieldkit.cli." + n.replace("-", "_") in sys.modules], file=sys.stderr)
+        """)
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+        assert done.stderr.strip() == str([name])
+
+    @pytest.mark.parametrize("name", COMMANDS)
+    def test_every_command_has_common_options_and_a_page(self, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main([name, "--help"]) == 0
+        text = capsys.readouterr().out
+        assert "--json" in text
+        assert "--debug" in text
+        assert f"fieldkit {name}" in (ROOT / "docs" / "commands" / f"{name}.md").read_text()
+
+    def test_overview_lists_every_command_file(self) -> None:
+        shared = {"__init__", "boundary", "common", "main", "progress"}
+        files = {path.stem for path in (ROOT / "fieldkit" / "cli").glob("*.py")} - shared
+        assert {name.replace("-", "_") for name in COMMANDS} == files
+        for name in COMMANDS:
+            assert f"  {name} " in overview()
+        assert max(map(len, overview().splitlines())) <= 100
+
+    @pytest.mark.parametrize("arguments", [["help"], ["-h"], []])
+    def test_other_ways_to_the_overview(self, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(arguments) == 0
+        assert capsys.readouterr().out == overview()
+
+    def test_help_of_a_command_in_words(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["help", "cache"]) == 0
+        assert "Usage: fieldkit cache" in capsys.readouterr().out
+
+    def test_version(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["--version"]) == 0
+        assert capsys.readouterr().out == f"fieldkit {__version__}\n"
+
+
+class TestUsageErrors:
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            (["doctr"], "Error: no such command: doctr\n  Did you mean `fieldkit doctor`?\n"),
+            (["xyzzy"], "Error: no such command: xyzzy\n  `fieldkit --help` lists the commands.\n"),
+            (["doctor", "--x"], "Error: no such option: --x\n  'fieldkit doctor --help' explains the command.\n"),
+            (["cache"], "Error: missing argument 'action'"),
+            (["cache", "burn"], "Error: invalid value for 'action': 'burn' is not one of 'show', 'prune', 'clear'\n"),
+            (["cache", "show", "surplus"], "Error: got unexpected extra argument(s) (surplus)\n"),
+            (["cache", "prune"], "Error: prune what?\n  Give --max-size or --older-than, or"),
+            (["cache", "show", "--max-size", "1G"], "Error: show takes neither --max-size nor --older-than\n"),
+            (["cache", "prune", "--max-size", "big"], "Error: --max-size: not a size: big\n  Write it like 500M"),
+            (["cache", "prune", "--older-than", "9"], "Error: --older-than: not a time: 9\n  Write it like 12h"),
+        ],
+    )
+    def test_message_and_code(
+        self, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    ) -> None:
+        assert main(arguments) == 2
+        output = capsys.readouterr()
+        assert output.err.startswith(message)
+        assert output.out == ""
+        assert main([*arguments, "--json"]) == 2
+        error = json.loads(capsys.readouterr().out)["error"]
+        assert error.keys() == {"type", "message", "path", "remedy"}
+        assert error["type"] == "UsageError"
+        assert error["remedy"]
+
+
+@pytest.fixture
+def a_command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """The file of a command `probe` whose body a test writes."""
+    import fieldkit.cli
+
+    monkeypatch.setitem(COMMANDS, "probe", "A command for tests.")
+    monkeypatch.setattr(fieldkit.cli, "__path__", [*fieldkit.cli.__path__, str(tmp_path)])
+    monkeypatch.delitem(sys.modules, "fieldkit.cli.probe", raising=False)
+    return tmp_path / "probe.py"
+
+
+def write(file: Path, body: str, *, resume: bool = False) -> None:
+    parameters = "as_json: JsonOption = False, debug: DebugOption = False" + (
+        ", resume: ResumeOption = False" if resume else ""
+    )
+    file.write_text(
+        "from __future__ import annotations\n"
+        "import os, signal, sys, warnings\n"
+        "from pathlib import Path\n"
+        "import typer\n"
+        "from fieldkit.cli.common import *\n"
+        "from fieldkit.errors import *\n"
+        f"def command({parameters}):\n    {body}\n"
+    )
+    sys.modules.pop("fieldkit.cli.probe", None)
+
+
+class TestBoundary:
+    @pytest.mark.parametrize(
+        ("kind", "code"),
+        [
+            ("UsageError", 2),
+            ("InputError", 3),
+            ("CaptureError", 3),
+            ("MetadataError", 3),
+            ("StorageError", 3),
+            ("EmptyCloudError", 3),
+            ("ReconstructionError", 4),
+        ],
+    )
+    def test_known_errors(self, a_command: Path, capsys: pytest.CaptureFixture[str], kind: str, code: int) -> None:
+        write(a_command, f"raise {kind}('is empty', path='plot 7/photos', remedy='Copy the photographs there.')")
+        assert main(["probe"]) == code
+        output = capsys.readouterr()
+        assert output.err == "Error: plot 7/photos: is empty\n  Copy the photographs there.\n"
+        assert output.out == ""
+        assert main(["probe", "--json"]) == code
+        output = capsys.readouterr()
+        assert json.loads(output.out) == {
+            "error": {
+                "type": kind,
+                "message": "is empty",
+                "path": "plot 7/photos",
+                "remedy": "Copy the photographs there.",
+            }
+        }
+        assert output.err.startswith("Error: plot 7/photos")
+
+    def test_a_bug(self, a_command: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        write(a_command, "1 / 0")
+        assert main(["probe"]) == 1
+        error = capsys.readouterr().err
+        assert error.startswith("Error: this is a bug in fieldkit: ZeroDivisionError: division by zero\n")
+        assert "--debug" in error
+        assert "Traceback" not in error
+        assert main(["probe", "--debug"]) == 1
+        assert "Traceback" in capsys.readouterr().err
+        assert main(["probe", "--json"]) == 1
+        assert json.loads(capsys.readouterr().out)["error"]["type"] == "ZeroDivisionError"
+
+    def test_out_of_memory(self, a_command: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        write(a_command, "raise MemoryError")
+        assert main(["probe"]) == 1
+        assert "bug" not in capsys.readouterr().err
+
+    def test_interrupted(self, a_command: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        write(a_command, "raise KeyboardInterrupt", resume=True)
+        assert main(["probe"]) == 130
+        assert "--resume" in capsys.readouterr().err
+        write(a_command, "raise KeyboardInterrupt")
+        assert main(["probe"]) == 130
+        assert "--resume" not in capsys.readouterr().err
+
+    def test_terminated(self, a_command: Path) -> None:
+        write(a_command, "os.kill(os.getpid(), signal.SIGTERM)")
+        assert main(["probe"]) == 143
+
+    @pytest.mark.parametrize("body", ["return 4", "raise typer.Exit(4)", "sys.exit(4)"])
+    def test_code_of_a_command(self, a_command: Path, body: str) -> None:
+        write(a_command, body)
+        assert main(["probe"]) == 4
+
+    def test_warnings(self, a_command: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        write(
+            a_command,
+            "from fieldkit.cache import CacheWarning; warnings.warn('the cache is full', CacheWarning); "
+            "warnings.warn('of another library', RuntimeWarning)",
+        )
+        assert main(["probe"]) == 0
+        assert capsys.readouterr().err == "Warning: the cache is full\n"
+        assert main(["probe", "--debug"]) == 0
+        assert "of another library" in capsys.readouterr().err
+
+    def test_threads_are_limited_before_numpy_is_imported(self, a_command: Path) -> None:
+        write(a_command, "emit_json([os.environ['OMP_NUM_THREADS'], 'numpy' in sys.modules])")
+        script = (
+            "import sys, fieldkit.cli; from fieldkit.cli.main import COMMANDS, main; COMMANDS['probe'] = ''; "
+            f"fieldkit.cli.__path__.append({str(a_command.parent)!r}); sys.exit(main(['probe']))"
+        )
+        done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+        assert json.loads(done.stdout) == ["1", False]
+
+
+class TestJson:
+    def test_plain_values(self, a_command: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        write(
+            a_command,
+            "import numpy as np; emit_json({'a': np.float32(1.5), 'b': np.arange(2), 'c': float('nan'), "
+            "'d': Path('x'), 5: (True, None), 'ü': np.array([np.inf])})",
+        )
+        assert main(["probe"]) == 0
+        assert json.loads(capsys.readouterr().out) == {
+            "a": 1.5, "b": [0, 1], "c": None, "d": "x", "5": [True, None], "ü": [None],
+        }  # fmt: skip
+
+    def test_nobody_reads(self) -> None:
+        """`fieldkit … | head -0`: no traceback, and the result counts."""
+        script = "import sys; from fieldkit.cli.main import main; sys.exit(main(['cache', 'show', '--json']))"
+        with subprocess.Popen(
+            [sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None
+            assert process.stderr is not None
+            process.stdout.close()
+            assert process.stderr.read() == ""
+        assert process.returncode == 0
+
+
+def test_installed_entry_point() -> None:
+    script = Path(sys.executable).with_name("fieldkit")
+    if not script.exists():
+        pytest.skip("fieldkit is not installed in this environment")
+    done = subprocess.run([script, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"fieldkit {__version__}\n"
