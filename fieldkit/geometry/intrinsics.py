@@ -111,6 +111,17 @@ class Intrinsics:
         pixels[points[:, 2] <= 0] = np.nan
         return pixels
 
+    def undistort(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pixels (n, 2) of this camera as pixels (n, 2) of `without_distortion` (fixed-point iteration)."""
+        if not self.distorted:
+            return np.array(pixels, dtype=np.float64)
+        focal, principal = np.array([self.fx, self.fy]), np.array([self.cx, self.cy])
+        distorted = (pixels - principal) / focal
+        ideal = distorted
+        for _ in range(30):
+            ideal = ideal + distorted - np.stack(self._distort(ideal[:, 0], ideal[:, 1]), axis=1)
+        return ideal * focal + principal
+
     def _distort(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Brown-Conrady distortion of normalised coordinates, as OpenCV and COLMAP define it."""
         k1, k2, k3 = self._get("k1", self._get("k")), self._get("k2"), self._get("k3")

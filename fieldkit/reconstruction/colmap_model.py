@@ -1,0 +1,121 @@
+"""COLMAP's reconstruction objects: made from our values and read back into them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.reconstruction.features import Features
+from fieldkit.reconstruction.tracks import Track
+
+# COLMAP logs every step to stderr, which belongs to the person at the terminal; only fatal messages stay.
+pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
+
+
+def to_colmap_camera(intrinsics: Intrinsics, camera_id: int) -> pycolmap.Camera:
+    """COLMAP's camera of the same model and parameters."""
+    camera = pycolmap.Camera(
+        model=intrinsics.model, width=intrinsics.width, height=intrinsics.height, params=list(intrinsics.params)
+    )
+    camera.camera_id = camera_id
+    return camera
+
+
+def from_colmap_camera(camera: pycolmap.Camera) -> Intrinsics:
+    return Intrinsics(camera.model.name, camera.width, camera.height, tuple(float(p) for p in camera.params))
+
+
+def to_rigid(pose: Pose) -> pycolmap.Rigid3d:
+    """COLMAP's camera-from-world."""
+    return pycolmap.Rigid3d(pycolmap.Rotation3d(pose.rotation), pose.translation)
+
+
+def pose_of(image: pycolmap.Image) -> Pose:
+    return Pose(image.cam_from_world().rotation.matrix(), image.projection_center())
+
+
+def model_poses(model: pycolmap.Reconstruction) -> dict[str, Pose]:
+    """Poses of the registered images by name, in the order of names."""
+    images = [model.image(i) for i in model.reg_image_ids()]
+    return {image.name: pose_of(image) for image in sorted(images, key=lambda image: str(image.name))}
+
+
+def model_intrinsics(model: pycolmap.Reconstruction) -> dict[str, Intrinsics]:
+    """Intrinsics of the registered images by name."""
+    images = [model.image(i) for i in model.reg_image_ids()]
+    return {image.name: from_colmap_camera(model.camera(image.camera_id)) for image in images}
+
+
+def model_points(model: pycolmap.Reconstruction) -> NDArray[np.float64]:
+    """(n, 3) points, by ascending id."""
+    points = [model.points3D[k].xyz for k in sorted(model.point3D_ids())]
+    return np.array(points, dtype=np.float64).reshape(-1, 3)
+
+
+def transform_model(model: pycolmap.Reconstruction, similarity: Similarity) -> None:
+    """Move a model, in place, into the similarity's target frame."""
+    model.transform(
+        pycolmap.Sim3d(similarity.scale, pycolmap.Rotation3d(similarity.rotation), similarity.translation)
+    )
+
+
+def new_model(
+    names: Sequence[str],
+    cameras: Sequence[Intrinsics],
+    camera_of: Sequence[int],
+    poses: Sequence[Pose],
+    features: Sequence[Features],
+) -> pycolmap.Reconstruction:
+    """A model of posed images without points. Image ids are 1 + the position in ``names``, camera ids likewise."""
+    model = pycolmap.Reconstruction()
+    for index, intrinsics in enumerate(cameras):
+        model.add_camera_with_trivial_rig(to_colmap_camera(intrinsics, index + 1))
+    for index, name in enumerate(names):
+        image = pycolmap.Image(
+            name=name, camera_id=camera_of[index] + 1, image_id=index + 1, keypoints=features[index].points
+        )
+        model.add_image_with_trivial_frame(image, to_rigid(poses[index]))
+    return model
+
+
+def triangulate_tracks(
+    model: pycolmap.Reconstruction,
+    features: Sequence[Features],
+    tracks: Sequence[Track],
+    *,
+    max_error_px: float,
+    min_angle_deg: float,
+    seed: int,
+) -> int:
+    """Add a point for every track that triangulates; observations over ``max_error_px`` are left out of it.
+
+    Returns:
+        The number of points added.
+    """
+    options = pycolmap.EstimateTriangulationOptions()
+    options.min_tri_angle = np.radians(min_angle_deg)
+    options.residual_type = pycolmap.TriangulationResidualType.REPROJECTION_ERROR
+    options.ransac.max_error = max_error_px
+    options.ransac.random_seed = seed
+    options.ransac.min_inlier_ratio = 0.02
+    options.ransac.confidence = 0.9999
+    options.ransac.max_num_trials = 100
+    rigid: Mapping[int, pycolmap.Rigid3d] = {i: image.cam_from_world() for i, image in model.images.items()}
+    cameras = {i: model.camera(image.camera_id) for i, image in model.images.items()}
+    added = 0
+    for track in tracks:
+        ids = [i + 1 for i, _ in track]
+        pixels = np.array([features[i].keypoints[k, :2] for i, k in track], dtype=np.float64)
+        found = pycolmap.estimate_triangulation(pixels, [rigid[i] for i in ids], [cameras[i] for i in ids], options)
+        if found is None:
+            continue
+        inliers = zip(track, found["inliers"], strict=True)
+        kept = [pycolmap.TrackElement(i + 1, k) for (i, k), good in inliers if good]
+        if len(kept) >= 2:
+            model.add_point3D(found["xyz"], pycolmap.Track(kept))
+            added += 1
+    return added

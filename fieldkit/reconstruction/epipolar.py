@@ -1,0 +1,65 @@
+"""Two-view geometry of known poses: fundamental matrices, epipolar distances, bands as gates for matching."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Intrinsics, Pose
+
+Points = NDArray[np.float64]
+
+
+def relative_pose(a: Pose, b: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rotation (3, 3) and translation (3,) of camera b from camera a."""
+    return b.rotation @ a.rotation.T, b.rotation @ (a.center - b.center)
+
+
+def fundamental_matrix(a: Pose, b: Pose, camera_a: Intrinsics, camera_b: Intrinsics) -> NDArray[np.float64]:
+    """(3, 3) F with x_bᵀ F x_a = 0 for undistorted pixels (Hartley & Zisserman, eq. 9.2)."""
+    rotation, t = relative_pose(a, b)
+    cross = np.array([[0.0, -t[2], t[1]], [t[2], 0.0, -t[0]], [-t[1], t[0], 0.0]])
+    essential = cross @ rotation
+    fundamental: NDArray[np.float64] = np.linalg.inv(camera_b.matrix()).T @ essential @ np.linalg.inv(camera_a.matrix())
+    return fundamental
+
+
+def _homogeneous(points: Points) -> Points:
+    return np.concatenate([points, np.ones((len(points), 1))], axis=1)
+
+
+def epipolar_distance(fundamental: NDArray[np.float64], a: Points, b: Points) -> NDArray[np.float64]:
+    """(n,) the larger of the two point-to-epipolar-line distances of pairs a, b (n, 2), pixels."""
+    ha, hb = _homogeneous(a), _homogeneous(b)
+    in_b, in_a = ha @ fundamental.T, hb @ fundamental
+    residual = np.abs((hb * in_b).sum(axis=1))
+    lengths = np.minimum(np.hypot(in_b[:, 0], in_b[:, 1]), np.hypot(in_a[:, 0], in_a[:, 1]))
+    distance: NDArray[np.float64] = residual / np.maximum(lengths, 1e-12)
+    return distance
+
+
+@dataclass(frozen=True, eq=False)
+class EpipolarBand:
+    """A gate for `match_features`: both epipolar distances within ``width``.
+
+    Attributes:
+        fundamental: (3, 3) of image b from image a.
+        a, b: undistorted pixel positions (n, 2), (m, 2).
+        width: half the band's width, pixels.
+    """
+
+    fundamental: NDArray[np.float64]
+    a: Points
+    b: Points
+    width: float
+
+    def __call__(self, rows: slice) -> NDArray[np.bool_]:
+        hb = _homogeneous(self.b)
+        in_b = (_homogeneous(self.a[rows]) @ self.fundamental.T).astype(np.float32)
+        in_a = (hb @ self.fundamental).astype(np.float32)
+        residual = np.abs(in_b @ hb.T.astype(np.float32))
+        limit_b = self.width * np.hypot(in_b[:, 0], in_b[:, 1])
+        limit_a = self.width * np.hypot(in_a[:, 0], in_a[:, 1])
+        return (residual <= limit_b[:, None]) & (residual <= limit_a[None, :])

@@ -1,0 +1,95 @@
+"""Descriptor matching: mutual best with the ratio test, everywhere or inside a prior's epipolar band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.reconstruction.features import Features
+
+_CHUNK_ROWS = 1024  # of the similarity matrix: 32 MB against 8192 features
+
+
+class Gate(Protocol):
+    """Which features of a second image can match which of a first."""
+
+    def __call__(self, rows: slice) -> NDArray[np.bool_]:
+        """(rows, m) True where feature ``rows`` of the first image may match a feature of the second."""
+
+
+@dataclass
+class _BestTwo:
+    """The two highest similarities seen per entry and the index of the highest."""
+
+    index: NDArray[np.int64]
+    first: NDArray[np.float32]
+    second: NDArray[np.float32]
+
+    @classmethod
+    def empty(cls, n: int) -> _BestTwo:
+        return cls(np.full(n, -1), np.full(n, -np.inf, np.float32), np.full(n, -np.inf, np.float32))
+
+
+def match_features(a: Features, b: Features, *, ratio: float = 0.8, gate: Gate | None = None) -> NDArray[np.uint32]:
+    """Mutual nearest neighbours that pass Lowe's ratio test in both directions.
+
+    Args:
+        a: n features.
+        b: m features.
+        ratio: largest allowed ratio of the best to the second best descriptor distance (Lowe 2004).
+        gate: candidates outside it do not exist, for the ratio test neither; None allows all.
+
+    Returns:
+        (k, 2) indices into ``a`` and ``b``, sorted by the first.
+    """
+    if len(a) == 0 or len(b) == 0:
+        return np.zeros((0, 2), np.uint32)
+    left, right = _unit(a), _unit(b)
+    rows, columns = _BestTwo.empty(len(a)), _BestTwo.empty(len(b))
+    everywhere = np.arange(len(b))
+    for start in range(0, len(a), _CHUNK_ROWS):
+        part = slice(start, min(start + _CHUNK_ROWS, len(a)))
+        similarity = left[part] @ right.T
+        if gate is not None:
+            similarity[~gate(part)] = -np.inf
+        _update_columns(columns, similarity, start, everywhere)
+        here = np.arange(len(similarity))
+        best = similarity.argmax(axis=1)
+        rows.index[part], rows.first[part] = best, similarity[here, best]
+        similarity[here, best] = -np.inf
+        rows.second[part] = similarity.max(axis=1)
+    good_rows, good_columns = _passes_ratio(rows, ratio), _passes_ratio(columns, ratio)
+    candidates = np.flatnonzero(good_rows)
+    partners = rows.index[candidates]
+    mutual = (columns.index[partners] == candidates) & good_columns[partners]
+    return np.stack([candidates[mutual], partners[mutual]], axis=1).astype(np.uint32)
+
+
+def _unit(features: Features) -> NDArray[np.float32]:
+    descriptors = features.descriptors.astype(np.float32)
+    return descriptors / np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-12)
+
+
+def _update_columns(
+    columns: _BestTwo, similarity: NDArray[np.float32], start: int, everywhere: NDArray[np.int64]
+) -> None:
+    best = similarity.argmax(axis=0)
+    first = similarity[best, everywhere]
+    similarity[best, everywhere] = -np.inf
+    second = similarity.max(axis=0)
+    similarity[best, everywhere] = first
+    better = first > columns.first
+    columns.second = np.maximum(np.minimum(first, columns.first), np.maximum(second, columns.second))
+    columns.index = np.where(better, best + start, columns.index)
+    columns.first = np.maximum(first, columns.first)
+
+
+def _passes_ratio(best: _BestTwo, ratio: float) -> NDArray[np.bool_]:
+    """Distances of unit vectors are √(2 − 2 cos); no second candidate passes, no first does not."""
+    nearest = np.sqrt(np.maximum(2.0 - 2.0 * best.first, 0.0))
+    runner_up = np.sqrt(np.maximum(2.0 - 2.0 * best.second, 0.0))
+    passes: NDArray[np.bool_] = np.isfinite(best.first) & (nearest <= ratio * runner_up)
+    return passes

@@ -1,0 +1,319 @@
+"""Mapping that uses rough poses: what registers few views of real plants, where blind mapping cannot.
+
+1. Guided matching in bands as wide as the priors' uncertainty; per pair, a relative pose by RANSAC, kept only if it
+   agrees with the priors (an impossible pair is rejected).
+2. Bundle adjustment of those pairs' tracks from the prior poses, with position priors and a robust loss whose scale
+   falls.
+3. Guided matching again about the refined poses, in bands that narrow round by round, each followed by
+   triangulation and bundle adjustment.
+4. An image counts as registered only with clearly more matches than chance gives.
+
+The method is ours (the paper maps blindly); its parts are standard: RANSAC (Fischler & Bolles 1981), robust bundle
+adjustment (Triggs et al. 2000), graduated non-convexity for the falling loss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.reconstruction.bundle import PositionPrior, adjust, filter_points
+from fieldkit.reconstruction.colmap_model import from_colmap_camera, new_model, pose_of, triangulate_tracks
+from fieldkit.reconstruction.epipolar import relative_pose
+from fieldkit.reconstruction.features import Features
+from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, chance_matches, match_guided
+from fieldkit.reconstruction.tracks import build_tracks
+from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+
+Matches = dict[tuple[int, int], NDArray[np.uint32]]
+
+# A 3D normal deviation stays within 4.03 σ per axis with 99.9 %, a 2D one within 3.72 σ (χ² distribution).
+_BOUND_3D, _BOUND_2D = 4.03, 3.72
+
+
+@dataclass(frozen=True)
+class PriorMappingSettings:
+    """Constants of prior mapping.
+
+    Attributes:
+        guided: acceptance of single matches.
+        verification: of the first round's pairs.
+        max_view_angle_deg: pairs whose viewing directions differ more are not tried.
+        max_neighbours: per image, only that many nearest cameras are tried.
+        first_band_sigmas: half width of the first band, in standard deviations of the priors' epipolar error.
+        bands_px: half widths of the following bands, in pixels of a 1600-pixel-wide photograph.
+        loss_px: scale of the last robust loss.
+        max_error_px: largest reprojection error of an observation that stays.
+        min_angle_deg: smallest triangulation angle of a point.
+        min_observations: an image with fewer is not registered.
+        chance_factor: an image whose matches are fewer than this many times what chance gives is not registered.
+    """
+
+    guided: GuidedSettings = field(default_factory=GuidedSettings)
+    verification: VerificationSettings = VerificationSettings(max_error_px=2.0, min_inliers=10)
+    max_view_angle_deg: float = 75.0
+    max_neighbours: int = 24
+    first_band_sigmas: float = 2.5
+    bands_px: tuple[float, ...] = (12.0, 6.0, 3.0)
+    loss_px: float = 1.0
+    max_error_px: float = 4.0
+    min_angle_deg: float = 1.0
+    min_observations: int = 15
+    chance_factor: float = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class RoughPose:
+    """A prior: a full pose with the standard deviations of its position (3,) in metres and angle in degrees."""
+
+    pose: Pose
+    position_sigma: NDArray[np.float64]
+    angle_sigma_deg: float
+
+
+@dataclass(frozen=True, eq=False)
+class PriorMapping:
+    """What prior mapping gives.
+
+    Attributes:
+        model: in the priors' frame; holds registered images only.
+        unregistered: reason by image name.
+        pairs_tried, pairs_kept: of the first round.
+    """
+
+    model: pycolmap.Reconstruction
+    unregistered: dict[str, str]
+    pairs_tried: int
+    pairs_kept: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    names: Sequence[str]
+    features: Sequence[Features]
+    cameras: Sequence[Intrinsics]
+    camera_of: Sequence[int]
+    priors: Sequence[RoughPose]
+    settings: PriorMappingSettings
+    fixed_intrinsics: bool
+    seed: int
+
+    def posed(self, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[PosedFeatures]:
+        trio = zip(self.features, poses, self.camera_of, strict=True)
+        return [PosedFeatures.of(features, pose, cameras[k]) for features, pose, k in trio]
+
+
+def map_with_priors(
+    names: Sequence[str],
+    features: Sequence[Features],
+    cameras: Sequence[Intrinsics],
+    camera_of: Sequence[int],
+    priors: Sequence[RoughPose],
+    settings: PriorMappingSettings,
+    *,
+    region: Region | None = None,
+    fixed_intrinsics: bool,
+    seed: int = 0,
+    advance: Callable[[int], None] = lambda _: None,
+) -> PriorMapping:
+    """Poses and points of photographs whose rough poses are known.
+
+    Args:
+        names: of n images.
+        features: of each.
+        cameras: of each camera group.
+        camera_of: each image's index into ``cameras``.
+        priors: each image's rough pose, metres.
+        settings: constants.
+        region: what the cameras look at; None finds it from the optical axes.
+        fixed_intrinsics: hold the cameras as given; else focal length and distortion are adjusted in the last rounds.
+        seed: of every RANSAC.
+        advance: called with 1 after each round (``1 + len(settings.bands_px)`` rounds).
+    """
+    problem = _Problem(names, features, cameras, camera_of, priors, settings, fixed_intrinsics, seed)
+    start = [prior.pose for prior in priors]
+    region = region or region_of_interest(start)
+    pairs = _candidate_pairs(start, settings)
+    matches = {}
+    posed = problem.posed(start, cameras)
+    for i, j in pairs:
+        found = _first_matches(problem, posed[i], posed[j], i, j, region)
+        if found is not None:
+            matches[i, j] = found
+    model = _first_model(problem, matches, region)
+    advance(1)
+    scale = max(camera.width for camera in cameras) / 1600.0
+    for index, band in enumerate(settings.bands_px):
+        model = _round(problem, model, pairs, band * scale, region, last=index == len(settings.bands_px) - 1)
+        advance(1)
+    poses, current = _state(problem, model)
+    unregistered = _unsupported(problem, model, problem.posed(poses, current), pairs, region, scale)
+    for name in unregistered:
+        model.deregister_frame(model.image(names.index(name) + 1).frame_id)
+    return PriorMapping(model, unregistered, len(pairs), len(matches))
+
+
+def region_of_interest(poses: Sequence[Pose]) -> Region | None:
+    """The sphere about the point nearest to all optical axes; None where the axes are nearly parallel."""
+    normal = sum((np.eye(3) - np.outer(p.forward, p.forward) for p in poses), np.zeros((3, 3)))
+    if len(poses) < 2 or np.linalg.eigvalsh(normal)[0] < 0.02 * len(poses):
+        return None
+    right = sum(((np.eye(3) - np.outer(p.forward, p.forward)) @ p.center for p in poses), np.zeros(3))
+    center = np.linalg.solve(normal, right)
+    distances = [float(np.linalg.norm(p.center - center)) for p in poses]
+    if np.mean([(center - p.center) @ p.forward > 0 for p in poses]) < 0.8:
+        return None
+    return Region((float(center[0]), float(center[1]), float(center[2])), 0.8 * float(np.median(distances)))
+
+
+def epipolar_sigma_px(a: RoughPose, b: RoughPose, focal_px: float, distance_m: float) -> float:
+    """Standard deviation of a feature's distance to the priors' epipolar line, pixels (first order)."""
+    angle = np.radians(np.hypot(a.angle_sigma_deg, b.angle_sigma_deg))
+    shift = np.hypot(np.mean(a.position_sigma), np.mean(b.position_sigma)) / max(distance_m, 1e-9)
+    return float(focal_px * np.hypot(angle, shift))
+
+
+def _candidate_pairs(poses: Sequence[Pose], settings: PriorMappingSettings) -> list[tuple[int, int]]:
+    centers = np.array([p.center for p in poses])
+    forward = np.array([p.forward for p in poses])
+    seen_alike = forward @ forward.T >= np.cos(np.radians(settings.max_view_angle_deg))
+    distance = np.linalg.norm(centers[:, None] - centers[None], axis=2)
+    pairs = set()
+    for i in range(len(poses)):
+        near = [int(j) for j in np.argsort(distance[i], kind="stable") if j != i and seen_alike[i, j]]
+        pairs.update((min(i, j), max(i, j)) for j in near[: settings.max_neighbours])
+    return sorted(pairs)
+
+
+def _distance(prior: RoughPose, other: RoughPose, region: Region | None) -> float:
+    if region is not None:
+        return float(np.linalg.norm(prior.pose.center - np.array(region.center)))
+    return 3.0 * float(np.linalg.norm(prior.pose.center - other.pose.center))
+
+
+def _first_matches(
+    problem: _Problem, a: PosedFeatures, b: PosedFeatures, i: int, j: int, region: Region | None
+) -> NDArray[np.uint32] | None:
+    settings, priors = problem.settings, problem.priors
+    distance = _distance(priors[i], priors[j], region)
+    sigma = epipolar_sigma_px(priors[i], priors[j], a.camera.fx, distance)
+    matches = match_guided(a, b, max(4.0, settings.first_band_sigmas * sigma), settings.guided, region=region)
+    pair_cameras = (problem.cameras[problem.camera_of[i]], problem.cameras[problem.camera_of[j]])
+    found = verify_pair(
+        problem.features[i], problem.features[j], *pair_cameras, matches, settings.verification,
+        calibrated=True, seed=problem.seed,
+    )  # fmt: skip
+    return found.inliers if len(found.inliers) and _agrees_with_priors(found, priors[i], priors[j]) else None
+
+
+def _agrees_with_priors(found: TwoView, a: RoughPose, b: RoughPose) -> bool:
+    rotation, translation = relative_pose(a.pose, b.pose)
+    baseline = float(np.linalg.norm(translation))
+    angle_sigma = float(np.hypot(a.angle_sigma_deg, b.angle_sigma_deg))
+    # Two more degrees: pairs with few matches fix the relative pose no better.
+    if rotation_angle_deg(found.rotation, rotation) > _BOUND_3D * angle_sigma + 2.0:
+        return False
+    shift = float(np.hypot(np.mean(a.position_sigma), np.mean(b.position_sigma)))
+    direction_sigma = np.degrees(np.arctan2(shift, max(baseline, 1e-9)))
+    cosine = float(found.translation @ translation) / max(baseline * float(np.linalg.norm(found.translation)), 1e-12)
+    turn = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return bool(turn <= _BOUND_2D * np.hypot(direction_sigma, b.angle_sigma_deg) + 2.0)
+
+
+def _position_priors(problem: _Problem) -> dict[int, PositionPrior]:
+    return {i + 1: PositionPrior(p.pose.center, p.position_sigma) for i, p in enumerate(problem.priors)}
+
+
+def _tracks_to_model(
+    problem: _Problem, poses: Sequence[Pose], cameras: Sequence[Intrinsics], matches: Matches, max_error_px: float
+) -> pycolmap.Reconstruction:
+    model = new_model(problem.names, cameras, problem.camera_of, poses, problem.features)
+    tracks = build_tracks([len(f) for f in problem.features], matches)
+    triangulate_tracks(
+        model, problem.features, tracks, max_error_px=max_error_px,
+        min_angle_deg=problem.settings.min_angle_deg, seed=problem.seed,
+    )  # fmt: skip
+    return model
+
+
+def _first_model(problem: _Problem, matches: Matches, region: Region | None) -> pycolmap.Reconstruction:
+    poses = [prior.pose for prior in problem.priors]
+    pairs = list(matches) or [(0, 0)]
+    sigma = max(
+        epipolar_sigma_px(
+            problem.priors[i], problem.priors[j], problem.cameras[0].fx,
+            _distance(problem.priors[i], problem.priors[j], region),
+        )
+        for i, j in pairs
+    )  # fmt: skip
+    model = _tracks_to_model(problem, poses, problem.cameras, matches, max(8.0, 4.0 * sigma))
+    for loss in (max(2.0, sigma / 2), 8.0, 2.0):
+        adjust(model, _position_priors(problem), loss_px=loss, refine_intrinsics=False, seed=problem.seed)
+    return model
+
+
+def _state(problem: _Problem, model: pycolmap.Reconstruction) -> tuple[list[Pose], list[Intrinsics]]:
+    poses = [pose_of(model.image(i + 1)) for i in range(len(problem.names))]
+    return poses, [from_colmap_camera(model.camera(k + 1)) for k in range(len(problem.cameras))]
+
+
+def _round(
+    problem: _Problem,
+    model: pycolmap.Reconstruction,
+    pairs: Sequence[tuple[int, int]],
+    band_px: float,
+    region: Region | None,
+    *,
+    last: bool,
+) -> pycolmap.Reconstruction:
+    settings = problem.settings
+    poses, cameras = _state(problem, model)
+    posed = problem.posed(poses, cameras)
+    matches = {
+        (i, j): match_guided(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=region)
+        for i, j in pairs
+    }
+    model = _tracks_to_model(problem, poses, cameras, matches, 1.5 * band_px)
+    priors = _position_priors(problem)
+    refine = last and not problem.fixed_intrinsics
+    adjust(model, priors, loss_px=2.0 * settings.loss_px, refine_intrinsics=False, seed=problem.seed)
+    filter_points(model, max(settings.max_error_px, band_px), settings.min_angle_deg)
+    adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed)
+    filter_points(model, settings.max_error_px, settings.min_angle_deg)
+    adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed)
+    return model
+
+
+def _unsupported(
+    problem: _Problem,
+    model: pycolmap.Reconstruction,
+    posed: Sequence[PosedFeatures],
+    pairs: Sequence[tuple[int, int]],
+    region: Region | None,
+    scale: float,
+) -> dict[str, str]:
+    settings = problem.settings
+    band = settings.bands_px[-1] * scale
+    real, chance = np.zeros(len(posed)), np.zeros(len(posed))
+    for i, j in pairs:
+        found = match_guided(posed[i], posed[j], band, settings.guided, region=region, meet_in=region)
+        by_chance = chance_matches(posed[i], posed[j], band, settings.guided, region)
+        for k in (i, j):
+            real[k] += len(found)
+            chance[k] += by_chance
+    reasons = {}
+    for index, name in enumerate(problem.names):
+        observations = model.image(index + 1).num_points3D
+        if len(problem.features[index]) < settings.min_observations:
+            reasons[name] = "too few features"
+        elif observations < settings.min_observations:
+            reasons[name] = "no matches"
+        elif real[index] < settings.chance_factor * chance[index]:
+            reasons[name] = "no more matches than chance gives"
+    return reasons

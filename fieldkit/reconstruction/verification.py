@@ -1,0 +1,100 @@
+"""Geometric verification of an image pair's matches, through pycolmap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Intrinsics
+from fieldkit.reconstruction.colmap_model import to_colmap_camera
+from fieldkit.reconstruction.features import Features
+
+
+@dataclass(frozen=True)
+class VerificationSettings:
+    """COLMAP's two-view options that matter here.
+
+    Attributes:
+        max_error_px: of RANSAC's epipolar error, in full-size pixels.
+        min_inliers: fewer verified matches and the pair does not count.
+    """
+
+    max_error_px: float = 4.0
+    min_inliers: int = 15
+
+
+@dataclass(frozen=True, eq=False)
+class TwoView:
+    """What verification says of a pair.
+
+    Attributes:
+        inliers: (k, 2) feature indices; empty when the pair fails.
+        config: COLMAP's TwoViewGeometryConfiguration as a number.
+        fundamental, essential, homography: (3, 3), zeros where not estimated.
+        rotation, translation: (3, 3), (3,) of camera b from camera a, |translation| = 1; identity and zeros where
+            not estimated.
+    """
+
+    inliers: NDArray[np.uint32]
+    config: int
+    fundamental: NDArray[np.float64]
+    essential: NDArray[np.float64]
+    homography: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+
+
+def verify_pair(
+    a: Features,
+    b: Features,
+    camera_a: Intrinsics,
+    camera_b: Intrinsics,
+    matches: NDArray[np.uint32],
+    settings: VerificationSettings,
+    *,
+    calibrated: bool,
+    seed: int,
+) -> TwoView:
+    """Verify one pair by its own seeded RANSAC, so that the answer does not depend on other pairs.
+
+    Args:
+        matches: (k, 2) putative matches.
+        calibrated: the intrinsics are trusted (essential matrix); else a fundamental matrix is estimated.
+    """
+    options = pycolmap.TwoViewGeometryOptions()
+    options.ransac.max_error = settings.max_error_px
+    options.ransac.random_seed = seed
+    options.ransac.num_threads = 1
+    options.min_num_inliers = settings.min_inliers
+    options.detect_watermark = False
+    options.compute_relative_pose = calibrated
+    estimate = pycolmap.estimate_calibrated_two_view_geometry if calibrated else pycolmap.estimate_two_view_geometry
+    if len(matches) < settings.min_inliers:
+        return _nothing()
+    geometry = estimate(
+        to_colmap_camera(camera_a, 1), a.points, to_colmap_camera(camera_b, 2), b.points, matches, options
+    )
+    if len(geometry.inlier_matches) < settings.min_inliers:
+        return _nothing()
+    pose = geometry.cam2_from_cam1
+    return TwoView(
+        inliers=np.asarray(geometry.inlier_matches, dtype=np.uint32).reshape(-1, 2),
+        config=int(geometry.config),
+        fundamental=_matrix(geometry.F),
+        essential=_matrix(geometry.E),
+        homography=_matrix(geometry.H),
+        rotation=np.eye(3) if pose is None else np.array(pose.rotation.matrix()),
+        translation=np.zeros(3) if pose is None else np.array(pose.translation),
+    )
+
+
+def _matrix(value: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    return np.zeros((3, 3)) if value is None else np.array(value, dtype=np.float64)
+
+
+def _nothing() -> TwoView:
+    zero = np.zeros((3, 3))
+    return TwoView(np.zeros((0, 2), np.uint32), 0, zero, zero, zero, np.eye(3), np.zeros(3))
