@@ -25,7 +25,7 @@ _MIN_SHARPNESS = 3.0
 _BLURRED_SHARE = 0.33
 _CLIPPED_SHARE = 0.5
 _CLIPPED_EXCESS = 0.25
-_SHADOW_END, _LIGHT_END = 96, 160
+_SHADOW_END, _LIGHT_END = 96, 144
 
 _MESSAGES = {
     "unreadable": "the pixels cannot be decoded",
@@ -58,7 +58,7 @@ def measure_quality(gray: NDArray[np.uint8], mask: NDArray[np.bool_] | None = No
     """Sharpness and exposure of a grey image, with the flags that need no other image.
 
     Under-exposed means that more than half of the region is black and nothing in it is bright (99th percentile below
-    96), so that a plant before black cloth is not; over-exposed likewise.
+    96), so that a plant before black cloth is not; over-exposed likewise (1st percentile above 144).
 
     Args:
         gray: (h, w); shrunk by area averaging to `WORKING_SIDE` on its longer side where it is larger.

@@ -1,0 +1,122 @@
+"""Pixels, and files that are not whole."""
+
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from fieldkit.captures import read_capture, read_image
+from fieldkit.captures.decode import jpeg_is_complete, read_png_metadata
+from fieldkit.errors import CaptureError
+from tests.captures.photographs import MakePhoto, exif_block, texture
+
+
+def encoded(format_name: str, **options: object) -> bytes:
+    buffer = io.BytesIO()
+    texture(3).save(buffer, format=format_name, **options)
+    return buffer.getvalue()
+
+
+def test_png_pixels_are_exact_and_rgb(photo_file: MakePhoto) -> None:
+    path = photo_file("a.png", seed=4)
+    np.testing.assert_array_equal(read_image(path), np.asarray(texture(4)))
+    gray = read_image(path, gray=True)
+    luma = np.asarray(texture(4)) @ [0.299, 0.587, 0.114]
+    # libpng cuts where others round.
+    np.testing.assert_allclose(gray, luma, atol=1.1)
+
+
+def test_the_orientation_tag_is_not_applied(photo_file: MakePhoto) -> None:
+    path = photo_file("a.jpg", exif=exif_block(base={274: 6}))
+    (photo,) = read_capture(path.parent).photos
+    assert read_image(photo).shape == (photo.height, photo.width, 3) == (90, 120, 3)
+
+
+@pytest.mark.parametrize("mode", ["L", "P", "RGBA", "I;16", "CMYK"])
+def test_other_pixel_types_become_eight_bit_rgb(tmp_path: Path, mode: str) -> None:
+    path = tmp_path / ("a.jpg" if mode == "CMYK" else "a.png")
+    if mode == "I;16":
+        Image.fromarray(np.linspace(0, 65535, 48 * 64).reshape(48, 64).astype(np.uint16)).save(path)
+    else:
+        texture(1, 64, 48).convert(mode).save(path)
+    image = read_image(path)
+    assert (image.shape, image.dtype) == ((48, 64, 3), np.uint8)
+    assert image.max() > 150
+
+
+def test_shrinking_keeps_the_aspect_and_never_enlarges(photo_file: MakePhoto) -> None:
+    path = photo_file("a.jpg", size=(640, 480))
+    (photo,) = read_capture(path.parent).photos
+    assert read_image(photo, max_side=64).shape == (48, 64, 3)
+    assert read_image(photo, max_side=320, gray=True).shape == (240, 320)
+    assert read_image(photo, max_side=4000).shape == (480, 640, 3)
+
+
+@pytest.mark.parametrize("side", [64, 100, 160])
+def test_shrinking_while_decoding_stays_on_the_pixel_grid(photo_file: MakePhoto, side: int) -> None:
+    """Against area averaging of the whole image: the same picture, not shifted."""
+    path = photo_file("a.jpg", size=(640, 480), quality=95)
+    (photo,) = read_capture(path.parent).photos
+    fast = read_image(photo, max_side=side, gray=True).astype(np.float32)
+    whole = cv2.resize(read_image(photo, gray=True), fast.shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
+    down, right = np.gradient(whole)
+    shift = np.linalg.lstsq(np.stack([right.ravel(), down.ravel()], axis=1), (fast - whole).ravel(), rcond=None)[0]
+    assert np.abs(shift).max() < 0.01
+    assert np.abs(fast - whole).mean() < 1.0
+
+
+def test_reading_is_deterministic(photo_file: MakePhoto) -> None:
+    path = photo_file("a.jpg", size=(640, 480))
+    (photo,) = read_capture(path.parent).photos
+    first = read_image(photo, max_side=100)
+    assert all(np.array_equal(first, read_image(photo, max_side=100)) for _ in range(3))
+
+
+@pytest.mark.parametrize("content", [b"", b"no image", None])
+def test_what_cannot_be_decoded_is_refused(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "a.jpg"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(CaptureError) as caught:
+        read_image(path)
+    assert caught.value.path == path
+
+
+@pytest.mark.parametrize("options", [{}, {"progressive": True}, {"optimize": True, "quality": 30}, {"subsampling": 2}])
+def test_complete_jpegs_pass_with_anything_behind_them(options: dict) -> None:
+    data = encoded("JPEG", **options)
+    assert jpeg_is_complete(data)
+    assert jpeg_is_complete(data + b"\0" * 100 + b"vendor data")
+
+
+def test_restart_markers_are_no_end() -> None:
+    ok, data = cv2.imencode(".jpg", np.asarray(texture(3)), [cv2.IMWRITE_JPEG_RST_INTERVAL, 2])
+    assert ok
+    assert b"\xff\xd0" in data.tobytes()
+    assert jpeg_is_complete(data.tobytes())
+
+
+@given(st.floats(0, 1, exclude_max=True), st.booleans(), st.integers(0, 300))
+def test_jpegs_cut_anywhere_are_noticed(share: float, progressive: bool, zeros: int) -> None:
+    data = encoded("JPEG", progressive=progressive)
+    cut = data[: int(share * (len(data) - 1))]
+    assert not jpeg_is_complete(cut + bytes(zeros))
+
+
+@settings(max_examples=50)
+@given(st.floats(0, 1, exclude_max=True))
+def test_pngs_cut_anywhere_are_noticed(share: float) -> None:
+    data = encoded("PNG")
+    assert read_png_metadata(data) is not None
+    assert read_png_metadata(data[: int(share * len(data))]) is None
+
+
+@given(st.binary(max_size=200))
+def test_the_checks_take_any_bytes(data: bytes) -> None:
+    jpeg_is_complete(b"\xff\xd8" + data)
+    read_png_metadata(b"\x89PNG\r\n\x1a\n" + data)

@@ -1,0 +1,243 @@
+"""EXIF and DJI XMP, good and bad."""
+
+import math
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+from PIL.TiffImagePlugin import IFDRational
+
+from fieldkit.captures import Photo, read_capture
+from fieldkit.captures.exif import focal_in_pixels
+from fieldkit.captures.xmp import XmpError, parse_xmp, read_fields
+from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
+
+CAMERA = {271: "DJI", 272: "FC6310\0\0"}
+DETAIL = {
+    36867: "2024:06:23 16:31:59",
+    37521: "25",
+    37386: 8.8,
+    41989: 24,
+    42033: "0K8TH1\0",
+    42036: "Zoom 24mm",
+}
+
+
+def only(path: Path) -> tuple[Photo, list[str]]:
+    capture = read_capture(path.parent)
+    assert len(capture.photos) == 1
+    # A single position is too few for a scale, which is not what these tests are about.
+    codes = [finding.code for finding in capture.findings if finding.code != "too-few-positions"]
+    return capture.photos[0], codes
+
+
+def test_everything_a_drone_writes(photo_file: MakePhoto) -> None:
+    exif = exif_block(base=CAMERA, detail=DETAIL, gps=gps_tags(-33.5, 151.25, 45.5))
+    xmp = dji_xmp(
+        GimbalYawDegree="+45.00",
+        GimbalPitchDegree="-89.90",
+        GimbalRollDegree="+0.00",
+        FlightYawDegree="46.0",
+        RelativeAltitude="+39.80",
+        RtkFlag="16",
+    )
+    photo, findings = only(photo_file("a.jpg", exif=exif, xmp=xmp, size=(300, 200)))
+    assert findings == []
+    assert (photo.make, photo.model, photo.serial, photo.lens) == ("DJI", "FC6310", "0K8TH1", "Zoom 24mm")
+    assert (photo.focal_mm, photo.focal_35mm) == (8.8, 24.0)
+    assert photo.focal_px == pytest.approx(200.0)
+    assert photo.captured_at == datetime(2024, 6, 23, 16, 31, 59, 250000)
+    assert (photo.yaw_deg, photo.pitch_deg, photo.roll_deg, photo.flight_yaw_deg) == (45.0, -89.9, 0.0, 46.0)
+    tag = photo.geotag
+    assert tag is not None
+    assert (tag.latitude_deg, tag.longitude_deg) == pytest.approx((-33.5, 151.25))
+    assert (tag.altitude_m, tag.datum, tag.relative_altitude_m, tag.rtk) == (45.5, "sea level", 39.8, False)
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_metadata_of_other_formats(photo_file: MakePhoto, suffix: str) -> None:
+    exif = exif_block(base=CAMERA, detail=DETAIL, gps=gps_tags(52.0, 13.0, 30.0))
+    options: dict[str, object] = {"exif": exif}
+    if suffix == "png":
+        info = PngInfo()
+        info.add_itxt("XML:com.adobe.xmp", dji_xmp(GimbalYawDegree="12").decode(), zip=True)
+        options["pnginfo"] = info
+    else:
+        exif[700] = dji_xmp(GimbalYawDegree="12")
+        # Pillow writes the nested directories into a TIFF only from the serialised block.
+        options["exif"] = exif.tobytes()
+    photo, findings = only(photo_file(f"a.{suffix}", **options))
+    assert findings == []
+    assert (photo.make, photo.focal_35mm, photo.yaw_deg) == ("DJI", 24.0, 12.0)
+    assert photo.geotag is not None
+    assert photo.geotag.latitude_deg == pytest.approx(52.0)
+
+
+def test_no_metadata_at_all(photo_file: MakePhoto) -> None:
+    photo, findings = only(photo_file("a.jpg"))
+    assert findings == []
+    assert (photo.make, photo.focal_px, photo.captured_at, photo.geotag, photo.orientation) == (
+        None,
+        None,
+        None,
+        None,
+        1,
+    )
+
+
+@pytest.mark.parametrize(
+    ("reference", "altitude", "altitude_type", "expected", "datum"),
+    [
+        (0, 120.0, None, 120.0, "sea level"),
+        (1, 5.0, None, -5.0, "sea level"),
+        (2, 160.0, None, 160.0, "ellipsoid"),
+        (None, 120.0, None, 120.0, "unknown"),
+        (0, 160.0, "RtkAlt", 160.0, "ellipsoid"),
+    ],
+)
+def test_the_altitude_says_what_it_is_measured_from(
+    photo_file: MakePhoto,
+    reference: int | None,
+    altitude: float,
+    altitude_type: str | None,
+    expected: float,
+    datum: str,
+) -> None:
+    xmp = dji_xmp(AltitudeType=altitude_type) if altitude_type else b""
+    exif = exif_block(gps=gps_tags(52.0, 13.0, altitude, reference))
+    photo, _ = only(photo_file("a.jpg", exif=exif, xmp=xmp))
+    assert photo.geotag is not None
+    assert photo.geotag.altitude_m == pytest.approx(expected)
+    assert photo.geotag.datum == datum
+
+
+def test_rtk_is_known_with_its_deviations(photo_file: MakePhoto) -> None:
+    xmp = dji_xmp(RtkFlag="50", RtkStdLon="0.011", RtkStdLat="0.014", RtkStdHgt="0.025", AltitudeType="RtkAlt")
+    photo, _ = only(photo_file("a.jpg", exif=exif_block(gps=gps_tags(52.0, 13.0, 80.0)), xmp=xmp))
+    tag = photo.geotag
+    assert tag is not None
+    assert (tag.rtk, tag.horizontal_accuracy_m, tag.vertical_accuracy_m) == (True, 0.014, 0.025)
+
+
+@pytest.mark.parametrize(
+    ("gps", "code"),
+    [
+        (gps_tags(0.0, 0.0, 10.0), "gps-zero"),
+        ({**gps_tags(52.0, 13.0), 2: (152.0, 0.0, 0.0)}, "gps-implausible"),
+        ({**gps_tags(52.0, 13.0), 2: (IFDRational(1, 0), 0.0, 0.0)}, "gps-damaged"),
+        ({1: "N", 2: (52.0, 0.0, 0.0)}, "gps-damaged"),
+    ],
+)
+def test_impossible_positions_are_reported_and_not_used(photo_file: MakePhoto, gps: dict, code: str) -> None:
+    photo, findings = only(photo_file("a.jpg", exif=exif_block(gps=gps)))
+    assert photo.geotag is None
+    assert findings == [code]
+
+
+def test_an_impossible_altitude_leaves_the_position(photo_file: MakePhoto) -> None:
+    photo, findings = only(photo_file("a.jpg", exif=exif_block(gps=gps_tags(52.0, 13.0, 500000.0))))
+    assert photo.geotag is not None
+    assert photo.geotag.altitude_m is None
+    assert "altitude-implausible" in findings
+
+
+def test_another_datum_is_reported(photo_file: MakePhoto) -> None:
+    for datum, expected in (("WGS-84", []), ("TOKYO", ["gps-datum"])):
+        exif = exif_block(gps={**gps_tags(35.0, 139.0, 5.0), 18: datum})
+        assert [c for c in only(photo_file("a.jpg", exif=exif))[1] if c == "gps-datum"] == expected
+
+
+def test_damaged_exif_does_not_stop_the_reading(photo_file: MakePhoto) -> None:
+    for block in (
+        b"Exif\0\0II*\0\xff\xff\xff\xff",
+        b"Exif\0\0garbage",
+        b"Exif\0\0MM\0*\0\0\0\x08\0\x05" + b"\xff" * 40,
+    ):
+        photo, _ = only(photo_file("a.jpg", exif=block))
+        assert photo.make is None
+
+
+def test_broken_xmp_is_reported(photo_file: MakePhoto) -> None:
+    photo, findings = only(photo_file("a.jpg", xmp=dji_xmp(GimbalYawDegree="1")[:-60] + b"<oops"))
+    assert photo.yaw_deg is None
+    assert findings == ["xmp-damaged"]
+
+
+@pytest.mark.parametrize("attributes", [True, False])
+@pytest.mark.parametrize("prefix", ["drone-dji", "drone", "x1"])
+def test_xmp_in_both_forms_and_under_any_prefix(attributes: bool, prefix: str) -> None:
+    packet = dji_xmp(attributes, prefix, GimbalPitchDegree="-90.0", RelativeAltitude="+3.5", RtkFlag="50")
+    data = parse_xmp(packet + b"\0" * 30)
+    assert (data.gimbal_pitch_deg, data.relative_altitude_m, data.rtk_flag) == (-90.0, 3.5, 50)
+
+
+def test_dji_wins_over_equal_names_of_others() -> None:
+    packet = (
+        b'<x:xmpmeta xmlns:x="adobe:ns:meta/"><r:RDF xmlns:r="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
+        b'<r:Description xmlns:o="http://example.org/" o:FlightYawDegree="1"/>'
+        b'<r:Description xmlns:d="http://www.dji.com/drone-dji/1.0/" d:FlightYawDegree="2"/>'
+        b'<r:Description xmlns:o="http://example.org/" o:FlightYawDegree="3"/></r:RDF></x:xmpmeta>'
+    )
+    assert parse_xmp(packet).flight_yaw_deg == 2.0
+
+
+def test_entities_are_never_expanded() -> None:
+    laughs = b'<!DOCTYPE x [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]>'
+    for packet in (
+        laughs + dji_xmp(False, GimbalYawDegree="&b;"),
+        b'<!DOCTYPE x SYSTEM "file:///etc/hostname">' + dji_xmp(GimbalYawDegree="1"),
+    ):
+        with pytest.raises(XmpError):
+            read_fields(packet)
+
+
+@given(st.binary(max_size=300))
+def test_any_xmp_bytes_are_read_or_refused(packet: bytes) -> None:
+    for data in (packet, b"<x:xmpmeta>" + packet + b"</x:xmpmeta>"):
+        try:
+            parse_xmp(data)
+        except XmpError:
+            continue
+
+
+@given(st.text(alphabet="0123456789+-.einfa", max_size=8))
+def test_xmp_numbers_are_finite_or_none(text: str) -> None:
+    value = parse_xmp(dji_xmp(GimbalYawDegree=text or "0")).gimbal_yaw_deg
+    assert value is None or math.isfinite(value)
+
+
+def test_focal_length_of_the_35_mm_equivalent() -> None:
+    assert focal_in_pixels(36.0, 3600, 2400) == pytest.approx(3600.0)
+    assert focal_in_pixels(36.0, 2400, 3600) == pytest.approx(3600.0)
+    # Cropping a 4:3 frame to 16:9 keeps its width and so its focal length in pixels.
+    assert focal_in_pixels(20.0, 4000, 2250) == pytest.approx(focal_in_pixels(20.0, 4000, 3000))
+
+
+def test_focal_length_from_the_sensor_where_there_is_no_equivalent(photo_file: MakePhoto) -> None:
+    # 8.8 mm on 13.2 mm for 5472 px, copied at 120 px.
+    detail = {37386: 8.8, 41486: 5472 / 13.2, 41488: 4, 40962: 5472}
+    photo, _ = only(photo_file("a.jpg", exif=exif_block(detail=detail)))
+    assert photo.focal_px == pytest.approx(120 * 8.8 / 13.2, rel=1e-3)
+
+
+def test_an_impossible_focal_length_is_not_used(photo_file: MakePhoto) -> None:
+    photo, findings = only(photo_file("a.jpg", exif=exif_block(detail={41989: 60000})))
+    assert photo.focal_px is None
+    assert findings == ["focal-implausible"]
+
+
+def test_the_orientation_is_told(photo_file: MakePhoto) -> None:
+    photo, _ = only(photo_file("a.jpg", exif=exif_block(base={274: 6})))
+    assert (photo.orientation, photo.width, photo.height) == (6, 120, 90)
+
+
+def test_a_multi_picture_jpeg_is_one_photograph(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    image, preview = Image.effect_noise((64, 48), 40), Image.effect_noise((32, 24), 40)
+    image.save(folder / "b.jpg", format="MPO", save_all=True, append_images=[preview])
+    capture = read_capture(folder)
+    assert [(photo.name, photo.width) for photo in capture.photos] == [("a.jpg", 120), ("b.jpg", 64)]

@@ -1,0 +1,237 @@
+"""What is a photograph and what is left out, by name."""
+
+import os
+import unicodedata
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.captures import Capture, find_mask, read_capture
+from fieldkit.captures.folder import natural_key, sniff_format
+from fieldkit.errors import CaptureError
+from tests.captures.photographs import MakePhoto, bomb_png, texture
+
+
+def codes(capture: Capture) -> dict[str, str]:
+    return {finding.name: finding.code for finding in capture.findings}
+
+
+def left_out(capture: Capture) -> dict[str, str]:
+    return {finding.name: finding.code for finding in capture.findings if finding.left_out}
+
+
+def test_jpeg_png_and_tiff_are_read_in_natural_order(photo_file: MakePhoto) -> None:
+    for name in ("IMG_10.jpg", "IMG_2.png", "IMG_1.tif", "img_3.JPEG"):
+        folder = photo_file(name).parent
+    capture = read_capture(folder)
+    assert capture.names == ("IMG_1.tif", "IMG_2.png", "img_3.JPEG", "IMG_10.jpg")
+    assert [photo.format for photo in capture.photos] == ["TIFF", "PNG", "JPEG", "JPEG"]
+    assert {(photo.width, photo.height) for photo in capture.photos} == {(120, 90)}
+    assert len({photo.sha256 for photo in capture.photos}) == 4
+    assert capture.findings == ()
+
+
+def test_the_content_decides_not_the_suffix(photo_file: MakePhoto) -> None:
+    photo_file("really_png.jpg", format="PNG")
+    photo_file("no_suffix", format="JPEG")
+    folder = photo_file("a.jpg").parent
+    (folder / "notes.txt").write_text("not a photograph")
+    (folder / "letter.jpg").write_text("Dear Sir or Madam, this is no photograph at all, but text.")
+    capture = read_capture(folder)
+    assert capture.names == ("a.jpg", "no_suffix", "really_png.jpg")
+    assert codes(capture) == {
+        "really_png.jpg": "wrong-suffix",
+        "no_suffix": "wrong-suffix",
+        "letter.jpg": "not-an-image",
+    }
+
+
+def test_an_images_folder_is_used_when_nothing_lies_beside_it(photo_file: MakePhoto) -> None:
+    folder = photo_file("images/a.jpg").parent.parent
+    (folder / "poses.csv").write_text("image,x_m,y_m,z_m\na.jpg,1,2,3\n")
+    capture = read_capture(folder)
+    assert capture.names == ("a.jpg",)
+    assert capture.image_folder == folder / "images"
+    assert capture.priors["a.jpg"].position == (1.0, 2.0, 3.0)
+    (folder / "poses.csv").unlink()
+    photo_file("b.jpg")
+    assert read_capture(folder).names == ("b.jpg",)
+
+
+def test_masks_hidden_files_and_thumbnails_are_no_photographs(photo_file: MakePhoto) -> None:
+    names = ["a.jpg", "a.mask.png", "b_mask.png", "a.jpg.mask.png", "mask.png", "masks/a.png", "._a.jpg", "a.thm"]
+    paths = {name: photo_file(name) for name in names}
+    capture = read_capture(paths["a.jpg"].parent)
+    assert capture.names == ("a.jpg",)
+    assert capture.findings == ()
+
+
+def test_masks_are_found_beside_the_photograph_and_in_masks(photo_file: MakePhoto) -> None:
+    a, b, c, d = (photo_file(f"{name}.jpg") for name in "abcd")
+    mask_a, mask_b, mask_c = photo_file("a.mask.png"), photo_file("masks/b.jpg.png"), photo_file("masks/c.png")
+    assert [find_mask(path) for path in (a, b, c, d)] == [mask_a, mask_b, mask_c, None]
+
+
+def test_damaged_files_are_left_out_by_name(photo_file: MakePhoto) -> None:
+    folder = photo_file("good.jpg").parent
+    whole = photo_file("cut.jpg").read_bytes()
+    (folder / "cut.jpg").write_bytes(whole[: len(whole) * 2 // 3])
+    (folder / "zeros.jpg").write_bytes(whole[: len(whole) // 2] + bytes(len(whole) - len(whole) // 2))
+    (folder / "cut_in_header.jpg").write_bytes(whole[:30])
+    (folder / "empty.jpg").write_bytes(b"")
+    png = photo_file("cut.png").read_bytes()
+    (folder / "cut.png").write_bytes(png[:-20])
+    (folder / "bit.png").write_bytes(png[:500] + bytes([png[500] ^ 1]) + png[501:])
+    tiff = photo_file("cut.tif").read_bytes()
+    (folder / "cut.tif").write_bytes(tiff[: len(tiff) // 2])
+    capture = read_capture(folder)
+    assert capture.names == ("good.jpg",)
+    assert left_out(capture) == {
+        "cut.jpg": "truncated",
+        "zeros.jpg": "truncated",
+        "cut_in_header.jpg": "truncated",
+        "empty.jpg": "empty-file",
+        "cut.png": "truncated",
+        "bit.png": "truncated",
+        "cut.tif": "truncated",
+    }
+
+
+def test_other_formats_are_named_with_the_remedy(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    (folder / "b.heic").write_bytes(b"\0\0\0\x18ftypheic" + bytes(200))
+    (folder / "c.dng").write_bytes(b"II*\0" + bytes(200))
+    photo_file("d.webp", format="WEBP")
+    capture = read_capture(folder)
+    assert left_out(capture) == dict.fromkeys(("b.heic", "c.dng", "d.webp"), "unsupported-format")
+    assert all("convert" in finding.message for finding in capture.findings)
+
+
+def test_equal_files_are_read_once(photo_file: MakePhoto) -> None:
+    first = photo_file("a.jpg")
+    (first.parent / "copy of a.jpg").write_bytes(first.read_bytes())
+    photo_file("b.jpg")
+    capture = read_capture(first.parent)
+    assert capture.names == ("a.jpg", "b.jpg")
+    assert left_out(capture) == {"copy of a.jpg": "duplicate"}
+    assert "a.jpg" in capture.findings[0].message
+
+
+def test_a_decompression_bomb_is_not_decoded(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    bomb_png(folder / "bomb.png")
+    capture = read_capture(folder)
+    assert capture.names == ("a.jpg",)
+    assert left_out(capture) == {"bomb.png": "too-large"}
+    assert "900 Mpx" in capture.findings[0].message
+
+
+def test_the_size_limit_can_be_set(photo_file: MakePhoto) -> None:
+    folder = photo_file("large.jpg", size=(200, 100)).parent
+    photo_file("small.jpg")
+    capture = read_capture(folder, max_pixels=15_000)
+    assert capture.names == ("small.jpg",)
+    assert "200×100" in capture.findings[0].message
+
+
+def test_links_that_leave_the_folder_are_not_followed(photo_file: MakePhoto, tmp_path: Path) -> None:
+    folder = photo_file("a.jpg").parent
+    texture(77).save(tmp_path / "outside.jpg")
+    (tmp_path / "outside.csv").write_text("secret,of,somebody,else\n")
+    (folder / "out.jpg").symlink_to(tmp_path / "outside.jpg")
+    (folder / "up.jpg").symlink_to("../outside.jpg")
+    (folder / "broken.jpg").symlink_to("nowhere.jpg")
+    (folder / "loop.jpg").symlink_to("loop.jpg")
+    (folder / "poses.csv").symlink_to(tmp_path / "outside.csv")
+    (folder / "inside.jpg").symlink_to("a.jpg")
+    capture = read_capture(folder)
+    assert capture.names == ("a.jpg",)
+    outside = dict.fromkeys(("out.jpg", "up.jpg", "broken.jpg", "loop.jpg", "poses.csv"), "symlink-outside")
+    assert left_out(capture) == {**outside, "inside.jpg": "duplicate"}
+
+
+def test_a_linked_folder_itself_is_fine(photo_file: MakePhoto, tmp_path: Path) -> None:
+    folder = photo_file("a.jpg").parent
+    (tmp_path / "link").symlink_to(folder)
+    assert read_capture(tmp_path / "link").names == ("a.jpg",)
+
+
+def test_a_pipe_named_like_a_photograph_does_not_block(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    os.mkfifo(folder / "pipe.jpg")
+    assert left_out(read_capture(folder)) == {"pipe.jpg": "unreadable"}
+
+
+def test_names_of_every_kind_work(photo_file: MakePhoto) -> None:
+    names = ["Grünkohl Süd.jpg", "玉米_1.jpg", "🌽.jpg", "x" * 251 + ".jpg", "with, comma.jpg", "it's.jpg"]
+    for name in names:
+        folder = photo_file(name).parent
+    assert set(read_capture(folder).names) == set(names)
+
+
+def test_a_name_that_is_no_text_is_left_out(photo_file: MakePhoto) -> None:
+    good = photo_file("a.jpg")
+    try:
+        Path(os.fsdecode(os.fsencode(good.parent) + b"/b\xff.jpg")).write_bytes(texture(5).tobytes())
+    except OSError:
+        pytest.skip("this file system allows UTF-8 names only")
+    capture = read_capture(good.parent)
+    assert left_out(capture) == {"b\\udcff.jpg": "bad-name"}
+
+
+@pytest.mark.parametrize("what", ["missing", "file", "empty", "only bad"])
+def test_unusable_folders_say_what_to_do(what: str, tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    if what == "file":
+        folder.write_text("")
+    elif what != "missing":
+        folder.mkdir()
+    if what == "only bad":
+        (folder / "a.jpg").write_bytes(b"")
+    with pytest.raises(CaptureError) as caught:
+        read_capture(folder)
+    assert caught.value.path == folder
+    assert caught.value.remedy
+    assert caught.value.exit_code == 3
+    if what == "only bad":
+        assert "a.jpg" in caught.value.message
+
+
+def test_a_folder_that_cannot_be_read(tmp_path: Path) -> None:
+    if os.geteuid() == 0:
+        pytest.skip("root reads every folder")
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o000)
+    with pytest.raises(CaptureError, match="cannot be read"):
+        read_capture(folder)
+
+
+def test_nothing_in_the_folder_changes(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    photo_file("b.png")
+    before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
+    read_capture(folder)
+    assert {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()} == before
+
+
+def test_one_photograph_is_enough_here(photo_file: MakePhoto) -> None:
+    assert len(read_capture(photo_file("a.jpg").parent).photos) == 1
+
+
+@given(st.lists(st.text(min_size=1, max_size=12), unique=True, max_size=8))
+def test_natural_order_is_total_and_does_not_depend_on_the_input_order(names: list[str]) -> None:
+    backwards = names[::-1]
+    assert sorted(names, key=natural_key) == sorted(backwards, key=natural_key)
+
+
+def test_natural_order_ignores_how_an_umlaut_is_composed() -> None:
+    composed = "ä2.jpg"
+    decomposed = unicodedata.normalize("NFD", "ä10.jpg")
+    assert sorted([decomposed, composed], key=natural_key) == [composed, decomposed]
+
+
+@given(st.binary(max_size=64))
+def test_sniffing_takes_any_bytes(head: bytes) -> None:
+    sniff_format(head)

@@ -1,0 +1,96 @@
+"""ODM's geo.txt."""
+
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.captures.geo_txt import GeoRow, parse_geo_txt
+from fieldkit.errors import FieldkitError, MetadataError
+
+
+@pytest.mark.parametrize("header", ["EPSG:4326", "epsg:4979", "WGS84", "WGS 84", "+proj=longlat +datum=WGS84 +no_defs"])
+def test_geographic_coordinates_are_longitude_and_latitude(header: str) -> None:
+    rows, findings = parse_geo_txt(
+        f"{header}\nDJI_0028.JPG -91.9942096 46.84252125 198.609\nDJI_0032.JPG -91.99 46.84\n"
+    )
+    assert rows[0] == GeoRow("DJI_0028.JPG", 46.84252125, -91.9942096, 198.609)
+    assert rows[1] == GeoRow("DJI_0032.JPG", 46.84, -91.99, None)
+    assert findings == []
+
+
+@pytest.mark.parametrize(
+    "header", ["EPSG:32615", "WGS84 UTM 15N", "wgs84 utm 15n", "+proj=utm +zone=15 +datum=WGS84 +units=m +no_defs"]
+)
+def test_projected_coordinates(header: str) -> None:
+    pyproj = pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
+    x, y = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32615", always_xy=True).transform(-91.994, 46.8426)
+    rows, _ = parse_geo_txt(f"{header}\na.jpg {x!r} {y!r} 198.6\n")
+    assert rows[0].latitude_deg == pytest.approx(46.8426, abs=1e-9)
+    assert rows[0].longitude_deg == pytest.approx(-91.994, abs=1e-9)
+    assert rows[0].altitude_m == 198.6
+
+
+def test_projected_coordinates_without_pyproj(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyproj", None)
+    with pytest.raises(MetadataError, match="needs pyproj") as caught:
+        parse_geo_txt("EPSG:32615\na.jpg 500000 5000000\n")
+    assert "fieldkit[geo]" in caught.value.remedy
+    assert parse_geo_txt("EPSG:4326\na.jpg 13 52\n")[0]
+
+
+def test_accuracies_angles_and_extras() -> None:
+    lines = ["a.jpg 13 52 30 10 -90 0 0.02 0.05 some label", "b.jpg 13 52 30 0 0 0 0 0", "c.jpg 13 52 30 0 0 0 label"]
+    rows, findings = parse_geo_txt("\n".join(["EPSG:4326", *lines]))
+    assert (rows[0].horizontal_accuracy_m, rows[0].vertical_accuracy_m, rows[0].has_angles) == (0.02, 0.05, True)
+    assert (rows[1].horizontal_accuracy_m, rows[1].vertical_accuracy_m, rows[1].has_angles) == (None, None, False)
+    assert rows[2].horizontal_accuracy_m is None
+    assert [finding.code for finding in findings] == ["angles-not-used"]
+
+
+def test_names_with_blanks_comments_and_repeated_lines() -> None:
+    rows, findings = parse_geo_txt("EPSG:4326\n# rover\nplot 7 north 13 52 30\n\na.jpg\t13  52\na.jpg 13 52\n")
+    assert [row.image for row in rows] == ["plot 7 north", "a.jpg"]
+    assert [finding.code for finding in findings] == ["pose-repeated"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["line 1"]),
+        ("\nEPSG:4326\n", ["line 1"]),
+        ("EPSG:4326\n", ["no photograph"]),
+        ("a.jpg 13 52\n", ["line 1", "names no projection"]),
+        ("EPSG:4326\na.jpg 13\n", ["line 2", "2 fields"]),
+        ("EPSG:4326\na.jpg 13 north\n", ["line 2", "column y", "'north'"]),
+        ("EPSG:4326\na.jpg 13 52 nan\n", ["line 2", "column z"]),
+        ("EPSG:4326\na.jpg 52 130\n", ["line 2", "latitude 130"]),
+        ("EPSG:4326\na.jpg 500000 5000000\n", ["line 2", "latitude 5e+06"]),
+        ("EPSG:4326\na.jpg 13 52\na.jpg 13 53\n", ["line 3", "a.jpg", "line 2"]),
+        ("WGS84 UTM 61N\na.jpg 13 52\n", ["no UTM zone 61"]),
+        ("EPSG:999999\na.jpg 13 52\n", ["EPSG:999999"]),
+        ("+proj=nonsense\na.jpg 13 52\n", ["+proj=nonsense"]),
+    ],
+)
+def test_mistakes_name_the_line(text: str, words: list[str]) -> None:
+    with pytest.raises(MetadataError) as caught:
+        parse_geo_txt(text)
+    assert all(word in caught.value.message for word in words), caught.value.message
+    assert caught.value.remedy
+
+
+def test_swapped_columns_are_suspected() -> None:
+    with pytest.raises(MetadataError) as caught:
+        parse_geo_txt("EPSG:4326\na.jpg 46.8 -91.99\n")
+    assert caught.value.remedy == "Longitude comes before latitude."
+
+
+@given(st.one_of(st.text(max_size=150), st.text(alphabet="EPSG:4326 a.jpg0-9\n\t#", max_size=150)))
+def test_any_text_is_read_or_refused(text: str) -> None:
+    for candidate in (text, f"EPSG:4326\n{text}"):
+        try:
+            rows, _ = parse_geo_txt(candidate)
+        except FieldkitError:
+            continue
+        assert all(abs(row.latitude_deg) <= 90 for row in rows)

@@ -1,0 +1,207 @@
+"""Which source of positions counts, in which frame, how exact."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.captures import Capture, read_capture, suspicious_unit
+from fieldkit.errors import MetadataError
+from fieldkit.geometry.geodesy import LocalFrame
+from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
+
+FRAME = LocalFrame(52.0, 13.0, 100.0)
+PLACES = {f"{letter}.jpg": (8.0 * i, 3.0 * (i % 2), 20.0 + 0.1 * i) for i, letter in enumerate("abcdef")}
+
+
+def geotagged(photo_file: MakePhoto, *, absolute_noise: float = 0.0, names: str = "abcdef", **xmp: str) -> Path:
+    """Photographs at PLACES above FRAME, as a DJI drone would tag them."""
+    rng = np.random.default_rng(0)
+    folder = Path()
+    for name, place in PLACES.items():
+        if name[0] not in names:
+            continue
+        (latitude,), (longitude,), (altitude,) = FRAME.to_geodetic([place])
+        exif = exif_block(gps=gps_tags(latitude, longitude, round(altitude + rng.normal(0, absolute_noise), 3)))
+        fields = {"GimbalYawDegree": "90.0", "GimbalPitchDegree": "-60.0", "GimbalRollDegree": "0.0"}
+        fields |= {"RelativeAltitude": f"{place[2]:+.2f}"} | xmp
+        folder = photo_file(name, exif=exif, xmp=dji_xmp(**fields)).parent
+    return folder
+
+
+def positions(capture: Capture) -> np.ndarray:
+    return np.array([capture.priors[name].position for name in capture.names], dtype=float)
+
+
+def codes(capture: Capture) -> set[tuple[str, str]]:
+    return {(finding.name, finding.code) for finding in capture.findings}
+
+
+def test_gps_becomes_east_north_up_metres_about_the_centroid(photo_file: MakePhoto) -> None:
+    capture = read_capture(geotagged(photo_file))
+    truth = np.array(list(PLACES.values()))
+    assert (capture.metric_source, capture.crs_epsg) == ("EXIF GPS", 32633)
+    assert capture.origin is not None
+    assert (capture.origin.datum, capture.height_source) == ("sea level", "relative altitude")
+    np.testing.assert_allclose(positions(capture), truth - truth.mean(0), atol=2e-3)
+    prior = capture.priors["a.jpg"]
+    assert (prior.yaw_deg, prior.pitch_deg, prior.roll_deg, prior.angle_accuracy_deg) == (90.0, -60.0, 0.0, 3.0)
+    assert (prior.position_accuracy_m, prior.source) == (3.0, "EXIF GPS")
+    assert capture.findings == ()
+
+
+def test_heights_above_take_off_replace_absolute_altitudes_that_wander(photo_file: MakePhoto) -> None:
+    capture = read_capture(geotagged(photo_file, absolute_noise=0.5))
+    heights = positions(capture)[:, 2]
+    truth = np.array([place[2] for place in PLACES.values()])
+    np.testing.assert_allclose(heights - heights.mean(), truth - truth.mean(), atol=2e-3)
+
+
+def test_several_take_offs_fall_back_to_absolute_altitudes(photo_file: MakePhoto) -> None:
+    capture = read_capture(geotagged(photo_file, absolute_noise=20.0))
+    assert capture.height_source == "absolute altitude"
+    assert ("a.jpg", "several-take-offs") in codes(capture)
+
+
+def test_rtk_heights_are_used_as_they_are(photo_file: MakePhoto) -> None:
+    folder = geotagged(photo_file, RtkFlag="50", AltitudeType="RtkAlt", RtkStdHgt="0.045", RtkStdLon="0.01")
+    capture = read_capture(folder)
+    assert capture.height_source == "RTK altitude"
+    assert capture.origin is not None
+    assert capture.origin.datum == "ellipsoid"
+    assert capture.priors["a.jpg"].position_accuracy_m == 0.045
+
+
+def test_rtk_is_never_believed_better_than_three_centimetres(photo_file: MakePhoto) -> None:
+    for options in ({"RtkStdLon": "0.005"}, {}):
+        capture = read_capture(geotagged(photo_file, RtkFlag="50", **options))
+        assert capture.priors["a.jpg"].position_accuracy_m == 0.03
+
+
+def test_a_photograph_without_gps_is_named(photo_file: MakePhoto) -> None:
+    geotagged(photo_file)
+    photo_file("g.jpg", exif=exif_block(gps=gps_tags(0.0, 0.0, 0.0)))
+    capture = read_capture(photo_file("h.jpg").parent)
+    assert {("g.jpg", "gps-zero"), ("g.jpg", "no-gps"), ("h.jpg", "no-gps")} <= codes(capture)
+    assert set(capture.priors) == set(PLACES)
+    assert capture.metric_source == "EXIF GPS"
+
+
+def test_a_position_on_another_continent_does_not_move_the_frame(photo_file: MakePhoto) -> None:
+    geotagged(photo_file)
+    folder = photo_file("g.jpg", exif=exif_block(gps=gps_tags(-33.0, 151.0, 5.0))).parent
+    capture = read_capture(folder)
+    assert ("g.jpg", "gps-far-away") in codes(capture)
+    assert capture.origin is not None
+    assert capture.origin.latitude_deg == pytest.approx(52.0, abs=0.01)
+    assert "g.jpg" not in capture.priors
+
+
+def test_two_positions_are_too_few_for_a_scale(photo_file: MakePhoto) -> None:
+    geotagged(photo_file, names="ab")
+    capture = read_capture(photo_file("c.jpg").parent)
+    assert capture.metric_source is None
+    assert ("a.jpg", "too-few-positions") in codes(capture)
+    assert capture.priors["a.jpg"].position is not None
+
+
+def test_without_any_position_there_is_no_metric_source(photo_file: MakePhoto) -> None:
+    capture = read_capture(photo_file("a.jpg", xmp=dji_xmp(GimbalYawDegree="10", GimbalPitchDegree="-90")).parent)
+    assert (capture.metric_source, capture.origin, capture.crs_epsg) == (None, None, None)
+    prior = capture.priors["a.jpg"]
+    assert (prior.position, prior.yaw_deg, prior.source) == (None, 10.0, "XMP")
+
+
+def test_geo_txt_comes_before_gps_and_keeps_xmp_angles(photo_file: MakePhoto) -> None:
+    folder = geotagged(photo_file)
+    rows = ["EPSG:4326"]
+    for name, place in PLACES.items():
+        (latitude,), (longitude,), (altitude,) = FRAME.to_geodetic([np.array(place) * 2])
+        rows.append(f"{name} {longitude:.10f} {latitude:.10f} {altitude:.4f} 0 0 0 0.02 0.04")
+    (folder / "geo.txt").write_text("\n".join(rows))
+    capture = read_capture(folder)
+    truth = 2 * np.array(list(PLACES.values()))
+    assert capture.metric_source == "geo.txt"
+    np.testing.assert_allclose(positions(capture), truth - truth.mean(0), atol=1e-3)
+    prior = capture.priors["a.jpg"]
+    assert (prior.position_accuracy_m, prior.yaw_deg, prior.source) == (0.04, 90.0, "geo.txt")
+
+
+def test_poses_csv_comes_first_and_takes_no_angles_from_elsewhere(photo_file: MakePhoto) -> None:
+    folder = geotagged(photo_file)
+    lines = [f"{name},{x},{y},{z}" for name, (x, y, z) in PLACES.items()]
+    (folder / "poses.csv").write_text("image,x_m,y_m,z_m\n" + "\n".join(lines))
+    (folder / "geo.txt").write_text("nonsense that is not even read\n")
+    capture = read_capture(folder)
+    assert (capture.metric_source, capture.origin, capture.crs_epsg) == ("poses.csv", None, None)
+    np.testing.assert_array_equal(positions(capture), list(PLACES.values()))
+    prior = capture.priors["a.jpg"]
+    assert (prior.position_accuracy_m, prior.yaw_deg, prior.angle_accuracy_deg) == (0.05, None, None)
+    assert codes(capture) == {("geo.txt", "sidecar-unused")}
+
+
+def test_rows_and_photographs_that_do_not_meet_are_named(photo_file: MakePhoto) -> None:
+    for name in ("a.jpg", "b.jpg", "c.jpg", "d.jpg"):
+        folder = photo_file(name).parent
+    text = "image,x_m,y_m,z_m,yaw_deg,pitch_deg,accuracy_m\n"
+    text += "a.jpg,0,0,1,10,-45,0.01\nB.JPG,1,0,1,,,\nimages/c.jpg,2,0,1,,,\nmissing.jpg,3,0,1,,,\n"
+    (folder / "poses.csv").write_text(text)
+    capture = read_capture(folder)
+    assert codes(capture) == {("missing.jpg", "pose-without-photo"), ("d.jpg", "photo-without-pose")}
+    assert list(capture.priors) == ["a.jpg", "b.jpg", "c.jpg"]
+    assert capture.priors["a.jpg"].position_accuracy_m == 0.01
+    assert (capture.priors["a.jpg"].pitch_deg, capture.priors["a.jpg"].angle_accuracy_deg) == (-45.0, 3.0)
+
+
+@pytest.mark.parametrize(("name", "header"), [("poses.csv", "image,x_m,y_m,z_m"), ("geo.txt", "EPSG:4326")])
+def test_a_sidecar_of_another_capture_is_refused(photo_file: MakePhoto, name: str, header: str) -> None:
+    folder = photo_file("a.jpg").parent
+    line = "other.jpg,1,2,3" if name == "poses.csv" else "other.jpg 13 52 30"
+    (folder / name).write_text(f"{header}\n{line}\n")
+    with pytest.raises(MetadataError, match=r"names no photograph.*other\.jpg.*a\.jpg") as caught:
+        read_capture(folder)
+    assert caught.value.path == folder / name
+
+
+def test_two_rows_for_one_photograph_are_refused(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    (folder / "poses.csv").write_text("image,x_m,y_m,z_m\na.jpg,1,2,3\nA.JPG,4,5,6\n")
+    with pytest.raises(MetadataError, match=r"two lines for a\.jpg"):
+        read_capture(folder)
+
+
+def _circle(radius: float, count: int = 60) -> np.ndarray:
+    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    return radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+
+
+@pytest.mark.parametrize(("radius", "unit"), [(0.3, None), (3.0, None), (30.0, None), (300.0, "millimetres")])
+def test_a_rig_in_millimetres_is_noticed_by_its_spacing(radius: float, unit: str | None) -> None:
+    suspicion = suspicious_unit(_circle(radius))
+    assert (None if suspicion is None else suspicion.unit) == unit
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"),
+    [(1.0, None), (1000.0, "millimetres"), (100.0, "centimetres"), (3.2808, "feet"), (0.001, "kilometres")],
+)
+def test_gps_tells_the_unit(factor: float, unit: str | None) -> None:
+    truth = _circle(40.0)
+    noisy = truth + np.random.default_rng(0).normal(0, 1.0, truth.shape)
+    suspicion = suspicious_unit(truth * factor, gps_positions=noisy)
+    assert (None if suspicion is None else suspicion.unit) == unit
+    if suspicion is not None:
+        assert suspicion.factor * factor == pytest.approx(1.0, rel=1e-3)
+
+
+def test_gps_of_a_small_rig_decides_nothing() -> None:
+    noise = np.random.default_rng(0).normal(0, 3.0, (60, 3))
+    assert suspicious_unit(_circle(0.3), gps_positions=noise) is None
+
+
+def test_suspicious_units_are_found_when_reading(photo_file: MakePhoto) -> None:
+    for index, place in enumerate(_circle(300.0, 8)):
+        folder = photo_file(f"{index}.jpg", seed=index).parent
+        with (folder / "poses.csv").open("a") as stream:
+            stream.write(("image,x_m,y_m,z_m\n" if index == 0 else "") + f"{index}.jpg,{place[0]},{place[1]},80\n")
+    assert ("poses.csv", "unit-suspicious") in codes(read_capture(folder))

@@ -1,0 +1,117 @@
+"""Sharpness and exposure."""
+
+import cv2
+import numpy as np
+import pytest
+
+from fieldkit.captures import assess_quality, flag_set, measure_quality, quality_findings, read_capture
+from tests.captures.photographs import MakePhoto, texture
+
+
+def gray_texture(seed: int = 0, width: int = 400, height: int = 300) -> np.ndarray:
+    return cv2.cvtColor(np.asarray(texture(seed, width, height)), cv2.COLOR_RGB2GRAY)
+
+
+def motion_blur(gray: np.ndarray, length: int) -> np.ndarray:
+    return cv2.filter2D(gray, -1, np.full((1, length), 1 / length, np.float32))
+
+
+def test_sharpness_is_the_variance_of_the_laplacian() -> None:
+    gray = gray_texture()
+    quality = measure_quality(gray)
+    assert quality.sharpness == pytest.approx(cv2.Laplacian(gray, cv2.CV_64F).var())
+    assert quality.flags == ()
+
+
+def test_blur_lowers_sharpness() -> None:
+    values = [measure_quality(motion_blur(gray_texture(), length)).sharpness for length in (1, 3, 6, 12)]
+    assert values == sorted(values, reverse=True)
+
+
+def test_a_larger_copy_of_the_same_picture_is_as_sharp() -> None:
+    large = gray_texture(0, 4096, 3072)
+    small = cv2.resize(large, (1024, 768), interpolation=cv2.INTER_AREA)
+    assert measure_quality(large).sharpness == pytest.approx(measure_quality(small).sharpness, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("value", "flags"), [(0, {"empty", "under-exposed"}), (128, {"empty"}), (255, {"empty", "over-exposed"})]
+)
+def test_blank_images(value: int, flags: set[str]) -> None:
+    assert set(measure_quality(np.full((90, 120), value, np.uint8)).flags) == flags
+
+
+def test_exposure() -> None:
+    gray = gray_texture().astype(float)
+    dark = measure_quality(np.clip(gray / 10 - 12, 0, 255).astype(np.uint8))
+    bright = measure_quality(np.clip(gray * 1.5 + 110, 0, 255).astype(np.uint8))
+    assert dark.clipped_dark > 0.5
+    assert "under-exposed" in dark.flags
+    assert bright.clipped_bright > 0.5
+    assert "over-exposed" in bright.flags
+
+
+def test_a_plant_before_black_cloth_is_well_exposed() -> None:
+    gray = np.zeros((300, 400), np.uint8)
+    gray[100:200, 150:250] = gray_texture()[100:200, 150:250]
+    quality = measure_quality(gray)
+    assert quality.clipped_dark > 0.8
+    assert quality.flags == ()
+
+
+def test_only_the_region_counts() -> None:
+    gray = gray_texture()
+    gray[:, :200] = motion_blur(gray, 15)[:, :200]
+    mask = np.zeros(gray.shape, dtype=bool)
+    mask[:, 210:] = True
+    assert measure_quality(gray, mask).sharpness > 4 * measure_quality(gray, ~mask).sharpness
+    half = mask[::2, ::2]
+    assert measure_quality(gray, half).sharpness == pytest.approx(measure_quality(gray, mask).sharpness, rel=0.05)
+    assert measure_quality(gray, np.zeros_like(mask)) == measure_quality(gray)
+
+
+def test_a_blurred_image_stands_out_from_its_set() -> None:
+    qualities = {str(seed): measure_quality(gray_texture(seed)) for seed in range(5)}
+    qualities["blurred"] = measure_quality(motion_blur(gray_texture(9), 9))
+    qualities["glare"] = measure_quality(np.clip(gray_texture(8).astype(int) + 110, 0, 255).astype(np.uint8))
+    flagged = flag_set(qualities)
+    assert {name: quality.flags for name, quality in flagged.items() if quality.flags} == {
+        "blurred": ("blurred",),
+        "glare": ("over-exposed",),
+    }
+    assert [(finding.name, finding.code, finding.left_out) for finding in quality_findings(flagged)] == [
+        ("blurred", "blurred", False),
+        ("glare", "over-exposed", False),
+    ]
+
+
+def test_two_images_are_too_few_to_compare() -> None:
+    qualities = {"a": measure_quality(gray_texture()), "b": measure_quality(motion_blur(gray_texture(1), 9))}
+    assert flag_set(qualities) == qualities
+
+
+def test_cameras_are_judged_apart_and_masks_are_used(photo_file: MakePhoto) -> None:
+    for name in ("a.jpg", "b.jpg", "c.jpg"):
+        photo_file(name)
+    soft = cv2.GaussianBlur(np.asarray(texture(5, 160, 90)), (0, 0), 3)
+    path = photo_file("d.png")
+    cv2.imwrite(str(path), soft)
+    mask = np.zeros((90, 120), np.uint8)
+    mask[:10, :10] = 255
+    cv2.imwrite(str(path.parent / "a.mask.png"), mask)
+    (path.parent / "b.mask.png").write_bytes(b"not a mask")
+    capture = read_capture(path.parent)
+    quality = assess_quality(capture)
+    assert list(quality) == list(capture.names)
+    assert all(quality[name].flags == () for name in ("a.jpg", "b.jpg", "c.jpg"))
+    assert "blurred" not in quality["d.png"].flags or quality["d.png"].sharpness < 3
+    assert quality["a.jpg"] != assess_quality(capture, masks=False)["a.jpg"]
+    region = {"c.jpg": mask > 0}
+    assert quality["c.jpg"] != assess_quality(capture, regions=region)["c.jpg"]
+
+
+def test_a_file_that_breaks_after_reading_is_flagged(photo_file: MakePhoto) -> None:
+    path = photo_file("a.jpg")
+    capture = read_capture(path.parent)
+    path.write_bytes(b"gone")
+    assert assess_quality(capture)["a.jpg"].flags == ("unreadable",)

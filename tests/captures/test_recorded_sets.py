@@ -1,0 +1,62 @@
+"""The recorded image sets: real EXIF, real quality."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fieldkit.captures import Capture, assess_quality, flag_set, measure_quality, read_capture, read_image
+
+
+@pytest.fixture(scope="module", params=["arabidopsis_rig", "basil_rig", "drone_trees"])
+def recorded(request: pytest.FixtureRequest, data_folder: Path) -> Capture:
+    return read_capture(data_folder / request.param)
+
+
+def test_rigs(data_folder: Path) -> None:
+    for name, count, size in (("arabidopsis_rig", 60, (1440, 1080)), ("basil_rig", 79, (2304, 1296))):
+        capture = read_capture(data_folder / name)
+        assert len(capture.photos) == len(capture.priors) == count
+        assert {(photo.width, photo.height) for photo in capture.photos} == {size}
+        assert (capture.metric_source, capture.origin, capture.findings) == ("poses.csv", None, ())
+        assert [group.source for group in capture.groups] == ["self-calibrated"]
+        assert {prior.position_accuracy_m for prior in capture.priors.values()} <= {0.004, 0.005}
+
+
+def test_drone(data_folder: Path) -> None:
+    capture = read_capture(data_folder / "drone_trees")
+    assert len(capture.photos) == 18
+    assert (capture.metric_source, capture.crs_epsg, capture.height_source) == ("EXIF GPS", 32615, "relative altitude")
+    assert capture.findings == ()
+    (group,) = capture.groups
+    assert (group.source, group.fixed) == ("EXIF", False)
+    assert group.intrinsics is not None
+    # 20 mm equivalent on a 4:3 sensor, cropped to 16:9: 924 px at 1600 px width.
+    assert group.intrinsics.fx * 1600 / 2000 == pytest.approx(924.5, abs=1)
+    photo = capture.photos[0]
+    assert (photo.make, photo.model, photo.pitch_deg) == ("DJI", "FC300S", -89.9)
+    assert photo.geotag is not None
+    assert photo.geotag.relative_altitude_m == pytest.approx(39.8)
+    positions = np.array([prior.position for prior in capture.priors.values()], dtype=float)
+    np.testing.assert_allclose(np.ptp(positions[:, :2], axis=0), [84.3, 84.1], atol=0.1)
+    assert np.ptp(positions[:, 2]) < 1.0
+
+
+def test_no_good_photograph_is_flagged(recorded: Capture) -> None:
+    assert {name: quality.flags for name, quality in assess_quality(recorded).items() if quality.flags} == {}
+
+
+def test_blurred_and_blank_ones_are(recorded: Capture) -> None:
+    """Motion of 10 px at 1600 px width, in either direction, put on one photograph in turn."""
+    shown = recorded.photos[:: max(1, len(recorded.photos) // 6)]
+    images = {photo.name: read_image(photo, max_side=1600, gray=True) for photo in shown}
+    qualities = {name: measure_quality(image) for name, image in images.items()}
+    assert not any(quality.flags for quality in flag_set(qualities).values())
+    for name, image in images.items():
+        length = round(10 * image.shape[1] / 1600)
+        for shape in ((1, length), (length, 1)):
+            blurred = cv2.filter2D(image, -1, np.full(shape, 1 / length, np.float32))
+            assert flag_set({**qualities, name: measure_quality(blurred)})[name].flags == ("blurred",)
+        blank = measure_quality(np.full_like(image, 90))
+        assert flag_set({**qualities, name: blank})[name].flags == ("empty",)
