@@ -62,6 +62,13 @@ def test_scaled_camera_projects_to_scaled_pixels(model: str) -> None:
     np.testing.assert_allclose(half.scaled(1280, 720).params, camera.params, rtol=1e-12)
 
 
+@pytest.mark.parametrize("model", EXAMPLES)
+def test_undistorted_pixels_are_those_of_the_camera_without_distortion(model: str) -> None:
+    camera = _camera(model)
+    ideal = camera.without_distortion().project(_points())
+    np.testing.assert_allclose(camera.undistort(camera.project(_points())), ideal, atol=1e-6)
+
+
 @given(st.floats(100, 5000), st.integers(2, 8000), st.integers(2, 8000))
 def test_the_axis_of_a_pinhole_hits_the_middle_of_the_image(focal: float, width: int, height: int) -> None:
     camera = Intrinsics.pinhole(width, height, focal)
