@@ -98,8 +98,8 @@ def flag_set(qualities: Mapping[str, Quality]) -> dict[str, Quality]:
     """Add the flags that show only beside other images of the same camera (from 3 usable images on).
 
     Blurred is a sharpness below a third of the median: motion of 5 to 8 pixels at 1600 px width in the real
-    sets, where the least sharp good photograph has half of the median. Under- and over-exposed is a clipped share 0.25 above
-    the median.
+    sets, where the least sharp good photograph has half of the median. Under- and over-exposed is a clipped share
+    0.25 above the median.
     """
     usable = [q for q in qualities.values() if not {"unreadable", "empty"} & set(q.flags)]
     if len(usable) < 3:
