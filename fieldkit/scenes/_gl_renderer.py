@@ -1,0 +1,78 @@
+"""pyrender's OpenGL renderer with our shaders, sample counts and read-back. Imported only by `renderer`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from OpenGL import GL
+from pyrender.constants import RenderFlags
+from pyrender.renderer import Renderer as PyrenderRenderer
+from pyrender.shader_program import ShaderProgramCache
+
+from fieldkit.scenes.scene import Light
+
+
+class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
+    """Draws with the shaders of ``shader_folder``; needs a current OpenGL context."""
+
+    def __init__(self, light: Light, shader_folder: Path) -> None:
+        super().__init__(64, 64)
+        self._program_cache = ShaderProgramCache(str(shader_folder))
+        self._uniforms = {
+            name: np.array(getattr(light, name), dtype=np.float32)
+            for name in ("sun", "sun_color", "sky_color", "ground_color")
+        }
+        self._samples = 4
+        self._allocated: tuple[int, int, int] | None = None
+        self._output = "color"
+
+    def draw(self, scene: Any, *, samples: int, output: str) -> NDArray[Any]:
+        """(h, w, 3) uint8 for output "color", (h, w) float32 window depth in [0, 1] for "depth"."""
+        self._samples, self._output = samples, output
+        result: NDArray[Any] = self.render(scene, RenderFlags.FLAT | RenderFlags.OFFSCREEN)
+        return result
+
+    def _get_primitive_program(self, primitive: Any, flags: int, program_flags: int) -> Any:
+        if self._output == "depth":
+            program = self._program_cache.get_program("depth.vert", "depth.frag")
+            if not program._in_context():
+                program._add_to_context()
+            return program
+        program = super()._get_primitive_program(primitive, flags, program_flags)
+        program._bind()
+        for name, value in self._uniforms.items():
+            program.set_uniform(name, value)
+        return program
+
+    def _configure_main_framebuffer(self) -> None:
+        super()._configure_main_framebuffer()
+        wanted = (self.viewport_width, self.viewport_height, self._samples)
+        if self._allocated == wanted:
+            return
+        for buffer, layout in ((self._main_cb_ms, GL.GL_RGBA), (self._main_db_ms, GL.GL_DEPTH_COMPONENT24)):
+            GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
+            GL.glRenderbufferStorageMultisample(
+                GL.GL_RENDERBUFFER, self._samples, layout, self.viewport_width, self.viewport_height
+            )
+        self._allocated = wanted
+
+    def _delete_main_framebuffer(self) -> None:
+        super()._delete_main_framebuffer()
+        self._allocated = None
+
+    def _read_main_framebuffer(self, scene: Any, flags: int) -> NDArray[Any]:
+        width, height = self._main_fb_dims
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
+        GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
+        bit = GL.GL_DEPTH_BUFFER_BIT if self._output == "depth" else GL.GL_COLOR_BUFFER_BIT
+        GL.glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, bit, GL.GL_NEAREST)
+        GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
+        GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
+        if self._output == "depth":
+            data = GL.glReadPixels(0, 0, width, height, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT)
+            return np.flip(np.frombuffer(data, np.float32).reshape(height, width), 0)
+        data = GL.glReadPixels(0, 0, width, height, GL.GL_RGB, GL.GL_UNSIGNED_BYTE)
+        return np.ascontiguousarray(np.flip(np.frombuffer(data, np.uint8).reshape(height, width, 3), 0))

@@ -1,0 +1,37 @@
+"""The scenes that benchmarks and the demo use: two to tune on, two that nothing is tuned on."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.scenes.plot import PlotDescription, plant_layout
+from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.soil import SoilDescription
+
+Split = Literal["tuning", "test"]
+
+_SEEDS: dict[Split, tuple[int, int]] = {"tuning": (11, 12), "test": (23, 24)}
+
+
+def benchmark_scene(split: Split, index: int) -> PlotDescription:
+    """One of four plots, three to five plants each.
+
+    Args:
+        split: parameters may be chosen on "tuning" only.
+        index: 0 (one row of three or five plants) or 1 (two rows).
+
+    Raises:
+        ValueError: no such scene.
+    """
+    if split not in _SEEDS or index not in (0, 1):
+        raise ValueError(f"there is no benchmark scene {split!r} {index}: it is tuning or test, 0 or 1")
+    seed = _SEEDS[split][index]
+    count = {("tuning", 0): 3, ("tuning", 1): 5, ("test", 0): 5, ("test", 1): 4}[split, index]
+    plants = plant_layout(count, seed, layout="row" if index == 0 else "grid")
+    return PlotDescription(plants, SoilDescription(seed=seed))
+
+
+def benchmark_cameras(count: int = 10) -> tuple[list[Pose], Intrinsics]:
+    """A ring of ``count`` views of 2000 × 1500 pixels (f = 1700 px), 1.7 m from the plants."""
+    return ring(count, 1.45, 1.15), Intrinsics.pinhole(2000, 1500, 1700.0)

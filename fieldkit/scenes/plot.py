@@ -1,0 +1,164 @@
+"""A simulated plot: its description, the scene built from it, and the true cloud of its plants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.scenes.light import bake_light, visible_from
+from fieldkit.scenes.maize import MaizeDescription, build_maize
+from fieldkit.scenes.scene import Light, Mesh, Scene
+from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
+
+Layout = Literal["row", "grid", "random"]
+
+
+@dataclass(frozen=True)
+class PlotDescription:
+    """Everything a scene is built from; the same description gives the same scene.
+
+    Attributes:
+        plants: each with its seed and place.
+        soil: the ground.
+        light: sun and sky.
+        extent_m: side of the square that belongs to the plot; everything in it casts shadows.
+    """
+
+    plants: tuple[MaizeDescription, ...]
+    soil: SoilDescription = SoilDescription()
+    light: Light = Light()
+    extent_m: float = 1.6
+
+
+def plant_layout(
+    count: int, seed: int, *, layout: Layout = "row", spacing_m: float = 0.26, leaves: tuple[int, int] = (7, 9)
+) -> tuple[MaizeDescription, ...]:
+    """``count`` different plants about the origin.
+
+    Args:
+        layout: one row along x, two rows, or at random with at least ``spacing_m`` · 0.8 between plants.
+        leaves: fewest and most leaves of a plant.
+    """
+    rng = np.random.default_rng([seed, 5])
+    if layout == "row":
+        places = np.column_stack([(np.arange(count) - (count - 1) / 2) * spacing_m, np.zeros(count)])
+    elif layout == "grid":
+        columns = (count + 1) // 2
+        i = np.arange(count)
+        places = np.column_stack(
+            [(i % columns - (columns - 1) / 2) * spacing_m, (i // columns - 0.5) * 1.6 * spacing_m]
+        )
+    else:
+        places = _random_places(count, 0.8 * spacing_m, rng)
+    places = places + rng.normal(0, 0.02, places.shape)
+    return tuple(
+        MaizeDescription(
+            seed=int(rng.integers(1 << 30)), x_m=float(x), y_m=float(y), yaw_deg=float(rng.uniform(0, 360)),
+            scale=float(rng.uniform(0.9, 1.1)), leaves=int(rng.integers(leaves[0], leaves[1] + 1)),
+        )
+        for x, y in places
+    )  # fmt: skip
+
+
+def _random_places(count: int, distance: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    half, places = 0.5 * distance * np.sqrt(count) * 1.3, np.zeros((0, 2))
+    while len(places) < count:
+        place = rng.uniform(-half, half, (1, 2))
+        if not len(places) or np.linalg.norm(places - place, axis=1).min() >= distance:
+            places = np.vstack([places, place])
+        half *= 1.002  # a full square grows until everything fits
+    return places
+
+
+def build_scene(plot: PlotDescription) -> Scene:
+    """The plot's meshes with baked light, and the sky."""
+    plants = []
+    for i, plant in enumerate(plot.plants):
+        ground = soil_height(plot.soil, np.array([plant.x_m]), np.array([plant.y_m]))[0]
+        plants.append(replace(build_maize(plant, float(ground)), name=f"plant-{i + 1}"))
+    meshes = [*plants, *build_soil(plot.soil)]
+    materials = [(0.45, 0.10)] * len(plants) + [(0.0, 0.012), (0.0, 0.03), (0.1, 0.05)]
+    lit = bake_light(meshes, plot.light, gloss=materials, radius_m=0.5 * plot.extent_m + 0.6)
+    return Scene((*lit, _sky()), plot.light)
+
+
+def _sky() -> Mesh:
+    """A dome of 100 m: blue above, haze at the horizon, the colour of fields below it."""
+    elevation, azimuth = np.radians(np.linspace(-90, 90, 37)), np.radians(np.linspace(0, 360, 25))
+    e, a = np.meshgrid(elevation, azimuth, indexing="ij")
+    vertices = 100.0 * np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1)
+    up = np.clip(np.sin(e), 0, 1)[..., None] ** 0.6
+    colors = (1 - up) * np.array([0.80, 0.85, 0.88]) + up * np.array([0.38, 0.56, 0.83])
+    colors[e < -1e-9] = (0.52, 0.50, 0.40)
+    index = np.arange(vertices.shape[0] * vertices.shape[1], dtype=np.int32).reshape(vertices.shape[:2])
+    p, q, r, s = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([p, q, r], -1).reshape(-1, 3), np.stack([p, r, s], -1).reshape(-1, 3)])
+    return Mesh(
+        "sky", vertices.reshape(-1, 3).astype(np.float32), faces, colors=colors.reshape(-1, 3).astype(np.float32)
+    )
+
+
+def sample_plants(
+    scene: Scene, count: int, seed: int = 0
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.float32]]:
+    """Points on the plants' surfaces, uniform by area, that can be seen from outside.
+
+    A point counts as visible when one of 60 directions from straight above down to 10° below the horizon reaches
+    it (within 3 mm) past plants and soil.
+
+    Returns:
+        (n, 3) metres, (n, 3) uint8 unlit colours, (n, 3) float32 normals; n is ``count`` less the hidden ones.
+    """
+    rng = np.random.default_rng([seed, 11])
+    meshes = list(scene.plants)
+    areas = [_areas(mesh) for mesh in meshes]
+    total = sum(float(a.sum()) for a in areas)
+    points, colors, normals = [], [], []
+    for mesh, area in zip(meshes, areas, strict=True):
+        p, c, n = _sample(mesh, area, int(round(count * area.sum() / total)), rng)
+        points.append(p), colors.append(c), normals.append(n)
+    everything = np.concatenate(points)
+    solid = [m for m in scene.meshes if m.normals is not None]
+    corners = np.concatenate([m.vertices[m.faces] for m in solid]).astype(np.float64)
+    lower, upper = scene.bounds(plants_only=True)
+    radius = float(np.abs([lower[:2], upper[:2]]).max()) + 0.1
+    corners = corners[(np.abs(corners[:, :, :2]) < radius).all(axis=(1, 2))]
+    seen = np.zeros(len(everything), bool)
+    i = np.arange(60) + 0.5
+    height = 1.0 - i / 60 * (1.0 + np.sin(np.radians(10)))
+    turn = i * np.pi * (3 - np.sqrt(5))
+    for h, a in zip(height, turn, strict=True):
+        direction = np.array([np.sqrt(1 - h * h) * np.cos(a), np.sqrt(1 - h * h) * np.sin(a), h])
+        seen |= visible_from(everything, corners, direction, radius * 1.6, pixels=2048, bias_m=0.003) > 0.5
+    return everything[seen], np.concatenate(colors)[seen], np.concatenate(normals)[seen]
+
+
+def _areas(mesh: Mesh) -> NDArray[np.float64]:
+    a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(np.float64) for i in range(3))
+    area: NDArray[np.float64] = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return area
+
+
+def _sample(
+    mesh: Mesh, area: NDArray[np.float64], count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.float32]]:
+    chosen = mesh.faces[rng.choice(len(area), count, p=area / area.sum())]
+    r, s = np.sqrt(rng.random(count)), rng.random(count)
+    weights = np.stack([1 - r, r * (1 - s), r * s], axis=1)  # uniform in a triangle (Osada et al. 2002, eq. 1)
+
+    def at(values: NDArray[np.float32]) -> NDArray[np.float64]:
+        return np.einsum("nk,nkd->nd", weights, values[chosen].astype(np.float64))
+
+    colors = np.full((count, 3), 255, np.uint8)
+    if mesh.texture is not None and mesh.uv is not None:
+        u, v = at(mesh.uv).T
+        h, w = mesh.texture.shape[:2]
+        row = np.clip(((1 - v) * h).astype(int), 0, h - 1)
+        colors = mesh.texture[row, np.clip((u * w).astype(int), 0, w - 1)]
+    assert mesh.normals is not None
+    normals = at(mesh.normals)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return at(mesh.vertices), colors, normals.astype(np.float32)

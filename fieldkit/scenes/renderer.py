@@ -1,0 +1,185 @@
+"""Off-screen rendering with pyrender on EGL: photographs and exact depth maps of a scene.
+
+This is the one place that imports pyrender. What pyrender 0.1.45 leaves to be desired is replaced in
+`_gl_renderer`: its lit shader (four times the time of ours), its depth maps (read from a multisample buffer, so
+taken off the pixel's centre) and its clean-up (which ends every other context of the process).
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import FieldkitError
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.scenes.scene import Mesh, Scene
+
+_REMEDY = (
+    "Install the off-screen OpenGL libraries (Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri) "
+    "and leave PYOPENGL_PLATFORM unset or set it to egl."
+)
+
+
+class RenderingError(FieldkitError):
+    """No image can be rendered on this machine as it is set up."""
+
+
+class Renderer:
+    """Renders one scene. The scene is uploaded once; use it as a context manager or call `close`.
+
+    Args:
+        scene: what to render.
+        near_m, far_m: clipping distances along the optical axis.
+
+    Raises:
+        RenderingError: no OpenGL context can be made; the remedy names the packages.
+
+    Images follow COLMAP's pixel convention exactly: a world point is drawn at
+    ``intrinsics.project(pose.to_camera(point))``, with (0, 0) the upper left corner of the upper left pixel. The
+    same scene gives the same pixels on the same machine.
+    """
+
+    def __init__(self, scene: Scene, *, near_m: float = 0.05, far_m: float = 200.0) -> None:
+        self.scene = scene
+        self._near, self._far = near_m, far_m
+        try:
+            self._pyrender, self._platform, self._gl = _start(scene)
+        except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
+            raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=_REMEDY) from error
+        self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
+        for mesh in scene.meshes:
+            self._content.add(_upload(self._pyrender, mesh))
+        self._camera: Any = None
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the OpenGL context. A second call does nothing."""
+        if self._platform is None:
+            return
+        self._platform.make_current()
+        self._gl.delete()
+        _end(self._platform)
+        self._platform = self._gl = None
+
+    def photograph(self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4) -> NDArray[np.uint8]:
+        """(height, width, 3) uint8 sRGB image with ``samples`` samples per pixel (0: no anti-aliasing).
+
+        Raises:
+            ValueError: the camera has distortion; render without it.
+        """
+        self._aim(pose, intrinsics)
+        image: NDArray[np.uint8] = self._gl.draw(self._content, samples=samples, output="color")
+        return image
+
+    def depth(self, pose: Pose, intrinsics: Intrinsics) -> NDArray[np.float32]:
+        """(height, width) float32: metres along the optical axis at each pixel's centre, 0 where nothing is hit.
+
+        Raises:
+            ValueError: the camera has distortion.
+        """
+        self._aim(pose, intrinsics)
+        window: NDArray[np.float64] = self._gl.draw(self._content, samples=0, output="depth").astype(np.float64)
+        depth = self._near * self._far / (self._far - window * (self._far - self._near))
+        depth[window >= 1.0] = 0.0
+        return depth.astype(np.float32)
+
+    def render(
+        self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """`photograph` and `depth` of the same view."""
+        return self.photograph(pose, intrinsics, samples=samples), self.depth(pose, intrinsics)
+
+    def _aim(self, pose: Pose, intrinsics: Intrinsics) -> None:
+        if self._platform is None:
+            raise RenderingError("the renderer is closed")
+        if intrinsics.distorted:
+            raise ValueError("images are rendered without distortion: pass intrinsics.without_distortion()")
+        self._platform.make_current()
+        camera = self._pyrender.IntrinsicsCamera(
+            intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy, znear=self._near, zfar=self._far
+        )
+        if self._camera is not None:
+            self._content.remove_node(self._camera)
+        world_from_camera = np.eye(4)
+        # OpenGL's camera looks along −z with y up, COLMAP's along +z with y down.
+        world_from_camera[:3, :3] = pose.rotation.T @ np.diag([1.0, -1.0, -1.0])
+        world_from_camera[:3, 3] = pose.center
+        self._camera = self._content.add(camera, pose=world_from_camera)
+        self._content.main_camera_node = self._camera
+        self._gl.viewport_width, self._gl.viewport_height = intrinsics.width, intrinsics.height
+
+
+def render(
+    scene: Scene, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """One photograph and depth map; for more than one keep a `Renderer`."""
+    with Renderer(scene) as renderer:
+        return renderer.render(pose, intrinsics, samples=samples)
+
+
+def _start(scene: Scene) -> tuple[Any, Any, Any]:
+    """pyrender, a current OpenGL context and a renderer in it."""
+    os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+    if not hasattr(np, "infty"):
+        np.infty = np.inf  # type: ignore[attr-defined]  # pyrender 0.1.45 uses the name NumPy 2 dropped
+    import pyrender
+
+    platform: Any
+    name = os.environ["PYOPENGL_PLATFORM"]
+    if name == "egl":
+        from pyrender.platforms import egl
+
+        platform = egl.EGLPlatform(64, 64, device=egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0"))))
+    elif name == "osmesa":
+        from pyrender.platforms.osmesa import OSMesaPlatform
+
+        platform = OSMesaPlatform(64, 64)
+    else:
+        raise ValueError(f"PYOPENGL_PLATFORM is {name!r}")
+    platform.init_context()
+    platform.make_current()
+    from fieldkit.scenes._gl_renderer import GLRenderer
+
+    return pyrender, platform, GLRenderer(scene.light, Path(__file__).parent / "shaders")
+
+
+def _end(platform: Any) -> None:
+    context = getattr(platform, "_egl_context", None)
+    if context is None:
+        platform.delete_context()
+        return
+    # platform.delete_context would also terminate the display, which all contexts of the process share.
+    from OpenGL.EGL import eglDestroyContext
+
+    eglDestroyContext(platform._egl_display, context)
+    platform._egl_context = None
+    platform._egl_display = None
+
+
+def _upload(pyrender: Any, mesh: Mesh) -> Any:
+    texture = None
+    if mesh.texture is not None:
+        texture = pyrender.Texture(source=mesh.texture, source_channels="RGB")
+    material = pyrender.MetallicRoughnessMaterial(
+        baseColorFactor=[1.0, 1.0, 1.0, 1.0], baseColorTexture=texture, doubleSided=True, alphaMode="OPAQUE"
+    )
+    colors = None
+    if mesh.colors is not None:
+        colors = np.column_stack([mesh.colors, np.ones(len(mesh.colors), np.float32)])
+    primitive = pyrender.Primitive(
+        positions=mesh.vertices, normals=mesh.normals if mesh.shading is not None else None, tangents=mesh.shading,
+        texcoord_0=mesh.uv, color_0=colors, indices=mesh.faces, material=material, mode=4,
+    )  # fmt: skip
+    return pyrender.Mesh([primitive], name=mesh.name, is_visible=True)

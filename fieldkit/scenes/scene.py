@@ -1,0 +1,110 @@
+"""What a simulated scene is made of: triangle meshes and light. Values only, no I/O."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A two-sided triangle mesh in the plot frame.
+
+    The colour of a surface point is texture × vertex colour (each white where absent), lit by the scene's light
+    where ``shading`` is given and drawn as it is where not.
+
+    Attributes:
+        name: unique within a scene.
+        vertices: (n, 3) float32, metres.
+        faces: (m, 3) int32 indices into ``vertices``.
+        normals: (n, 3) float32 unit vertex normals; needed for lit meshes.
+        uv: (n, 2) float32 texture coordinates, (0, 0) at the texture's lower left corner.
+        texture: (h, w, 3) uint8 sRGB, row 0 at the top.
+        colors: (n, 3) float32 in [0, 1], sRGB.
+        shading: (n, 4) float32 in [0, 1]: share of the sun's disc that is seen, share of the sky that is seen,
+            share of sunlight on the far side that shines through, strength of the gloss.
+        plant: whether the mesh belongs to the reference (plants) or not (soil, stones, sky).
+    """
+
+    name: str
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    normals: NDArray[np.float32] | None = None
+    uv: NDArray[np.float32] | None = None
+    texture: NDArray[np.uint8] | None = None
+    colors: NDArray[np.float32] | None = None
+    shading: NDArray[np.float32] | None = None
+    plant: bool = False
+
+    def __post_init__(self) -> None:
+        n = len(self.vertices)
+        for name, width in (("normals", 3), ("uv", 2), ("colors", 3), ("shading", 4)):
+            value = getattr(self, name)
+            if value is not None and value.shape != (n, width):
+                raise ValueError(f"{self.name}: {name} must be ({n}, {width}), not {value.shape}")
+        if self.shading is not None and self.normals is None:
+            raise ValueError(f"{self.name}: a lit mesh needs normals")
+        if (self.texture is None) != (self.uv is None):
+            raise ValueError(f"{self.name}: texture and uv go together")
+        if len(self.faces) and (self.faces.min() < 0 or self.faces.max() >= n):
+            raise ValueError(f"{self.name}: a face refers to a vertex that does not exist")
+
+
+@dataclass(frozen=True)
+class Light:
+    """Sun and sky. Radiances are linear and relative: white paper in full sun is about 1.
+
+    Attributes:
+        sun: unit vector towards the sun, in the plot frame.
+        sun_color: linear RGB of direct sunlight on a surface that faces it.
+        sky_color: linear RGB of skylight from the zenith side.
+        ground_color: linear RGB of light that comes back from the ground.
+    """
+
+    sun: tuple[float, float, float] = (0.45, -0.35, 0.8216)
+    sun_color: tuple[float, float, float] = (1.00, 0.95, 0.86)
+    sky_color: tuple[float, float, float] = (0.42, 0.46, 0.53)
+    ground_color: tuple[float, float, float] = (0.18, 0.15, 0.12)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Meshes under one light, in the plot frame (x east, y north, z up, metres, z = 0 on the ground)."""
+
+    meshes: tuple[Mesh, ...]
+    light: Light = field(default_factory=Light)
+    background: tuple[float, float, float] = (0.78, 0.84, 0.90)
+
+    @property
+    def plants(self) -> Iterator[Mesh]:
+        """The meshes that belong to the reference."""
+        return (mesh for mesh in self.meshes if mesh.plant)
+
+    @property
+    def triangles(self) -> int:
+        return sum(len(mesh.faces) for mesh in self.meshes)
+
+    def bounds(self, *, plants_only: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower and upper corner (3,) of the axis-aligned box about the meshes, metres."""
+        chosen = [m for m in self.meshes if (m.plant or not plants_only) and len(m.vertices)]
+        if not chosen:
+            raise ValueError("the scene has no such mesh")
+        lower = np.min([m.vertices.min(0) for m in chosen], axis=0)
+        upper = np.max([m.vertices.max(0) for m in chosen], axis=0)
+        return lower.astype(np.float64), upper.astype(np.float64)
+
+
+def vertex_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.float32]:
+    """(n, 3) unit normals, each the area-weighted mean of the adjacent triangles' normals."""
+    points = np.asarray(vertices, dtype=np.float64)
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    face_normals = np.cross(b - a, c - a)
+    normals = np.zeros_like(points)
+    for corner in range(3):
+        for axis in range(3):
+            normals[:, axis] += np.bincount(faces[:, corner], face_normals[:, axis], minlength=len(points))
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return (normals / np.maximum(lengths, 1e-30)).astype(np.float32)
