@@ -119,7 +119,7 @@ def check_renderer() -> Check:
 
 def check_pycolmap() -> Check:
     """The build of pycolmap, and the CUDA devices dense stereo could use."""
-    builds = [name for name in ("pycolmap", "pycolmap-cuda12") if _version(name)]
+    builds = [name for name in ("pycolmap", "pycolmap-cuda12") if _installed(name)]
     if len(builds) > 1:
         remedy = (
             "pip uninstall -y pycolmap pycolmap-cuda12, then install the one you want (docs/install.md): "

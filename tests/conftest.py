@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# The same examples in every run, and no deadline: a busy machine is no failure. HYPOTHESIS_PROFILE=explore looks further.
+# The same examples in every run, and no deadline, for a busy machine is no failure. HYPOTHESIS_PROFILE=explore looks
+# further.
 settings.register_profile("fieldkit", deadline=None, derandomize=True)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fieldkit"))

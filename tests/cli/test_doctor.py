@@ -105,12 +105,13 @@ class TestPycolmap:
     ) -> None:
         line = {"version": "4.2.1", "built_with_cuda": cuda, "cuda_devices": devices, "features": 9}
         monkeypatch.setattr(diagnostics, "_probe", lambda name: ([line], ""))
-        monkeypatch.setattr(diagnostics, "_version", lambda name: "4.2.1" if name == "pycolmap" else None)
+        own = "pycolmap-cuda12" if cuda else "pycolmap"
+        monkeypatch.setattr(diagnostics, "_installed", lambda name: "4.2.1" if name == own else None)
         monkeypatch.setattr(diagnostics.shutil, "which", lambda name: "/usr/bin/nvidia-smi" if driver else None)
         assert diagnostics.check_pycolmap().status == status
 
     def test_two_builds_at_once(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(diagnostics, "_version", lambda name: "4.2.1")
+        monkeypatch.setattr(diagnostics, "_installed", lambda name: "4.2.1")
         check = diagnostics.check_pycolmap()
         assert check.status == "fail"
         assert "uninstall" in check.remedy
