@@ -1,0 +1,154 @@
+"""Orientations of cameras whose positions alone are known, from verified pairs.
+
+The relative rotations of verified pairs, joined over a maximum spanning tree, orient the images of a component
+against each other. The pairs' translation directions must then be the known directions between the positions, which
+fixes the component's rotation in the world (Wahba's problem, solved by SVD inside RANSAC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.reconstruction.verification import TwoView
+
+Matrix = NDArray[np.float64]
+_AGREE_DEG = 12.0
+_ROUNDS = 3
+_TRIALS = 500
+
+
+@dataclass(frozen=True, eq=False)
+class _Edge:
+    i: int
+    j: int
+    weight: int
+    rotation: Matrix  # camera j from camera i
+    direction: Matrix  # unit vector from camera i to camera j, in camera i
+
+
+def orient_cameras(
+    positions: Sequence[NDArray[np.float64] | None], pairs: Mapping[tuple[int, int], TwoView], *, seed: int
+) -> dict[int, Matrix]:
+    """Camera-from-world rotations (3, 3) by image index, for the images that pairs connect without contradiction.
+
+    Args:
+        positions: (3,) metres per image, or None.
+        pairs: verified pairs with relative poses, by image indices.
+        seed: of RANSAC.
+
+    Images that no agreeing pair reaches, and components whose baselines are all parallel, are missing.
+    """
+    edges = [edge for (i, j), pair in sorted(pairs.items()) if (edge := _edge(i, j, pair, positions)) is not None]
+    found: dict[int, Matrix] = {}
+    for _ in range(_ROUNDS):
+        found = {}
+        for rotations in _components(edges):
+            found.update(_align(rotations, edges, positions, seed))
+        agreeing = [e for e in edges if e.i in found and e.j in found and _consistent(e, found, positions)]
+        connected = {k for e in agreeing for k in (e.i, e.j)}
+        found = {k: r for k, r in found.items() if k in connected}
+        if len(agreeing) == len(edges):
+            break
+        edges = agreeing
+    return found
+
+
+def _edge(i: int, j: int, pair: TwoView, positions: Sequence[NDArray[np.float64] | None]) -> _Edge | None:
+    length = float(np.linalg.norm(pair.translation))
+    a, b = positions[i], positions[j]
+    if length == 0 or a is None or b is None or np.linalg.norm(b - a) == 0:
+        return None
+    return _Edge(i, j, len(pair.inliers), pair.rotation, -pair.rotation.T @ pair.translation / length)
+
+
+def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
+    """Rotations of every image against its component's first, along the strongest edges (Kruskal)."""
+    neighbours: dict[int, list[tuple[int, Matrix]]] = {}
+    root = {k: k for e in edges for k in (e.i, e.j)}
+
+    def find(k: int) -> int:
+        while root[k] != k:
+            root[k] = root[root[k]]
+            k = root[k]
+        return k
+
+    for edge in sorted(edges, key=lambda e: (-e.weight, e.i, e.j)):
+        a, b = find(edge.i), find(edge.j)
+        if a != b:
+            root[a] = b
+            neighbours.setdefault(edge.i, []).append((edge.j, edge.rotation))
+            neighbours.setdefault(edge.j, []).append((edge.i, edge.rotation.T))
+    components: list[dict[int, Matrix]] = []
+    seen: set[int] = set()
+    for start in sorted(root):
+        if start in seen:
+            continue
+        rotations, queue = {start: np.eye(3)}, [start]
+        while queue:
+            k = queue.pop()
+            for other, rotation in neighbours.get(k, []):
+                if other not in rotations:
+                    rotations[other] = rotation @ rotations[k]
+                    queue.append(other)
+        seen.update(rotations)
+        components.append(rotations)
+    return components
+
+
+def _align(
+    rotations: Mapping[int, Matrix],
+    edges: Sequence[_Edge],
+    positions: Sequence[NDArray[np.float64] | None],
+    seed: int,
+) -> dict[int, Matrix]:
+    """The component's rotations in the world, or nothing."""
+    mine = [e for e in edges if e.i in rotations and e.j in rotations]
+    if len(mine) < 2:
+        return {}
+    inside = np.array([rotations[e.i].T @ e.direction for e in mine])
+    world = np.array([_world_direction(e, positions) for e in mine])
+    weights = np.array([e.weight for e in mine], dtype=np.float64)
+    rng = np.random.default_rng(seed)
+    limit = np.cos(np.radians(_AGREE_DEG))
+    best, best_score = None, 0.0
+    for _ in range(_TRIALS):
+        sample = rng.choice(len(mine), size=2, replace=False)
+        candidate = _wahba(inside[sample], world[sample], np.ones(2))
+        if candidate is None:
+            continue
+        good = ((inside @ candidate.T) * world).sum(axis=1) >= limit
+        score = float(weights[good].sum())
+        if score > best_score:
+            best, best_score = good, score
+    if best is None or best_score < 0.5 * weights.sum():
+        return {}
+    rotation = _wahba(inside[best], world[best], weights[best])
+    return {} if rotation is None else {k: r @ rotation.T for k, r in rotations.items()}
+
+
+def _wahba(inside: Matrix, world: Matrix, weights: NDArray[np.float64]) -> Matrix | None:
+    """The rotation that best turns ``inside`` (n, 3) into ``world`` (n, 3); None when the directions are parallel."""
+    u, singular, vt = np.linalg.svd((world * weights[:, None]).T @ inside)
+    if singular[1] < 0.02 * singular[0]:
+        return None
+    rotation: Matrix = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
+    return rotation
+
+
+def _world_direction(edge: _Edge, positions: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64]:
+    a, b = positions[edge.i], positions[edge.j]
+    assert a is not None and b is not None  # _edge() made sure
+    direction: NDArray[np.float64] = (b - a) / np.linalg.norm(b - a)
+    return direction
+
+
+def _consistent(edge: _Edge, found: Mapping[int, Matrix], positions: Sequence[NDArray[np.float64] | None]) -> bool:
+    turned = found[edge.i].T @ edge.direction
+    if float(turned @ _world_direction(edge, positions)) < np.cos(np.radians(_AGREE_DEG)):
+        return False
+    return rotation_angle_deg(found[edge.j] @ found[edge.i].T, edge.rotation) <= _AGREE_DEG

@@ -1,0 +1,166 @@
+"""What a reconstruction says of itself: values only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from fieldkit.captures.model import Capture, Finding
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Intrinsics, Pose, Similarity
+
+
+@dataclass(frozen=True)
+class ImageReport:
+    """What became of one photograph.
+
+    Attributes:
+        name: of the file.
+        features: found in it.
+        registered: whether the mapper gave it a pose.
+        right: whether that pose agrees with what is known of it; None when nothing is known.
+        reason: why it is not registered, or not right; empty otherwise.
+        observations: of 3D points in it.
+        reprojection_px: mean error of these, pixels of the full-size photograph; None without any.
+        position_residual_m: distance of its centre from the known position, after alignment; None when unknown.
+        angle_residual_deg: angle to the known orientation; None when unknown.
+    """
+
+    name: str
+    features: int
+    registered: bool
+    right: bool | None
+    reason: str
+    observations: int
+    reprojection_px: float | None
+    position_residual_m: float | None
+    angle_residual_deg: float | None
+
+    @property
+    def counts(self) -> bool:
+        """Registered, and not known to be wrong."""
+        return self.registered and self.right is not False
+
+
+@dataclass(frozen=True, eq=False)
+class GroundPlane:
+    """n · x + offset = 0 in the plot frame, with n (3,) towards the cameras.
+
+    Attributes:
+        normal: (3,) unit vector.
+        offset: metres.
+        rms_m: of the inliers' distances.
+        inlier_share: of the points it was fitted to.
+    """
+
+    normal: NDArray[np.float64]
+    offset: float
+    rms_m: float
+    inlier_share: float
+
+
+@dataclass(frozen=True, eq=False)
+class MetricFrame:
+    """How the model got its scale and place.
+
+    Attributes:
+        source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"``, ``"markers"`` or ``"none"`` (then lengths are not metres).
+        plot_from_source: rigid motion from the metric source's frame to the plot frame.
+        rms_m: of the position residuals of registered images that are right; None without positions.
+        bound_m: the largest position residual that counts as right (median over images); None without positions.
+        ground: fitted plane, or None where none was found.
+        notes: doubts, in sentences.
+    """
+
+    source: str
+    plot_from_source: Similarity
+    rms_m: float | None
+    bound_m: float | None
+    ground: GroundPlane | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def metric(self) -> bool:
+        return self.source != "none"
+
+
+@dataclass(frozen=True)
+class StageTime:
+    """Seconds a stage took; ``cached`` how many of its ``items`` came from the cache."""
+
+    name: str
+    wall_s: float
+    cpu_s: float
+    items: int
+    cached: int
+
+
+@dataclass(frozen=True, eq=False)
+class SparseResult:
+    """A mapped capture in the plot frame.
+
+    Attributes:
+        capture: what was read.
+        method: ``"incremental"``, ``"global"`` or ``"prior"``.
+        model: COLMAP's, in the plot frame; registered images only.
+        model_sizes: registered images of every model the mapper made, largest first.
+        images: one report per photograph, in order.
+        poses: of the images that count (`ImageReport.counts`), plot frame.
+        intrinsics: refined, of the same images.
+        intrinsics_source: per camera group key, where its intrinsics came from.
+        frame: metric frame and ground.
+        pairs_tried, pairs_verified: image pairs matched, and verified.
+        findings: of the capture and of this reconstruction.
+    """
+
+    capture: Capture
+    method: str
+    model: pycolmap.Reconstruction
+    model_sizes: tuple[int, ...]
+    images: tuple[ImageReport, ...]
+    poses: Mapping[str, Pose]
+    intrinsics: Mapping[str, Intrinsics]
+    intrinsics_source: Mapping[str, str]
+    frame: MetricFrame
+    pairs_tried: int
+    pairs_verified: int
+    findings: tuple[Finding, ...]
+
+    @property
+    def registered(self) -> int:
+        return sum(image.registered for image in self.images)
+
+    @property
+    def right(self) -> int:
+        """Images that count."""
+        return sum(image.counts for image in self.images)
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """A capture, reconstructed.
+
+    Attributes:
+        sparse: mapping's result.
+        volume: of interest, plot frame.
+        plants: dense cloud of the plants: masked, in the volume, above the ground.
+        scene: dense cloud of everything in the volume; None where not asked for.
+        gsd_m: ground sampling distance at the volume's centre, median over images: metres per full-size pixel.
+        backend: of dense stereo.
+        fusion_rule: in words.
+        times: per stage.
+    """
+
+    sparse: SparseResult
+    volume: Volume
+    plants: Cloud
+    scene: Cloud | None
+    gsd_m: float
+    backend: str
+    fusion_rule: str
+    times: tuple[StageTime, ...]

@@ -1,0 +1,45 @@
+"""What a person can choose about a reconstruction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from fieldkit.clouds.volume import Volume
+from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
+from fieldkit.reconstruction.verification import VerificationSettings
+
+MappingMethod = Literal["auto", "incremental", "global", "prior"]
+Fidelity = Literal["draft", "standard", "fine", "full"]
+MaskKind = Literal["exg", "none", "file"]
+Backend = Literal["auto", "cpu", "cuda"]
+
+
+@dataclass(frozen=True)
+class ReconstructionSettings:
+    """Every choice that changes a reconstruction's result.
+
+    Attributes:
+        features: detection.
+        verification: of blind matching's pairs.
+        prior: constants of prior mapping.
+        mapping: ``auto`` takes ``prior`` where positions are known, else ``global``.
+        fidelity: working size of dense stereo.
+        mask: which pixels are plant.
+        backend: of dense stereo.
+        bounds: volume of interest in the plot frame, metres; None finds it from the cameras.
+        min_agreeing_views: of the fusion rule.
+        seed: of everything random.
+    """
+
+    features: FeatureSettings = field(default_factory=FeatureSettings)
+    verification: VerificationSettings = field(default_factory=VerificationSettings)
+    prior: PriorMappingSettings = field(default_factory=PriorMappingSettings)
+    mapping: MappingMethod = "auto"
+    fidelity: Fidelity = "standard"
+    mask: MaskKind = "exg"
+    backend: Backend = "auto"
+    bounds: Volume | None = None
+    min_agreeing_views: int = 2
+    seed: int = 0
