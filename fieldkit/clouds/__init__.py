@@ -2,6 +2,8 @@
 
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.depth import DepthError, depth_mae, pooled_depth_error
+from fieldkit.clouds.io import read_cloud, write_cloud
+from fieldkit.clouds.las import LasCloud, read_las, write_las
 from fieldkit.clouds.metrics import (
     DISTANCES_M,
     Chamfer,
@@ -24,6 +26,7 @@ __all__ = [
     "CloudScore",
     "DepthError",
     "FScore",
+    "LasCloud",
     "PointIndex",
     "ReferenceIndex",
     "Volume",
@@ -33,8 +36,12 @@ __all__ = [
     "depth_mae",
     "f_scores",
     "pooled_depth_error",
+    "read_cloud",
+    "read_las",
     "read_ply",
     "score",
     "voxel_thin",
+    "write_cloud",
+    "write_las",
     "write_ply",
 ]

@@ -1,0 +1,53 @@
+"""Reading a point cloud of any supported format, told apart by content."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.las import read_las, write_las
+from fieldkit.clouds.ply import read_ply, write_ply
+from fieldkit.errors import CloudError, UsageError
+
+
+def read_cloud(path: Path) -> Cloud:
+    """Read a PLY, LAS or LAZ file, whatever its name ends in.
+
+    Raises:
+        CloudError: the file cannot be read, is of another kind, or is damaged.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            start = file.read(4)
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
+    if start == b"LASF":
+        return read_las(path).cloud
+    if start.startswith(b"ply"):
+        return read_ply(path)
+    raise CloudError(
+        "is empty" if not start else "is neither PLY, LAS nor LAZ",
+        path=path,
+        remedy="Give a point cloud as PLY, LAS or LAZ.",
+    )
+
+
+def write_cloud(path: Path, cloud: Cloud, *, crs_epsg: int | None = None) -> None:
+    """Write a cloud in the format that the name's ending asks for: .ply, .las or .laz.
+
+    Raises:
+        UsageError: another ending.
+        CloudError: LAS without the extra `geo`, or an unusable CRS.
+        StorageError: the place is full or not writable.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in (".las", ".laz"):
+        write_las(path, cloud, crs_epsg=crs_epsg)
+    elif suffix == ".ply":
+        write_ply(path, cloud)
+    else:
+        raise UsageError("point clouds are written as .ply, .las or .laz", path=path, remedy="Choose one of them.")

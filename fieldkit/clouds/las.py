@@ -1,0 +1,212 @@
+"""Reading and writing LAS and LAZ (ASPRS LAS 1.4 R15), for georeferenced clouds. Needs the extra `geo`."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.las_header import DAMAGED, check_sizes
+from fieldkit.errors import CloudError
+from fieldkit.files import write_atomic
+
+_FINEST_SCALE_M = 1e-4
+_CHUNK_POINTS = 500_000  # what is allocated at a time, whatever the header promises
+_NORMALS = ("nx", "ny", "nz")
+_OTHER_NORMALS = (_NORMALS, ("NormalX", "NormalY", "NormalZ"), ("normal_x", "normal_y", "normal_z"))
+_WITH_COLOR = (2, 3, 5, 7, 8, 10)  # point formats
+_CREATION_DATE = slice(90, 94)  # of the header: day of year and year
+
+
+@dataclass(frozen=True, eq=False)
+class LasCloud:
+    """A LAS file's points and their coordinate reference system.
+
+    Attributes:
+        cloud: in the system's own coordinates (for UTM easting, northing and height, metres).
+        crs_wkt: the system as WKT, or None where the file has none.
+        crs_epsg: its EPSG code, or None where it has none.
+    """
+
+    cloud: Cloud
+    crs_wkt: str | None
+    crs_epsg: int | None
+
+
+def read_las(path: Path) -> LasCloud:
+    """Read a LAS or LAZ file of any version and point format that laspy knows.
+
+    Colours that use only the lower 8 of their 16 bits, as some writers leave them, are taken as 8-bit ones. Normals
+    are read from the extra dimensions nx, ny, nz or NormalX, NormalY, NormalZ.
+
+    Raises:
+        CloudError: the extra `geo` is missing, or the file cannot be read or is damaged.
+    """
+    laspy = _laspy(path)
+    path = Path(path)
+    try:
+        with path.open("rb") as file, _damage_reported(path):
+            return _read(laspy, file, path)
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
+
+
+def write_las(path: Path, cloud: Cloud, *, crs_epsg: int | None = None) -> None:
+    """Write LAS 1.4, point format 7; compressed (LAZ) where the name ends in .laz. Equal clouds give equal bytes.
+
+    Coordinates are stored in steps of 0.1 mm from whole-metre offsets (coarser only where the cloud spans more than
+    200 km); normals as extra dimensions nx, ny, nz. The creation date is left blank.
+
+    Args:
+        path: the file to write.
+        cloud: in the coordinates of the reference system.
+        crs_epsg: EPSG code of a projected system in metres, such as 32632 (see `geodesy.utm_epsg`).
+
+    Raises:
+        CloudError: the extra `geo` is missing, or the code is unknown or not a projected system in metres.
+        StorageError: the place is full or not writable.
+    """
+    path = Path(path)
+    laspy = _laspy(path)
+    header = laspy.LasHeader(version="1.4", point_format=7)
+    header.generating_software = "fieldkit"
+    header.offsets, header.scales = _grid(cloud.points)
+    if crs_epsg is not None:
+        header.add_crs(_projected_crs(crs_epsg, path))
+    if cloud.normals is not None:
+        header.add_extra_dims([laspy.ExtraBytesParams(name=name, type=np.float32) for name in _NORMALS])
+    las = laspy.LasData(header)
+    las.points = laspy.ScaleAwarePointRecord.zeros(len(cloud), header=header)
+    las.x, las.y, las.z = cloud.points.T
+    las.return_number[:] = 1
+    las.number_of_returns[:] = 1
+    if cloud.colors is not None:
+        # Eight bits become sixteen by repeating them, as the specification asks, so that 255 is full scale.
+        las.red, las.green, las.blue = (cloud.colors.astype(np.uint16) * 257).T
+    if cloud.normals is not None:
+        for axis, name in enumerate(_NORMALS):
+            las[name] = cloud.normals[:, axis]
+    buffer = io.BytesIO()
+    las.write(buffer, do_compress=path.suffix.lower() == ".laz", laz_backend=laspy.LazBackend.Lazrs)
+    data = bytearray(buffer.getvalue())
+    data[_CREATION_DATE] = bytes(4)
+    write_atomic(path, bytes(data))
+
+
+def _laspy(path: Path) -> Any:
+    try:
+        import laspy
+        import lazrs  # noqa: F401
+    except ImportError as error:
+        raise CloudError(
+            "LAS and LAZ files need laspy with lazrs, which are not installed",
+            path=path,
+            remedy="Install them with: pip install 'fieldkit[geo]'",
+        ) from error
+    return laspy
+
+
+@contextmanager
+def _damage_reported(path: Path) -> Iterator[None]:
+    """Turn whatever the LAS libraries raise about a file's content into a CloudError."""
+    try:
+        yield
+    except (CloudError, OSError):
+        raise
+    except Exception as error:
+        detail = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise CloudError(f"cannot be read as LAS: {detail}", path=path, remedy=DAMAGED) from error
+    except BaseException as error:
+        # A panic in lazrs' Rust code is not an Exception; Ctrl-C and the like pass.
+        if type(error).__name__ != "PanicException":
+            raise
+        raise CloudError("cannot be read as LAS: its compression is damaged", path=path, remedy=DAMAGED) from error
+
+
+def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
+    check_sizes(file, path)
+    with laspy.open(file, closefd=False, laz_backend=laspy.LazBackend.Lazrs, encoding_errors="replace") as reader:
+        header = reader.header
+        names = set(header.point_format.dimension_names)
+        normal_names = next((n for n in _OTHER_NORMALS if names.issuperset(n)), None)
+        points: list[NDArray[np.float64]] = []
+        colors: list[NDArray[np.uint16]] = []
+        normals: list[NDArray[np.float32]] = []
+        for chunk in reader.chunk_iterator(_CHUNK_POINTS):
+            points.append(np.stack([chunk.x, chunk.y, chunk.z], axis=1).astype(np.float64))
+            if header.point_format.id in _WITH_COLOR:
+                colors.append(np.stack([chunk.red, chunk.green, chunk.blue], axis=1))
+            if normal_names:
+                normals.append(np.stack([chunk[n] for n in normal_names], axis=1).astype(np.float32))
+            if len(chunk) < _CHUNK_POINTS:
+                break  # the last one, or the file ends early
+        count = sum(map(len, points))
+        if count != header.point_count:
+            raise CloudError(f"ends after {count} of {header.point_count} points", path=path, remedy=DAMAGED)
+        xyz = np.concatenate(points) if points else np.zeros((0, 3))
+        if not np.isfinite(xyz).all():
+            raise CloudError("has coordinates that are not finite", path=path, remedy=DAMAGED)
+        oriented = np.concatenate(normals) if normals else None
+        if oriented is not None:
+            oriented[~np.isfinite(oriented).all(axis=1)] = 0.0
+        wkt, epsg = _crs(header)
+        return LasCloud(Cloud(xyz, _eight_bit(np.concatenate(colors)) if colors else None, oriented), wkt, epsg)
+
+
+def _eight_bit(colors: NDArray[np.uint16]) -> NDArray[np.uint8] | None:
+    """16-bit colours as 8 bits; None where all are zero, which is what files without colours hold."""
+    highest = int(colors.max(initial=0))
+    if highest == 0:
+        return None
+    scaled = colors if highest <= 255 else np.rint(colors / 257.0)
+    return np.asarray(scaled, dtype=np.uint8)
+
+
+def _crs(header: Any) -> tuple[str | None, int | None]:
+    try:
+        crs = header.parse_crs()
+    except Exception:
+        # Other programs' CRS records are often malformed; the points are good without.
+        return None, None
+    return (None, None) if crs is None else (crs.to_wkt(), crs.to_epsg())
+
+
+def _projected_crs(epsg: int, path: Path) -> Any:
+    import pyproj
+
+    try:
+        crs = pyproj.CRS.from_epsg(epsg)
+    except pyproj.exceptions.CRSError as error:
+        raise CloudError(
+            f"EPSG:{epsg} is not a known coordinate reference system",
+            path=path,
+            remedy="Give the code of a projected system in metres, such as 32632 for UTM zone 32 north.",
+        ) from error
+    if not crs.is_projected or any(axis.unit_name != "metre" for axis in crs.axis_info):
+        raise CloudError(
+            f"EPSG:{epsg} ({crs.name}) is not a projected system in metres",
+            path=path,
+            remedy="Give the code of a projected system in metres, such as 32632 for UTM zone 32 north.",
+        )
+    return crs
+
+
+def _grid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Offsets (3,) in whole metres and scales (3,) so that every coordinate fits 32 bits."""
+    if not len(points):
+        return np.zeros(3), np.full(3, _FINEST_SCALE_M)
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    offsets = np.floor(0.5 * (lower + upper))
+    scale = _FINEST_SCALE_M
+    while (np.abs([lower - offsets, upper - offsets]) / scale).max() > 2**31 - 2:
+        scale *= 10.0
+    return offsets, np.full(3, scale)

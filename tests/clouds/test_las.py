@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fieldkit.clouds import Cloud, read_cloud, read_las, write_cloud, write_las
+from fieldkit.errors import CloudError, UsageError
+from tests.clouds.examples import clouds, leaves
+
+pytest.importorskip("laspy", reason="LAS needs the extra geo")
+one_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@given(clouds(), st.sampled_from(["cloud.las", "cloud.laz"]))
+@settings(one_folder, max_examples=40)
+def test_what_is_written_is_read_again(tmp_path: Path, cloud: Cloud, name: str) -> None:
+    path = tmp_path / name
+    write_las(path, cloud)
+    first = path.read_bytes()
+    again = read_las(path).cloud
+    np.testing.assert_allclose(again.points, cloud.points, rtol=0, atol=0.51e-4)
+    if len(cloud) and cloud.colors is not None and cloud.colors.any():
+        np.testing.assert_array_equal(again.colors, cloud.colors)
+    if len(cloud) and cloud.normals is not None:
+        np.testing.assert_array_equal(again.normals, cloud.normals)
+    write_las(path, cloud)
+    assert path.read_bytes() == first
+
+
+def test_utm_coordinates_keep_their_tenths_of_a_millimetre_and_their_crs(tmp_path: Path) -> None:
+    points = leaves(1000) + np.array([448_262.1234, 5_411_932.6543, 118.0])
+    write_las(tmp_path / "cloud.laz", Cloud(points), crs_epsg=32632)
+    las = read_las(tmp_path / "cloud.laz")
+    np.testing.assert_allclose(las.cloud.points, points, rtol=0, atol=0.51e-4)
+    assert las.crs_epsg == 32632
+    assert "UTM zone 32N" in (las.crs_wkt or "")
+    np.testing.assert_array_equal(read_cloud(tmp_path / "cloud.laz").points, las.cloud.points)
+
+
+def test_a_span_of_a_thousand_kilometres_still_fits(tmp_path: Path) -> None:
+    points = np.array([[0.0, 0, 0], [1e6, 5e5, 10]])
+    write_las(tmp_path / "cloud.las", Cloud(points))
+    np.testing.assert_allclose(read_las(tmp_path / "cloud.las").cloud.points, points, rtol=0, atol=0.51e-3)
+
+
+@pytest.mark.parametrize("epsg", [4326, 2263, 999_999])
+def test_systems_that_are_not_metric_are_refused(tmp_path: Path, epsg: int) -> None:
+    with pytest.raises(CloudError, match=f"EPSG:{epsg}"):
+        write_las(tmp_path / "cloud.las", Cloud(np.zeros((1, 3))), crs_epsg=epsg)
+
+
+def test_without_laspy_the_install_line_is_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_las(tmp_path / "cloud.las", Cloud(np.zeros((1, 3))))
+    monkeypatch.setitem(sys.modules, "laspy", None)
+    with pytest.raises(CloudError, match="laspy") as caught:
+        read_cloud(tmp_path / "cloud.las")
+    assert "pip install 'fieldkit[geo]'" in caught.value.remedy
+
+
+@pytest.mark.parametrize("name", ["cloud.las", "cloud.laz"])
+def test_truncated_files_and_lying_headers(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    write_las(path, Cloud(leaves(2000)))
+    whole = path.read_bytes()
+    for length in (5, 100, 300, 400, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(CloudError) as caught:
+            read_las(path)
+        assert caught.value.path == path
+        assert caught.value.remedy
+    lying = bytearray(whole)
+    lying[247:255] = (10**15).to_bytes(8, "little")
+    path.write_bytes(lying)
+    with pytest.raises(CloudError):
+        read_las(path)
+
+
+def test_a_damaged_chunk_table_does_not_take_the_process_with_it(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.laz"
+    write_las(path, Cloud(leaves(2000)))
+    content = bytearray(path.read_bytes())
+    points = int.from_bytes(content[96:100], "little")
+    table = int.from_bytes(content[points : points + 8], "little")
+    content[table + 4 : table + 8] = b"\xff\xff\xff\xff"
+    path.write_bytes(content)
+    with pytest.raises(CloudError, match="more than it can hold"):
+        read_las(path)
+    content[table + 4 : table + 8] = b"\1\0\0\0"
+    content[103] = 200  # the number of records, which laspy would go on to read past the end
+    path.write_bytes(content)
+    with pytest.raises(CloudError, match="records, more than it can hold"):
+        read_las(path)
+    content[103] = 0
+    content[points : points + 8] = (10**12).to_bytes(8, "little")
+    path.write_bytes(content)
+    with pytest.raises(CloudError, match="no table"):
+        read_las(path)
+
+
+@given(st.lists(st.tuples(st.integers(0, 700), st.integers(0, 255)), min_size=1, max_size=4))
+@settings(one_folder, max_examples=150)
+def test_damaged_las_gives_a_cloud_or_a_cloud_error(tmp_path: Path, edits) -> None:
+    path = tmp_path / "cloud.las"
+    if not (tmp_path / "whole").exists():
+        write_las(path, Cloud(leaves(20), np.full((20, 3), 9, np.uint8)), crs_epsg=32632)
+        (tmp_path / "whole").write_bytes(path.read_bytes())
+    content = bytearray((tmp_path / "whole").read_bytes())
+    for position, value in edits:
+        content[position] = value
+    path.write_bytes(content)
+    try:
+        cloud = read_las(path).cloud
+    except CloudError as raised:
+        error = raised
+    else:
+        error = None
+        assert np.isfinite(cloud.points).all()
+    assert error is None or error.remedy
+
+
+def test_other_content_and_other_endings(tmp_path: Path) -> None:
+    for content, message in [(b"", "is empty"), (b"x y z\n", "neither"), (b"LASF", "ends within")]:
+        (tmp_path / "cloud").write_bytes(content)
+        with pytest.raises(CloudError, match=message):
+            read_cloud(tmp_path / "cloud")
+    with pytest.raises(CloudError, match="No such file"):
+        read_cloud(tmp_path / "none")
+    with pytest.raises(UsageError):
+        write_cloud(tmp_path / "cloud.xyz", Cloud.empty())
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.las", "a.LAZ"])
+def test_written_by_ending_and_read_by_content(tmp_path: Path, name: str) -> None:
+    write_cloud(tmp_path / name, Cloud(leaves(10)))
+    (tmp_path / name).rename(tmp_path / "renamed.bin")
+    assert len(read_cloud(tmp_path / "renamed.bin")) == 10
+
+
+def test_a_drone_model(data_folder: Path) -> None:
+    las = read_las(data_folder / "drone_trees" / "model.laz")
+    assert len(las.cloud) == 940_393
+    assert las.crs_epsg == 32615
+    assert las.cloud.colors is not None
+    assert las.cloud.colors.max() == 255
