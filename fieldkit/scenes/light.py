@@ -62,7 +62,7 @@ def visible_from(
     axes = _frame(direction)
     scale = pixels / (2.0 * radius_m)
     buffer = np.full((pixels, pixels), -np.inf, np.float32)
-    _rasterise((triangles @ axes.T).astype(np.float32), np.float32(scale), np.float32(pixels / 2), buffer)
+    _rasterise((triangles @ axes.T).astype(np.float32), scale, pixels / 2, buffer)
     return _look_up(points @ axes.T, scale, pixels / 2, bias_m, blur, buffer)
 
 

@@ -89,7 +89,7 @@ def _architecture(plant: MaizeDescription, rng: np.random.Generator) -> tuple[Ar
     """Centre line (n, 3) and radii (n,) of the stem with its sheaths, and the leaves, lowest first."""
     n = plant.leaves
     vigour = rng.uniform(0.88, 1.12)
-    height = vigour * 0.050 * n ** 0.97
+    height = vigour * 0.050 * n**0.97
     lean = rng.normal(0, 0.05, 2)
     heights = np.sort(height * (np.arange(1, n + 1) / n) ** 1.25 * rng.uniform(0.95, 1.05, n))
     z = np.linspace(-0.03, heights[-1] + 0.03, 70)
@@ -116,7 +116,8 @@ def _architecture(plant: MaizeDescription, rng: np.random.Generator) -> tuple[Ar
                 elevation=np.radians(rng.normal(52, 6) + 26 * whorl),
                 droop=np.radians(rng.normal(105, 22) * (1 - 0.75 * whorl) + 18 * age),
                 bend=float(rng.uniform(1.0, 1.9)), sweep=rng.normal(0, 0.22), twist=rng.normal(0, 0.55),
-                fold=np.radians(rng.uniform(18, 34) + 26 * whorl), ruffle=float(rng.uniform(0.4, 1.2) * (1 - 0.6 * whorl)),
+                fold=np.radians(rng.uniform(18, 34) + 26 * whorl),
+                ruffle=float(rng.uniform(0.4, 1.2) * (1 - 0.6 * whorl)),
                 seed=int(rng.integers(1 << 30)),
             )
         )  # fmt: skip
@@ -147,7 +148,7 @@ def _blade(leaf: _Leaf, first_row: int, rows: int) -> tuple[Array, NDArray[np.in
     q = np.linspace(-1, 1, across)
     q = np.sign(q) * np.abs(q) ** 1.25
     # Midrib: its inclination falls from the collar to the tip.
-    elevation = leaf.elevation - leaf.droop * t ** leaf.bend
+    elevation = leaf.elevation - leaf.droop * t**leaf.bend
     elevation += 0.10 * fractal_noise(3 * t, 0 * t + 0.5, leaf.seed, octaves=2)
     elevation = np.maximum(elevation, np.radians(-82))
     azimuth = leaf.azimuth + leaf.sweep * t**1.5 + 0.08 * fractal_noise(3 * t, 0 * t + 7.5, leaf.seed, octaves=2)
@@ -174,7 +175,8 @@ def _blade(leaf: _Leaf, first_row: int, rows: int) -> tuple[Array, NDArray[np.in
     s = t * leaf.length
     wave = 5.0 * s  # about five waves per metre, of uneven length
     for sign in (-1, 1):
-        margin = fractal_noise(wave * 1.6, 0 * t + 3.1 * sign, leaf.seed + 5, octaves=3) * np.sin(np.pi * np.clip(t * 1.1, 0, 1))
+        margin = fractal_noise(wave * 1.6, 0 * t + 3.1 * sign, leaf.seed + 5, octaves=3)
+        margin *= np.sin(np.pi * np.clip(t * 1.1, 0, 1)).astype(np.float32)
         lift += leaf.ruffle * 0.020 * margin[:, None] * np.clip(sign * q, 0, 1)[None] ** 1.6
     channel = 0.0022 * (1 - t) * np.clip(half / 0.02, 0, 1)
     lift -= channel[:, None] * np.exp(-((half[:, None] * q[None] / 0.0025) ** 2))
@@ -196,11 +198,12 @@ def _blade_texture(leaf: _Leaf) -> NDArray[np.uint8]:
     seed = leaf.seed
     blotch = fractal_noise(s / 0.06, w / 0.03, seed + 1, octaves=4)
     # Parallel veins: noise drawn out along the blade.
-    veins = fractal_noise(s / 0.20, w / 0.0028, seed + 2, octaves=2) + 0.7 * fractal_noise(s / 0.07, w / 0.0012, seed + 3, octaves=2)
+    veins = fractal_noise(s / 0.20, w / 0.0028, seed + 2, octaves=2)
+    veins += 0.7 * fractal_noise(s / 0.07, w / 0.0012, seed + 3, octaves=2)
     grain = fractal_noise(s / 0.0030, w / 0.0016, seed + 4, octaves=3, gain=0.7)
     bands = fractal_noise(s / 0.05, 0 * w + 2.2, seed + 6, octaves=2) * (1 - leaf.rank * 0.4)
     green = np.array([0.40, 0.55, 0.25]) * (1 - leaf.age) + np.array([0.50, 0.56, 0.24]) * leaf.age
-    tone = 1 + 0.13 * blotch + 0.20 * veins + 0.20 * grain + 0.08 * bands
+    tone = 1 + 0.15 * blotch + 0.24 * veins + 0.30 * grain + 0.10 * bands
     color = green * tone[..., None]
     color += 0.05 * np.clip(blotch, 0, 1)[..., None] * np.array([1.0, 0.8, -0.2])
     # Midrib and margin are paler.
@@ -209,18 +212,18 @@ def _blade_texture(leaf: _Leaf) -> NDArray[np.uint8]:
     color = _mix(color, np.array([0.52, 0.60, 0.34]), 0.35 * np.clip((np.abs(q) - 0.94) / 0.06, 0, 1) + 0 * t)
     # Chlorotic flecks, drawn out along the veins, and a few brown lesions.
     fleck = fractal_noise(s / 0.0075, w / 0.0022, seed + 7, octaves=3)
-    color = _mix(color, np.array([0.68, 0.70, 0.40]), 0.55 * np.clip((fleck - 0.48 + 0.25 * leaf.age) * 4, 0, 1))
+    color = _mix(color, np.array([0.68, 0.70, 0.40]), 0.6 * np.clip((fleck - 0.42 + 0.25 * leaf.age) * 4, 0, 1))
     lesion = fractal_noise(s / 0.022, w / 0.007, seed + 8, octaves=4)
-    color = _mix(color, np.array([0.46, 0.36, 0.20]), 0.85 * np.clip((lesion - 0.74 + 0.35 * leaf.age) * 6, 0, 1))
+    color = _mix(color, np.array([0.46, 0.36, 0.20]), 0.85 * np.clip((lesion - 0.62 + 0.35 * leaf.age) * 6, 0, 1))
     # Old leaves dry from the tip and the margins; fresh ones only at the very tip.
     reach = 1.02 - 0.55 * leaf.age**1.5
     dry = np.clip((t + 0.10 * np.abs(q) ** 3 + 0.05 * blotch - reach) * 9, 0, 1)
     straw = np.array([0.70, 0.60, 0.40]) * (1 + 0.15 * veins + 0.12 * grain)[..., None]
     color = _mix(color, straw, dry)
     # Soil splashed onto the lower leaves.
-    dust = np.clip((fractal_noise(s / 0.010, w / 0.010, seed + 10, octaves=4, gain=0.7) - 0.35 - 0.6 * leaf.rank) * 3, 0, 1)
-    color = _mix(color, np.array([0.48, 0.41, 0.33]), 0.7 * dust)
-    return np.clip(255 * color + 0.5, 0, 255).astype(np.uint8)
+    dust = fractal_noise(s / 0.010, w / 0.010, seed + 10, octaves=4, gain=0.7)
+    color = _mix(color, np.array([0.48, 0.41, 0.33]), 0.7 * np.clip((dust - 0.35 - 0.6 * leaf.rank) * 3, 0, 1))
+    return _to_bytes(color)
 
 
 def _stem_texture(seed: int, line: Array) -> NDArray[np.uint8]:
@@ -229,16 +232,22 @@ def _stem_texture(seed: int, line: Array) -> NDArray[np.uint8]:
     turn = (2 * np.pi * (np.arange(_STEM_STRIP) + 0.5) / _STEM_STRIP)[:, None]
     x, y = 3.0 * np.cos(turn) + 0 * s, 3.0 * np.sin(turn) + 0 * s
     # Noise on a cylinder: the sum of two planes' noise has no seam.
-    streaks = fractal_noise(s / 0.15, 2 * x, seed + 21, octaves=3) + fractal_noise(s / 0.15, 2 * y, seed + 22, octaves=3)
-    grain = fractal_noise(s / 0.003, 4 * x, seed + 23, octaves=3) + fractal_noise(s / 0.003, 4 * y, seed + 24, octaves=3)
+    streaks = fractal_noise(s / 0.15, 2 * x, seed + 21, octaves=3)
+    streaks += fractal_noise(s / 0.15, 2 * y, seed + 22, octaves=3)
+    grain = fractal_noise(s / 0.003, 4 * x, seed + 23, octaves=3)
+    grain += fractal_noise(s / 0.003, 4 * y, seed + 24, octaves=3)
     base = np.clip(1 - s / 0.09, 0, 1) + 0 * turn  # anthocyanin: purple at the foot
     color = np.array([0.52, 0.63, 0.35]) * (1 + 0.12 * streaks + 0.12 * grain)[..., None]
     color = _mix(color, np.array([0.45, 0.30, 0.28]), 0.7 * base * np.clip(0.6 + 0.6 * streaks, 0, 1))
     dust = np.clip((grain - 0.2 - s / 0.10) * 2, 0, 1)
     color = _mix(color, np.array([0.48, 0.41, 0.33]), 0.8 * dust)
-    return np.clip(255 * color[::-1] + 0.5, 0, 255).astype(np.uint8)
+    return _to_bytes(color[::-1])
 
 
 def _mix(a: NDArray[np.floating], b: NDArray[np.floating], share: NDArray[np.floating]) -> NDArray[np.floating]:
     mixed: NDArray[np.floating] = a + (b - a) * np.asarray(share)[..., None]
     return mixed
+
+
+def _to_bytes(color: NDArray[np.floating]) -> NDArray[np.uint8]:
+    return np.asarray(np.clip(255 * color + 0.5, 0, 255), dtype=np.uint8)

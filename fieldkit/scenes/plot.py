@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -28,8 +28,8 @@ class PlotDescription:
     """
 
     plants: tuple[MaizeDescription, ...]
-    soil: SoilDescription = SoilDescription()
-    light: Light = Light()
+    soil: SoilDescription = field(default_factory=SoilDescription)
+    light: Light = field(default_factory=Light)
     extent_m: float = 1.6
 
 
@@ -118,8 +118,10 @@ def sample_plants(
     total = sum(float(a.sum()) for a in areas)
     points, colors, normals = [], [], []
     for mesh, area in zip(meshes, areas, strict=True):
-        p, c, n = _sample(mesh, area, int(round(count * area.sum() / total)), rng)
-        points.append(p), colors.append(c), normals.append(n)
+        p, c, n = _sample(mesh, area, round(count * float(area.sum()) / total), rng)
+        points.append(p)
+        colors.append(c)
+        normals.append(n)
     everything = np.concatenate(points)
     solid = [m for m in scene.meshes if m.normals is not None]
     corners = np.concatenate([m.vertices[m.faces] for m in solid]).astype(np.float64)
@@ -150,7 +152,7 @@ def _sample(
     weights = np.stack([1 - r, r * (1 - s), r * s], axis=1)  # uniform in a triangle (Osada et al. 2002, eq. 1)
 
     def at(values: NDArray[np.float32]) -> NDArray[np.float64]:
-        return np.einsum("nk,nkd->nd", weights, values[chosen].astype(np.float64))
+        return np.asarray(np.einsum("nk,nkd->nd", weights, values[chosen].astype(np.float64)))
 
     colors = np.full((count, 3), 255, np.uint8)
     if mesh.texture is not None and mesh.uv is not None:

@@ -133,7 +133,7 @@ def _start(scene: Scene) -> tuple[Any, Any, Any]:
     """pyrender, a current OpenGL context and a renderer in it."""
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
     if not hasattr(np, "infty"):
-        np.infty = np.inf  # type: ignore[attr-defined]  # pyrender 0.1.45 uses the name NumPy 2 dropped
+        setattr(np, "infty", np.inf)  # noqa: B010  # pyrender 0.1.45 uses the name NumPy 2 dropped
     import pyrender
 
     platform: Any

@@ -20,9 +20,7 @@ def ring(
     """
     x, y, z = np.asarray(target, dtype=np.float64)
     azimuth = np.radians(start_deg + 360.0 * np.arange(count) / count)
-    return [
-        Pose.look_at((x + radius_m * np.sin(a), y + radius_m * np.cos(a), height_m), (x, y, z)) for a in azimuth
-    ]
+    return [Pose.look_at((x + radius_m * np.sin(a), y + radius_m * np.cos(a), height_m), (x, y, z)) for a in azimuth]
 
 
 def dense_rig(

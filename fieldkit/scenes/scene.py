@@ -107,4 +107,4 @@ def vertex_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -
         for axis in range(3):
             normals[:, axis] += np.bincount(faces[:, corner], face_normals[:, axis], minlength=len(points))
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return (normals / np.maximum(lengths, 1e-30)).astype(np.float32)
+    return np.asarray(normals / np.maximum(lengths, 1e-30), dtype=np.float32)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.scene import Mesh, vertex_normals
 
-
 SCATTER_M = 1.25
 """Stones and residue lie in the square of twice this side about the origin, metres."""
 
@@ -51,18 +50,19 @@ def soil_height(soil: SoilDescription, x: NDArray[np.float64], y: NDArray[np.flo
     """
     height = 0.012 * fractal_noise(x / 0.45, y / 0.45, soil.seed, octaves=3).astype(np.float64)
     for i, (cell_m, share, density) in enumerate(
-        ((0.065, 1.0, 0.30), (0.030, 0.45, 0.55), (0.015, 0.22, 0.75), (0.008, 0.12, 0.85))
+        ((0.065, 1.0, 0.30), (0.030, 0.45, 0.55), (0.015, 0.24, 0.75), (0.008, 0.10, 0.85))
     ):
         # Warped coordinates make the lumps angular instead of egg-shaped.
         wx = 0.35 * fractal_noise(x / cell_m * 1.7, y / cell_m * 1.7, soil.seed + 31 + i, octaves=2)
         wy = 0.35 * fractal_noise(x / cell_m * 1.7, y / cell_m * 1.7, soil.seed + 57 + i, octaves=2)
-        height += share * soil.clod_height_m * bumps(x / cell_m + wx, y / cell_m + wy, soil.seed + 11 * i, density=density)
+        lumps = bumps(x / cell_m + wx, y / cell_m + wy, soil.seed + 11 * i, density=density)
+        height += share * soil.clod_height_m * lumps
     return height - 0.35 * soil.clod_height_m
 
 
 def _axis(soil: SoilDescription) -> NDArray[np.float64]:
     """Grid coordinates along one axis: even in the core, then ever wider to about 45 m."""
-    n = int(round(soil.core_m / soil.spacing_m / 2))
+    n = round(soil.core_m / soil.spacing_m / 2)
     growth = np.concatenate([np.full(120, 1.018), np.full(24, 1.2)])
     core = np.arange(n + 1) * soil.spacing_m
     half = np.concatenate([core, core[-1] + np.cumsum(soil.spacing_m * np.cumprod(growth))])
@@ -94,9 +94,9 @@ def _soil_texture(soil: SoilDescription, axis: NDArray[np.float64]) -> NDArray[n
         rows = slice(start, min(start + 256, size))
         x, y = np.meshgrid(place, place[::-1][rows])  # row 0 at the top: largest y
         tone = 0.16 * fractal_noise(x / 0.25, y / 0.25, soil.seed + 201, octaves=3)
-        tone += 0.20 * fractal_noise(x / 0.012, y / 0.012, soil.seed + 202, octaves=4, gain=0.7)
+        tone += 0.15 * fractal_noise(x / 0.012, y / 0.012, soil.seed + 202, octaves=4, gain=0.7)
         grains = bumps(x / 0.0035, y / 0.0035, soil.seed + 203, density=0.8)
-        tone += 0.30 * (grains - 0.45)
+        tone += 0.23 * (grains - 0.45)
         damp = np.clip(1.5 * fractal_noise(x / 0.12, y / 0.12, soil.seed + 204, octaves=3), 0.0, 0.6)
         tone = soil.contrast * (tone - 0.30 * damp)
         warmth = 0.02 * fractal_noise(x / 0.02, y / 0.02, soil.seed + 205, octaves=3)
@@ -122,7 +122,7 @@ def _stones(soil: SoilDescription) -> Mesh:
     for place in places:
         radius = float(np.clip(0.004 * np.exp(rng.exponential(0.75)), 0.004, 0.045)) / 2
         seed = int(rng.integers(1 << 30))
-        sphere = spheres[0 if radius < 0.004 else 1 if radius < 0.010 else 2]
+        sphere = spheres[0 if radius < 0.005 else 1 if radius < 0.014 else 2]
         base, base_faces = np.asarray(sphere.vertices), np.asarray(sphere.faces, dtype=np.int32)
         bumpiness = fractal_noise(base[:, 0] * 1.3 + base[:, 2], base[:, 1] * 1.3 - 0.7 * base[:, 2], seed, octaves=4)
         shape = base * (1.0 + 0.32 * bumpiness)[:, None] * rng.uniform((0.8, 0.6, 0.45), (1.3, 1.0, 0.9))
@@ -130,7 +130,7 @@ def _stones(soil: SoilDescription) -> Mesh:
         spin = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
         vertices.append(radius * shape @ spin.T + place + (0, 0, 0.25 * radius))
         faces.append(base_faces + sum(map(len, vertices[:-1])))
-        grey = rng.uniform(0.42, 0.70) if rng.random() < 0.35 else rng.uniform(0.36, 0.50)
+        grey = rng.uniform(0.42, 0.66) if rng.random() < 0.2 else rng.uniform(0.36, 0.50)
         tint = np.array([1.10, 0.98, 0.84]) if grey < 0.5 else np.array([1.02, 1.0, 0.94])
         speckle = 0.22 * fractal_noise(base[:, 0] * 4, base[:, 1] * 4 + 3 * base[:, 2], seed + 1, octaves=3)
         colors.append(np.clip(grey * tint * (1 + speckle)[:, None], 0, 1))
