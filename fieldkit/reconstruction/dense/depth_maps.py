@@ -1,0 +1,181 @@
+"""Depth maps of all views on the CPU."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.cache import StageCache, digest
+from fieldkit.clouds.volume import Volume
+from fieldkit.progress import Progress
+from fieldkit.reconstruction.dense.matching import Planes, Problem
+from fieldkit.reconstruction.dense.rays import Active, active_pixels
+from fieldkit.reconstruction.dense.settings import Settings
+from fieldkit.reconstruction.dense.source_views import choose_sources
+from fieldkit.reconstruction.dense.views import DepthMap, View
+
+VERSION = 1
+"""Part of every cache key; to be raised when the method changes its result."""
+STAGE = "depth"
+
+
+def compute_planes(
+    views: Sequence[View], volume: Volume, settings: Settings, *, seed: int, progress: Progress, cache: StageCache
+) -> list[Planes]:
+    """Plane hypotheses of every view by PatchMatch; see `compute_depth_maps`."""
+    sources = choose_sources(views, volume, settings)
+    contents = [view_digest(view) for view in views]
+    matching = matching_settings(settings)
+    passes = 2 if settings.geometric_sweeps > 0 else 1
+    keys = [
+        digest(VERSION, "photographs", contents[i], [contents[j] for j in sources[i]], volume, seed, matching)
+        for i in range(len(views))
+    ]
+    with progress.stage("depth maps", passes * len(views)) as advance:
+        results: list[Planes] = []
+        for i, view in enumerate(views):
+            cached = _load(cache, keys[i])
+            if cached is None:
+                random = _random_key(seed, contents[i])
+                cached = _match(view, [views[j] for j in sources[i]], volume, settings, random)
+                _keep(cache, keys[i], cached)
+            results.append(cached)
+            advance(1)
+        if passes == 1:
+            return results
+        refined: list[Planes] = []
+        for i, view in enumerate(views):
+            key = digest(VERSION, "geometry", keys[i], [keys[j] for j in sources[i]], matching)
+            cached = _load(cache, key)
+            if cached is None:
+                random = _random_key(seed + 1, contents[i])
+                near = [(views[j], results[j]) for j in sources[i]]
+                cached = _match_geometry(view, results[i], near, volume, settings, random)
+                _keep(cache, key, cached)
+            refined.append(cached)
+            advance(1)
+        return refined
+
+
+def to_depth_map(view: View, planes: Planes, volume: Volume) -> DepthMap:
+    """Depths, normals and costs as images."""
+    active = active_pixels(view, volume)
+    shape = active.index.shape
+    rows, columns = active.pixels[:, 0], active.pixels[:, 1]
+    depth = np.zeros(shape, dtype=np.float32)
+    normal = np.zeros((*shape, 3), dtype=np.float32)
+    cost = np.full(shape, np.inf, dtype=np.float32)
+    w, g_u, g_v = planes.planes.T.astype(np.float64)
+    depth[rows, columns] = 1.0 / w
+    cost[rows, columns] = planes.costs
+    camera = view.intrinsics
+    # 1/z = a x + b y + c over the image plane is the plane (a, b, c) · X = 1, whose far side is away from the camera.
+    x, y = columns + 0.5 - camera.cx, rows + 0.5 - camera.cy
+    outward = np.stack([g_u * camera.fx, g_v * camera.fy, w - g_u * x - g_v * y], axis=1)
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    normal[rows, columns] = -outward @ view.pose.rotation
+    return DepthMap(view.name, depth, normal, cost)
+
+
+def view_digest(view: View) -> str:
+    """Digest of everything of a view that its depth depends on; its name is not part of it."""
+    return digest(view.image, view.intrinsics, view.pose.rotation, view.pose.center, view.mask)
+
+
+def matching_settings(settings: Settings) -> dict[str, Any]:
+    """The settings that the depth maps depend on; those of the fusion are not among them."""
+    fusion = {"max_cost", "max_relative_depth", "max_reprojection_px", "min_agreeing", "fusion_neighbors", "thin_gsd"}
+    return {name: value for name, value in vars(settings).items() if name not in fusion | {"fidelity"}}
+
+
+def _random_key(seed: int, content: str) -> np.uint64:
+    return np.uint64(int(digest(seed, content)[:16], 16))
+
+
+def _load(cache: StageCache, key: str) -> Planes | None:
+    arrays = cache.get(STAGE, key)
+    if arrays is None or {"planes", "costs"} - arrays.keys():
+        return None
+    return Planes(arrays["planes"], arrays["costs"])
+
+
+def _keep(cache: StageCache, key: str, result: Planes) -> None:
+    cache.put(STAGE, key, {"planes": result.planes, "costs": result.costs})
+
+
+def _match(view: View, sources: list[View], volume: Volume, settings: Settings, random: np.uint64) -> Planes:
+    """The first pass: photographs alone, from coarse to fine."""
+    levels = 0
+    while view.intrinsics.width * view.intrinsics.height / 4**levels > settings.coarsest:
+        levels += 1
+    coarser: tuple[Active, Planes, float] | None = None
+    for level in range(levels, -1, -1):
+        reference = reduced(view, level)
+        active = active_pixels(reference, volume)
+        problem = Problem.build(reference, active, [reduced(source, level) for source in sources], settings)
+        planes, fresh = problem.empty()
+        if coarser is not None:
+            factor = reference.intrinsics.width / coarser[2]
+            _carry_over(planes, fresh, active, coarser[0], coarser[1], factor)
+        starts = settings.starts if coarser is None else settings.pyramid_starts
+        sweeps = settings.sweeps if coarser is None else settings.pyramid_sweeps
+        result = problem.solve(planes, fresh, random + np.uint64(level), starts, settings.starts, sweeps)
+        coarser = (active, result, float(reference.intrinsics.width))
+    assert coarser is not None
+    return coarser[1]
+
+
+def _match_geometry(
+    view: View,
+    first: Planes,
+    sources: list[tuple[View, Planes]],
+    volume: Volume,
+    settings: Settings,
+    random: np.uint64,
+) -> Planes:
+    """The second pass: photographs and agreement with the source views' depths."""
+    active = active_pixels(view, volume)
+    problem = Problem.build(view, active, [source for source, _ in sources], settings)
+    problem.set_depths([(source, active_pixels(source, volume), planes) for source, planes in sources])
+    return problem.refine(first, random)
+
+
+def reduced(view: View, level: int) -> View:
+    """The view at half the size, ``level`` times."""
+    if level == 0:
+        return view
+    import cv2
+
+    size = (max(1, view.intrinsics.width >> level), max(1, view.intrinsics.height >> level))
+    image = np.asarray(cv2.resize(view.image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    mask = None
+    if view.mask is not None:
+        share = cv2.resize(view.mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+        mask = np.asarray(share > 0.2, dtype=np.bool_)
+    return replace(view, image=image, intrinsics=view.intrinsics.scaled(*size), mask=mask)
+
+
+def _carry_over(
+    planes: NDArray[np.float32],
+    fresh: NDArray[np.bool_],
+    active: Active,
+    coarse: Active,
+    result: Planes,
+    factor: float,
+) -> None:
+    """Planes of the coarser level as a start, where it has one at the pixel; written into ``planes``, ``fresh``."""
+    position = (active.pixels + 0.5) / factor - 0.5
+    shape = np.array(coarse.index.shape)
+    nearest = np.clip(np.rint(position).astype(np.int64), 0, shape - 1)
+    place = coarse.index[nearest[:, 0], nearest[:, 1]]
+    known = place >= 0
+    source = result.planes[place[known]]
+    offset = (position - nearest)[known].astype(np.float32)
+    w = source[:, 0] + source[:, 1] * offset[:, 1] + source[:, 2] * offset[:, 0]
+    planes[known, 0] = np.clip(w, active.ranges[known, 0], active.ranges[known, 1])
+    planes[known, 1:] = source[:, 1:] / np.float32(factor)
+    fresh[known] = False

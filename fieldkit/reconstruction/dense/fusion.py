@@ -1,0 +1,185 @@
+"""Fusion of depth maps into one cloud.
+
+A pixel's depth is kept if enough other views agree with it (the rule is in `Settings`). The pixels that agreed are
+then used up, so that a surface seen by many views is not stored many times. Views are taken in order and pixels row by
+row, so the cloud depends on nothing but the arguments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.thinning import voxel_thin
+from fieldkit.clouds.volume import Volume, crop
+from fieldkit.reconstruction.dense.patchmatch import _OPTIONS
+from fieldkit.reconstruction.dense.settings import Settings
+from fieldkit.reconstruction.dense.source_views import choose_fusion_neighbors
+from fieldkit.reconstruction.dense.views import DepthMap, View
+
+
+def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: Settings) -> Cloud:
+    """One cloud of the depths that several views agree on.
+
+    A depth of view A agrees with view B if its point, projected into B, meets a depth there that differs by less than
+    `Settings.max_relative_depth`, and that depth's own point, projected back into A, lies within
+    `Settings.max_reprojection_px`. Depths that cost `Settings.max_cost` or more count nowhere. The point is the mean
+    of the agreeing depths along A's ray, each seen from A; its colour the mean of the agreeing pixels, its normal the
+    mean of their normals.
+
+    Args:
+        views: n views.
+        depth_maps: theirs, in the same order.
+        volume: points outside are dropped.
+        settings: the rule.
+
+    Returns:
+        Points in the plot frame (metres) with colours and normals, thinned to voxels of `Settings.thin_gsd`.
+    """
+    size = (max(v.intrinsics.height for v in views), max(v.intrinsics.width for v in views)) if views else (1, 1)
+    depths = np.zeros((len(views), *size), dtype=np.float32)
+    for i, depth_map in enumerate(depth_maps):
+        rows, columns = depth_map.depth.shape
+        good = depth_map.cost < settings.max_cost
+        depths[i, :rows, :columns] = np.where(good, depth_map.depth, np.float32(0.0))
+    cameras = np.stack([_camera(view) for view in views]) if views else np.zeros((0, 22))
+    bounds = np.array([(v.intrinsics.height, v.intrinsics.width) for v in views], dtype=np.int64).reshape(-1, 2)
+    used = np.zeros(depths.shape, dtype=np.bool_)
+    parts = []
+    for i, neighbors in enumerate(choose_fusion_neighbors(views, volume, settings)):
+        limit = int(np.count_nonzero(depths[i]))
+        points = np.empty((limit, 3))
+        origin = np.empty((limit, 1 + len(neighbors), 3), dtype=np.int32)
+        count = _fuse_view(
+            i,
+            np.array(neighbors, dtype=np.int64),
+            depths,
+            used,
+            cameras,
+            bounds,
+            settings.max_relative_depth,
+            settings.max_reprojection_px,
+            settings.min_agreeing,
+            points,
+            origin,
+        )
+        colors, normals = _appearance(views, depth_maps, origin[:count])
+        parts.append(Cloud(points[:count].copy(), colors, normals))
+    from fieldkit.clouds.cloud import concatenate
+
+    cloud = crop(concatenate(parts), volume)
+    if settings.thin_gsd > 0 and len(cloud):
+        cloud = voxel_thin(cloud, settings.thin_gsd * ground_sampling_distance(views, volume))
+    return cloud
+
+
+def ground_sampling_distance(views: Sequence[View], volume: Volume) -> float:
+    """Length that a pixel covers at the volume's centre, metres: the median over the views."""
+    each = [float(np.linalg.norm(v.pose.center - volume.center)) / v.intrinsics.fx for v in views]
+    return float(np.median(each))
+
+
+def _camera(view: View) -> NDArray[np.float64]:
+    """(16,): rotation (9), centre (3), f_x, f_y and the principal point in index coordinates."""
+    camera = view.intrinsics
+    lens = [camera.fx, camera.fy, camera.cx - 0.5, camera.cy - 0.5]
+    return np.concatenate([view.pose.rotation.ravel(), view.pose.center, lens])
+
+
+@njit(**_OPTIONS)
+def _to_world(cameras, k, u, v, depth):
+    x = (u - cameras[k, 14]) / cameras[k, 12] * depth
+    y = (v - cameras[k, 15]) / cameras[k, 13] * depth
+    return (
+        cameras[k, 0] * x + cameras[k, 3] * y + cameras[k, 6] * depth + cameras[k, 9],
+        cameras[k, 1] * x + cameras[k, 4] * y + cameras[k, 7] * depth + cameras[k, 10],
+        cameras[k, 2] * x + cameras[k, 5] * y + cameras[k, 8] * depth + cameras[k, 11],
+    )
+
+
+@njit(**_OPTIONS)
+def _to_pixel(cameras, k, x, y, z):
+    """Pixel and depth of a world point; depth ≤ 0 behind the camera."""
+    x = x - cameras[k, 9]
+    y = y - cameras[k, 10]
+    z = z - cameras[k, 11]
+    depth = cameras[k, 6] * x + cameras[k, 7] * y + cameras[k, 8] * z
+    if depth <= 1e-9:
+        return 0.0, 0.0, -1.0
+    u = (cameras[k, 0] * x + cameras[k, 1] * y + cameras[k, 2] * z) / depth * cameras[k, 12] + cameras[k, 14]
+    v = (cameras[k, 3] * x + cameras[k, 4] * y + cameras[k, 5] * z) / depth * cameras[k, 13] + cameras[k, 15]
+    return u, v, depth
+
+
+@njit(**_OPTIONS)
+def _fuse_view(i, neighbors, depths, used, cameras, bounds, relative, reprojection, needed, points, origin):
+    """Points of view ``i``; writes ``points``, ``origin`` (view, row, column of every agreeing pixel; view −1: none)
+    and ``used``. Returns how many."""
+    count = 0
+    slots = origin.shape[1]
+    for row in range(bounds[i, 0]):
+        for column in range(bounds[i, 1]):
+            depth = float(depths[i, row, column])
+            if depth <= 0.0 or used[i, row, column]:
+                continue
+            x, y, z = _to_world(cameras, i, float(column), float(row), depth)
+            total = depth
+            agreeing = 0
+            for k in range(neighbors.shape[0]):
+                j = neighbors[k]
+                origin[count, k + 1, 0] = -1
+                u, v, expected = _to_pixel(cameras, j, x, y, z)
+                if expected <= 0.0 or u < -0.5 or v < -0.5 or u >= bounds[j, 1] - 0.5 or v >= bounds[j, 0] - 0.5:
+                    continue
+                r = int(v + 0.5)
+                c = int(u + 0.5)
+                other = float(depths[j, r, c])
+                if other <= 0.0 or abs(other - expected) >= relative * expected:
+                    continue
+                x_j, y_j, z_j = _to_world(cameras, j, float(c), float(r), other)
+                u_i, v_i, depth_i = _to_pixel(cameras, i, x_j, y_j, z_j)
+                if depth_i <= 0.0:
+                    continue
+                if (u_i - column) ** 2 + (v_i - row) ** 2 >= reprojection * reprojection:
+                    continue
+                origin[count, k + 1, 0] = j
+                origin[count, k + 1, 1] = r
+                origin[count, k + 1, 2] = c
+                total += depth_i
+                agreeing += 1
+            if agreeing < needed:
+                continue
+            mean = total / (1.0 + agreeing)
+            points[count, 0], points[count, 1], points[count, 2] = _to_world(cameras, i, float(column), float(row), mean)
+            origin[count, 0, 0] = i
+            origin[count, 0, 1] = row
+            origin[count, 0, 2] = column
+            for k in range(slots):
+                if origin[count, k, 0] >= 0:
+                    used[origin[count, k, 0], origin[count, k, 1], origin[count, k, 2]] = True
+            count += 1
+    return count
+
+
+def _appearance(
+    views: Sequence[View], depth_maps: Sequence[DepthMap], origin: NDArray[np.int32]
+) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Mean colour (n, 3) and mean normal (n, 3) of the pixels each point came from."""
+    count = np.zeros(len(origin), dtype=np.int64)
+    color = np.zeros((len(origin), 3), dtype=np.int64)
+    normal = np.zeros((len(origin), 3))
+    for j in np.unique(origin[..., 0]):
+        if j < 0:
+            continue
+        point, slot = np.nonzero(origin[..., 0] == j)
+        rows, columns = origin[point, slot, 1], origin[point, slot, 2]
+        color[point] += views[j].image[rows, columns]
+        normal[point] += depth_maps[j].normal[rows, columns]
+        count[point] += 1
+    count = np.maximum(count, 1)[:, None]
+    length = np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    return ((2 * color + count) // (2 * count)).astype(np.uint8), (normal / length).astype(np.float32)

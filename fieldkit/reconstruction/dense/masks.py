@@ -1,0 +1,68 @@
+"""Which pixels show plants."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import UsageError
+
+EXG_THRESHOLD = 0.10
+"""Excess green above which a pixel counts as plant; soil lies about 0, leaves between 0.1 and 1."""
+DARKEST = 24.0
+"""Sum of the three channels below which a pixel's colour is noise."""
+
+
+def excess_green(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Excess green index 2g − r − b of the chromatic coordinates r + g + b = 1 (Woebbecke et al. 1995).
+
+    Args:
+        image: (H, W, 3) uint8 RGB.
+
+    Returns:
+        (H, W) float32 in [−1, 2]; 0 where the pixel is almost black.
+    """
+    channels = image.astype(np.float32)
+    total = channels.sum(axis=2)
+    index = 3.0 * channels[..., 1] / np.maximum(total, 1.0) - 1.0
+    return np.where(total >= DARKEST, index, np.float32(0.0)).astype(np.float32)
+
+
+def plant_mask(
+    image: NDArray[np.uint8], kind: str = "exg", file_mask: NDArray[Any] | None = None
+) -> NDArray[np.bool_] | None:
+    """The plant mask of a view.
+
+    Args:
+        image: (H, W, 3) uint8 RGB.
+        kind: `exg`: excess green over a threshold, with the pixels beside it (thin parts blend with what is behind
+            them) and without single pixels; `none`: no mask; `file`: ``file_mask`` as it is.
+        file_mask: (H, W), non-zero where there are plants.
+
+    Returns:
+        (H, W) bool, or None for every pixel.
+
+    Raises:
+        UsageError: an unknown kind, or `file` without a mask of the image's size.
+    """
+    if kind == "none":
+        return None
+    if kind == "file":
+        if file_mask is None or file_mask.shape != image.shape[:2]:
+            raise UsageError(
+                "the mask `file` needs a mask image of the photograph's shape",
+                remedy="Put a mask beside every photograph, or choose the mask `exg` or `none`.",
+            )
+        return np.asarray(file_mask != 0, dtype=np.bool_)
+    if kind != "exg":
+        raise UsageError(f"there is no mask {kind!r}", remedy="Choose exg, none or file.")
+    import cv2
+
+    plants = (excess_green(image) > EXG_THRESHOLD).astype(np.uint8)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(plants, connectivity=8)
+    large = stats[:, cv2.CC_STAT_AREA] >= 4
+    large[0] = False
+    kept = large[labels].astype(np.uint8)
+    return np.asarray(cv2.dilate(kept, np.ones((3, 3), dtype=np.uint8)) > 0, dtype=np.bool_)

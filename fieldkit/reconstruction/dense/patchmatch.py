@@ -1,0 +1,337 @@
+"""PatchMatch stereo of one reference view: the compiled kernels.
+
+A hypothesis for a pixel is a plane, held as the inverse depth w at the pixel's centre and its change g_u, g_v per
+pixel. The inverse depth of a plane is affine in pixel coordinates, so a neighbour's plane is carried over exactly.
+Into a source view the plane maps the patch by a homography, of which the kernels use the first-order (affine) part.
+
+Pixel coordinates inside the kernels are indices: the centre of the upper left pixel is (0, 0).
+
+Everything random is a hash of (key, pixel, step), and pixels of one colour of the checkerboard only read pixels of the
+other, so the result depends on nothing but the arguments.
+
+References: Bleyer et al., PatchMatch Stereo (BMVC 2011); Galliani et al., Massively Parallel Multiview Stereopsis
+(ICCV 2015); Xu and Tao, Multi-Scale Geometric Consistency Guided MVS (CVPR 2019).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import float32, int32, njit, uint32, uint64
+from numpy.typing import NDArray
+
+Float32 = NDArray[np.float32]
+
+SAMPLES = 16
+"""Samples of a patch."""
+REACH = 3
+"""Distance of the outermost samples from the centre, pixels along each axis."""
+OFFSET_U = np.array([1, -1, 0, 0, 2, -2, 2, -2, 3, 3, -3, -3, 1, 1, -1, -1], dtype=np.float32)
+OFFSET_V = np.array([0, 0, 1, -1, 2, 2, -2, -2, 1, -1, 1, -1, 3, -3, 3, -3], dtype=np.float32)
+"""The samples: a quincunx (every other pixel, chequered) of radius 3 without its centre."""
+
+UNSEEN = np.float32(1.2)
+"""Cost of a source view that does not see the whole patch; above every accepted cost."""
+MAX_SOURCES = 16
+
+_NEIGHBOR_U = np.array([-1, 1, 0, 0, -3, 3, 0, 0], dtype=np.int64)
+_NEIGHBOR_V = np.array([0, 0, -1, 1, 0, 0, -3, 3], dtype=np.int64)
+
+# Sums may be reordered: it lets the compiler use vector instructions. The compiled code is kept, so the order is the
+# same in every process on a machine; another processor may give other last bits.
+_FAST = {"reassoc", "contract", "arcp", "nsz", "nnan", "ninf"}
+_OPTIONS: dict[str, Any] = {"fastmath": _FAST, "error_model": "numpy", "cache": True, "nogil": True}
+
+
+@njit(**_OPTIONS)
+def _mix(x):
+    """A well mixed uint64 of a uint64 (the finaliser of SplitMix64)."""
+    x = (x ^ (x >> uint64(30))) * uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> uint64(27))) * uint64(0x94D049BB133111EB)
+    return x ^ (x >> uint64(31))
+
+
+@njit(**_OPTIONS)
+def _uniform(state):
+    """A float32 in [0, 1) of a mixed uint64."""
+    return float32(int32(state >> uint64(40))) * float32(1.0 / 16777216.0)
+
+
+@njit(**_OPTIONS)
+def _sample_cost(packed, base, stride, support, p, x0, y0, a_x, a_y, b_x, b_y, noise):
+    """1 − weighted NCC of pixel ``p``'s patch with an affine patch of a source view."""
+    mean = float32(0.0)
+    square = float32(0.0)
+    product = float32(0.0)
+    for i in range(SAMPLES):
+        x = x0 + a_x * OFFSET_U[i] + b_x * OFFSET_V[i]
+        y = y0 + a_y * OFFSET_U[i] + b_y * OFFSET_V[i]
+        column = int32(x)
+        row = int32(y)
+        f_x = x - float32(column)
+        f_y = y - float32(row)
+        four = packed[base + np.intp(row) * stride + np.intp(column)]
+        p00 = float32(int32(four & uint32(255)))
+        p01 = float32(int32((four >> uint32(8)) & uint32(255)))
+        p10 = float32(int32((four >> uint32(16)) & uint32(255)))
+        p11 = float32(int32(four >> uint32(24)))
+        top = p00 + f_x * (p01 - p00)
+        bottom = p10 + f_x * (p11 - p10)
+        value = top + f_y * (bottom - top) - float32(128.0)
+        weight = support[p, i]
+        mean += weight * value
+        square += weight * value * value
+        product += support[p, SAMPLES + i] * value
+    variance = max(square - mean * mean, float32(0.0)) + noise
+    return float32(1.0) - product / np.sqrt(variance)
+
+
+@njit(**_OPTIONS)
+def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, depths, back, geometric, cap):
+    """Mean of the ``best`` lowest costs over the source views of a plane at pixel (u, v).
+
+    ``depths`` (sources, rows, columns) and ``back`` are read only when ``geometric`` > 0: then each view's cost grows
+    by geometric · min(distance in pixels by which (u, v) misses itself when sent there and back, cap).
+    """
+    first = float32(9.0)
+    second = float32(9.0)
+    third = float32(9.0)
+    reach = float32(REACH)
+    for k in range(sizes.shape[0]):
+        cost = UNSEEN
+        z = cameras[k, 6] * u + cameras[k, 7] * v + cameras[k, 8] + w * cameras[k, 11]
+        if z > float32(1e-6):
+            scale = float32(1.0) / z
+            x0 = (cameras[k, 0] * u + cameras[k, 1] * v + cameras[k, 2] + w * cameras[k, 9]) * scale
+            y0 = (cameras[k, 3] * u + cameras[k, 4] * v + cameras[k, 5] + w * cameras[k, 10]) * scale
+            z_u = cameras[k, 6] + g_u * cameras[k, 11]
+            z_v = cameras[k, 7] + g_v * cameras[k, 11]
+            a_x = (cameras[k, 0] + g_u * cameras[k, 9] - x0 * z_u) * scale
+            a_y = (cameras[k, 3] + g_u * cameras[k, 10] - y0 * z_u) * scale
+            b_x = (cameras[k, 1] + g_v * cameras[k, 9] - x0 * z_v) * scale
+            b_y = (cameras[k, 4] + g_v * cameras[k, 10] - y0 * z_v) * scale
+            reach_x = reach * (abs(a_x) + abs(b_x))
+            reach_y = reach * (abs(a_y) + abs(b_y))
+            width = sizes[k, 1]
+            height = sizes[k, 2]
+            if (
+                reach_x < float32(12.0)
+                and reach_y < float32(12.0)
+                and x0 >= reach_x
+                and y0 >= reach_y
+                and x0 + reach_x < float32(width - 1)
+                and y0 + reach_y < float32(height - 1)
+            ):
+                cost = _sample_cost(packed, sizes[k, 0], width, support, p, x0, y0, a_x, a_y, b_x, b_y, noise)
+                if geometric > float32(0.0):
+                    cost += geometric * _round_trip(depths, back, k, u, v, x0, y0, cap)
+        # Kept in order without branches, which would be mispredicted half the time.
+        worse = max(cost, first)
+        first = min(cost, first)
+        worst = max(worse, second)
+        second = min(worse, second)
+        third = min(worst, third)
+    if best == 1:
+        return first
+    if best == 2:
+        return float32(0.5) * (first + second)
+    return (first + second + third) * float32(1.0 / 3.0)
+
+
+@njit(**_OPTIONS)
+def _round_trip(depths, back, k, u, v, x0, y0, cap):
+    """Pixels by which (u, v) misses itself when sent to source view k and back by that view's own depth; ≤ cap."""
+    column = int32(x0 + float32(0.5))
+    row = int32(y0 + float32(0.5))
+    w = depths[k, row, column]
+    if w <= float32(0.0):
+        return cap
+    x = float32(column)
+    y = float32(row)
+    z = back[k, 6] * x + back[k, 7] * y + back[k, 8] + w * back[k, 11]
+    if z <= float32(1e-6):
+        return cap
+    d_u = (back[k, 0] * x + back[k, 1] * y + back[k, 2] + w * back[k, 9]) / z - u
+    d_v = (back[k, 3] * x + back[k, 4] * y + back[k, 5] + w * back[k, 10]) / z - v
+    return min(np.sqrt(d_u * d_u + d_v * d_v), cap)
+
+
+@njit(**_OPTIONS)
+def _tilt(state, u, v, w, lens, steepest):
+    """Gradient (g_u, g_v) of a plane through (u, v, w) whose normal is random, at most ``steepest`` (a sine) oblique.
+
+    ``lens`` = (f_x, f_y, c_x, c_y) of the reference view, in index coordinates.
+    """
+    r_x = (u - lens[2]) / lens[0]
+    r_y = (v - lens[3]) / lens[1]
+    # In a frame about the ray: the slope of the plane against the image plane is the tangent of its obliquity.
+    angle = float32(6.2831853) * _uniform(state)
+    sine = steepest * np.sqrt(_uniform(_mix(state + uint64(1))))
+    cosine = np.sqrt(float32(1.0) - sine * sine)
+    n_x = sine * np.cos(angle)
+    n_y = sine * np.sin(angle)
+    length = np.sqrt(r_x * r_x + r_y * r_y + float32(1.0))
+    # Rotate (n_x, n_y, cosine) so that its third axis is the ray (the shortest rotation).
+    d_x = r_x / length
+    d_y = r_y / length
+    d_z = float32(1.0) / length
+    h = float32(1.0) / (float32(1.0) + d_z)
+    m_x = (float32(1.0) - h * d_x * d_x) * n_x - h * d_x * d_y * n_y + d_x * cosine
+    m_y = -h * d_x * d_y * n_x + (float32(1.0) - h * d_y * d_y) * n_y + d_y * cosine
+    m_z = -d_x * n_x - d_y * n_y + d_z * cosine
+    along = m_x * r_x + m_y * r_y + m_z
+    return w * m_x / (lens[0] * along), w * m_y / (lens[1] * along)
+
+
+@njit(**_OPTIONS)
+def start(
+    planes, costs, fresh, pixels, ranges, packed, sizes, cameras, support, lens, depths, back, key, starts, noise, best
+):
+    """Give every pixel the best of ``starts`` random planes, one in each equal share of its inverse-depth range.
+
+    Args:
+        planes: (n, 3) float32 (w, g_u, g_v), written; where ``fresh`` is False, a plane to be compared with.
+        costs: (n,) float32, written.
+        fresh: (n,) bool: whether the pixel has no plane yet.
+        pixels: (n, 2) int32 (row, column) of the pixels to work on.
+        ranges: (n, 2) float32, smallest and largest inverse depth, 1/m.
+        packed, sizes, cameras: the source views, see `pack_source` and `source_camera`.
+        support: (n, 32) float32, see `support_weights`.
+        lens: (4,) float32 f_x, f_y, c_x, c_y of the reference view.
+        key: uint64 that everything random starts from.
+    """
+    zero = float32(0.0)
+    steepest = float32(0.9)
+    for p in range(pixels.shape[0]):
+        v = float32(pixels[p, 0])
+        u = float32(pixels[p, 1])
+        low = ranges[p, 0]
+        span = ranges[p, 1] - low
+        seed = _mix(key ^ (uint64(pixels[p, 0]) << uint64(32)) ^ uint64(pixels[p, 1]))
+        lowest = float32(9.0)
+        if not fresh[p]:
+            lowest = _cost(
+                packed, sizes, cameras, support, p, u, v, planes[p, 0], planes[p, 1], planes[p, 2], noise, best,
+                depths, back, zero, zero,
+            )  # fmt: skip
+        for i in range(starts):
+            state = _mix(seed + uint64(i + 1) * uint64(0x9E3779B97F4A7C15))
+            w = low + span * (float32(i) + _uniform(state)) / float32(starts)
+            g_u, g_v = _tilt(_mix(state ^ uint64(0x5851F42D4C957F2D)), u, v, w, lens, steepest)
+            cost = _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, depths, back, zero, zero)
+            if cost < lowest:
+                lowest = cost
+                planes[p, 0] = w
+                planes[p, 1] = g_u
+                planes[p, 2] = g_v
+        costs[p] = lowest
+
+
+@njit(**_OPTIONS)
+def sweep(
+    planes, costs, pixels, index, ranges, packed, sizes, cameras, support, lens, depths, back, key,
+    color, step, perturbations, reach_w, same_w, noise, best, geometric, cap, rescore,
+):  # fmt: skip
+    """One half sweep: pixels of one colour of the checkerboard take over better planes and perturb their own.
+
+    Args:
+        index: (rows, columns) int32, the pixel's place in ``pixels`` or −1.
+        color: 0 or 1, (row + column) mod 2 of the pixels to update.
+        step: number of the sweep, part of the random state.
+        perturbations: tries per pixel; each halves the range of the one before.
+        reach_w: range of the first try, as inverse depth (1/m).
+        same_w: planes closer than this in inverse depth, and as close in slope, are not tried again (1/m).
+        geometric, cap: weight and bound of the round-trip distance; 0: photographs alone.
+        rescore: whether the costs at hand were counted otherwise and must be counted anew.
+
+    The other arguments are those of `start`.
+    """
+    rows, columns = index.shape
+    tried = np.empty((9, 3), dtype=np.float32)
+    for p in range(pixels.shape[0]):
+        row = pixels[p, 0]
+        column = pixels[p, 1]
+        if (row + column) % 2 != color:
+            continue
+        v = float32(row)
+        u = float32(column)
+        low = ranges[p, 0]
+        high = ranges[p, 1]
+        w = planes[p, 0]
+        g_u = planes[p, 1]
+        g_v = planes[p, 2]
+        lowest = costs[p]
+        if rescore:
+            lowest = _cost(
+                packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, depths, back, geometric, cap
+            )
+        tried[0, 0] = w
+        tried[0, 1] = g_u
+        tried[0, 2] = g_v
+        count = 1
+        for i in range(8):
+            d_u = _NEIGHBOR_U[i]
+            d_v = _NEIGHBOR_V[i]
+            r = row + d_v
+            c = column + d_u
+            if r < 0 or c < 0 or r >= rows or c >= columns:
+                continue
+            q = index[r, c]
+            if q < 0:
+                continue
+            n_u = planes[q, 1]
+            n_v = planes[q, 2]
+            n_w = planes[q, 0] - n_u * float32(d_u) - n_v * float32(d_v)
+            if n_w < low or n_w > high:
+                continue
+            seen = False
+            for j in range(count):
+                if (
+                    abs(tried[j, 0] - n_w) < same_w
+                    and float32(REACH) * (abs(tried[j, 1] - n_u) + abs(tried[j, 2] - n_v)) < same_w
+                ):
+                    seen = True
+                    break
+            if seen:
+                continue
+            tried[count, 0] = n_w
+            tried[count, 1] = n_u
+            tried[count, 2] = n_v
+            count += 1
+            cost = _cost(
+                packed, sizes, cameras, support, p, u, v, n_w, n_u, n_v, noise, best, depths, back, geometric, cap
+            )
+            if cost < lowest:
+                lowest = cost
+                w = n_w
+                g_u = n_u
+                g_v = n_v
+        seed = _mix(key ^ (uint64(row) << uint64(32)) ^ uint64(column))
+        seed = _mix(seed ^ (uint64(step + 1) * uint64(0xD6E8FEB86659FD93)))
+        reach = reach_w
+        for i in range(perturbations):
+            state = _mix(seed + uint64(i + 1) * uint64(0x9E3779B97F4A7C15))
+            n_w = w + reach * (float32(2.0) * _uniform(state) - float32(1.0))
+            n_u = g_u
+            n_v = g_v
+            if i % 2 == 0:
+                state = _mix(state + uint64(1))
+                n_u = g_u + reach * float32(0.3) * (float32(2.0) * _uniform(state) - float32(1.0))
+                state = _mix(state + uint64(1))
+                n_v = g_v + reach * float32(0.3) * (float32(2.0) * _uniform(state) - float32(1.0))
+            reach *= float32(0.5)
+            if n_w < low or n_w > high:
+                continue
+            cost = _cost(
+                packed, sizes, cameras, support, p, u, v, n_w, n_u, n_v, noise, best, depths, back, geometric, cap
+            )
+            if cost < lowest:
+                lowest = cost
+                w = n_w
+                g_u = n_u
+                g_v = n_v
+        planes[p, 0] = w
+        planes[p, 1] = g_u
+        planes[p, 2] = g_v
+        costs[p] = lowest

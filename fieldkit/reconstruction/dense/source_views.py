@@ -1,0 +1,76 @@
+"""Which views are compared with which."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds.volume import Volume
+from fieldkit.reconstruction.dense.settings import Settings
+from fieldkit.reconstruction.dense.views import View
+
+_GRID = 4
+"""Points along each edge of the volume for which overlap and angle are counted."""
+
+
+def pair_scores(views: Sequence[View], volume: Volume, settings: Settings) -> NDArray[np.float64]:
+    """How well each view serves as a source of each other, (n, n) in [0, 1]; rows are reference views.
+
+    The mean over points of the volume seen by both of a bell in the angle between the two rays
+    (`Settings.best_angle_deg`; half-width 8° below and 15° above it; 0 outside the limits) times the share of the
+    reference's points that both see times a penalty for sources that see the points much smaller.
+    """
+    edges = [np.linspace(0.5 / _GRID, 1.0 - 0.5 / _GRID, _GRID)] * 3
+    unit = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = np.array(volume.lower) + unit * volume.size
+    count = len(views)
+    seen = np.zeros((count, len(points)), dtype=bool)
+    rays = np.zeros((count, len(points), 3))
+    scale = np.zeros((count, len(points)))
+    for i, view in enumerate(views):
+        camera = view.pose.to_camera(points)
+        pixels = view.intrinsics.project(camera)
+        size = np.array([view.intrinsics.width, view.intrinsics.height])
+        with np.errstate(invalid="ignore"):
+            seen[i] = np.isfinite(pixels).all(axis=1) & ((pixels >= 0) & (pixels <= size)).all(axis=1)
+        offset = points - view.pose.center
+        distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
+        rays[i] = offset / distance[:, None]
+        scale[i] = view.intrinsics.fx / distance
+    scores = np.zeros((count, count))
+    for i in range(count):
+        own = int(seen[i].sum())
+        if not own:
+            continue
+        both = seen & seen[i]
+        angle = np.degrees(np.arccos(np.clip((rays * rays[i]).sum(axis=2), -1.0, 1.0)))
+        width = np.where(angle < settings.best_angle_deg, 8.0, 15.0)
+        bell = np.exp(-0.5 * ((angle - settings.best_angle_deg) / width) ** 2)
+        bell[(angle < settings.min_angle_deg) | (angle > settings.max_angle_deg)] = 0.0
+        ratio = np.minimum(scale / scale[i], 1.0)
+        scores[i] = np.where(both, bell * ratio, 0.0).sum(axis=1) / own
+        scores[i, i] = 0.0
+    return scores
+
+
+def choose_sources(views: Sequence[View], volume: Volume, settings: Settings) -> list[tuple[int, ...]]:
+    """Indices of each view's source views, best first; fewer than `Settings.sources` where no more are within limits.
+
+    Ties are broken by the views' order.
+    """
+    return _best(pair_scores(views, volume, settings), settings.sources)
+
+
+def choose_fusion_neighbors(views: Sequence[View], volume: Volume, settings: Settings) -> list[tuple[int, ...]]:
+    """Indices of the views each view is compared with in the fusion, best first."""
+    return _best(pair_scores(views, volume, settings), settings.fusion_neighbors)
+
+
+def _best(scores: NDArray[np.float64], count: int) -> list[tuple[int, ...]]:
+    chosen = []
+    for row in scores:
+        order = np.argsort(-np.round(row, 9), kind="stable")
+        chosen.append(tuple(int(j) for j in order[:count] if row[j] > 0))
+    return chosen

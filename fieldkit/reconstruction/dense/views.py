@@ -1,0 +1,164 @@
+"""Undistorted views at working size, and the depth maps that belong to them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.dense.masks import plant_mask
+from fieldkit.reconstruction.dense.settings import FIDELITY_SIZE, Fidelity, MaskKind
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A photograph as dense stereo takes it.
+
+    Attributes:
+        name: unique among the views.
+        image: (H, W, 3) uint8 RGB, undistorted, at working size.
+        intrinsics: PINHOLE at that size.
+        pose: in the metric plot frame.
+        mask: (H, W) bool, the pixels to reconstruct; None: all.
+
+    Raises:
+        ValueError: image, intrinsics and mask do not have one size, or the camera is not a pinhole.
+    """
+
+    name: str
+    image: NDArray[np.uint8]
+    intrinsics: Intrinsics
+    pose: Pose
+    mask: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        size = (self.intrinsics.height, self.intrinsics.width)
+        if self.image.shape != (*size, 3) or self.image.dtype != np.uint8:
+            raise ValueError(f"view {self.name}: the image must be uint8 of shape {(*size, 3)}")
+        if self.mask is not None and (self.mask.shape != size or self.mask.dtype != np.bool_):
+            raise ValueError(f"view {self.name}: the mask must be bool of shape {size}")
+        if self.intrinsics.distorted:
+            raise ValueError(f"view {self.name}: the camera must be free of distortion")
+
+
+@dataclass(frozen=True, eq=False)
+class DepthMap:
+    """What dense stereo found out about a view.
+
+    Attributes:
+        name: the view's.
+        depth: (H, W) float32, metres along the optical axis; 0: none.
+        normal: (H, W, 3) float32 unit vectors in the plot frame, towards the camera; 0 where there is no depth.
+        cost: (H, W) float32, 1 − correlation (0 is best); infinite where there is no depth.
+    """
+
+    name: str
+    depth: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    cost: NDArray[np.float32]
+
+
+def working_size(width: int, height: int, fidelity: Fidelity) -> tuple[int, int]:
+    """Size of a photograph's working view.
+
+    It has as many pixels as the fidelity's 4:3 view (500×375, 750×562, 1000×750), with the photograph's aspect ratio:
+    16:9 at `standard` is 866×487. `full`, and a photograph that is smaller already, keep their size.
+    """
+    if fidelity == "full":
+        return width, height
+    wanted = FIDELITY_SIZE[fidelity]
+    scale = math.sqrt(wanted[0] * wanted[1] / (width * height))
+    if scale >= 1.0:
+        return width, height
+    return max(1, round(width * scale)), max(1, round(height * scale))
+
+
+def prepare_view(
+    name: str,
+    image_rgb: NDArray[np.uint8],
+    intrinsics: Intrinsics,
+    pose: Pose,
+    fidelity: Fidelity,
+    mask_kind: MaskKind = "exg",
+    mask_image: NDArray[Any] | None = None,
+) -> View:
+    """An undistorted view at working size from a photograph.
+
+    The photograph is first reduced by averaging areas to about the working size, then resampled once (bicubic)
+    through the camera's own distortion onto a pinhole camera whose focal lengths and principal point are the
+    photograph's, scaled. Pixels that come from outside the photograph are black and masked out.
+
+    Args:
+        name: unique among the views.
+        image_rgb: (H, W, 3) uint8.
+        intrinsics: of the photograph at any size of the same aspect ratio.
+        pose: in the metric plot frame.
+        fidelity: sets the size, see `working_size`.
+        mask_kind: `exg`, `none`, or `file` with ``mask_image``.
+        mask_image: (h, w) or (h, w, 3), non-zero on the pixels to keep; any size of the photograph's aspect ratio.
+
+    Raises:
+        UsageError: an unknown kind of mask, or `file` without a mask image.
+    """
+    import cv2
+
+    height, width = image_rgb.shape[:2]
+    size = working_size(width, height, fidelity)
+    camera = _resized(intrinsics, *size)
+    pinhole = camera.without_distortion()
+    image = image_rgb if size == (width, height) else cv2.resize(image_rgb, size, interpolation=cv2.INTER_AREA)
+    mask_file = None if mask_image is None else _resized_mask(mask_image, size)
+    inside = None
+    if camera.distorted:
+        x, y = undistortion_grid(camera)
+        border = cv2.BORDER_CONSTANT
+        image = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=border)
+        inside = (x >= -0.5) & (y >= -0.5) & (x <= size[0] - 0.5) & (y <= size[1] - 0.5)
+        if mask_file is not None:
+            remapped = cv2.remap(mask_file.astype(np.uint8), x, y, cv2.INTER_NEAREST, borderMode=border)
+            mask_file = remapped.astype(np.bool_)
+    image = np.ascontiguousarray(image, dtype=np.uint8)
+    mask = plant_mask(image, mask_kind, mask_file)
+    if inside is not None and not inside.all():
+        mask = inside if mask is None else mask & inside
+    return View(name, image, pinhole, pose, mask)
+
+
+def undistortion_grid(camera: Intrinsics) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Where each pixel of the undistorted view lies in the distorted one.
+
+    Returns:
+        x, y: (H, W) float32 pixel indices (the centre of the upper left pixel is (0, 0)), as cv2.remap takes them;
+        the camera's own coordinates have it at (0.5, 0.5).
+    """
+    columns = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    rows = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    x, y = np.meshgrid(columns, rows)
+    pixels = camera.project(np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)) - 0.5
+    grid = pixels.astype(np.float32).reshape(camera.height, camera.width, 2)
+    return np.ascontiguousarray(grid[..., 0]), np.ascontiguousarray(grid[..., 1])
+
+
+def _resized(camera: Intrinsics, width: int, height: int) -> Intrinsics:
+    """The camera at a size whose sides were rounded: two focal lengths, so that both axes stay exact."""
+    if (camera.width, camera.height) == (width, height):
+        return camera
+    if camera.model == "SIMPLE_PINHOLE":
+        camera = camera.without_distortion()
+    elif camera.model in ("SIMPLE_RADIAL", "RADIAL"):
+        k = camera.params[3:]
+        params = (camera.fx, camera.fy, camera.cx, camera.cy, k[0], k[1] if len(k) > 1 else 0.0, 0.0, 0.0)
+        camera = Intrinsics("OPENCV", camera.width, camera.height, params)
+    return camera.scaled(width, height)
+
+
+def _resized_mask(mask_image: NDArray[Any], size: tuple[int, int]) -> NDArray[np.bool_]:
+    import cv2
+
+    flat = mask_image.max(axis=2) if mask_image.ndim == 3 else mask_image
+    share = cv2.resize((flat > 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return np.asarray(share >= 0.5, dtype=np.bool_)
