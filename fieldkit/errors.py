@@ -1,14 +1,14 @@
 """The exceptions fieldkit raises on purpose, and the exit code each stands for.
 
-    FieldkitError
-    ├── UsageError            2   the call itself is wrong (flags, an existing result)
-    ├── InputError            3   a file or folder given cannot be used as it is
-    │   ├── CaptureError      3   photographs
-    │   ├── MetadataError     3   poses.csv, geo.txt, camera files, reference.json …
-    │   ├── CloudError        3   point-cloud files
-    │   │   └── EmptyCloudError
-    │   └── StorageError      3   no permission, no space left
-    └── ReconstructionError   4   the photographs are readable but do not reconstruct
+FieldkitError
+├── UsageError            2   the call itself is wrong (flags, an existing result)
+├── InputError            3   a file or folder given cannot be used as it is
+│   ├── CaptureError      3   photographs
+│   ├── MetadataError     3   poses.csv, geo.txt, camera files, reference.json …
+│   ├── CloudError        3   point-cloud files
+│   │   └── EmptyCloudError
+│   └── StorageError      3   no permission, no space left
+└── ReconstructionError   4   the photographs are readable but do not reconstruct
 """
 
 from __future__ import annotations

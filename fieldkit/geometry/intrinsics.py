@@ -120,7 +120,8 @@ class Intrinsics:
         ideal = distorted
         for _ in range(30):
             ideal = ideal + distorted - np.stack(self._distort(ideal[:, 0], ideal[:, 1]), axis=1)
-        return ideal * focal + principal
+        pixels_ideal: NDArray[np.float64] = ideal * focal + principal
+        return pixels_ideal
 
     def _distort(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Brown-Conrady distortion of normalised coordinates, as OpenCV and COLMAP define it."""

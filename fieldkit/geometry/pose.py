@@ -67,7 +67,8 @@ class Pose:
     @property
     def forward(self) -> Vector:
         """(3,) unit vector of the optical axis in the world."""
-        return self.rotation[2]
+        axis: Vector = self.rotation[2]
+        return axis
 
     def yaw_pitch_roll_deg(self) -> tuple[float, float, float]:
         """The angles `from_yaw_pitch` takes. At ±90° pitch yaw and roll are one rotation: all of it goes to yaw."""
@@ -102,4 +103,5 @@ def rotation_from_vector(vector: ArrayLike) -> Matrix:
         return np.eye(3)
     x, y, z = v / angle
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    rotation: Matrix = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    return rotation

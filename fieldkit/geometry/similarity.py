@@ -47,7 +47,9 @@ class Similarity:
         m = np.asarray(matrix, dtype=np.float64)
         determinant = float(np.linalg.det(m[:3, :3]))
         scale = float(np.cbrt(determinant))
-        if scale <= 0 or not np.allclose(m[:3, :3] @ m[:3, :3].T, scale**2 * np.eye(3), rtol=1e-6, atol=1e-6 * scale**2):
+        if scale <= 0 or not np.allclose(
+            m[:3, :3] @ m[:3, :3].T, scale**2 * np.eye(3), rtol=1e-6, atol=1e-6 * scale**2
+        ):
             raise ValueError("not a similarity: the upper left 3×3 block is not a rotation times a positive scale")
         return cls(scale, m[:3, :3] / scale, m[:3, 3])
 
@@ -72,9 +74,7 @@ class Similarity:
 
     def after(self, first: Similarity) -> Similarity:
         """The transform that applies ``first`` and then this one."""
-        return Similarity(
-            self.scale * first.scale, self.rotation @ first.rotation, self.apply(first.translation)
-        )
+        return Similarity(self.scale * first.scale, self.rotation @ first.rotation, self.apply(first.translation))
 
 
 def fit_similarity(source: ArrayLike, target: ArrayLike, *, with_scale: bool = True) -> Similarity:

@@ -26,6 +26,7 @@ def to_colmap_camera(intrinsics: Intrinsics, camera_id: int) -> pycolmap.Camera:
 
 
 def from_colmap_camera(camera: pycolmap.Camera) -> Intrinsics:
+    """The same camera as a value."""
     return Intrinsics(camera.model.name, camera.width, camera.height, tuple(float(p) for p in camera.params))
 
 
@@ -35,6 +36,7 @@ def to_rigid(pose: Pose) -> pycolmap.Rigid3d:
 
 
 def pose_of(image: pycolmap.Image) -> Pose:
+    """Pose of a registered image."""
     return Pose(image.cam_from_world().rotation.matrix(), image.projection_center())
 
 
@@ -58,9 +60,7 @@ def model_points(model: pycolmap.Reconstruction) -> NDArray[np.float64]:
 
 def transform_model(model: pycolmap.Reconstruction, similarity: Similarity) -> None:
     """Move a model, in place, into the similarity's target frame."""
-    model.transform(
-        pycolmap.Sim3d(similarity.scale, pycolmap.Rotation3d(similarity.rotation), similarity.translation)
-    )
+    model.transform(pycolmap.Sim3d(similarity.scale, pycolmap.Rotation3d(similarity.rotation), similarity.translation))
 
 
 def new_model(

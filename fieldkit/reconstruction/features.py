@@ -80,4 +80,5 @@ def extract_features(gray: NDArray[np.uint8], settings: FeatureSettings) -> Feat
 def _root_sift(sift: NDArray[np.float32]) -> NDArray[np.uint8]:
     """L1-normalise, take the square root (then the L2 norm is 1), quantise as COLMAP does."""
     total = np.maximum(sift.sum(axis=1, keepdims=True), 1e-12)
-    return np.clip(np.round(512.0 * np.sqrt(sift / total)), 0, 255).astype(np.uint8)
+    quantised: NDArray[np.uint8] = np.clip(np.round(512.0 * np.sqrt(sift / total)), 0, 255).astype(np.uint8)
+    return quantised

@@ -103,7 +103,7 @@ def match_guided(
     if n == 0 or m == 0:
         return np.zeros((0, 2), np.uint32)
     fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
-    points_b = b.points + (0.0, shift_px)
+    points_b = b.points + np.array([0.0, shift_px])
     lines_in_b = _unit_lines(_homogeneous(a.points) @ fundamental.T)
     lines_in_a = _unit_lines(_homogeneous(points_b) @ fundamental)
     rows, columns = _best_in_band(
@@ -151,9 +151,7 @@ def _agrees(
     rotation = np.abs((difference + np.pi) % (2 * np.pi) - np.pi)
     size_a = np.log2(a.features.keypoints[matches[:, 0], 2] * _metres_per_pixel(a, region))
     size_b = np.log2(b.features.keypoints[matches[:, 1], 2] * _metres_per_pixel(b, region))
-    good = (rotation <= np.radians(settings.max_rotation_deg)) & (
-        np.abs(size_a - size_b) <= settings.max_scale_octaves
-    )
+    good = (rotation <= np.radians(settings.max_rotation_deg)) & (np.abs(size_a - size_b) <= settings.max_scale_octaves)
     if meet_in is not None:
         points, s, t = midpoints(a, b, matches)
         inside = np.linalg.norm(points - np.array(meet_in.center), axis=1) <= meet_in.radius
@@ -191,7 +189,7 @@ def _unit_lines(lines: Floats) -> Floats:
     return unit
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _best_in_band(descriptors_a, descriptors_b, points_a, points_b, lines_in_b, lines_in_a, band, ratio):  # type: ignore[no-untyped-def]
     """Per feature of either image, the best partner within the band that passes the ratio test, else −1."""
     n, m, size = len(points_a), len(points_b), descriptors_a.shape[1]
@@ -210,7 +208,7 @@ def _best_in_band(descriptors_a, descriptors_b, points_a, points_b, lines_in_b, 
                 continue
             if abs(lines_in_a[j, 0] * x + lines_in_a[j, 1] * y + lines_in_a[j, 2]) > band:
                 continue
-            distance = 0
+            distance = np.int64(0)
             for k in range(size):
                 difference = np.int32(descriptors_a[i, k]) - np.int32(descriptors_b[j, k])
                 distance += difference * difference

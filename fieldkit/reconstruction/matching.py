@@ -70,7 +70,8 @@ def match_features(a: Features, b: Features, *, ratio: float = 0.8, gate: Gate |
 
 def _unit(features: Features) -> NDArray[np.float32]:
     descriptors = features.descriptors.astype(np.float32)
-    return descriptors / np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-12)
+    unit: NDArray[np.float32] = descriptors / np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-12)
+    return unit
 
 
 def _update_columns(

@@ -56,7 +56,9 @@ class PriorMappingSettings:
     """
 
     guided: GuidedSettings = field(default_factory=GuidedSettings)
-    verification: VerificationSettings = VerificationSettings(max_error_px=2.0, min_inliers=10)
+    verification: VerificationSettings = field(
+        default_factory=lambda: VerificationSettings(max_error_px=2.0, min_inliers=10)
+    )
     max_view_angle_deg: float = 75.0
     max_neighbours: int = 24
     first_band_sigmas: float = 2.5
@@ -184,7 +186,7 @@ def _candidate_pairs(poses: Sequence[Pose], settings: PriorMappingSettings) -> l
     forward = np.array([p.forward for p in poses])
     seen_alike = forward @ forward.T >= np.cos(np.radians(settings.max_view_angle_deg))
     distance = np.linalg.norm(centers[:, None] - centers[None], axis=2)
-    pairs = set()
+    pairs: set[tuple[int, int]] = set()
     for i in range(len(poses)):
         near = [int(j) for j in np.argsort(distance[i], kind="stable") if j != i and seen_alike[i, j]]
         pairs.update((min(i, j), max(i, j)) for j in near[: settings.max_neighbours])

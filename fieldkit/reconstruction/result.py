@@ -69,7 +69,8 @@ class MetricFrame:
     """How the model got its scale and place.
 
     Attributes:
-        source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"``, ``"markers"`` or ``"none"`` (then lengths are not metres).
+        source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"``, ``"markers"`` or ``"none"`` (lengths
+            are not metres then).
         plot_from_source: rigid motion from the metric source's frame to the plot frame.
         rms_m: of the position residuals of registered images that are right; None without positions.
         bound_m: the largest position residual that counts as right (median over images); None without positions.
