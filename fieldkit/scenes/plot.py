@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.clouds import Cloud
 from fieldkit.scenes.light import bake_light, visible_from
 from fieldkit.scenes.maize import MaizeDescription, build_maize
 from fieldkit.scenes.scene import Light, Mesh, Scene
@@ -101,16 +102,14 @@ def _sky() -> Mesh:
     )
 
 
-def sample_plants(
-    scene: Scene, count: int, seed: int = 0
-) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.float32]]:
+def sample_plants(scene: Scene, count: int, seed: int = 0) -> Cloud:
     """Points on the plants' surfaces, uniform by area, that can be seen from outside.
 
     A point counts as visible when one of 60 directions from straight above down to 10° below the horizon reaches
     it (within 3 mm) past plants and soil.
 
     Returns:
-        (n, 3) metres, (n, 3) uint8 unlit colours, (n, 3) float32 normals; n is ``count`` less the hidden ones.
+        About ``count`` points less the hidden ones, with unlit colours and normals, in the plot frame.
     """
     rng = np.random.default_rng([seed, 11])
     meshes = list(scene.plants)
@@ -135,7 +134,7 @@ def sample_plants(
     for h, a in zip(height, turn, strict=True):
         direction = np.array([np.sqrt(1 - h * h) * np.cos(a), np.sqrt(1 - h * h) * np.sin(a), h])
         seen |= visible_from(everything, corners, direction, radius * 1.6, pixels=2048, bias_m=0.003) > 0.5
-    return everything[seen], np.concatenate(colors)[seen], np.concatenate(normals)[seen]
+    return Cloud(everything[seen], np.concatenate(colors)[seen], np.concatenate(normals)[seen])
 
 
 def _areas(mesh: Mesh) -> NDArray[np.float64]:
