@@ -1,0 +1,1 @@
+"""Building references, scoring captures against them, and the files that say how it went."""

@@ -1,0 +1,220 @@
+"""The figures of a Reconstruction as reference.json and evaluation.json hold them. Pure functions."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.captures.model import Finding
+from fieldkit.evaluation.schema import (
+    CameraEntry,
+    DenseEntry,
+    FileEntry,
+    FindingEntry,
+    FrameEntry,
+    GroundEntry,
+    ImageEntry,
+    OriginEntry,
+    Row,
+    StageEntry,
+    Vector,
+    VolumeEntry,
+)
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.result import ImageReport, MetricFrame, Reconstruction, SparseResult
+from fieldkit.reconstruction.settings import ReconstructionSettings
+
+PLANT_VOXEL_M = 0.01
+PLANT_VOXEL_GSD = 10.0
+"""Edge of the voxels in which plants' points are counted: 10 mm, or 10 ground sampling distances where that is more."""
+
+
+def findings_entries(findings: Sequence[Finding]) -> tuple[FindingEntry, ...]:
+    """Findings as the report holds them, in their order."""
+    return tuple(
+        FindingEntry(name=clean_text(f.name), code=f.code, message=clean_text(f.message), left_out=f.left_out)
+        for f in findings
+    )
+
+
+def points_per_voxel(points: NDArray[np.float64], edge_m: float) -> float | None:
+    """Mean number of points (n, 3) in a voxel of that edge that has any; None without points."""
+    if not len(points):
+        return None
+    cells = np.floor((points - points.min(axis=0)) / edge_m).astype(np.int64)
+    spans = cells.max(axis=0) + 1
+    if float(spans[0]) * float(spans[1]) * float(spans[2]) < 2.0**62:
+        occupied = len(np.unique((cells[:, 0] * spans[1] + cells[:, 1]) * spans[2] + cells[:, 2]))
+    else:
+        occupied = len(np.unique(cells, axis=0))
+    return len(points) / occupied
+
+
+def figures(
+    reconstruction: Reconstruction,
+    settings: ReconstructionSettings,
+    seconds: float,
+    cpu_seconds: float,
+    files: Sequence[FileEntry],
+) -> dict[str, Any]:
+    """The fields of `ReconstructionEntry`."""
+    sparse = reconstruction.sparse
+    frame = sparse.frame
+    voxel = max(PLANT_VOXEL_M, PLANT_VOXEL_GSD * reconstruction.gsd_m)
+    observations = sum(image.observations for image in sparse.images)
+    sparse_points = int(sparse.model.num_points3D())
+    errors = [(i.observations, i.reprojection_px) for i in sparse.images if i.reprojection_px is not None]
+    seen = sum(count for count, _ in errors)
+    return {
+        "images": len(sparse.images),
+        "registered": sparse.registered,
+        "right": sparse.right,
+        "models": tuple(int(size) for size in sparse.model_sizes),
+        "method": sparse.method,
+        "pose_rms_m": _number(frame.rms_m),
+        "metric_source": frame.source,
+        "metric": frame.metric,
+        "position_bound_m": _number(frame.bound_m),
+        "points": len(reconstruction.plants),
+        "gsd_m": _number(reconstruction.gsd_m),
+        "reprojection_px": sum(count * error for count, error in errors) / seen if seen else None,
+        "track_length": observations / sparse_points if sparse_points else None,
+        "observations": int(observations),
+        "sparse_points": sparse_points,
+        "features_per_image": mean([image.features for image in sparse.images]),
+        "pairs_tried": int(sparse.pairs_tried),
+        "pairs_verified": int(sparse.pairs_verified),
+        # Without a metric source the edge would be 10 mm of nothing.
+        "points_per_plant_voxel": points_per_voxel(reconstruction.plants.points, voxel) if frame.metric else None,
+        "plant_voxel_m": float(voxel) if frame.metric else None,
+        "frame": _frame_entry(frame),
+        "volume": VolumeEntry(lower_m=reconstruction.volume.lower, upper_m=reconstruction.volume.upper),
+        "cameras": _camera_entries(sparse),
+        "dense": DenseEntry(
+            fidelity=settings.fidelity,
+            mask=settings.mask,
+            backend=reconstruction.backend,
+            fusion_rule=reconstruction.fusion_rule,
+            seed=settings.seed,
+        ),
+        "image_reports": tuple(image_entry(image, sparse) for image in sparse.images),
+        "findings": findings_entries(sparse.findings),
+        "times": tuple(
+            StageEntry(
+                name=t.name, wall_s=float(t.wall_s), cpu_s=float(t.cpu_s), items=int(t.items), cached=int(t.cached)
+            )
+            for t in reconstruction.times
+        ),
+        "seconds": float(seconds),
+        "cpu_seconds": float(cpu_seconds),
+        "files": tuple(files),
+    }
+
+
+def _frame_entry(frame: MetricFrame) -> FrameEntry:
+    origin = frame.origin
+    ground = frame.ground
+    return FrameEntry(
+        plot_from_source=cast("tuple[Row, Row, Row, Row]", _rows(frame.plot_from_source.matrix())),
+        origin=None
+        if origin is None
+        else OriginEntry(
+            latitude_deg=float(origin.latitude_deg),
+            longitude_deg=float(origin.longitude_deg),
+            altitude_m=float(origin.altitude_m),
+            datum=cast("Any", origin.datum),
+        ),
+        crs_epsg=_utm(origin),
+        ground=None
+        if ground is None
+        else GroundEntry(
+            normal=_vector(ground.normal),
+            offset_m=float(ground.offset),
+            rms_m=float(ground.rms_m),
+            inlier_share=float(ground.inlier_share),
+            tolerance_m=float(ground.tolerance_m),
+        ),
+        notes=tuple(clean_text(note) for note in frame.notes),
+    )
+
+
+def _utm(origin: LocalFrame | None) -> int | None:
+    try:
+        return None if origin is None else origin.utm_epsg()
+    except ValueError:  # near a pole
+        return None
+
+
+def _camera_entries(sparse: SparseResult) -> tuple[CameraEntry, ...]:
+    """One entry for each camera of an image that counts; photographs of one group share theirs."""
+    entries: list[CameraEntry] = []
+    for group in sparse.capture.groups:
+        shots = Counter(sparse.intrinsics[name] for name in group.photos if name in sparse.intrinsics)
+        entries += [
+            CameraEntry(
+                key=clean_text(group.key),
+                model=camera.model,
+                width=int(camera.width),
+                height=int(camera.height),
+                params=tuple(float(p) for p in camera.params),
+                source=sparse.intrinsics_source.get(group.key, group.source),
+                photos=photos,
+            )
+            for camera, photos in shots.items()
+        ]
+    return tuple(entries)
+
+
+def image_entry(image: ImageReport, sparse: SparseResult | None) -> ImageEntry:
+    """One photograph's report; without ``sparse`` its pose is not known."""
+    pose = None if sparse is None else sparse.poses.get(image.name)
+    angles = (None, None, None) if pose is None else tuple(float(a) for a in pose.yaw_pitch_roll_deg())
+    return ImageEntry(
+        name=clean_text(image.name),
+        features=int(image.features),
+        registered=bool(image.registered),
+        right=None if image.right is None else bool(image.right),
+        reason=clean_text(image.reason),
+        observations=int(image.observations),
+        reprojection_px=_number(image.reprojection_px),
+        position_residual_m=_number(image.position_residual_m),
+        angle_residual_deg=_number(image.angle_residual_deg),
+        center_m=None if pose is None else _vector(pose.center),
+        yaw_deg=angles[0],
+        pitch_deg=angles[1],
+        roll_deg=angles[2],
+    )
+
+
+def reasons(images: Sequence[ImageReport]) -> dict[str, int]:
+    """Images that do not count by reason (without what stands after a colon), the most frequent first."""
+    heads = (clean_text(image.reason).partition(":")[0].strip() for image in images if not image.counts)
+    counts = Counter(head or "unknown" for head in heads)
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _number(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def mean(values: Sequence[float]) -> float | None:
+    """Their mean; None without values."""
+    return float(np.mean(values)) if len(values) else None
+
+
+def _vector(values: NDArray[np.float64]) -> Vector:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+def _rows(matrix: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(float(v) for v in row) for row in matrix)
+
+
+def clean_text(text: str) -> str:
+    """Text that UTF-8 can hold: names of files may have bytes that are none."""
+    return text.encode("utf-8", "backslashreplace").decode()

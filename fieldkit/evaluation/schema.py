@@ -1,0 +1,322 @@
+"""What reference.json and evaluation.json hold. Units are in the keys: _m metres, _deg degrees, _s seconds, _px pixels.
+
+Where a reconstruction has no metric source, lengths are in the model's own unit and ``metric`` is false.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Count = Annotated[int, Field(ge=0)]
+Length = Annotated[float, Field(ge=0)]
+Seconds = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Vector = tuple[float, float, float]
+Row = tuple[float, float, float, float]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Distance = Annotated[str, Field(pattern=r"^\d+\.\d{3,}$")]
+"""A distance in metres as a key, with at least three decimals: "0.002"."""
+ByDistance = dict[Distance, Share]
+
+Method = Literal["incremental", "global", "prior"]
+Source = Literal["poses.csv", "geo.txt", "EXIF GPS", "markers", "none"]
+
+
+class Strict(BaseModel):
+    """Unknown keys, other types and numbers that are not finite are errors; values are never coerced."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class FileEntry(Strict):
+    """A file of the result."""
+
+    name: Annotated[str, Field(min_length=1)]
+    """Relative to the result's folder, with "/"."""
+    bytes: Count
+    sha256: Sha256
+
+
+class FindingEntry(Strict):
+    """Something a person should know about one file or plot."""
+
+    name: str
+    """The file."""
+    code: str
+    """Kebab-case; docs/captures.md lists those of captures."""
+    message: str
+    left_out: bool = False
+    """Whether the file was not used because of it."""
+
+
+class StageEntry(Strict):
+    """What a stage took."""
+
+    name: str
+    wall_s: Seconds
+    cpu_s: Seconds
+    items: Count
+    """Images, pairs or whatever the stage works on."""
+    cached: Count
+    """How many of them came from the cache."""
+
+
+class CameraEntry(Strict):
+    """A camera with its intrinsics after bundle adjustment."""
+
+    key: str
+    """Made from make, model, serial number, focal length and size."""
+    model: str
+    """COLMAP's camera model."""
+    width: Annotated[int, Field(gt=0)]
+    height: Annotated[int, Field(gt=0)]
+    params: tuple[float, ...]
+    """In COLMAP's order; pixels where they are lengths."""
+    source: str
+    """Where the start values came from: camera.toml, camera.json, EXIF or self-calibrated."""
+    photos: Count
+    """Registered photographs it took."""
+
+
+class OriginEntry(Strict):
+    """Where the georeferenced source frame's origin lies (WGS 84). Its axes are east, north, up."""
+
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
+    altitude_m: float
+    datum: Literal["ellipsoid", "sea level", "unknown"]
+    """What the altitude is measured from."""
+
+
+class GroundEntry(Strict):
+    """The fitted ground: normal · x = offset_m in the plot frame."""
+
+    normal: Vector
+    """Unit vector towards the cameras."""
+    offset_m: float
+    rms_m: Length
+    """Of the inliers' distances."""
+    inlier_share: Share
+    """Of the points it was fitted to."""
+    tolerance_m: Length
+    """Up to which a point counts as ground."""
+
+
+class FrameEntry(Strict):
+    """How the plot frame lies in the frame of the metric source."""
+
+    plot_from_source: tuple[Row, Row, Row, Row]
+    """Rigid motion, rows of a homogeneous matrix: plot point = matrix · source point, metres."""
+    origin: OriginEntry | None
+    """Of the source frame; null where it is not georeferenced."""
+    crs_epsg: int | None
+    """UTM zone (WGS 84) of the origin."""
+    ground: GroundEntry | None
+    notes: tuple[str, ...]
+    """Doubts about scale and place."""
+
+
+class VolumeEntry(Strict):
+    """The volume of interest, an axis-aligned box in the plot frame."""
+
+    lower_m: Vector
+    upper_m: Vector
+
+
+class DenseEntry(Strict):
+    """How the dense cloud was made."""
+
+    fidelity: Literal["draft", "standard", "fine", "full"]
+    mask: Literal["exg", "none", "file"]
+    backend: str
+    fusion_rule: str
+    seed: Count
+
+
+class ImageEntry(Strict):
+    """What became of one photograph."""
+
+    name: str
+    features: Count
+    registered: bool
+    right: bool | None
+    """Whether its pose agrees with what is known of it; null where nothing is known."""
+    reason: str
+    """Why it is not registered, or not right; empty otherwise."""
+    observations: Count
+    """Sparse points seen in it."""
+    reprojection_px: Length | None
+    """Mean error of these, pixels of the full-size photograph."""
+    position_residual_m: Length | None
+    """From its centre to the known position, after alignment."""
+    angle_residual_deg: Length | None
+    """To the known orientation."""
+    center_m: Vector | None
+    """Projection centre in the plot frame; null where the image does not count."""
+    yaw_deg: float | None
+    """Of the optical axis, clockwise from the plot frame's +y."""
+    pitch_deg: float | None
+    """0 at the horizon, −90 straight down."""
+    roll_deg: float | None
+
+
+class ReconstructionEntry(Strict):
+    """What every reconstruction says of itself. For a plot that failed, figures are 0, empty or null."""
+
+    images: Count
+    """Photographs that could be read."""
+    registered: Count
+    """Images the mapper gave a pose."""
+    right: Count
+    """Images that count: registered, and not known to be wrong."""
+    models: tuple[Count, ...]
+    """Registered images of every model the mapper made, largest first; more than one: the images fell apart."""
+    method: Method | None
+    """Of mapping."""
+    pose_rms_m: Length | None
+    """Root mean square of the position residuals of the images that count; null without known positions."""
+    metric_source: Source | None
+    """What scale and place come from."""
+    metric: bool
+    """Whether lengths are metres."""
+    position_bound_m: Length | None
+    """The largest position residual that counts as right (median over images)."""
+    points: Count
+    """Of the plants' cloud."""
+    gsd_m: Length | None
+    """Ground sampling distance at the volume's centre: metres per pixel of the full-size photographs."""
+    reprojection_px: Length | None
+    """Mean over all observations."""
+    track_length: Length | None
+    """Mean number of images that see a sparse point."""
+    observations: Count
+    sparse_points: Count
+    features_per_image: Length | None
+    """Mean over all images."""
+    pairs_tried: Count
+    pairs_verified: Count
+    points_per_plant_voxel: Length | None
+    """Mean number of plants' points in a voxel that has any."""
+    plant_voxel_m: Length | None
+    """Edge of these voxels: 10 mm, or 10 ground sampling distances where that is more."""
+    frame: FrameEntry | None
+    volume: VolumeEntry | None
+    cameras: tuple[CameraEntry, ...]
+    dense: DenseEntry | None
+    image_reports: tuple[ImageEntry, ...]
+    findings: tuple[FindingEntry, ...]
+    times: tuple[StageEntry, ...]
+    seconds: Seconds
+    """Wall time of the whole run, cached stages included."""
+    cpu_seconds: Seconds
+    files: tuple[FileEntry, ...]
+
+
+class ReferenceReport(ReconstructionEntry):
+    """reference.json: a reference cloud and how it was made."""
+
+    kind: Literal["reference"] = "reference"
+    version: Literal[1] = 1
+    fieldkit: str
+    """Version that wrote it."""
+    source: str
+    """Name of the folder of photographs."""
+    method: Method
+    metric_source: Source
+    gsd_m: Length
+    frame: FrameEntry
+    volume: VolumeEntry
+    dense: DenseEntry
+    scene_points: Count | None
+    """Of the scene's cloud, ground included; null where it was not asked for."""
+    settings: dict[str, Any]
+    """Every choice that changes the result."""
+
+
+class CorrectionEntry(Strict):
+    """How ICP moved a plot's cloud onto the reference (--refine)."""
+
+    translation_m: Vector
+    angle_deg: Length
+    scale: Annotated[float, Field(gt=0)]
+    rms_m: Length
+    """Of the correspondences' distances afterwards."""
+
+
+class ErrorEntry(Strict):
+    """Why a plot has no score."""
+
+    type: str
+    message: str
+    remedy: str
+
+
+class PlotEvaluation(ReconstructionEntry):
+    """A capture of one plot: how it reconstructed and, with a reference, how close it comes to it."""
+
+    name: str
+    """Of the plot's folder."""
+    unregistered: dict[str, Annotated[int, Field(gt=0)]]
+    """Number of images that do not count, by reason (up to its colon; image_reports hold the whole)."""
+    chamfer_m: Length | None
+    """accuracy_m + completeness_m."""
+    accuracy_m: Length | None
+    """Mean distance from this plot's points to the reference."""
+    completeness_m: Length | None
+    """Mean distance from the reference's points to this plot's."""
+    f_score: ByDistance | None
+    """By distance in metres: harmonic mean of precision and recall."""
+    precision: ByDistance | None
+    """Share of this plot's points within the distance of the reference."""
+    recall: ByDistance | None
+    """Share of the reference's points within the distance of this plot's."""
+    correction: CorrectionEntry | None
+    """Null without --refine."""
+    error: ErrorEntry | None
+    """Null where the plot was reconstructed and, with a reference, scored."""
+
+
+class EvaluationReport(Strict):
+    """evaluation.json: captures of one or many plots, scored."""
+
+    kind: Literal["evaluation"] = "evaluation"
+    version: Literal[1] = 1
+    fieldkit: str
+    """Version that wrote it."""
+    source: str
+    """Name of the folder of captures."""
+    reference_sha256: Sha256 | None
+    """Of the reference.json scored against; null without a reference."""
+    refine: bool
+    distances_m: tuple[Annotated[float, Field(gt=0)], ...]
+    settings: dict[str, Any]
+    """Every choice that changes the result."""
+    plots: tuple[PlotEvaluation, ...]
+    seconds: Seconds
+    cpu_seconds: Seconds
+    files: tuple[FileEntry, ...]
+
+    @property
+    def failed(self) -> int:
+        """Plots without a result."""
+        return sum(plot.error is not None for plot in self.plots)
+
+
+def distance_key(distance_m: float) -> str:
+    """A distance in metres as a key of the score tables: at least three decimals, none lost.
+
+    Raises:
+        ValueError: it is not a positive number.
+    """
+    from decimal import Decimal
+
+    value = Decimal(repr(float(distance_m)))
+    if not value.is_finite() or value <= 0:
+        raise ValueError(f"a distance must be a positive number of metres, not {distance_m}")
+    text = f"{value:f}"
+    decimals = len(text.partition(".")[2].rstrip("0"))
+    return f"{value:.{max(3, decimals)}f}"

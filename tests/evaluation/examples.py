@@ -1,0 +1,127 @@
+"""A small reconstruction made by hand: cameras on a ring about a plant, a synthesised sparse model, a made-up cloud."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+
+from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
+from fieldkit.clouds import Cloud, Volume
+from fieldkit.clouds.ground import Plane
+from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.colmap_model import model_points
+from fieldkit.reconstruction.result import (
+    ImageReport,
+    MetricFrame,
+    Reconstruction,
+    SparseResult,
+    StageTime,
+)
+
+INTRINSICS = Intrinsics("SIMPLE_RADIAL", 1600, 1200, (1400.0, 800.0, 600.0, -0.01))
+
+ORIGIN = LocalFrame(50.6, 6.98, 70.0, "sea level")
+
+
+def plant_cloud(points: int = 4000, seed: int = 0) -> Cloud:
+    """A stem and four leaves, 0.4 m high, with colours and normals."""
+    rng = np.random.default_rng(seed)
+    along, leaf = rng.uniform(0, 1, points), rng.integers(0, 5, points)
+    angle = leaf * 1.3 + 0.2
+    stem = np.stack([0.004 * rng.normal(size=points), 0.004 * rng.normal(size=points), 0.02 + 0.38 * along], axis=1)
+    out = 0.22 * along
+    width = 0.02 * (1 - along) * rng.uniform(-1, 1, points)
+    height = 0.12 + 0.05 * leaf + 0.35 * out - 1.6 * out**2
+    leaves = np.stack(
+        [out * np.cos(angle) - width * np.sin(angle), out * np.sin(angle) + width * np.cos(angle), height], axis=1
+    )
+    xyz = np.where((leaf == 4)[:, None], stem, leaves)
+    shade = rng.uniform(0.6, 1.0, points)[:, None]
+    colors = (shade * np.where((leaf == 4)[:, None], [110, 130, 60], [60, 150, 50])).astype(np.uint8)
+    return Cloud(xyz, colors, np.tile(np.float32([0, 0, 1]), (points, 1)))
+
+
+def ring(count: int, radius: float = 0.6, height: float = 0.45) -> dict[str, Pose]:
+    """Level cameras on a circle that look at the plant's middle."""
+    angles = 2 * np.pi * np.arange(count) / count
+    centers = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(count, height)], axis=1)
+    return {f"IMG_{i + 1:04d}.jpg": Pose.look_at(center, (0.0, 0.0, 0.2)) for i, center in enumerate(centers)}
+
+
+def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | None = None) -> Reconstruction:
+    """Eight photographs: six count, IMG_0007 is registered but wrong, IMG_0008 is not registered."""
+    options = pycolmap.SyntheticDatasetOptions()
+    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig, options.num_points3D = 1, 1, 7, 40
+    pycolmap.set_random_seed(0)
+    model = pycolmap.synthesize_dataset(options)
+    poses = ring(8)
+    names = tuple(poses)
+    good = names[:6]
+    observations = model.compute_num_observations()
+    images = tuple(
+        ImageReport(
+            name=name,
+            features=1000 + 10 * index,
+            registered=index < 7,
+            right=None if index == 7 or not metric else index < 6,
+            reason={6: "wrong pose: 3.200 m from the known position (bound 0.150 m)", 7: "no pair verified"}.get(
+                index, ""
+            ),
+            observations=observations // 7 if index < 7 else 0,
+            reprojection_px=0.5 if index < 7 else None,
+            position_residual_m=None if index == 7 or not metric else 3.2 if index == 6 else 0.003,
+            angle_residual_deg=None,
+        )
+        for index, name in enumerate(names)
+    )
+    photos = tuple(
+        Photo(path=Path("/nowhere") / name, name=name, width=1600, height=1200, format="JPEG", sha256="0" * 64)
+        for name in names
+    )
+    capture = Capture(
+        folder=Path("/nowhere/plot 7"),
+        image_folder=Path("/nowhere/plot 7"),
+        photos=photos,
+        groups=(CameraGroup("test camera", names, INTRINSICS, "camera.toml", True),),
+        findings=(),
+        priors={},
+        metric_source="geo.txt" if metric else None,
+        origin=ORIGIN if metric else None,
+        crs_epsg=32632 if metric else None,
+    )
+    sparse = SparseResult(
+        capture=capture,
+        method="prior" if metric else "incremental",
+        model=model,
+        model_sizes=(7,),
+        images=images,
+        poses={name: poses[name] for name in good},
+        intrinsics=dict.fromkeys(good, INTRINSICS),
+        intrinsics_source={"test camera": "camera.toml"},
+        frame=MetricFrame(
+            source="geo.txt" if metric else "none",
+            plot_from_source=Similarity(1.0, np.eye(3), np.array([0.0, 0.0, -1.2])),
+            origin=ORIGIN if metric else None,
+            rms_m=0.003 if metric else None,
+            bound_m=0.15 if metric else None,
+            ground=Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.002, 0.8, 0.006) if metric else None,
+            notes=(),
+        ),
+        pairs_tried=28,
+        pairs_verified=20,
+        findings=(Finding("notes.txt", "not-an-image", "is a text file", True),),
+    )
+    plants = plant_cloud() if cloud is None else cloud
+    return Reconstruction(
+        sparse=sparse,
+        volume=Volume((-0.3, -0.3, 0.0), (0.3, 0.3, 0.5)),
+        plants=plants,
+        scene=Cloud(np.concatenate([plants.points, model_points(model)])) if scene else None,
+        gsd_m=0.0004,
+        backend="cpu",
+        fusion_rule="2 of 10 views agree",
+        times=(StageTime("Features", 1.5, 1.4, 8, 2), StageTime("Mapping", 3.0, 2.9, 1, 0)),
+    )

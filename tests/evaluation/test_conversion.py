@@ -1,0 +1,152 @@
+"""Reports made from a Reconstruction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.clouds import Cloud, score
+from fieldkit.errors import CaptureError, ReconstructionError
+from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
+from fieldkit.evaluation.figures import points_per_voxel
+from fieldkit.evaluation.schema import distance_key
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from tests.evaluation.examples import INTRINSICS, plant_cloud, reconstruction
+
+SETTINGS = ReconstructionSettings()
+
+
+class TestReference:
+    def test_counts_and_figures(self) -> None:
+        result = reconstruction()
+        report = reference_report(result, SETTINGS, seconds=12.5, cpu_seconds=20.0)
+        assert (report.images, report.registered, report.right, report.models) == (8, 7, 6, (7,))
+        assert (report.method, report.metric_source, report.metric) == ("prior", "geo.txt", True)
+        assert report.source == "plot 7"
+        assert report.points == len(result.plants)
+        assert report.scene_points == len(result.scene)
+        assert report.reprojection_px == pytest.approx(0.5)
+        assert report.track_length == pytest.approx(report.observations / result.sparse.model.num_points3D())
+        assert report.features_per_image == pytest.approx(1035)
+        assert (report.seconds, report.cpu_seconds) == (12.5, 20.0)
+        assert [stage.cached for stage in report.times] == [2, 0]
+
+    def test_frame(self) -> None:
+        frame = reference_report(reconstruction(), SETTINGS, seconds=0, cpu_seconds=0).frame
+        assert np.array(frame.plot_from_source)[2].tolist() == [0, 0, 1, -1.2]
+        assert frame.origin is not None
+        assert frame.origin.datum == "sea level"
+        assert frame.crs_epsg == 32632
+        assert frame.ground is not None
+        assert frame.ground.normal == (0, 0, 1)
+
+    def test_images_and_cameras(self) -> None:
+        report = reference_report(reconstruction(), SETTINGS, seconds=0, cpu_seconds=0)
+        first, wrong, out = report.image_reports[0], report.image_reports[6], report.image_reports[7]
+        assert first.center_m == pytest.approx((0.6, 0, 0.45))
+        assert first.yaw_deg == pytest.approx(-90)
+        assert first.pitch_deg == pytest.approx(-np.degrees(np.arctan2(0.25, 0.6)))
+        assert (wrong.registered, wrong.right, wrong.center_m) == (True, False, None)
+        assert (out.registered, out.right, out.reason) == (False, None, "no pair verified")
+        (camera,) = report.cameras
+        assert (camera.params, camera.source, camera.photos) == (INTRINSICS.params, "camera.toml", 6)
+
+    def test_without_metric_source(self) -> None:
+        report = reference_report(reconstruction(metric=False, scene=False), SETTINGS, seconds=0, cpu_seconds=0)
+        assert not report.metric
+        assert report.metric_source == "none"
+        assert report.right == 7
+        assert report.scene_points is None
+        assert report.points_per_plant_voxel is None
+        assert report.frame.origin is None
+        assert report.frame.ground is None
+
+    def test_settings_are_written_out(self) -> None:
+        settings = reference_report(reconstruction(), SETTINGS, seconds=0, cpu_seconds=0).settings
+        assert settings["mapping"] == "auto"
+        assert isinstance(settings["features"], dict)
+
+
+class TestPlot:
+    def test_keys_the_design_promises(self) -> None:
+        reference = plant_cloud(seed=1)
+        result = reconstruction()
+        plot = plot_evaluation(
+            "plot 7", result, SETTINGS, score=score(reference, result.plants), seconds=1, cpu_seconds=1
+        )
+        found = plot.model_dump(mode="json")
+        for key in ("images", "registered", "pose_rms_m", "chamfer_m", "accuracy_m", "completeness_m"):
+            assert found[key] is not None
+        assert list(found["f_score"]) == list(found["precision"]) == ["0.002", "0.005", "0.010", "0.020"]
+        assert found["chamfer_m"] == pytest.approx(found["accuracy_m"] + found["completeness_m"])
+        assert found["unregistered"] == {"no pair verified": 1, "wrong pose": 1}
+
+    def test_without_reference(self) -> None:
+        plot = plot_evaluation("p", reconstruction(), SETTINGS, score=None, seconds=1, cpu_seconds=1)
+        assert plot.chamfer_m is None
+        assert plot.f_score is None
+        assert plot.error is None
+        assert plot.points_per_plant_voxel is not None
+        assert plot.plant_voxel_m == 0.01
+
+    def test_empty_cloud(self) -> None:
+        result = reconstruction(cloud=Cloud.empty())
+        plot = plot_evaluation("p", result, SETTINGS, score=None, seconds=1, cpu_seconds=1)
+        assert (plot.points, plot.points_per_plant_voxel) == (0, None)
+
+    def test_failed_with_what_is_known(self) -> None:
+        images = reconstruction().sparse.images
+        error = ReconstructionError("no model", path="plot 7", remedy="Take more photographs.")
+        plot = failed_plot("plot 7", error, seconds=1, cpu_seconds=1, images=images, models=(2,))
+        assert plot.error is not None
+        assert plot.error.model_dump() == {
+            "type": "ReconstructionError",
+            "message": "plot 7: no model",
+            "remedy": "Take more photographs.",
+        }
+        assert (plot.images, plot.registered, plot.right) == (8, 7, 6)
+        assert plot.chamfer_m is None
+
+    def test_failed_before_anything(self) -> None:
+        plot = failed_plot("b\udcffd", CaptureError("no photographs"), seconds=0, cpu_seconds=0)
+        assert (plot.images, plot.features_per_image) == (0, None)
+        assert plot.name == "b\\udcffd"
+        report = evaluation_report(
+            "x",
+            [plot],
+            SETTINGS,
+            reference_sha256=None,
+            refine=False,
+            distances_m=(0.01, 0.005),
+            seconds=0,
+            cpu_seconds=0,
+        )
+        assert report.failed == 1
+        assert report.distances_m == (0.005, 0.01)
+
+
+class TestPointsPerVoxel:
+    def test_a_grid(self) -> None:
+        grid = np.stack(np.meshgrid(*[np.arange(10) * 0.1 + 0.01] * 3), axis=-1).reshape(-1, 3)
+        assert points_per_voxel(grid, 0.2) == pytest.approx(8)
+        assert points_per_voxel(grid, 100.0) == 1000
+        assert points_per_voxel(grid[:0], 0.1) is None
+
+    def test_far_apart(self) -> None:
+        """More voxels than 64 bits can number."""
+        assert points_per_voxel(np.array([[0.0, 0, 0], [1e7, 1e7, 1e7]]), 1e-6) == 1
+
+
+@given(st.floats(1e-5, 10))
+def test_distance_keys_lose_nothing(distance: float) -> None:
+    key = distance_key(distance)
+    assert float(key) == distance
+    assert len(key.partition(".")[2]) >= 3
+
+
+@pytest.mark.parametrize("distance", [0.0, -1.0, float("nan"), float("inf")])
+def test_no_distance(distance: float) -> None:
+    with pytest.raises(ValueError, match="positive"):
+        distance_key(distance)
