@@ -136,7 +136,7 @@ def failed_plot(
         ),
         **_score(None),
         cameras=(),
-        image_reports=tuple(image_entry(image, None) for image in images),
+        image_reports=tuple(image_entry(image) for image in images),
         findings=findings_entries(findings),
         times=(),
         seconds=float(seconds),

@@ -24,7 +24,9 @@ from fieldkit.evaluation.schema import (
     Vector,
     VolumeEntry,
 )
+from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.result import ImageReport, MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 
@@ -101,7 +103,7 @@ def figures(
             fusion_rule=reconstruction.fusion_rule,
             seed=settings.seed,
         ),
-        "image_reports": tuple(image_entry(image, sparse) for image in sparse.images),
+        "image_reports": image_entries(sparse),
         "findings": findings_entries(sparse.findings),
         "times": tuple(
             StageEntry(
@@ -169,9 +171,28 @@ def _camera_entries(sparse: SparseResult) -> tuple[CameraEntry, ...]:
     return tuple(entries)
 
 
-def image_entry(image: ImageReport, sparse: SparseResult | None) -> ImageEntry:
-    """One photograph's report; without ``sparse`` its pose is not known."""
-    pose = None if sparse is None else sparse.poses.get(image.name)
+def image_entries(sparse: SparseResult) -> tuple[ImageEntry, ...]:
+    """The photographs' reports with their poses, in order."""
+    poses = model_poses(sparse.model)
+    known = known_centers(sparse)
+    return tuple(image_entry(image, poses.get(image.name), known.get(image.name)) for image in sparse.images)
+
+
+def known_centers(sparse: SparseResult) -> dict[str, Vector]:
+    """Positions in the plot frame that the metric source gives, by photograph; none without a common frame."""
+    capture, frame = sparse.capture, sparse.frame
+    positions = {name: prior.position for name, prior in capture.priors.items() if prior.position is not None}
+    if frame.source != capture.metric_source or not positions or (capture.origin is None) != (frame.origin is None):
+        return {}
+    points = np.array(list(positions.values()), dtype=np.float64)
+    if capture.origin is not None and frame.origin is not None and capture.origin != frame.origin:
+        points = frame.origin.to_local(*capture.origin.to_geodetic(points))
+    moved = frame.plot_from_source.apply(points)
+    return {name: _vector(point) for name, point in zip(positions, moved, strict=True)}
+
+
+def image_entry(image: ImageReport, pose: Pose | None = None, known: Vector | None = None) -> ImageEntry:
+    """One photograph's report, with its pose and its known position where there are any."""
     angles = (None, None, None) if pose is None else tuple(float(a) for a in pose.yaw_pitch_roll_deg())
     return ImageEntry(
         name=clean_text(image.name),
@@ -183,6 +204,7 @@ def image_entry(image: ImageReport, sparse: SparseResult | None) -> ImageEntry:
         reprojection_px=_number(image.reprojection_px),
         position_residual_m=_number(image.position_residual_m),
         angle_residual_deg=_number(image.angle_residual_deg),
+        known_center_m=known,
         center_m=None if pose is None else _vector(pose.center),
         yaw_deg=angles[0],
         pitch_deg=angles[1],

@@ -155,8 +155,10 @@ class ImageEntry(Strict):
     """From its centre to the known position, after alignment."""
     angle_residual_deg: Length | None
     """To the known orientation."""
+    known_center_m: Vector | None
+    """Where the metric source puts its projection centre, in the plot frame."""
     center_m: Vector | None
-    """Projection centre in the plot frame; null where the image does not count."""
+    """Where the reconstruction puts it, in the plot frame; null where the image is not registered."""
     yaw_deg: float | None
     """Of the optical axis, clockwise from the plot frame's +y."""
     pitch_deg: float | None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,10 +12,11 @@ from hypothesis import strategies as st
 from fieldkit.clouds import Cloud, score
 from fieldkit.errors import CaptureError, ReconstructionError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
-from fieldkit.evaluation.figures import points_per_voxel
+from fieldkit.evaluation.figures import known_centers, points_per_voxel
 from fieldkit.evaluation.schema import distance_key
+from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from tests.evaluation.examples import INTRINSICS, plant_cloud, reconstruction
+from tests.evaluation.examples import INTRINSICS, ORIGIN, plant_cloud, reconstruction, ring
 
 SETTINGS = ReconstructionSettings()
 
@@ -48,8 +51,10 @@ class TestReference:
         assert first.center_m == pytest.approx((0.6, 0, 0.45))
         assert first.yaw_deg == pytest.approx(-90)
         assert first.pitch_deg == pytest.approx(-np.degrees(np.arctan2(0.25, 0.6)))
-        assert (wrong.registered, wrong.right, wrong.center_m) == (True, False, None)
-        assert (out.registered, out.right, out.reason) == (False, None, "no pair verified")
+        assert (wrong.registered, wrong.right) == (True, False)
+        assert wrong.center_m is not None
+        assert (out.registered, out.right, out.reason, out.center_m) == (False, None, "no pair verified", None)
+        assert out.known_center_m == pytest.approx(ring(8)["IMG_0008.jpg"].center)
         (camera,) = report.cameras
         assert (camera.params, camera.source, camera.photos) == (INTRINSICS.params, "camera.toml", 6)
 
@@ -62,6 +67,24 @@ class TestReference:
         assert report.points_per_plant_voxel is None
         assert report.frame.origin is None
         assert report.frame.ground is None
+
+    def test_known_positions_in_another_georeference(self) -> None:
+        """A capture's own origin need not be the reference's."""
+        result = reconstruction()
+        sparse = result.sparse
+        centers = known_centers(sparse)
+        moved = LocalFrame(ORIGIN.latitude_deg + 1e-4, ORIGIN.longitude_deg - 1e-4, 60.0, ORIGIN.datum)
+        priors = {
+            name: dataclasses.replace(
+                prior, position=tuple(moved.to_local(*ORIGIN.to_geodetic(np.array(prior.position)))[0])
+            )
+            for name, prior in sparse.capture.priors.items()
+        }
+        capture = dataclasses.replace(sparse.capture, origin=moved, priors=priors)
+        for name, center in known_centers(dataclasses.replace(sparse, capture=capture)).items():
+            assert center == pytest.approx(centers[name], abs=1e-6)
+        other = dataclasses.replace(sparse.capture, metric_source="EXIF GPS")
+        assert known_centers(dataclasses.replace(sparse, capture=other)) == {}
 
     def test_settings_are_written_out(self) -> None:
         settings = reference_report(reconstruction(), SETTINGS, seconds=0, cpu_seconds=0).settings
