@@ -1,7 +1,9 @@
 """Point clouds: files, metrics, alignment, thinning, ground and the volume of interest."""
 
+from fieldkit.clouds.alignment import AlignmentStats, icp
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.depth import DepthError, depth_mae, pooled_depth_error
+from fieldkit.clouds.ground import Plane, fit_ground_plane, remove_ground
 from fieldkit.clouds.io import read_cloud, write_cloud
 from fieldkit.clouds.las import LasCloud, read_las, write_las
 from fieldkit.clouds.metrics import (
@@ -15,18 +17,21 @@ from fieldkit.clouds.metrics import (
     score,
 )
 from fieldkit.clouds.neighbors import PointIndex
+from fieldkit.clouds.outliers import remove_outliers
 from fieldkit.clouds.ply import read_ply, write_ply
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 
 __all__ = [
     "DISTANCES_M",
+    "AlignmentStats",
     "Chamfer",
     "Cloud",
     "CloudScore",
     "DepthError",
     "FScore",
     "LasCloud",
+    "Plane",
     "PointIndex",
     "ReferenceIndex",
     "Volume",
@@ -35,10 +40,14 @@ __all__ = [
     "crop",
     "depth_mae",
     "f_scores",
+    "fit_ground_plane",
+    "icp",
     "pooled_depth_error",
     "read_cloud",
     "read_las",
     "read_ply",
+    "remove_ground",
+    "remove_outliers",
     "score",
     "voxel_thin",
     "write_cloud",

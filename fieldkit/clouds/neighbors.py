@@ -39,7 +39,7 @@ class PointIndex:
         self._origin = 0.5 * (p.min(axis=0) + p.max(axis=0))
         # Distances are taken relative to the middle: no digits are lost to UTM-sized coordinates.
         local = p - self._origin
-        self.order = _z_order(local)
+        self.order = z_order(local)
         self._sorted = local[self.order]
         self._boxes = _build_boxes(self._sorted)
 
@@ -54,7 +54,7 @@ class PointIndex:
         """
         p = _checked(points)
         local = p - self._origin
-        order = _z_order(local)
+        order = z_order(local)
         sorted_distances, found = self._search(local[order])
         distances, indices = np.empty(len(p)), np.empty(len(p), dtype=np.int64)
         distances[order] = sorted_distances
@@ -80,7 +80,7 @@ def _checked(points: ArrayLike) -> NDArray[np.float64]:
     return p
 
 
-def _z_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
+def z_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
     """(n,) indices that sort points (n, 3) along the Z-order curve of the cube around them; stable."""
     if not len(points):
         return np.zeros(0, dtype=np.int64)

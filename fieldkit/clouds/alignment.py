@@ -1,0 +1,218 @@
+"""Fine alignment of two clouds that are nearly in the same frame: iterative closest points (ICP).
+
+small_gicp does the work: it is small, built for one thread as well as many, and its generalised ICP (Segal et al.
+2009) weighs each pair by the local shape on both sides, which suits leaves and stems better than planes alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.neighbors import PointIndex
+from fieldkit.clouds.thinning import voxel_thin
+from fieldkit.errors import EmptyCloudError
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
+
+_SHAPE_NEIGHBORS = 12
+_ITERATIONS = 60
+_LEAST_PAIRS = 10
+_SCALE_ROUNDS = 40
+_SCALE_SETTLED = 5e-5
+_MAX_SCALE_STEP = 0.2
+
+
+@dataclass(frozen=True)
+class AlignmentStats:
+    """How an alignment went and how large its correction is; whether to accept it is the caller's decision.
+
+    Attributes:
+        converged: the last and finest level settled before it ran out of iterations.
+        overlap: share of the source's points that end up within ``pair_distance_m`` of the target.
+        rms_m: root mean square distance of those points to their nearest neighbours, NaN where there are none.
+        pair_distance_m: the largest distance of a pair at the finest level.
+        shift_m: how far the correction moves the source's centroid.
+        rotation_deg: the angle it turns by.
+        scale: the factor it scales by, 1 unless asked for.
+    """
+
+    converged: bool
+    overlap: float
+    rms_m: float
+    pair_distance_m: float
+    shift_m: float
+    rotation_deg: float
+    scale: float
+
+
+def icp(
+    source: Cloud,
+    target: Cloud,
+    *,
+    max_distance_m: float = 0.02,
+    levels: int = 3,
+    with_scale: bool = False,
+    initial: Similarity | None = None,
+) -> tuple[Similarity, AlignmentStats]:
+    """Align ``source`` to ``target``, which it should already match to within ``max_distance_m``.
+
+    Coarse to fine: pairs up to ``max_distance_m`` apart on clouds thinned to a quarter of that, then half of both, and
+    so on. What lies farther from the target than the pair distance takes no part, so the clouds may overlap partially.
+    One thread; the same input gives the same bits.
+
+    Args:
+        source: the cloud to move.
+        target: the cloud that stays.
+        max_distance_m: pair distance of the coarsest level: more than the misalignment, less than the gaps between
+            leaves.
+        levels: number of levels, each at half the distance of the one before.
+        with_scale: estimate a scale too, by point-to-plane ICP with seven unknowns after each level's rigid one. Only
+            where the source's scale is in doubt: thin plants determine it poorly.
+        initial: the transform to start from; the identity where not given.
+
+    Returns:
+        The transform from the source's frame to the target's, and how it went. Where fewer than 10 points of the
+        source come within reach of the target, that is ``initial`` with ``converged`` false.
+
+    Raises:
+        EmptyCloudError: either cloud has no points.
+        ValueError: a distance that is not positive or no levels.
+    """
+    if not (np.isfinite(max_distance_m) and max_distance_m > 0) or levels < 1:
+        raise ValueError("max_distance_m must be positive and levels at least 1")
+    for name, cloud in (("source", source), ("target", target)):
+        if not len(cloud):
+            raise EmptyCloudError(f"the {name} cloud has no points to align", remedy="Check the volume of interest.")
+    start = Similarity.identity() if initial is None else initial
+    # Around the target's middle rotations and translations are nearly independent and coordinates are small.
+    middle = target.points.mean(axis=0)
+    fixed, moving = Cloud(target.points - middle), Cloud(source.points)
+    transform = Similarity(1.0, np.eye(3), -middle).after(start)
+    converged = False
+    distance = max_distance_m
+    for level in range(levels):
+        distance = max_distance_m / 2**level
+        coarse_fixed, coarse_moving = voxel_thin(fixed, distance / 4), voxel_thin(moving, distance / 4 / start.scale)
+        transform, converged = _align_level(coarse_moving.points, coarse_fixed.points, transform, distance, with_scale)
+    result = Similarity(1.0, np.eye(3), middle).after(transform)
+    return result, _stats(source, fixed, middle, start, result, distance, converged)
+
+
+def _align_level(
+    source: NDArray[np.float64], target: NDArray[np.float64], transform: Similarity, distance: float, with_scale: bool
+) -> tuple[Similarity, bool]:
+    shape = _TargetShape(target)
+    transform, converged = shape.align(source, transform, distance)
+    if not (with_scale and converged):
+        return transform, converged
+    index, normals = PointIndex(target), shape.normals()
+    for _ in range(_SCALE_ROUNDS):
+        step = _scaling_step(transform.apply(source), target, normals, index, distance)
+        if step is None:
+            return transform, False
+        transform = step.after(transform)
+        if abs(step.scale - 1.0) < _SCALE_SETTLED:
+            return shape.align(source, transform, distance)
+    return transform, False
+
+
+class _TargetShape:
+    """A target with its tree and local covariances, to align several times to."""
+
+    def __init__(self, points: NDArray[np.float64]) -> None:
+        import small_gicp
+
+        self._gicp = small_gicp
+        self._cloud = small_gicp.PointCloud(points)
+        self._tree = small_gicp.KdTree(self._cloud, num_threads=1)
+        small_gicp.estimate_normals_covariances(self._cloud, self._tree, num_neighbors=_SHAPE_NEIGHBORS, num_threads=1)
+
+    def normals(self) -> NDArray[np.float64]:
+        """(n, 3) unit normals of the target's points, zero where there are too few neighbours."""
+        return np.asarray(self._cloud.normals())[:, :3]
+
+    def align(self, source: NDArray[np.float64], transform: Similarity, distance: float) -> tuple[Similarity, bool]:
+        """``transform`` refined by a rigid motion; unchanged and False where there is too little within reach."""
+        moved = transform.apply(source)
+        cloud = self._gicp.PointCloud(moved)
+        tree = self._gicp.KdTree(cloud, num_threads=1)
+        self._gicp.estimate_covariances(cloud, tree, num_neighbors=_SHAPE_NEIGHBORS, num_threads=1)
+        result = self._gicp.align(
+            self._cloud,
+            cloud,
+            self._tree,
+            registration_type="GICP",
+            max_correspondence_distance=distance,
+            num_threads=1,
+            max_iterations=_ITERATIONS,
+            rotation_epsilon=1e-6,
+            translation_epsilon=1e-4 * distance,
+        )
+        matrix = np.asarray(result.T_target_source)
+        if result.num_inliers < _LEAST_PAIRS or not np.isfinite(matrix).all():
+            return transform, False
+        # The product of many small rotations is a rotation only to rounding: take the nearest one.
+        u, _, vt = np.linalg.svd(matrix[:3, :3])
+        return Similarity(1.0, u @ vt, matrix[:3, 3]).after(transform), bool(result.converged)
+
+
+def _scaling_step(
+    moved: NDArray[np.float64],
+    target: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    index: PointIndex,
+    distance: float,
+) -> Similarity | None:
+    """One Gauss-Newton step of point-to-plane ICP (Chen and Medioni 1992) with a scale as seventh unknown."""
+    distances, nearest = index.nearest(moved)
+    # Where only one cloud goes on, its points pair with the other's edge and pull at the scale. Such pairs are longer
+    # than most and not mutual.
+    mutual = PointIndex(moved).nearest(target)[1][nearest] == np.arange(len(moved))
+    paired = mutual & (distances <= min(distance, 3.0 * float(np.median(distances))))
+    if paired.sum() < _LEAST_PAIRS:
+        return None
+    p, q, n = moved[paired], target[nearest[paired]], normals[nearest[paired]]
+    middle = p.mean(axis=0)
+    local = p - middle
+    # n · (p + ω × p + t + σ p − q) = 0, linear in ω, t and σ.
+    jacobian = np.column_stack([np.cross(local, n), n, np.einsum("ij,ij->i", local, n)])
+    residual = np.einsum("ij,ij->i", n, q - p)
+    # Cauchy weights: noise and pairs across a leaf's edge count less.
+    weight = 1.0 / (1.0 + (residual / max(float(np.median(np.abs(residual))), 1e-12)) ** 2)
+    weighted = jacobian * weight[:, None]
+    normal_matrix = jacobian.T @ weighted
+    if np.linalg.matrix_rank(normal_matrix) < 7:
+        return None
+    solution = np.linalg.solve(normal_matrix, weighted.T @ residual)
+    if not -_MAX_SCALE_STEP < solution[6] < _MAX_SCALE_STEP:
+        return None
+    about_middle = Similarity(1.0 + float(solution[6]), rotation_from_vector(solution[:3]), solution[3:6])
+    back = Similarity(1.0, np.eye(3), middle)
+    return back.after(about_middle).after(back.inverse())
+
+
+def _stats(
+    source: Cloud,
+    fixed: Cloud,
+    middle: NDArray[np.float64],
+    start: Similarity,
+    result: Similarity,
+    distance: float,
+    converged: bool,
+) -> AlignmentStats:
+    distances, _ = PointIndex(fixed.points).nearest(result.apply(source.points) - middle)
+    paired = distances[distances <= distance]
+    centroid = source.points.mean(axis=0)
+    return AlignmentStats(
+        converged=converged,
+        overlap=len(paired) / len(distances),
+        rms_m=float(np.sqrt(np.mean(paired**2))) if len(paired) else float("nan"),
+        pair_distance_m=distance,
+        shift_m=float(np.linalg.norm(result.apply(centroid) - start.apply(centroid))),
+        rotation_deg=rotation_angle_deg(result.rotation, start.rotation),
+        scale=result.scale / start.scale,
+    )

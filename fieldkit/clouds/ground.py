@@ -1,0 +1,232 @@
+"""The ground plane of a cloud: found among plants, removed from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.thinning import voxel_thin
+from fieldkit.errors import EmptyCloudError, ReconstructionError
+from fieldkit.geometry import Similarity
+
+_HYPOTHESES = 8192
+_SCORED_POINTS = 20_000
+_TOLERANCE_SHARE = 0.005  # of the cloud's diagonal: 15 mm on a plot 3 m across
+_LEAST_SHARE = 0.015  # of the thinned points must lie on the ground
+_MOST_BELOW = 3.0  # times as many may lie below it
+_CAMERAS_ABOVE = 0.8
+_REFINEMENTS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A plane normal · x = offset with how well it fits.
+
+    Attributes:
+        normal: (3,) unit vector, upwards: towards the cameras.
+        offset: the plane's distance from the origin along the normal, metres.
+        rms_m: root mean square distance of the inliers.
+        inlier_share: share of the cloud's points within ``tolerance_m`` of the plane.
+        tolerance_m: distance up to which a point counts as ground.
+    """
+
+    normal: NDArray[np.float64]
+    offset: float
+    rms_m: float
+    inlier_share: float
+    tolerance_m: float
+
+    def __post_init__(self) -> None:
+        normal = np.array(self.normal, dtype=np.float64).reshape(3)
+        normal.setflags(write=False)
+        object.__setattr__(self, "normal", normal)
+        object.__setattr__(self, "offset", float(self.offset))
+
+    def heights(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Signed heights (n,) of points (n, 3) above the plane, metres."""
+        heights: NDArray[np.float64] = np.asarray(points, dtype=np.float64) @ self.normal - self.offset
+        return heights
+
+    def tilt_deg(self) -> float:
+        """Angle between the normal and the z axis, degrees."""
+        return float(np.degrees(np.arctan2(np.hypot(self.normal[0], self.normal[1]), self.normal[2])))
+
+    def levelling(self, origin: ArrayLike | None = None) -> Similarity:
+        """The rigid transform that turns the normal to +z by the shortest way and puts the plane at z = 0.
+
+        Args:
+            origin: (3,) point whose foot on the plane becomes (0, 0, 0); without it x and y move only by the turn.
+        """
+        x, y, z = self.normal
+        if z > -1.0 + 1e-12:
+            # Rodrigues' formula with the axis normal × z, free of angles.
+            cross = np.array([[0.0, 0.0, -x], [0.0, 0.0, -y], [x, y, 0.0]])
+            rotation = np.eye(3) + cross + cross @ cross / (1.0 + z)
+        else:
+            rotation = np.diag([1.0, -1.0, -1.0])
+        shift = np.array([0.0, 0.0, -self.offset])
+        if origin is not None:
+            shift[:2] = -(rotation @ np.asarray(origin, dtype=np.float64))[:2]
+        return Similarity(1.0, rotation, shift)
+
+
+def fit_ground_plane(
+    points: ArrayLike,
+    camera_centers: ArrayLike | None = None,
+    *,
+    up: ArrayLike | None = None,
+    max_tilt_deg: float = 30.0,
+    seed: int = 0,
+    tolerance_m: float | None = None,
+) -> Plane:
+    """Find the ground by RANSAC (Fischler and Bolles 1981) and refine it by least squares on its inliers.
+
+    The points are thinned first, so that dense plants do not outvote sparse soil. A plane is rated by the number of
+    points on it (MSAC: the nearer the more, Torr and Zisserman 2000), divided by (1 + below / on)⁴: the ground has
+    plants above and little but noise below, while planes through the canopy, leaves and walls have much on both
+    sides. The cameras must be on one side, which is up.
+
+    Args:
+        points: (n, 3), any orientation; metres, or any other unit as long as ``tolerance_m`` has it too.
+        camera_centers: (m, 3) in the same frame. Without them up is the side with more points.
+        up: (3,) roughly upwards, where it is known (the z axis of a GPS frame, the mean of the cameras' upward axes);
+            it keeps a slanting pot or leaf from being taken for the ground where little of that is to be seen.
+        max_tilt_deg: how far the ground's normal may be from ``up``.
+        seed: of the random triples and of the sample that planes are rated on.
+        tolerance_m: how far ground points may lie from the plane (the soil's roughness and the noise). 0.5 % of the
+            cloud's diagonal where not given.
+
+    Raises:
+        EmptyCloudError: no points.
+        ReconstructionError: fewer than 3 points, points on one line, or no plane with the cameras above it that
+            holds at least 1.5 % of the thinned points and has at most three times as many below it.
+        ValueError: a tolerance that is not positive, or an ``up`` without length.
+    """
+    p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    if not len(p):
+        raise EmptyCloudError("no points to find the ground in", remedy="Check the volume of interest.")
+    cameras = None if camera_centers is None else np.asarray(camera_centers, dtype=np.float64).reshape(-1, 3)
+    middle = np.median(p, axis=0)
+    low, high = np.quantile(p, [0.01, 0.99], axis=0)
+    tolerance = _TOLERANCE_SHARE * float(np.linalg.norm(high - low)) if tolerance_m is None else float(tolerance_m)
+    if tolerance_m is not None and not (np.isfinite(tolerance) and tolerance > 0):
+        raise ValueError(f"the tolerance must be a positive number, not {tolerance_m}")
+    if len(p) < 3 or tolerance == 0.0:
+        raise _no_ground("its points do not span a plane")
+
+    rng = np.random.default_rng(seed)
+    thinned = voxel_thin(Cloud(p - middle), 2.0 * tolerance).points
+    sample = thinned
+    if len(sample) > _SCORED_POINTS:
+        sample = sample[np.sort(rng.choice(len(sample), _SCORED_POINTS, replace=False))]
+    local_cameras = None if cameras is None or not len(cameras) else cameras - middle
+    normals, offsets = _hypotheses(sample, local_cameras, rng, _HYPOTHESES if up is None else 4 * _HYPOTHESES)
+    if up is not None:
+        upright = normals @ _unit(up) >= np.cos(np.radians(max_tilt_deg))
+        normals, offsets = normals[upright], offsets[upright]
+    if not len(normals):
+        raise _no_ground("its points lie on one line, or no plane is level enough with the cameras above it")
+    ratings = _rate(np.ascontiguousarray(sample), normals, offsets, tolerance)
+    best = int(np.argmax(ratings))
+    normal, offset = _refined(thinned, normals[best], float(offsets[best]), tolerance)
+    if local_cameras is not None and np.mean(local_cameras @ normal > offset) < _CAMERAS_ABOVE:
+        raise _no_ground("the flattest part of the cloud has cameras on both sides")
+    heights = thinned @ normal - offset
+    on, below = float(np.mean(np.abs(heights) <= tolerance)), float(np.mean(heights < -tolerance))
+    if on < _LEAST_SHARE or below > _MOST_BELOW * on:
+        raise _no_ground("no plane below the plants holds a noticeable share of the points")
+    offset += float(middle @ normal)
+    distances = np.abs(p @ normal - offset)
+    inliers = distances[distances <= tolerance]
+    return Plane(
+        normal,
+        offset,
+        rms_m=float(np.sqrt(np.mean(inliers**2))) if len(inliers) else 0.0,
+        inlier_share=len(inliers) / len(p),
+        tolerance_m=tolerance,
+    )
+
+
+def remove_ground(cloud: Cloud, plane: Plane, clearance_m: float) -> Cloud:
+    """The points more than ``clearance_m`` above the plane: the plants, without what lies below the ground."""
+    return cloud.select(plane.heights(cloud.points) > clearance_m)
+
+
+def _no_ground(reason: str) -> ReconstructionError:
+    return ReconstructionError(
+        f"no ground plane was found: {reason}",
+        remedy="Check that the photographs show soil between the plants, or give the bounds of the plot.",
+    )
+
+
+def _unit(vector: ArrayLike) -> NDArray[np.float64]:
+    v = np.asarray(vector, dtype=np.float64).reshape(3)
+    length = float(np.linalg.norm(v))
+    if not (np.isfinite(length) and length > 0):
+        raise ValueError("the upward direction must have a length")
+    return np.asarray(v / length)
+
+
+def _hypotheses(
+    sample: NDArray[np.float64], cameras: NDArray[np.float64] | None, rng: np.random.Generator, count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Upward normals (k, 3) and offsets (k,) of planes through random triples with the cameras above."""
+    triples = rng.integers(0, len(sample), (count, 3))
+    if cameras is not None:
+        # Half of the triples come from the half of the points farthest from the cameras: more ground in them.
+        depth = np.linalg.norm(sample - cameras.mean(axis=0), axis=1)
+        far = np.argsort(depth, kind="stable")[len(sample) // 2 :]
+        triples[::2] = far[rng.integers(0, len(far), (len(triples[::2]), 3))]
+    a, b, c = (sample[triples[:, i]] for i in range(3))
+    cross = np.cross(b - a, c - a)
+    area = np.linalg.norm(cross, axis=1)
+    scale = np.linalg.norm(b - a, axis=1) * np.linalg.norm(c - a, axis=1)
+    usable = area > 1e-3 * np.maximum(scale, 1e-300)
+    normals = cross[usable] / area[usable, None]
+    offsets = np.einsum("ij,ij->i", normals, a[usable])
+    above = (cameras if cameras is not None else sample) @ normals.T > offsets
+    share = above.mean(axis=0)
+    flip = np.where(share < 0.5, -1.0, 1.0)
+    kept = np.ones(len(normals), dtype=np.bool_)
+    if cameras is not None:
+        kept = np.maximum(share, 1.0 - share) >= _CAMERAS_ABOVE
+    return np.ascontiguousarray((normals * flip[:, None])[kept]), np.ascontiguousarray((offsets * flip)[kept])
+
+
+@numba.njit(cache=True, nogil=True)
+def _rate(points, normals, offsets, tolerance):  # type: ignore[no-untyped-def]
+    ratings = np.zeros(len(normals))
+    for k in range(len(normals)):
+        nx, ny, nz, offset = normals[k, 0], normals[k, 1], normals[k, 2], offsets[k]
+        on, below = 0.0, 0.0
+        for i in range(len(points)):
+            height = (nx * points[i, 0] + ny * points[i, 1] + nz * points[i, 2] - offset) / tolerance
+            if height < -1.0:
+                below += 1.0
+            elif height <= 1.0:
+                on += 1.0 - height * height
+        if on > 0.0:
+            ratings[k] = on / (1.0 + below / on) ** 4
+    return ratings
+
+
+def _refined(
+    points: NDArray[np.float64], normal: NDArray[np.float64], offset: float, tolerance: float
+) -> tuple[NDArray[np.float64], float]:
+    """Least squares on the inliers, again and again until they stay the same."""
+    inliers = np.abs(points @ normal - offset) <= tolerance
+    for _ in range(_REFINEMENTS):
+        if inliers.sum() < 3:
+            break
+        mean = points[inliers].mean(axis=0)
+        fitted = np.linalg.svd(points[inliers] - mean, full_matrices=False)[2][2]
+        normal = fitted if fitted @ normal > 0 else -fitted
+        offset = float(mean @ normal)
+        before, inliers = inliers, np.abs(points @ normal - offset) <= tolerance
+        if np.array_equal(before, inliers):
+            break
+    return normal, offset

@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.clouds import Cloud, icp, read_ply
+from fieldkit.errors import EmptyCloudError
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.pose import rotation_from_vector
+from tests.clouds.examples import leaves
+
+
+def displaced(center: np.ndarray, rng: np.random.Generator, *, shift_m: float, angle_deg: float, scale: float = 1.0):
+    """A motion that turns about ``center`` and then shifts, in random directions."""
+    axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    rotation = rotation_from_vector(axis * np.radians(angle_deg))
+    return Similarity(scale, rotation, center + shift_m * direction - scale * rotation @ center)
+
+
+def partial_pair(points: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Two different samples of a cloud, each without another end of it, the first with 0.5 mm noise."""
+    along = np.argsort(points @ rng.normal(size=3))
+    source, target = points[along[len(points) // 4 :]], points[along[: int(0.8 * len(points))]]
+    source, target = source[rng.random(len(source)) < 0.6], target[rng.random(len(target)) < 0.6]
+    return source + rng.normal(0, 0.0005, source.shape), target
+
+
+def error_mm(found: Similarity, motion: Similarity, points: np.ndarray) -> float:
+    return 1000 * float(np.linalg.norm(found.apply(motion.apply(points)) - points, axis=1).mean())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_real_plant_moved_by_5_mm_and_2_degrees(data_folder: Path, seed: int) -> None:
+    points = read_ply(data_folder / "basil_rig" / "reference_cloud.ply").points / 1000.0
+    rng = np.random.default_rng(seed)
+    source, target = partial_pair(points, rng)
+    motion = displaced(points.mean(axis=0), rng, shift_m=0.005, angle_deg=2.0)
+    found, stats = icp(Cloud(motion.apply(source)), Cloud(target))
+    assert error_mm(found, motion, points) < 0.6
+    assert found.scale == pytest.approx(1.0, abs=1e-9)
+    assert 0.7 < stats.overlap < 0.85
+    assert stats.rms_m < 0.0015
+    assert stats.shift_m == pytest.approx(0.005, abs=0.001)
+    assert stats.rotation_deg == pytest.approx(2.0, abs=0.5)
+
+
+def test_a_scale_error_of_one_percent(data_folder: Path) -> None:
+    points = read_ply(data_folder / "basil_rig" / "reference_cloud.ply").points / 1000.0
+    rng = np.random.default_rng(1)
+    source, target = partial_pair(points, rng)
+    motion = displaced(points.mean(axis=0), rng, shift_m=0.003, angle_deg=1.0, scale=1.01)
+    found, stats = icp(Cloud(motion.apply(source)), Cloud(target), with_scale=True)
+    assert stats.scale == pytest.approx(1 / 1.01, abs=0.006)
+    assert error_mm(found, motion, points) < 0.8
+
+
+def test_leaves_far_from_the_origin_with_a_starting_transform() -> None:
+    rng = np.random.default_rng(5)
+    offset = np.array([448_262.0, 5_411_932.0, 118.0])
+    target, source = leaves(12_000, seed=1), leaves(9_000, seed=2)
+    motion = displaced(np.zeros(3), rng, shift_m=0.5, angle_deg=20.0)
+    nearly_back = displaced(np.zeros(3), rng, shift_m=0.004, angle_deg=0.5).after(motion.inverse())
+    shift = Similarity(1.0, np.eye(3), offset)
+    found, stats = icp(Cloud(motion.apply(source)), Cloud(target + offset), initial=shift.after(nearly_back))
+    assert error_mm(shift.inverse().after(found), motion, target) < 0.5
+    assert stats.converged
+    assert stats.shift_m < 0.01
+
+
+def test_the_same_input_gives_the_same_bits() -> None:
+    source, target = Cloud(leaves(4000, seed=2) + 0.003), Cloud(leaves(4000, seed=1))
+    first, second = icp(source, target), icp(source, target)
+    assert first[0].matrix().tobytes() == second[0].matrix().tobytes()
+    assert first[1] == second[1]
+
+
+@pytest.mark.parametrize("with_scale", [False, True])
+def test_clouds_out_of_reach_stay_where_they_are_and_say_so(with_scale: bool) -> None:
+    start = Similarity(2.0, np.eye(3), np.ones(3))
+    far = Cloud(leaves(500) + 100.0)
+    found, stats = icp(Cloud(leaves(500)), far, initial=start, with_scale=with_scale)
+    np.testing.assert_allclose(found.matrix(), start.matrix(), atol=1e-9)
+    assert not stats.converged
+    assert stats.overlap == 0.0
+    assert np.isnan(stats.rms_m)
+
+
+def test_tiny_clouds_do_not_fail() -> None:
+    for points in (np.zeros((1, 3)), np.zeros((50, 3)), np.outer(np.linspace(0, 0.1, 50), [1.0, 0, 0])):
+        found, _ = icp(Cloud(points), Cloud(points))
+        assert np.isfinite(found.matrix()).all()
+
+
+def test_empty_clouds_and_impossible_settings_are_refused() -> None:
+    cloud = Cloud(np.zeros((1, 3)))
+    with pytest.raises(EmptyCloudError, match="source"):
+        icp(Cloud.empty(), cloud)
+    with pytest.raises(EmptyCloudError, match="target"):
+        icp(cloud, Cloud.empty())
+    for settings in ({"max_distance_m": 0.0}, {"levels": 0}):
+        with pytest.raises(ValueError):
+            icp(cloud, cloud, **settings)

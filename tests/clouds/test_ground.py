@@ -1,0 +1,141 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.clouds import Cloud, Plane, fit_ground_plane, read_las, read_ply, remove_ground, remove_outliers
+from fieldkit.errors import EmptyCloudError, ReconstructionError
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.pose import rotation_from_vector
+from tests.clouds.examples import leaves
+
+
+def plot(seed: int, *, soil: int = 3000, plants: int = 30_000, clutter: int = 1500) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a plot with rough soil at z = 0 and noise below it, most points on plants; and camera centres."""
+    rng = np.random.default_rng(seed)
+    ground = np.column_stack([rng.uniform(-1.5, 1.5, (soil, 2)), rng.normal(0, 0.005, soil)])
+    canopy = leaves(plants, noise_m=0.002, seed=seed) * [1.2, 1.2, 0.9] + [0, 0, 0.6]
+    below = rng.uniform([-1.5, -1.5, -0.8], [1.5, 1.5, 0.0], (clutter, 3))
+    angle = np.linspace(0, 2 * np.pi, 10, endpoint=False)
+    cameras = np.column_stack([2.5 * np.cos(angle), 2.5 * np.sin(angle), np.full(10, 1.8)])
+    return np.concatenate([ground, canopy[canopy[:, 2] > 0], below]), cameras
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([(3000, 30_000, 0), (3000, 30_000, 1500), (6000, 6000, 3000)]))
+@settings(max_examples=15)
+def test_ground_under_plants_in_any_orientation(seed: int, counts: tuple[int, int, int]) -> None:
+    soil, plants, clutter = counts
+    points, cameras = plot(seed % 1000, soil=soil, plants=plants, clutter=clutter)
+    rng = np.random.default_rng(seed)
+    turn = Similarity(1.0, rotation_from_vector(rng.normal(size=3) * 2), rng.normal(size=3) * 1000)
+    plane = fit_ground_plane(turn.apply(points), turn.apply(cameras), seed=seed)
+    up = turn.rotation[:, 2]
+    assert np.degrees(np.arccos(min(1.0, plane.normal @ up))) < 0.5
+    heights = plane.heights(turn.apply([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(heights, [0.0, 1.0], atol=0.006)
+    assert 0 < plane.rms_m < plane.tolerance_m
+    assert 0.03 < plane.inlier_share < 0.7
+
+
+def test_the_same_seed_gives_the_same_plane() -> None:
+    points, cameras = plot(3)
+    a, b = fit_ground_plane(points, cameras, seed=5), fit_ground_plane(points, cameras, seed=5)
+    assert a.normal.tobytes() == b.normal.tobytes()
+    assert a.offset == b.offset
+
+
+def test_without_cameras_up_is_where_the_plants_are() -> None:
+    points, _ = plot(1, clutter=200)
+    assert fit_ground_plane(points).normal[2] > 0.999
+
+
+def test_a_canopy_that_is_flatter_than_the_soil_is_not_the_ground() -> None:
+    rng = np.random.default_rng(0)
+    soil = np.column_stack([rng.uniform(-1, 1, (4000, 2)), rng.normal(0, 0.006, 4000)])
+    canopy = np.column_stack([rng.uniform(-1, 1, (9000, 2)), rng.normal(0.8, 0.001, 9000)])
+    cameras = np.column_stack([rng.uniform(-1, 1, (8, 2)), np.full(8, 3.0)])
+    plane = fit_ground_plane(np.concatenate([soil, canopy]), cameras)
+    assert abs(plane.heights(np.zeros((1, 3)))[0]) < 0.01
+
+
+def test_a_known_up_direction_rules_out_slanting_planes() -> None:
+    rng = np.random.default_rng(0)
+    soil = np.column_stack([rng.uniform(-0.5, 0.5, (1500, 2)), rng.normal(0, 0.002, 1500)])
+    panel = np.column_stack([rng.uniform(-0.5, 0.5, (9000, 2)), np.zeros(9000)])
+    panel[:, 2] = 0.6 + panel[:, 0] + rng.normal(0, 0.001, 9000)
+    points = np.concatenate([soil, panel])
+    assert fit_ground_plane(points, [[-2.0, 0, 3]]).tilt_deg() > 40
+    assert fit_ground_plane(points, [[-2.0, 0, 3]], up=[0.1, 0.1, 2.0]).tilt_deg() < 1
+    with pytest.raises(ValueError, match="length"):
+        fit_ground_plane(points, up=[0, 0, 0])
+
+
+def test_levelling_puts_the_ground_at_zero() -> None:
+    for normal in ([0, 0, 1], [0, 0, -1], [1, 0, 0], [0.3, -0.5, -0.8]):
+        unit = np.array(normal) / np.linalg.norm(normal)
+        plane = Plane(unit, 2.5, 0.0, 1.0, 0.01)
+        origin = np.array([4.0, 5.0, 6.0])
+        level = plane.levelling(origin)
+        np.testing.assert_allclose(level.rotation @ level.rotation.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(level.rotation) == pytest.approx(1.0)
+        points = np.random.default_rng(0).normal(size=(20, 3))
+        np.testing.assert_allclose(level.apply(points)[:, 2], plane.heights(points), atol=1e-9)
+        np.testing.assert_allclose(level.apply(origin)[:2], 0.0, atol=1e-9)
+
+
+def test_remove_ground_keeps_what_is_above_the_clearance() -> None:
+    cloud = Cloud(np.array([[0, 0, -1.0], [0, 0, 0.01], [0, 0, 0.03], [0, 0, 1.0]]))
+    plants = remove_ground(cloud, Plane(np.array([0.0, 0, 1]), 0.0, 0.0, 1.0, 0.01), 0.02)
+    np.testing.assert_array_equal(plants.points[:, 2], [0.03, 1.0])
+
+
+def test_degenerate_input_is_named() -> None:
+    with pytest.raises(EmptyCloudError):
+        fit_ground_plane(np.zeros((0, 3)))
+    line = np.outer(np.linspace(0, 1, 50), [1.0, 2.0, 3.0])
+    ball = np.random.default_rng(0).normal(size=(3000, 3))
+    for points, cameras in [
+        (np.zeros((2, 3)), None),
+        (np.zeros((100, 3)), None),
+        (line, None),
+        (line, [[0.0, 0, 9]]),
+        (ball, ball[:200] / np.linalg.norm(ball[:200], axis=1, keepdims=True) * 9),
+    ]:
+        with pytest.raises(ReconstructionError, match="no ground plane") as caught:
+            fit_ground_plane(points, cameras)
+        assert caught.value.remedy
+    with pytest.raises(ValueError, match="tolerance"):
+        fit_ground_plane(ball, tolerance_m=0.0)
+
+
+def test_the_lawn_of_a_drone_model(data_folder: Path) -> None:
+    pytest.importorskip("laspy", reason="LAS needs the extra geo")
+    points = read_las(data_folder / "drone_trees" / "model.laz").cloud.points
+    camera = points.mean(axis=0) + np.array([0.0, 0.0, 40.0])
+    plane = fit_ground_plane(points, [camera], tolerance_m=0.5)
+    assert plane.tilt_deg() < 7  # the lawn slopes
+    assert plane.inlier_share > 0.4
+
+
+def test_a_plant_without_any_ground_is_told(data_folder: Path) -> None:
+    basil = read_ply(data_folder / "basil_rig" / "reference_cloud.ply")
+    cameras = basil.points.mean(axis=0) + np.array([[300.0, 0, 250], [-300, 0, 250], [0, 300, 250]])
+    with pytest.raises(ReconstructionError, match="noticeable share"):
+        fit_ground_plane(basil.points, cameras, up=[0, 0, 1])
+
+
+def test_points_that_stand_apart_are_removed() -> None:
+    points = leaves(5000)
+    apart = np.array([[5.0, 5, 5], [-4, 0, 0], [0, 9, 0]])
+    colors = np.arange(5003 * 3).reshape(-1, 3).astype(np.uint8)
+    kept = remove_outliers(Cloud(np.concatenate([points, apart]), colors))
+    assert np.abs(kept.points).max() < 2
+    assert len(kept) > 4700
+    assert kept.colors is not None
+    assert len(remove_outliers(Cloud(apart))) == 3
+    with pytest.raises(ValueError):
+        remove_outliers(kept, neighbors=0)
