@@ -3,6 +3,7 @@
 from fieldkit.captures.capture import MAX_PIXELS, read_capture
 from fieldkit.captures.decode import read_image
 from fieldkit.captures.folder import find_mask
+from fieldkit.captures.markers_file import MarkerDistance, MarkersFile
 from fieldkit.captures.model import CameraGroup, Capture, Finding, GeoTag, Photo, PosePrior
 from fieldkit.captures.quality import Quality, assess_quality, flag_set, measure_quality, quality_findings
 from fieldkit.captures.units import UnitSuspicion, suspicious_unit
@@ -13,6 +14,8 @@ __all__ = [
     "Capture",
     "Finding",
     "GeoTag",
+    "MarkerDistance",
+    "MarkersFile",
     "Photo",
     "PosePrior",
     "Quality",

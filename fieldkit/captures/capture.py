@@ -16,6 +16,7 @@ from fieldkit.captures.decode import PngMetadata, jpeg_is_complete, read_png_met
 from fieldkit.captures.exif import read_exif
 from fieldkit.captures.folder import Candidate, FolderContents, list_folder
 from fieldkit.captures.geo_txt import read_geo_txt
+from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
@@ -46,7 +47,7 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
 
     Raises:
         CaptureError: the folder is missing or unreadable, or has no usable photograph.
-        MetadataError: poses.csv, geo.txt or a camera file is malformed or contradicts the photographs.
+        MetadataError: poses.csv, geo.txt, markers.toml or a camera file is malformed or contradicts the photographs.
     """
     folder = Path(folder)
     contents = list_folder(folder)
@@ -67,6 +68,7 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
         raise _no_photographs(folder, findings)
     groups, camera_findings = _cameras(photos, contents)
     priors = _priors(photos, contents)
+    markers = contents.sidecars.get("markers.toml")
     findings += [*camera_findings, *priors.findings]
     return Capture(
         folder=folder.absolute(),
@@ -79,6 +81,7 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
         origin=priors.origin,
         height_source=priors.height_source,
         crs_epsg=_utm(priors),
+        markers=None if markers is None else read_markers_file(markers),
     )
 
 

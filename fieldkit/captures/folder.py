@@ -16,7 +16,7 @@ PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".
 RAW_SUFFIXES = frozenset(
     {".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw", ".3fr", ".iiq", ".raw"}
 )
-SIDECARS = ("poses.csv", "geo.txt", "camera.toml", "camera.json")
+SIDECARS = ("poses.csv", "geo.txt", "camera.toml", "camera.json", "markers.toml")
 
 _FORMAT_SUFFIXES = {
     "JPEG": {".jpg", ".jpeg", ".jpe", ".jfif"},

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
+from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
 
@@ -150,6 +151,7 @@ class Capture:
         origin: of that frame, when it is georeferenced (then x is east, y north, z up), else None.
         height_source: what the priors' z is made of, e.g. ``"relative altitude"``; None without a georeference.
         crs_epsg: UTM zone (WGS 84) of the origin, or None.
+        markers: what markers.toml says of printed markers, or None.
     """
 
     folder: Path
@@ -162,6 +164,7 @@ class Capture:
     origin: LocalFrame | None = None
     height_source: str | None = None
     crs_epsg: int | None = None
+    markers: MarkersFile | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,0 +1,198 @@
+"""Metric scale from markers: right, robust, and clear about what disagrees."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.captures.markers_file import MarkerDistance, MarkersFile
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.reconstruction.marker_detection import MarkerDetection, detect_markers
+from fieldkit.reconstruction.markers import MarkerScale, marker_scale
+from tests.reconstruction.synthetic import marker_board, render_board
+
+CAMERA = Intrinsics("SIMPLE_RADIAL", 1600, 1200, (1500.0, 800.0, 600.0, -0.05))
+SIDE_M = 0.12
+CENTERS = {0: (0.15, 0.15), 3: (1.45, 0.15), 7: (0.15, 1.0), 11: (1.45, 1.0), 20: (0.8, 0.6)}
+PLACES = [(-0.3, -0.4, 1.5), (1.9, -0.3, 1.4), (1.8, 1.5, 1.6), (-0.2, 1.6, 1.5), (0.8, 0.5, 2.0), (0.7, -0.8, 1.2)]
+POSES = {f"{i}.jpg": Pose.look_at(place, (0.8, 0.55, 0)) for i, place in enumerate(PLACES)}
+CAMERAS = dict.fromkeys(POSES, CAMERA)
+MODEL = Similarity(1 / 3.7, rotation_from_vector([0.4, -1.1, 0.3]), np.array([5.0, -2.0, 8.0]))
+UNSCALED = {name: MODEL.apply_pose(pose) for name, pose in POSES.items()}
+SIDE = MarkersFile("DICT_4X4_50", SIDE_M)
+
+
+def corners(center: tuple[float, float]) -> np.ndarray:
+    half = SIDE_M / 2
+    return np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]]) + np.array([*center, 0.0])
+
+
+def detections(noise: float = 0.1, seed: int = 0) -> dict[str, list[MarkerDetection]]:
+    rng = np.random.default_rng(seed)
+    return {
+        name: [
+            MarkerDetection(n, CAMERA.project(pose.to_camera(corners(c))) + rng.normal(0, noise, (4, 2)))
+            for n, c in CENTERS.items()
+        ]
+        for name, pose in POSES.items()
+    }
+
+
+def between(a: int, b: int, factor: float = 1.0) -> MarkerDistance:
+    return MarkerDistance(a, b, factor * float(np.hypot(*np.subtract(CENTERS[a], CENTERS[b]))))
+
+
+def scale_of(markers: MarkersFile, found: dict[str, list[MarkerDetection]] | None = None) -> MarkerScale:
+    return marker_scale(detections() if found is None else found, UNSCALED, CAMERAS, markers, seed=0)
+
+
+def test_from_photographs_to_metres() -> None:
+    camera = Intrinsics("SIMPLE_RADIAL", 480, 360, (450.0, 242.0, 178.0, -0.08))
+    board = marker_board("DICT_APRILTAG_36h11", {4: (0.2, 0.2), 9: (0.7, 0.25), 30: (0.4, 0.6)}, 0.16, (0.9, 0.8))
+    poses = [Pose.look_at(p, (0.45, 0.4, 0)) for p in [(0.0, -0.3, 0.8), (1.0, 0.0, 0.9), (0.3, 1.1, 0.8)]]
+    unscaled = {str(i): MODEL.apply_pose(pose) for i, pose in enumerate(poses)}
+    found = {
+        str(i): detect_markers(render_board(board, p, camera, oversampling=2, seed=i), "APRILTAG_36h11")
+        for i, p in enumerate(poses)
+    }
+    scale = marker_scale(found, unscaled, dict.fromkeys(unscaled, camera), MarkersFile("APRILTAG_36h11", 0.16), seed=0)
+    assert scale.scale == pytest.approx(3.7, rel=1e-3)
+    assert scale.inliers == 3
+    assert scale.notes == ()
+    for number, truth in board.corners.items():
+        assert scale.corners[number] == pytest.approx(MODEL.apply(truth), abs=0.001 / 3.7)
+
+
+def test_from_sides_and_distances() -> None:
+    sides = scale_of(SIDE)
+    assert sides.scale == pytest.approx(3.7, rel=1e-3)
+    assert [length.what for length in sides.lengths] == [f"side of marker {n}" for n in CENTERS]
+    long = scale_of(MarkersFile("DICT_4X4_50", None, (between(0, 11), between(3, 7))))
+    assert long.scale == pytest.approx(3.7, rel=1e-4)
+    assert [length.what for length in long.lengths] == ["markers 0–11", "markers 3–7"]
+    assert long.inliers == 2
+    assert long.rms_m < 1e-3
+    assert long.notes == ()
+
+
+@given(st.floats(0.001, 1000.0), st.integers(0, 10))
+def test_any_model_unit(factor: float, seed: int) -> None:
+    smaller = Similarity(factor, np.eye(3), np.zeros(3))
+    poses = {name: smaller.apply_pose(pose) for name, pose in POSES.items()}
+    scale = marker_scale(detections(seed=seed), poses, CAMERAS, SIDE, seed=0)
+    assert scale.scale * factor == pytest.approx(1.0, rel=3e-3)
+
+
+def test_a_typing_error_is_named() -> None:
+    wrong = MarkersFile("DICT_4X4_50", None, (between(0, 3), between(0, 7), between(0, 11, 1.2)))
+    scale = scale_of(wrong)
+    assert scale.scale == pytest.approx(3.7, rel=1e-3)
+    assert scale.inliers == 2
+    assert [(length.what, length.inlier) for length in scale.lengths][2] == ("markers 0–11", False)
+    assert scale.lengths[2].residual == pytest.approx(1 / 1.2 - 1, abs=0.002)
+    (note,) = scale.notes
+    assert note.startswith("markers 0–11: ")
+    assert "not used" in note
+
+
+def test_a_print_scaled_to_fit_the_page_is_named() -> None:
+    scale = scale_of(
+        MarkersFile(
+            "DICT_4X4_50",
+            SIDE_M * 1.04,
+            (between(0, 3), between(0, 7), between(3, 11), between(7, 11), between(0, 11), between(0, 20)),
+        )
+    )
+    assert scale.scale == pytest.approx(3.7, rel=1e-3)
+    assert len(scale.notes) == 5
+    assert all("side of marker" in note for note in scale.notes)
+
+
+def test_two_lengths_that_disagree_leave_a_doubt() -> None:
+    scale = scale_of(MarkersFile("DICT_4X4_50", None, (between(0, 3), between(0, 7, 1.5))))
+    assert any("another scale" in note for note in scale.notes)
+    assert scale.inliers == 1
+
+
+def test_one_length_alone_is_said_to_be_alone() -> None:
+    scale = scale_of(MarkersFile("DICT_4X4_50", None, (between(0, 3), MarkerDistance(3, 40, 1.0))))
+    assert scale.scale == pytest.approx(3.7, rel=1e-3)
+    assert scale.notes == (
+        "the distance 3–40 is not used: marker 40 was not located",
+        "the scale rests on one length alone (markers 0–3)",
+    )
+
+
+def test_a_wrong_reading_in_one_photograph_does_not_matter() -> None:
+    found = detections()
+    first = found["2.jpg"][0]
+    found["2.jpg"][0] = MarkerDetection(first.id, first.corners + np.array([150.0, -80.0]))
+    assert scale_of(SIDE, found).scale == pytest.approx(3.7, rel=2e-3)
+
+
+def test_a_wrong_pose_does_not_matter() -> None:
+    poses = dict(UNSCALED)
+    poses["1.jpg"] = Pose(poses["1.jpg"].rotation, poses["1.jpg"].center + np.array([0.1, 0.0, 0.05]))
+    scale = marker_scale(detections(), poses, CAMERAS, SIDE, seed=0)
+    assert scale.scale == pytest.approx(3.7, rel=2e-3)
+
+
+def test_a_marker_read_at_two_places_is_not_used() -> None:
+    """Two prints with the same number, of which each photograph shows one."""
+    found = detections()
+    for index, name in enumerate(POSES):
+        if index % 2:
+            found[name][0] = MarkerDetection(0, found[name][1].corners)
+            del found[name][1]
+    scale = scale_of(SIDE, found)
+    assert scale.scale == pytest.approx(3.7, rel=2e-3)
+
+
+def test_a_quadrilateral_that_is_no_square_is_not_used() -> None:
+    found = {
+        name: [
+            *views[1:],
+            MarkerDetection(0, CAMERA.project(POSES[name].to_camera(corners(CENTERS[0]) * (1, 0.6, 1)))),
+        ]
+        for name, views in detections().items()
+    }
+    scale = scale_of(SIDE, found)
+    assert scale.scale == pytest.approx(3.7, rel=2e-3)
+    assert sorted(scale.corners) == [3, 7, 11, 20]
+    assert any(note.startswith("marker 0 is not square") for note in scale.notes)
+
+
+def test_no_marker_at_all() -> None:
+    with pytest.raises(ReconstructionError, match="found in any of the 6 photographs") as caught:
+        scale_of(SIDE, {name: [] for name in POSES})
+    assert "dictionary" in caught.value.remedy
+
+
+@pytest.mark.parametrize("others", [False, True], ids=["one photograph", "others not registered"])
+def test_no_marker_in_two_registered_photographs(others: bool) -> None:
+    found = detections()
+    names = list(found)
+    poses = {names[0]: UNSCALED[names[0]]} if others else UNSCALED
+    with pytest.raises(ReconstructionError, match="two registered photographs") as caught:
+        marker_scale(found if others else {names[0]: found[names[0]]}, poses, CAMERAS, SIDE, seed=0)
+    assert caught.value.remedy
+
+
+def test_no_known_length_among_those_seen() -> None:
+    with pytest.raises(ReconstructionError, match="marker 41 and 42 was not located"):
+        scale_of(MarkersFile("DICT_4X4_50", None, (MarkerDistance(41, 42, 1.0),)))
+
+
+def test_photographs_from_one_place_give_no_scale() -> None:
+    name = "0.jpg"
+    found = {key: detections()[name] for key in ("a", "b")}
+    with pytest.raises(ReconstructionError, match="does not lie where"):
+        marker_scale(found, dict.fromkeys(found, UNSCALED[name]), dict.fromkeys(found, CAMERA), SIDE, seed=0)
+
+
+def test_the_same_seed_gives_the_same_bits() -> None:
+    first, second = (scale_of(SIDE) for _ in range(2))
+    assert first.scale == second.scale
+    assert all(first.corners[n].tobytes() == second.corners[n].tobytes() for n in first.corners)
