@@ -1,0 +1,1 @@
+"""From photographs to posed images, depth maps and clouds."""

@@ -19,6 +19,7 @@ from fieldkit.reconstruction.epipolar import fundamental_matrix
 from fieldkit.reconstruction.features import Features
 
 Floats = NDArray[np.float64]
+_CELL_PX = 32.0
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,26 @@ class Region:
 
     center: tuple[float, float, float]
     radius: float
+
+    def contains(self, points: Floats) -> NDArray[np.bool_]:
+        """(k,) for points (k, 3)."""
+        inside: NDArray[np.bool_] = np.linalg.norm(points - np.array(self.center), axis=1) <= self.radius
+        return inside
+
+
+@dataclass(frozen=True)
+class Slab:
+    """The heights between which a survey's scene lies: along ``up`` (3,), from ``low`` to ``high``, metres."""
+
+    up: tuple[float, float, float]
+    low: float
+    high: float
+
+    def contains(self, points: Floats) -> NDArray[np.bool_]:
+        """(k,) for points (k, 3)."""
+        height = points @ np.array(self.up)
+        inside: NDArray[np.bool_] = (height >= self.low) & (height <= self.high)
+        return inside
 
 
 @dataclass(frozen=True)
@@ -82,19 +103,19 @@ def match_guided(
     settings: GuidedSettings,
     *,
     region: Region | None = None,
-    meet_in: Region | None = None,
+    meet_in: Region | Slab | None = None,
     shift_px: float = 0.0,
 ) -> NDArray[np.uint32]:
     """Mutual best matches within ``band_px`` of the epipolar lines of two poses, in agreement with the poses.
 
     Args:
-        a, b: the two photographs; ``b`` may be shifted to see what chance gives.
+        a, b: the two photographs.
         band_px: largest distance to either epipolar line, pixels.
         settings: acceptance.
         region: what the cameras look at, to predict the features' scale; None takes equal distances.
         meet_in: where matches must triangulate; None asks only that rays meet in front of both cameras, and is
             what rough poses need (their rays need not meet where the plant is).
-        shift_px: displaces the epipolar lines; the matches that remain are chance.
+        shift_px: displaces image b across its epipolar lines; the matches that remain are chance.
 
     Returns:
         (k, 2) feature indices, sorted by the first.
@@ -106,9 +127,10 @@ def match_guided(
     points_b = b.points + np.array([0.0, shift_px])
     lines_in_b = _unit_lines(_homogeneous(a.points) @ fundamental.T)
     lines_in_a = _unit_lines(_homogeneous(points_b) @ fundamental)
+    grid = _Grid.of(points_b)
     rows, columns = _best_in_band(
         a.features.descriptors, b.features.descriptors, a.points, points_b, lines_in_b, lines_in_a, band_px,
-        settings.ratio,
+        settings.ratio, grid.left, grid.top, grid.columns, grid.rows, grid.order, grid.starts,
     )  # fmt: skip
     first = np.flatnonzero(rows >= 0)
     mutual = first[columns[rows[first]] == first]
@@ -117,11 +139,17 @@ def match_guided(
 
 
 def chance_matches(
-    a: PosedFeatures, b: PosedFeatures, band_px: float, settings: GuidedSettings, region: Region | None
+    a: PosedFeatures,
+    b: PosedFeatures,
+    band_px: float,
+    settings: GuidedSettings,
+    *,
+    region: Region | None,
+    meet_in: Region | Slab | None,
 ) -> float:
     """How many matches a wrong epipolar geometry gives: the mean over two displaced bands."""
     shifts = (-15.0 * band_px, 15.0 * band_px)
-    counts = [len(match_guided(a, b, band_px, settings, region=region, meet_in=region, shift_px=s)) for s in shifts]
+    counts = [len(match_guided(a, b, band_px, settings, region=region, meet_in=meet_in, shift_px=s)) for s in shifts]
     return float(np.mean(counts))
 
 
@@ -144,7 +172,7 @@ def _agrees(
     matches: NDArray[np.uint32],
     settings: GuidedSettings,
     region: Region | None,
-    meet_in: Region | None,
+    meet_in: Region | Slab | None,
 ) -> NDArray[np.bool_]:
     turn_a, turn_b = _turn_from_baseline(a, b), _turn_from_baseline(b, a, reverse=True)
     difference = turn_a[matches[:, 0]] - turn_b[matches[:, 1]]
@@ -154,8 +182,7 @@ def _agrees(
     good = (rotation <= np.radians(settings.max_rotation_deg)) & (np.abs(size_a - size_b) <= settings.max_scale_octaves)
     if meet_in is not None:
         points, s, t = midpoints(a, b, matches)
-        inside = np.linalg.norm(points - np.array(meet_in.center), axis=1) <= meet_in.radius
-        good &= inside & (s > 0) & (t > 0)
+        good &= meet_in.contains(points) & (s > 0) & (t > 0)
     agreed: NDArray[np.bool_] = good
     return agreed
 
@@ -189,41 +216,87 @@ def _unit_lines(lines: Floats) -> Floats:
     return unit
 
 
-@njit(cache=True, nogil=True)
-def _best_in_band(descriptors_a, descriptors_b, points_a, points_b, lines_in_b, lines_in_a, band, ratio):  # type: ignore[no-untyped-def]
+def _mean_normal(lines: Floats) -> Floats:
+    """(2,) the direction most across unit lines (n, 3), whatever their signs."""
+    normals = lines[:, :2]
+    direction: Floats = np.linalg.eigh(normals.T @ normals)[1][:, 1]
+    return direction
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Points sorted into square cells, columns first: `order[starts[k] : starts[k + 1]]` are those of cell k."""
+
+    left: float
+    top: float
+    columns: int
+    rows: int
+    order: NDArray[np.int64]
+    starts: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, points: Floats) -> _Grid:
+        left, top = points.min(axis=0)
+        cells = np.floor((points - (left, top)) / _CELL_PX).astype(np.int64)
+        columns, rows = cells.max(axis=0) + 1
+        index = cells[:, 0] * rows + cells[:, 1]
+        order = np.argsort(index, kind="stable")
+        starts = np.searchsorted(index[order], np.arange(columns * rows + 1))
+        return cls(float(left), float(top), int(columns), int(rows), order, starts)
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _best_in_band(  # type: ignore[no-untyped-def]
+    descriptors_a, descriptors_b, points_a, points_b, lines_in_b, lines_in_a, band, ratio,
+    left, top, columns, rows, order, starts,
+):  # fmt: skip
     """Per feature of either image, the best partner within the band that passes the ratio test, else −1."""
-    n, m, size = len(points_a), len(points_b), descriptors_a.shape[1]
+    n, m = len(points_a), len(points_b)
     far = 1 << 30
-    row_best = np.full(n, far, np.int64)
-    row_second = np.full(n, far, np.int64)
-    row_index = np.full(n, -1, np.int64)
-    column_best = np.full(m, far, np.int64)
-    column_second = np.full(m, far, np.int64)
-    column_index = np.full(m, -1, np.int64)
+    row_best, row_second = np.full(n, far, np.int64), np.full(n, far, np.int64)
+    column_best, column_second = np.full(m, far, np.int64), np.full(m, far, np.int64)
+    row_index, column_index = np.full(n, -1, np.int64), np.full(m, -1, np.int64)
     for i in range(n):
         l0, l1, l2 = lines_in_b[i, 0], lines_in_b[i, 1], lines_in_b[i, 2]
         x, y = points_a[i, 0], points_a[i, 1]
-        for j in range(m):
-            if abs(l0 * points_b[j, 0] + l1 * points_b[j, 1] + l2) > band:
-                continue
-            if abs(lines_in_a[j, 0] * x + lines_in_a[j, 1] * y + lines_in_a[j, 2]) > band:
-                continue
-            distance = np.int64(0)
-            for k in range(size):
-                difference = np.int32(descriptors_a[i, k]) - np.int32(descriptors_b[j, k])
-                distance += difference * difference
-            if distance < row_best[i]:
-                row_second[i] = row_best[i]
-                row_best[i] = distance
-                row_index[i] = j
-            elif distance < row_second[i]:
-                row_second[i] = distance
-            if distance < column_best[j]:
-                column_second[j] = column_best[j]
-                column_best[j] = distance
-                column_index[j] = i
-            elif distance < column_second[j]:
-                column_second[j] = distance
+        # Along the axis the line follows more closely, cell by cell; across it, the cells that the band meets.
+        flat = abs(l1) >= abs(l0)
+        across = l1 if flat else l0
+        along = l0 if flat else l1
+        if across == 0.0:
+            continue
+        for step in range(columns if flat else rows):
+            start = (left if flat else top) + step * _CELL_PX
+            first = -(along * start + l2) / across
+            last = -(along * (start + _CELL_PX) + l2) / across
+            margin = band / abs(across)
+            origin = top if flat else left
+            low = max(int(np.floor((min(first, last) - margin - origin) / _CELL_PX)), 0)
+            high = min(int(np.floor((max(first, last) + margin - origin) / _CELL_PX)), (rows if flat else columns) - 1)
+            for cell in range(low, high + 1):
+                k = step * rows + cell if flat else cell * rows + step
+                for position in range(starts[k], starts[k + 1]):
+                    j = order[position]
+                    if abs(l0 * points_b[j, 0] + l1 * points_b[j, 1] + l2) > band:
+                        continue
+                    if abs(lines_in_a[j, 0] * x + lines_in_a[j, 1] * y + lines_in_a[j, 2]) > band:
+                        continue
+                    distance = 0
+                    for d in range(descriptors_a.shape[1]):
+                        difference = np.int32(descriptors_a[i, d]) - np.int32(descriptors_b[j, d])
+                        distance += difference * difference
+                    if distance < row_best[i]:
+                        row_second[i] = row_best[i]
+                        row_best[i] = distance
+                        row_index[i] = j
+                    elif distance < row_second[i]:
+                        row_second[i] = distance
+                    if distance < column_best[j]:
+                        column_second[j] = column_best[j]
+                        column_best[j] = distance
+                        column_index[j] = i
+                    elif distance < column_second[j]:
+                        column_second[j] = distance
     squared = ratio * ratio
     for i in range(n):
         if row_best[i] > squared * row_second[i]:

@@ -17,9 +17,11 @@ from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.reconstruction.verification import TwoView
 
 Matrix = NDArray[np.float64]
-_AGREE_DEG = 12.0
+_AGREE_DEG = 8.0
+_MAX_AGREE_DEG = 40.0
 _ROUNDS = 3
 _TRIALS = 500
+_MIN_SHARE = 0.4  # of the pairs' matches must agree with the positions
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,27 +31,35 @@ class _Edge:
     weight: int
     rotation: Matrix  # camera j from camera i
     direction: Matrix  # unit vector from camera i to camera j, in camera i
+    world: Matrix  # the same, in the world
+    limit_deg: float  # how far the two may differ
 
 
 def orient_cameras(
-    positions: Sequence[NDArray[np.float64] | None], pairs: Mapping[tuple[int, int], TwoView], *, seed: int
+    positions: Sequence[NDArray[np.float64] | None],
+    sigmas_m: Sequence[float],
+    pairs: Mapping[tuple[int, int], TwoView],
+    *,
+    seed: int,
 ) -> dict[int, Matrix]:
     """Camera-from-world rotations (3, 3) by image index, for the images that pairs connect without contradiction.
 
     Args:
         positions: (3,) metres per image, or None.
+        sigmas_m: the positions' standard deviations.
         pairs: verified pairs with relative poses, by image indices.
         seed: of RANSAC.
 
     Images that no agreeing pair reaches, and components whose baselines are all parallel, are missing.
     """
-    edges = [edge for (i, j), pair in sorted(pairs.items()) if (edge := _edge(i, j, pair, positions)) is not None]
+    candidates = [_edge(i, j, pair, positions, sigmas_m) for (i, j), pair in sorted(pairs.items())]
+    edges = [edge for edge in candidates if edge is not None]
     found: dict[int, Matrix] = {}
     for _ in range(_ROUNDS):
         found = {}
         for rotations in _components(edges):
-            found.update(_align(rotations, edges, positions, seed))
-        agreeing = [e for e in edges if e.i in found and e.j in found and _consistent(e, found, positions)]
+            found.update(_align(rotations, edges, seed))
+        agreeing = [e for e in edges if e.i in found and e.j in found and _consistent(e, found)]
         connected = {k for e in agreeing for k in (e.i, e.j)}
         found = {k: r for k, r in found.items() if k in connected}
         if len(agreeing) == len(edges):
@@ -58,12 +68,18 @@ def orient_cameras(
     return found
 
 
-def _edge(i: int, j: int, pair: TwoView, positions: Sequence[NDArray[np.float64] | None]) -> _Edge | None:
+def _edge(
+    i: int, j: int, pair: TwoView, positions: Sequence[NDArray[np.float64] | None], sigmas_m: Sequence[float]
+) -> _Edge | None:
     length = float(np.linalg.norm(pair.translation))
     a, b = positions[i], positions[j]
     if length == 0 or a is None or b is None or np.linalg.norm(b - a) == 0:
         return None
-    return _Edge(i, j, len(pair.inliers), pair.rotation, -pair.rotation.T @ pair.translation / length)
+    baseline = float(np.linalg.norm(b - a))
+    blur = np.degrees(np.arctan2(float(np.hypot(sigmas_m[i], sigmas_m[j])), baseline))
+    limit = min(_AGREE_DEG + 2.5 * float(blur), _MAX_AGREE_DEG)
+    inside = -pair.rotation.T @ pair.translation / length
+    return _Edge(i, j, len(pair.inliers), pair.rotation, inside, (b - a) / baseline, limit)
 
 
 def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
@@ -100,21 +116,16 @@ def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
     return components
 
 
-def _align(
-    rotations: Mapping[int, Matrix],
-    edges: Sequence[_Edge],
-    positions: Sequence[NDArray[np.float64] | None],
-    seed: int,
-) -> dict[int, Matrix]:
+def _align(rotations: Mapping[int, Matrix], edges: Sequence[_Edge], seed: int) -> dict[int, Matrix]:
     """The component's rotations in the world, or nothing."""
     mine = [e for e in edges if e.i in rotations and e.j in rotations]
     if len(mine) < 2:
         return {}
     inside = np.array([rotations[e.i].T @ e.direction for e in mine])
-    world = np.array([_world_direction(e, positions) for e in mine])
+    world = np.array([e.world for e in mine])
     weights = np.array([e.weight for e in mine], dtype=np.float64)
     rng = np.random.default_rng(seed)
-    limit = np.cos(np.radians(_AGREE_DEG))
+    limit = np.cos(np.radians([e.limit_deg for e in mine]))
     best, best_score = None, 0.0
     for _ in range(_TRIALS):
         sample = rng.choice(len(mine), size=2, replace=False)
@@ -125,7 +136,7 @@ def _align(
         score = float(weights[good].sum())
         if score > best_score:
             best, best_score = good, score
-    if best is None or best_score < 0.5 * weights.sum():
+    if best is None or best_score < _MIN_SHARE * weights.sum():
         return {}
     rotation = _wahba(inside[best], world[best], weights[best])
     return {} if rotation is None else {k: r @ rotation.T for k, r in rotations.items()}
@@ -140,15 +151,8 @@ def _wahba(inside: Matrix, world: Matrix, weights: NDArray[np.float64]) -> Matri
     return rotation
 
 
-def _world_direction(edge: _Edge, positions: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64]:
-    a, b = positions[edge.i], positions[edge.j]
-    assert a is not None and b is not None  # _edge() made sure
-    direction: NDArray[np.float64] = (b - a) / np.linalg.norm(b - a)
-    return direction
-
-
-def _consistent(edge: _Edge, found: Mapping[int, Matrix], positions: Sequence[NDArray[np.float64] | None]) -> bool:
+def _consistent(edge: _Edge, found: Mapping[int, Matrix]) -> bool:
     turned = found[edge.i].T @ edge.direction
-    if float(turned @ _world_direction(edge, positions)) < np.cos(np.radians(_AGREE_DEG)):
+    if float(turned @ edge.world) < np.cos(np.radians(edge.limit_deg)):
         return False
-    return rotation_angle_deg(found[edge.j] @ found[edge.i].T, edge.rotation) <= _AGREE_DEG
+    return rotation_angle_deg(found[edge.j] @ found[edge.i].T, edge.rotation) <= 1.5 * _AGREE_DEG

@@ -24,10 +24,16 @@ from numpy.typing import NDArray
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.reconstruction.bundle import PositionPrior, adjust, filter_points
-from fieldkit.reconstruction.colmap_model import from_colmap_camera, new_model, pose_of, triangulate_tracks
+from fieldkit.reconstruction.colmap_model import (
+    from_colmap_camera,
+    model_points,
+    new_model,
+    pose_of,
+    triangulate_tracks,
+)
 from fieldkit.reconstruction.epipolar import relative_pose
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, chance_matches, match_guided
+from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, Slab, chance_matches, match_guided
 from fieldkit.reconstruction.tracks import build_tracks
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 
@@ -35,6 +41,9 @@ Matches = dict[tuple[int, int], NDArray[np.uint32]]
 
 # A 3D normal deviation stays within 4.03 σ per axis with 99.9 %, a 2D one within 3.72 σ (χ² distribution).
 _BOUND_3D, _BOUND_2D = 4.03, 3.72
+_POINTS_FOR_SLAB = 50
+_SLAB_MARGIN = 0.3  # of the flying height above the scene, up and down
+_MIN_OVERLAP = 0.1
 
 
 @dataclass(frozen=True)
@@ -51,8 +60,9 @@ class PriorMappingSettings:
         loss_px: scale of the last robust loss.
         max_error_px: largest reprojection error of an observation that stays.
         min_angle_deg: smallest triangulation angle of a point.
-        min_observations: an image with fewer is not registered.
-        chance_factor: an image whose matches are fewer than this many times what chance gives is not registered.
+        min_observations: an image with fewer observations of points, or fewer matches above chance, is not
+            registered.
+        chance_factor: matches of a pair count as above chance from this many times what a wrong geometry gives.
     """
 
     guided: GuidedSettings = field(default_factory=GuidedSettings)
@@ -67,7 +77,7 @@ class PriorMappingSettings:
     max_error_px: float = 4.0
     min_angle_deg: float = 1.0
     min_observations: int = 15
-    chance_factor: float = 2.0
+    chance_factor: float = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,10 +162,12 @@ def map_with_priors(
     advance(1)
     scale = max(camera.width for camera in cameras) / 1600.0
     for index, band in enumerate(settings.bands_px):
-        model = _round(problem, model, pairs, band * scale, region, last=index == len(settings.bands_px) - 1)
+        meet_in = region or _slab(model)
+        pairs = _overlapping(problem, model, pairs)
+        last = index == len(settings.bands_px) - 1
+        model = _round(problem, model, pairs, band * scale, region, meet_in, last=last)
         advance(1)
-    poses, current = _state(problem, model)
-    unregistered = _unsupported(problem, model, problem.posed(poses, current), pairs, region, scale)
+    unregistered = _unsupported(problem, model, pairs, region, meet_in, settings.bands_px[-1] * scale)
     for name in unregistered:
         model.deregister_frame(model.image(names.index(name) + 1).frame_id)
     return PriorMapping(model, unregistered, len(pairs), len(matches))
@@ -271,6 +283,7 @@ def _round(
     pairs: Sequence[tuple[int, int]],
     band_px: float,
     region: Region | None,
+    meet_in: Region | Slab | None,
     *,
     last: bool,
 ) -> pycolmap.Reconstruction:
@@ -278,7 +291,7 @@ def _round(
     poses, cameras = _state(problem, model)
     posed = problem.posed(poses, cameras)
     matches = {
-        (i, j): match_guided(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=region)
+        (i, j): match_guided(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
         for i, j in pairs
     }
     model = _tracks_to_model(problem, poses, cameras, matches, 1.5 * band_px)
@@ -292,30 +305,63 @@ def _round(
     return model
 
 
+def _slab(model: pycolmap.Reconstruction) -> Slab | None:
+    """Where the points of a survey without a common centre lie, seen along its mean viewing direction."""
+    points = model_points(model)
+    if len(points) < _POINTS_FOR_SLAB:
+        return None
+    images = [model.image(i) for i in sorted(model.reg_image_ids())]
+    up = -np.mean([pose_of(image).forward for image in images], axis=0)
+    up /= np.linalg.norm(up)
+    height = points @ up
+    low, high = np.quantile(height, [0.02, 0.98])
+    flying = float(np.median([pose_of(image).center @ up for image in images]))
+    margin = _SLAB_MARGIN * (flying - float(np.median(height)))
+    return Slab((float(up[0]), float(up[1]), float(up[2])), float(low) - margin, float(high) + margin)
+
+
+def _overlapping(
+    problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """The pairs that see a part of the model in common; all while there are few points to tell by."""
+    points = model_points(model)
+    if len(points) < _POINTS_FOR_SLAB:
+        return list(pairs)
+    poses, cameras = _state(problem, model)
+    seen = []
+    for pose, k in zip(poses, problem.camera_of, strict=True):
+        camera = cameras[k].without_distortion()
+        pixels = camera.project(pose.to_camera(points))
+        with np.errstate(invalid="ignore"):
+            seen.append((pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1))
+    shared = {(i, j): int((seen[i] & seen[j]).sum()) for i, j in pairs}
+    return [(i, j) for i, j in pairs if shared[i, j] >= _MIN_OVERLAP * min(seen[i].sum(), seen[j].sum())]
+
+
 def _unsupported(
     problem: _Problem,
     model: pycolmap.Reconstruction,
-    posed: Sequence[PosedFeatures],
     pairs: Sequence[tuple[int, int]],
     region: Region | None,
-    scale: float,
+    meet_in: Region | Slab | None,
+    band_px: float,
 ) -> dict[str, str]:
+    """Images that do not register, with the reason: too few observations, or no more matches than by chance."""
     settings = problem.settings
-    band = settings.bands_px[-1] * scale
-    real, chance = np.zeros(len(posed)), np.zeros(len(posed))
+    posed = problem.posed(*_state(problem, model))
+    support = np.zeros(len(posed))
     for i, j in pairs:
-        found = match_guided(posed[i], posed[j], band, settings.guided, region=region, meet_in=region)
-        by_chance = chance_matches(posed[i], posed[j], band, settings.guided, region)
-        for k in (i, j):
-            real[k] += len(found)
-            chance[k] += by_chance
+        found = match_guided(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
+        chance = chance_matches(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
+        # Pairs without overlap give as many matches as chance; only what is above it speaks for a pose.
+        surplus = max(0.0, len(found) - settings.chance_factor * chance)
+        support[[i, j]] += surplus
     reasons = {}
     for index, name in enumerate(problem.names):
-        observations = model.image(index + 1).num_points3D
         if len(problem.features[index]) < settings.min_observations:
             reasons[name] = "too few features"
-        elif observations < settings.min_observations:
+        elif model.image(index + 1).num_points3D < settings.min_observations:
             reasons[name] = "no matches"
-        elif real[index] < settings.chance_factor * chance[index]:
+        elif support[index] < settings.min_observations:
             reasons[name] = "no more matches than chance gives"
     return reasons

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
 import pycolmap
-from numpy.typing import NDArray
 
 from fieldkit.captures.model import Capture, Finding
 from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame
 
 
 @dataclass(frozen=True)
@@ -48,41 +48,27 @@ class ImageReport:
 
 
 @dataclass(frozen=True, eq=False)
-class GroundPlane:
-    """n · x + offset = 0 in the plot frame, with n (3,) towards the cameras.
-
-    Attributes:
-        normal: (3,) unit vector.
-        offset: metres.
-        rms_m: of the inliers' distances.
-        inlier_share: of the points it was fitted to.
-    """
-
-    normal: NDArray[np.float64]
-    offset: float
-    rms_m: float
-    inlier_share: float
-
-
-@dataclass(frozen=True, eq=False)
 class MetricFrame:
     """How the model got its scale and place.
 
     Attributes:
         source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"``, ``"markers"`` or ``"none"`` (lengths
             are not metres then).
-        plot_from_source: rigid motion from the metric source's frame to the plot frame.
+        plot_from_source: rigid motion from the metric source's own coordinates to the plot frame; from the model's
+            arbitrary frame where there is no metric source.
+        origin: where the source's frame lies on the Earth, or None.
         rms_m: of the position residuals of registered images that are right; None without positions.
         bound_m: the largest position residual that counts as right (median over images); None without positions.
-        ground: fitted plane, or None where none was found.
+        ground: fitted plane in the plot frame, or None where none was found.
         notes: doubts, in sentences.
     """
 
     source: str
     plot_from_source: Similarity
+    origin: LocalFrame | None
     rms_m: float | None
     bound_m: float | None
-    ground: GroundPlane | None
+    ground: Plane | None
     notes: tuple[str, ...] = ()
 
     @property

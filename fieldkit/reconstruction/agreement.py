@@ -1,0 +1,90 @@
+"""Whether poses agree with what is known of them: mappers report wrong ones as registered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.similarity import fit_similarity
+
+# A position counts as right within 4.03 standard deviations: 99.9 % of a 3D normal error (χ², 3 degrees of freedom).
+POSITION_SIGMAS = 4.03
+ANGLE_SIGMAS = 4.03
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPose:
+    """What is known of one image: position (3,) with σ per axis, and a rotation with σ, each or None."""
+
+    position: NDArray[np.float64] | None
+    position_sigma_m: float
+    rotation: NDArray[np.float64] | None
+    angle_sigma_deg: float
+
+    @property
+    def bound_m(self) -> float:
+        return POSITION_SIGMAS * self.position_sigma_m
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How one registered image compares: residuals (None where nothing is known) and the verdict with its reason."""
+
+    position_residual_m: float | None
+    angle_residual_deg: float | None
+    right: bool | None
+    reason: str
+
+
+def align_to_positions(poses: Mapping[str, Pose], known: Mapping[str, KnownPose], *, seed: int) -> Similarity | None:
+    """Similarity that puts most camera centres within their bounds of the known positions.
+
+    RANSAC (COLMAP's LO-RANSAC) with the median bound, then least squares over the inliers.
+    None with fewer than three positions, with positions on one line, or when no three agree.
+    """
+    names = [n for n in poses if n in known and known[n].position is not None]
+    if len(names) < 3:
+        return None
+    source = np.array([poses[n].center for n in names])
+    target = np.array([known[n].position for n in names])
+    options = pycolmap.RANSACOptions()
+    options.max_error = float(np.median([known[n].bound_m for n in names]))
+    options.random_seed = seed
+    options.min_num_trials = 200
+    found = pycolmap.estimate_sim3d_robust(source, target, options)
+    if found is None:
+        return None
+    transform = found["tgt_from_src"]
+    similarity = Similarity(transform.scale, transform.rotation.matrix(), transform.translation)
+    for _ in range(5):
+        residual = np.linalg.norm(similarity.apply(source) - target, axis=1)
+        inliers = residual <= np.array([known[n].bound_m for n in names])
+        if inliers.sum() < 3:
+            return None
+        try:
+            similarity = fit_similarity(source[inliers], target[inliers])
+        except ValueError:
+            return None
+    return similarity
+
+
+def judge(pose: Pose, known: KnownPose | None) -> Agreement:
+    """Compare a pose in the metric source's frame with what is known of it."""
+    if known is None or (known.position is None and known.rotation is None):
+        return Agreement(None, None, None, "")
+    residual = None if known.position is None else float(np.linalg.norm(pose.center - known.position))
+    angle = None if known.rotation is None else rotation_angle_deg(pose.rotation, known.rotation)
+    if residual is not None and residual > known.bound_m:
+        reason = f"wrong pose: {residual:.3f} m from the known position (bound {known.bound_m:.3f} m)"
+        return Agreement(residual, angle, False, reason)
+    bound_deg = ANGLE_SIGMAS * known.angle_sigma_deg
+    if angle is not None and angle > bound_deg:
+        reason = f"wrong pose: {angle:.1f}° from the known orientation (bound {bound_deg:.1f}°)"
+        return Agreement(residual, angle, False, reason)
+    return Agreement(residual, angle, True, "")

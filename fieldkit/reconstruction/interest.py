@@ -1,0 +1,58 @@
+"""The volume of interest where nobody gives one: from where the cameras look and what they share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.prior_mapping import region_of_interest
+
+_SHARED_BY = 0.5  # of the cameras see a point of a converging capture
+_TRIM = 0.005
+_MARGIN = 0.15  # of the box's edges, on every side
+_MIN_POINTS = 20
+
+
+def volume_of_interest(
+    points: NDArray[np.float64], poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics]
+) -> Volume:
+    """A box about what was photographed.
+
+    Cameras that converge on a place share it: the box holds the sparse points near where their axes meet that at
+    least half of the cameras have in their frames. Cameras that look alike (a nadir survey) share all they see: the
+    box holds all sparse points. Either is trimmed of 0.5 % at each end and grown by 15 %.
+
+    Args:
+        points: (n, 3) sparse points, plot frame.
+        poses: plot frame.
+        intrinsics: by the same names.
+
+    Raises:
+        ReconstructionError: too few points to tell.
+    """
+    chosen = points
+    region = region_of_interest(list(poses.values()))
+    if region is not None:
+        near = np.linalg.norm(points - np.array(region.center), axis=1) <= region.radius
+        seen = np.zeros(len(points))
+        for name, pose in poses.items():
+            camera = intrinsics[name].without_distortion()
+            pixels = camera.project(pose.to_camera(points))
+            with np.errstate(invalid="ignore"):
+                inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] <= camera.width) & (pixels[:, 1] <= camera.height)
+            seen += inside
+        shared = near & (seen >= _SHARED_BY * len(poses))
+        chosen = points[shared] if shared.sum() >= _MIN_POINTS else points[near]
+    if len(chosen) < _MIN_POINTS:
+        raise ReconstructionError(
+            f"only {len(chosen)} points lie where the cameras look, too few to find the volume of interest",
+            remedy="Give it with --bounds, in metres in the plot frame.",
+        )
+    lower, upper = np.quantile(chosen, [_TRIM, 1.0 - _TRIM], axis=0)
+    margin = _MARGIN * np.maximum(upper - lower, 0.05 * float(np.max(upper - lower)))
+    return Volume(tuple(lower - margin), tuple(upper + margin))

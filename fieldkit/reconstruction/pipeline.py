@@ -1,0 +1,282 @@
+"""Photographs in, a reconstruction in the plot frame out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import Finding, assess_quality, find_mask, quality_findings, read_image
+from fieldkit.captures.model import Capture
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.ground import Plane
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Intrinsics, Similarity
+from fieldkit.progress import Progress
+from fieldkit.reconstruction.cameras import cameras_of
+from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
+from fieldkit.reconstruction.dense import Settings as DenseSettings
+from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view
+from fieldkit.reconstruction.interest import volume_of_interest
+from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
+from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
+from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, StageTime
+from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
+from fieldkit.reconstruction.sparse import Mapped, map_capture
+
+_MIN_DENSE_VIEWS = 2
+_CLEARANCE_RMS = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPlot:
+    """What a reference fixes for later captures of its plot.
+
+    Attributes:
+        source: the metric source's frame.
+        plot_from_source: from that source's own coordinates to the plot frame.
+        volume: of interest.
+        ground: in the plot frame, or None.
+        calibrated: intrinsics by camera group key.
+    """
+
+    source: SourceFrame | None
+    plot_from_source: Similarity
+    volume: Volume
+    ground: Plane | None
+    calibrated: Mapping[str, Intrinsics] = field(default_factory=dict)
+
+
+class _Clock:
+    """Collects the stages' times."""
+
+    def __init__(self) -> None:
+        self.times: list[StageTime] = []
+
+    @contextmanager
+    def stage(self, name: str, items: int) -> Iterator[None]:
+        wall, cpu = time.perf_counter(), time.process_time()
+        yield
+        self.times.append(StageTime(name, time.perf_counter() - wall, time.process_time() - cpu, items, 0))
+
+
+def reconstruct(
+    capture: Capture,
+    settings: ReconstructionSettings,
+    *,
+    cache: StageCache,
+    progress: Progress,
+    workers: int = 1,
+    known_plot: KnownPlot | None = None,
+    with_scene: bool = False,
+) -> Reconstruction:
+    """Reconstruct a capture.
+
+    Args:
+        capture: as read.
+        settings: choices.
+        cache: of stages; a run goes on where a former one stopped.
+        progress: told of stages and findings.
+        workers: processes; the result does not depend on it.
+        known_plot: of a reference, to reconstruct in its frame and volume.
+        with_scene: also reconstruct what is not plant.
+
+    Raises:
+        ReconstructionError: too few photographs register, or nothing of the plot is seen by two of them.
+    """
+    clock = _Clock()
+    with clock.stage("Quality", len(capture.photos)), progress.stage("Reading photographs"):
+        findings = [*capture.findings, *quality_findings(assess_quality(capture))]
+    with clock.stage("Mapping", len(capture.photos)):
+        sparse = place(capture, settings, findings, cache, progress, workers, known_plot)
+    if sparse.right < _MIN_DENSE_VIEWS:
+        raise _too_few(sparse)
+    points = model_points(sparse.model)
+    volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
+    volume = volume or volume_of_interest(points, sparse.poses, sparse.intrinsics)
+    dense = _Dense(sparse, volume, settings, cache, progress, clock)
+    scene = dense.cloud("none") if with_scene and settings.mask != "none" else None
+    plants = dense.cloud(settings.mask)
+    if with_scene and scene is None:
+        scene = plants
+    ground = sparse.frame.ground
+    if ground is not None:
+        plants = plants.select(ground.heights(plants.points) > clearance(ground))
+    if len(plants) == 0:
+        raise ReconstructionError(
+            "no plant was reconstructed: no two views agree on a depth of anything green above the ground",
+            path=capture.folder,
+            remedy="Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
+        )
+    return Reconstruction(
+        sparse=sparse,
+        volume=volume,
+        plants=plants,
+        scene=scene,
+        gsd_m=_ground_sampling_distance(sparse, volume),
+        backend="cpu",
+        fusion_rule=dense.rule(),
+        times=tuple(clock.times),
+    )
+
+
+def place(
+    capture: Capture,
+    settings: ReconstructionSettings,
+    findings: list[Finding],
+    cache: StageCache,
+    progress: Progress,
+    workers: int,
+    known_plot: KnownPlot | None,
+) -> SparseResult:
+    """Map a capture and put it into the plot frame."""
+    known = known_poses(capture, known_plot.source if known_plot is not None else None)
+    cameras = cameras_of(capture, known_plot.calibrated if known_plot is not None else None)
+    mapped = map_capture(capture, cameras, known, settings, cache=cache, progress=progress, workers=workers)
+    if known_plot is not None and not mapped.metric:
+        raise _not_in_frame(capture)
+    frame, motion = _frame(mapped, known, settings, known_plot)
+    transform_model(mapped.model, motion)
+    images = mapped.images
+    counting = {image.name for image in images if image.counts}
+    poses = {name: pose for name, pose in model_poses(mapped.model).items() if name in counting}
+    intrinsics = {name: found for name, found in model_intrinsics(mapped.model).items() if name in counting}
+    for note in frame.notes:
+        progress.note(note)
+    return SparseResult(
+        capture, mapped.method, mapped.model, mapped.model_sizes, images, poses, intrinsics,
+        mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, tuple(findings),
+    )  # fmt: skip
+
+
+def clearance(ground: Plane) -> float:
+    """Height above the ground, metres, from which a point can be plant: three times the ground's roughness."""
+    return _CLEARANCE_RMS * ground.rms_m
+
+
+def _frame(
+    mapped: Mapped, known: KnownPoses, settings: ReconstructionSettings, known_plot: KnownPlot | None
+) -> tuple[MetricFrame, Similarity]:
+    """The metric frame, and the motion from the mapped model's frame to the plot frame."""
+    counting = {image.name for image in mapped.images if image.counts}
+    poses = {name: pose for name, pose in model_poses(mapped.model).items() if name in counting}
+    points = model_points(mapped.model)
+    source = known.frame if mapped.metric else None
+    to_source = source.to_source() if source is not None else Similarity.identity()
+    upright = source is not None and source.georeferenced
+    if known_plot is not None:
+        ground = known_plot.ground
+        motion = known_plot.plot_from_source.after(to_source)
+    else:
+        found = find_ground(points, poses, seed=settings.seed, keep_upright=upright) if poses else None
+        motion = plot_from_world(points, poses, found, keep_upright=upright) if poses else Similarity.identity()
+        ground = None if found is None else moved_plane(found, motion)
+    residuals = [i.position_residual_m for i in mapped.images if i.counts and i.position_residual_m is not None]
+    bounds = [known.poses[n].bound_m for n in known.positioned]
+    notes = list(mapped.notes)
+    if source is None:
+        notes.append("no metric source: the result has no scale, and its lengths are not metres")
+    if ground is None:
+        notes.append("no ground plane was found; nothing was removed as ground")
+    frame = MetricFrame(
+        source="none" if source is None else source.source,
+        plot_from_source=motion.after(to_source.inverse()),
+        origin=None if source is None else source.origin,
+        rms_m=float(np.sqrt(np.mean(np.square(residuals)))) if residuals else None,
+        bound_m=float(np.median(bounds)) if bounds and mapped.metric else None,
+        ground=ground,
+        notes=tuple(notes),
+    )
+    return frame, motion
+
+
+@dataclass(frozen=True, eq=False)
+class _Dense:
+    sparse: SparseResult
+    volume: Volume
+    settings: ReconstructionSettings
+    cache: StageCache
+    progress: Progress
+    clock: _Clock
+
+    @property
+    def options(self) -> DenseSettings:
+        return DenseSettings(fidelity=self.settings.fidelity, min_agreeing=self.settings.min_agreeing_views)
+
+    def rule(self) -> str:
+        """The fusion rule in words."""
+        o = self.options
+        return (
+            f"cost < {o.max_cost}, depths within {100 * o.max_relative_depth:g} %, reprojection < "
+            f"{o.max_reprojection_px} px, at least {o.min_agreeing} agreeing views"
+        )
+
+    def cloud(self, mask: MaskKind) -> Cloud:
+        """The fused cloud of all views that count."""
+        what = "plants" if mask != "none" else "scene"
+        with self.clock.stage(f"Dense stereo ({what})", len(self.sparse.poses)):
+            views = self.views(mask)
+            maps = compute_depth_maps(
+                views, self.volume, self.options, seed=self.settings.seed, progress=self.progress, cache=self.cache
+            )
+        with self.clock.stage(f"Fusion ({what})", len(views)), self.progress.stage("Fusion"):
+            return fuse(views, maps, self.volume, self.options)
+
+    def views(self, mask: MaskKind) -> list[View]:
+        """The photographs that count, undistorted at working size."""
+        views = []
+        for photo in self.sparse.capture.photos:
+            pose = self.sparse.poses.get(photo.name)
+            if pose is None:
+                continue
+            intrinsics = self.sparse.intrinsics[photo.name]
+            image = read_image(photo)
+            mask_path = find_mask(photo.path) if mask == "file" else None
+            if mask == "file" and mask_path is None:
+                raise ReconstructionError(
+                    f"there is no mask image for {photo.name}",
+                    path=self.sparse.capture.folder,
+                    remedy="Put NAME_mask.png beside every photograph or in masks/, or choose --mask exg.",
+                )
+            mask_image = None if mask_path is None else read_image(mask_path, gray=True)
+            views.append(
+                prepare_view(photo.name, image, intrinsics, pose, self.settings.fidelity, mask, mask_image)
+            )
+        return views
+
+
+def _ground_sampling_distance(sparse: SparseResult, volume: Volume) -> float:
+    """Metres per full-size pixel at the volume's centre, median over images."""
+    values = [
+        float(np.linalg.norm(pose.center - volume.center)) / sparse.intrinsics[name].fx
+        for name, pose in sparse.poses.items()
+    ]
+    return float(np.median(values))
+
+
+def _too_few(sparse: SparseResult) -> ReconstructionError:
+    wrong = sparse.registered - sparse.right
+    said = f"; {wrong} more registered with poses that contradict what is known" if wrong else ""
+    reasons = sorted({image.reason for image in sparse.images if image.reason})
+    return ReconstructionError(
+        f"only {sparse.right} of {len(sparse.images)} photographs have a usable pose{said} ({'; '.join(reasons[:3])})",
+        path=sparse.capture.folder,
+        remedy="Take views closer together, or give their rough poses in poses.csv so that prior mapping can be used.",
+    )
+
+
+def _not_in_frame(capture: Capture) -> ReconstructionError:
+    if any(p.position is not None for p in capture.priors.values()):
+        why = "their reconstructed positions contradict the known ones"
+    else:
+        why = "they carry no positions (no poses.csv, no GPS)"
+    return ReconstructionError(
+        f"the photographs cannot be placed in the reference's frame: {why}",
+        path=capture.folder,
+        remedy="Put a poses.csv with their positions in the reference's metric frame beside them.",
+    )

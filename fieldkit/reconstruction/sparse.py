@@ -1,0 +1,360 @@
+"""From a capture to posed images and sparse points in the metric source's frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from fieldkit.cache import StageCache, digest
+from fieldkit.captures.model import Capture
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Pose
+from fieldkit.progress import Progress
+from fieldkit.reconstruction.agreement import align_to_positions, judge
+from fieldkit.reconstruction.blind_mapping import map_blindly
+from fieldkit.reconstruction.cameras import CameraSet
+from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
+from fieldkit.reconstruction.known_poses import KnownPoses
+from fieldkit.reconstruction.model_cache import arrays_to_model, model_to_arrays
+from fieldkit.reconstruction.orientation import orient_cameras
+from fieldkit.reconstruction.prior_mapping import PriorMapping, RoughPose, map_with_priors, region_of_interest
+from fieldkit.reconstruction.result import ImageReport
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, load_features, load_pairs
+from fieldkit.reconstruction.verification import TwoView
+
+_MAPPING_VERSION = 1
+_MAX_BLIND_NEIGHBOURS = 40
+_FEW_FEATURES = 50
+_ORIENTED_SIGMA_DEG = 6.0
+"""What orientations found from positions and pairs are good to (measured 0.3–6° on the recorded rigs)."""
+_SHARE_FOR_PRIOR = 0.8
+_MIN_CALIBRATION_IMAGES = 5
+
+Pairs = dict[tuple[int, int], TwoView]
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """A mapped capture, before it is placed in a plot frame.
+
+    Attributes:
+        method: ``"incremental"``, ``"global"`` or ``"prior"``.
+        model: in the metric source's (shifted) frame where ``metric``, else in COLMAP's.
+        model_sizes: registered images of every model, largest first.
+        metric: whether the model has the known positions' scale and place.
+        images: reports, in the capture's order.
+        intrinsics_source: by camera group key.
+        pairs_tried, pairs_verified: counts.
+        features_cached, pairs_cached: how many came from the cache.
+        notes: doubts, in sentences.
+    """
+
+    method: str
+    model: pycolmap.Reconstruction
+    model_sizes: tuple[int, ...]
+    metric: bool
+    images: tuple[ImageReport, ...]
+    intrinsics_source: dict[str, str]
+    pairs_tried: int
+    pairs_verified: int
+    features_cached: int
+    notes: tuple[str, ...]
+
+
+def map_capture(
+    capture: Capture,
+    cameras: CameraSet,
+    known: KnownPoses,
+    settings: ReconstructionSettings,
+    *,
+    cache: StageCache,
+    progress: Progress,
+    workers: int,
+) -> Mapped:
+    """Features, matches and mapping of a capture.
+
+    Raises:
+        ReconstructionError: fewer than two photographs, or no model.
+    """
+    if len(capture.photos) < 2:
+        raise ReconstructionError(
+            "a reconstruction needs at least two photographs, better ten or more",
+            path=capture.folder,
+            remedy="Add the other photographs of the plot to the folder.",
+        )
+    with progress.stage("Features", len(capture.photos)) as advance:
+        features = load_features(
+            capture.photos, settings.features, cache=cache, workers=workers, advance=advance
+        )
+    run = _Run(capture, cameras, known, settings, features, cache, progress, workers, [])
+    method = _choose_method(run)
+    mapped = run.with_priors() if method == "prior" else run.blindly(method)
+    return replace(mapped, features_cached=sum(f.cached for f in features))
+
+
+def _choose_method(run: _Run) -> str:
+    if run.settings.mapping != "auto":
+        if run.settings.mapping == "prior" and len(run.known.positioned) < 3:
+            raise ReconstructionError(
+                "prior mapping needs the positions of at least three photographs, and none are known",
+                path=run.capture.folder,
+                remedy="Put a poses.csv beside the photographs, or choose --mapping global.",
+            )
+        return run.settings.mapping
+    enough = len(run.known.positioned) >= max(3, _SHARE_FOR_PRIOR * len(run.capture.photos))
+    return "prior" if enough else "global"
+
+
+@dataclass
+class _Run:
+    """The state of one mapping run: inputs that every step needs, and the notes it leaves."""
+
+    capture: Capture
+    cameras: CameraSet
+    known: KnownPoses
+    settings: ReconstructionSettings
+    keyed: Sequence[KeyedFeatures]
+    cache: StageCache
+    progress: Progress
+    workers: int
+    notes: list[str]
+    pairs_tried: int = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.capture.names
+
+    def position(self, name: str) -> NDArray[np.float64] | None:
+        known = self.known.poses.get(name)
+        return None if known is None else known.position
+
+    # Blind mapping -------------------------------------------------------------------------------------------------
+
+    def pairs(self, *, calibrated: bool) -> Pairs:
+        positions = [self.position(name) for name in self.names]
+        wanted = exhaustive_pairs(len(self.names), positions, _MAX_BLIND_NEIGHBOURS)
+        self.pairs_tried = len(wanted)
+        with self.progress.stage("Matching", len(wanted)) as advance:
+            verified, _ = load_pairs(
+                self.keyed, self.cameras.cameras, self.cameras.camera_of, wanted, self.settings.verification,
+                calibrated=calibrated, seed=self.settings.seed, cache=self.cache, workers=self.workers,
+                advance=advance,
+            )  # fmt: skip
+        return verified
+
+    def blind_models(self, method: str, pairs: Pairs) -> list[pycolmap.Reconstruction]:
+        fixed = self.cameras.all_fixed
+        key = digest(
+            "blind", _MAPPING_VERSION, method, [f.key for f in self.keyed], self.names, self.cameras.cameras,
+            self.cameras.camera_of, fixed, self.settings.verification, self.cameras.known, self.settings.seed,
+            sorted(pairs),
+        )  # fmt: skip
+        kept = self.cache.get("models", key)
+        if kept is None:
+            with self.progress.stage("Mapping"):
+                mapping = map_blindly(
+                    method, self.names, [f.features for f in self.keyed], self.cameras.cameras,
+                    self.cameras.camera_of, pairs, fixed_intrinsics=fixed, seed=self.settings.seed,
+                )  # fmt: skip
+            kept = {"count": np.array(len(mapping.models))}
+            for index, model in enumerate(mapping.models):
+                kept.update(model_to_arrays(model, f"{index}-"))
+            self.cache.put("models", key, kept)
+        return [arrays_to_model(kept, f"{index}-") for index in range(int(kept["count"]))]
+
+    def blindly(self, method: str) -> Mapped:
+        pairs = self.pairs(calibrated=self.cameras.known)
+        models = self.blind_models(method, pairs)
+        if not models:
+            raise _no_model(self, pairs)
+        model = models[0]
+        similarity = align_to_positions(model_poses(model), self.known.poses, seed=self.settings.seed)
+        if similarity is not None:
+            transform_model(model, similarity)
+        elif self.known.positioned:
+            self.notes.append(
+                "the model's camera centres do not fit the known positions (fewer than three agree): "
+                "none of its poses can be trusted, and it has no scale"
+            )
+        elsewhere = {image for other in models[1:] for image in model_poses(other)}
+        matched = {k for pair in pairs for k in pair}
+        reasons = {}
+        for index, name in enumerate(self.names):
+            if len(self.keyed[index].features) < _FEW_FEATURES:
+                reasons[name] = "too few features"
+            elif name in elsewhere:
+                reasons[name] = "other component"
+            else:
+                reasons[name] = "not registered by the mapper" if index in matched else "no matches"
+        sizes = tuple(m.num_reg_images() for m in models)
+        return self._mapped(method, model, sizes, similarity is not None, reasons, len(pairs))
+
+    # Mapping with priors -------------------------------------------------------------------------------------------
+
+    def with_priors(self) -> Mapped:
+        pairs: Pairs | None = None
+        if not self.cameras.known:
+            pairs = self.pairs(calibrated=False)
+            self.calibrate(pairs)
+        rough = self.rough_poses()
+        if len(rough) < len(self.known.positioned):
+            rough = self.orient(rough, self.pairs(calibrated=True))
+        if len(rough) < 2:
+            raise ReconstructionError(
+                "the orientations of the photographs are not known and could not be found from their matches",
+                path=self.capture.folder,
+                remedy="Add yaw_deg and pitch_deg to poses.csv, or choose --mapping global.",
+            )
+        result, pairs_kept = self.prior_model(rough)
+        model = result.model
+        reasons = {name: "its position is not known" for name in self.names if self.position(name) is None}
+        reasons |= {n: "its orientation is not known" for n in self.known.positioned if n not in rough}
+        reasons |= result.unregistered
+        if model.num_reg_images() < 2:
+            raise _no_model(self, {})
+        self.pairs_tried = result.pairs_tried
+        return self._mapped("prior", model, (model.num_reg_images(),), True, reasons, pairs_kept)
+
+    def calibrate(self, pairs: Pairs) -> None:
+        """Self-calibrate by blind mapping, where nothing is known of a camera."""
+        for method in ("incremental", "global"):
+            models = self.blind_models(method, pairs)
+            if models and models[0].num_reg_images() >= _MIN_CALIBRATION_IMAGES:
+                found = models[0].cameras
+                known = [from_colmap_camera(found[k + 1]) if k + 1 in found else c
+                         for k, c in enumerate(self.cameras.cameras)]  # fmt: skip
+                self.cameras = self.cameras.with_cameras(known)
+                return
+        focal = self.cameras.cameras[0].fx
+        self.notes.append(
+            f"the camera could not be calibrated from these photographs; a focal length of {focal:.0f} px is assumed. "
+            "Put a camera.toml beside them, or evaluate against a reference made with this camera"
+        )
+
+    def rough_poses(self) -> dict[str, RoughPose]:
+        rough = {}
+        for name in self.known.positioned:
+            known = self.known.poses[name]
+            if known.rotation is not None and known.position is not None:
+                pose = Pose(known.rotation, known.position)
+                rough[name] = RoughPose(pose, np.full(3, known.position_sigma_m), known.angle_sigma_deg)
+        return rough
+
+    def orient(self, rough: dict[str, RoughPose], pairs: Pairs) -> dict[str, RoughPose]:
+        """Add orientations found from pairs to positions known without."""
+        positions = [self.position(name) for name in self.names]
+        sigmas = [self.known.poses[n].position_sigma_m if n in self.known.poses else 0.0 for n in self.names]
+        oriented = orient_cameras(positions, sigmas, pairs, seed=self.settings.seed)
+        found = dict(rough)
+        for index, rotation in oriented.items():
+            name = self.names[index]
+            known = self.known.poses[name]
+            if name not in found and known.position is not None:
+                pose = Pose(rotation, known.position)
+                found[name] = RoughPose(pose, np.full(3, known.position_sigma_m), _ORIENTED_SIGMA_DEG)
+        return {name: found[name] for name in self.names if name in found}
+
+    def prior_model(self, rough: Mapping[str, RoughPose]) -> tuple[PriorMapping, int]:
+        chosen = [k for k, name in enumerate(self.names) if name in rough]
+        names = [self.names[k] for k in chosen]
+        keyed = [self.keyed[k] for k in chosen]
+        priors = [rough[name] for name in names]
+        camera_of = [self.cameras.camera_of[k] for k in chosen]
+        # Focal length and height trade off where all cameras look the same way: hold what EXIF says.
+        converging = region_of_interest([prior.pose for prior in priors]) is not None
+        fixed = self.cameras.all_fixed or (self.cameras.known and not converging)
+        key = digest(
+            "prior", _MAPPING_VERSION, [f.key for f in keyed], names, self.cameras.cameras, camera_of, fixed,
+            [(p.pose.rotation, p.pose.center, p.position_sigma, p.angle_sigma_deg) for p in priors],
+            self.settings.prior, self.settings.seed,
+        )  # fmt: skip
+        kept = self.cache.get("models", key)
+        if kept is None:
+            with self.progress.stage("Mapping", 1 + len(self.settings.prior.bands_px)) as advance:
+                result = map_with_priors(
+                    names, [f.features for f in keyed], self.cameras.cameras, camera_of, priors, self.settings.prior,
+                    fixed_intrinsics=fixed, seed=self.settings.seed, advance=advance,
+                )  # fmt: skip
+            kept = model_to_arrays(result.model)
+            kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
+            kept["_unregistered"] = np.array([[n, r] for n, r in result.unregistered.items()], dtype=np.str_)
+            self.cache.put("models", key, kept)
+        arrays = {name: data for name, data in kept.items() if not name.startswith("_")}
+        tried, pairs_kept = (int(v) for v in kept["_counts"])
+        unregistered = {str(n): str(r) for n, r in kept["_unregistered"].reshape(-1, 2)}
+        return PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept), pairs_kept
+
+    # Reports -------------------------------------------------------------------------------------------------------
+
+    def _mapped(
+        self,
+        method: str,
+        model: pycolmap.Reconstruction,
+        sizes: tuple[int, ...],
+        metric: bool,
+        reasons: Mapping[str, str],
+        verified: int,
+    ) -> Mapped:
+        by_name = {model.image(i).name: model.image(i) for i in model.reg_image_ids()}
+        errors = _reprojection_errors(model)
+        poses = model_poses(model)
+        trusted = metric or not self.known.positioned
+        reports = []
+        for index, name in enumerate(self.names):
+            features = len(self.keyed[index].features)
+            if name not in by_name:
+                reason = reasons.get(name, "no matches")
+                reports.append(ImageReport(name, features, False, None, reason, 0, None, None, None))
+                continue
+            known = self.known.poses.get(name) if metric else None
+            agreement = judge(poses[name], known)
+            right, reason = agreement.right, agreement.reason
+            if not trusted:
+                right, reason = False, "wrong pose: the model does not fit the known positions"
+            reports.append(
+                ImageReport(
+                    name, features, True, right, reason, int(by_name[name].num_points3D), errors.get(name),
+                    agreement.position_residual_m, agreement.angle_residual_deg,
+                )
+            )  # fmt: skip
+        return Mapped(
+            method, model, sizes, metric, tuple(reports),
+            dict(zip(self.cameras.keys, self.cameras.sources, strict=True)),
+            self.pairs_tried, verified, 0, tuple(self.notes),
+        )  # fmt: skip
+
+
+def _reprojection_errors(model: pycolmap.Reconstruction) -> dict[str, float]:
+    """Mean reprojection error per image, pixels."""
+    total: dict[int, float] = {}
+    count: dict[int, int] = {}
+    for point in model.points3D.values():
+        for element in point.track.elements:
+            image = model.image(element.image_id)
+            projected = image.project_point(point.xyz)
+            if projected is None:
+                continue
+            error = float(np.linalg.norm(projected - image.point2D(element.point2D_idx).xy))
+            total[element.image_id] = total.get(element.image_id, 0.0) + error
+            count[element.image_id] = count.get(element.image_id, 0) + 1
+    return {model.image(i).name: total[i] / count[i] for i in total}
+
+
+def _no_model(run: _Run, pairs: Pairs) -> ReconstructionError:
+    few = [n for n, f in zip(run.names, run.keyed, strict=True) if len(f.features) < _FEW_FEATURES]
+    if few:
+        why = f"{len(few)} of {len(run.names)} have hardly any features (for one {few[0]}): blurred, dark or empty"
+    elif pairs:
+        why = f"{len(pairs)} pairs match, too weakly to build on"
+    else:
+        why = "no two of them match: they overlap too little, or show different things"
+    return ReconstructionError(
+        f"the {len(run.names)} photographs do not reconstruct; {why}",
+        path=run.capture.folder,
+        remedy="Take views at most 20° apart, or give their poses (poses.csv, GPS) so that prior mapping can be used.",
+    )

@@ -1,0 +1,123 @@
+"""The cached stages before mapping: features per photograph, verified matches per pair."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.cache import StageCache, digest
+from fieldkit.captures import Photo, read_image
+from fieldkit.geometry import Intrinsics
+from fieldkit.parallel import map_parallel
+from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
+from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+
+# Part of the keys: raised when the code behind a stage changes its results.
+_FEATURES_VERSION = 1
+_PAIRS_VERSION = 1
+RATIO = 0.8
+"""Lowe's ratio of blind matching."""
+
+Advance = Callable[[int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class KeyedFeatures:
+    """Features with the digest of what they were made of; ``cached`` tells where they came from."""
+
+    key: str
+    features: Features
+    cached: bool
+
+
+def load_features(
+    photos: Sequence[Photo], settings: FeatureSettings, *, cache: StageCache, workers: int, advance: Advance
+) -> list[KeyedFeatures]:
+    """Features of every photograph, from the cache where they are there."""
+    work = partial(_features_of, settings=settings, cache_root=cache.root)
+    return map_parallel(work, photos, workers=workers, advance=advance)
+
+
+def _features_of(photo: Photo, settings: FeatureSettings, cache_root: Path | None) -> KeyedFeatures:
+    cache = StageCache(cache_root)
+    key = digest("features", _FEATURES_VERSION, photo.sha256, settings)
+    kept = cache.get("features", key)
+    if kept is not None:
+        return KeyedFeatures(key, Features(kept["keypoints"], kept["descriptors"]), cached=True)
+    found = extract_features(read_image(photo, gray=True), settings)
+    cache.put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
+    return KeyedFeatures(key, found, cached=False)
+
+
+@dataclass(frozen=True, eq=False)
+class _PairTask:
+    a: KeyedFeatures
+    b: KeyedFeatures
+    camera_a: Intrinsics
+    camera_b: Intrinsics
+
+
+def load_pairs(
+    features: Sequence[KeyedFeatures],
+    cameras: Sequence[Intrinsics],
+    camera_of: Sequence[int],
+    pairs: Sequence[tuple[int, int]],
+    settings: VerificationSettings,
+    *,
+    calibrated: bool,
+    seed: int,
+    cache: StageCache,
+    workers: int,
+    advance: Advance,
+) -> tuple[dict[tuple[int, int], TwoView], int]:
+    """Blind matches of image pairs, verified.
+
+    Returns:
+        The pairs that pass, by image indices, and how many of all came from the cache.
+    """
+    tasks = [_PairTask(features[i], features[j], cameras[camera_of[i]], cameras[camera_of[j]]) for i, j in pairs]
+    work = partial(_verified, settings=settings, calibrated=calibrated, seed=seed, cache_root=cache.root)
+    results = map_parallel(work, tasks, workers=workers, advance=advance)
+    verified = {pair: two for pair, (two, _) in zip(pairs, results, strict=True) if len(two.inliers)}
+    return verified, sum(cached for _, cached in results)
+
+
+def _verified(
+    task: _PairTask, settings: VerificationSettings, calibrated: bool, seed: int, cache_root: Path | None
+) -> tuple[TwoView, bool]:
+    cache = StageCache(cache_root)
+    # The intrinsics matter only where an essential matrix is estimated.
+    cameras = (task.camera_a, task.camera_b) if calibrated else None
+    key = digest("pair", _PAIRS_VERSION, task.a.key, task.b.key, cameras, settings, RATIO, calibrated, seed)
+    kept = cache.get("pairs", key)
+    if kept is not None:
+        return TwoView(**{**kept, "config": int(kept["config"])}), True  # type: ignore[arg-type]
+    matches = match_features(task.a.features, task.b.features, ratio=RATIO)
+    two = verify_pair(
+        task.a.features, task.b.features, task.camera_a, task.camera_b, matches, settings,
+        calibrated=calibrated, seed=seed,
+    )  # fmt: skip
+    arrays: Mapping[str, np.ndarray] = {
+        "inliers": two.inliers, "config": np.array(two.config), "fundamental": two.fundamental,
+        "essential": two.essential, "homography": two.homography, "rotation": two.rotation,
+        "translation": two.translation,
+    }  # fmt: skip
+    cache.put("pairs", key, dict(arrays))
+    return two, False
+
+
+def exhaustive_pairs(count: int, centers: Sequence[np.ndarray | None], max_neighbours: int) -> list[tuple[int, int]]:
+    """All pairs of ``count`` images; where all positions are known, each image's nearest ``max_neighbours`` only."""
+    if count <= max_neighbours + 1 or any(center is None for center in centers):
+        return [(i, j) for i in range(count) for j in range(i + 1, count)]
+    points = np.array(centers)
+    pairs = set()
+    for i in range(count):
+        nearest = np.argsort(np.linalg.norm(points - points[i], axis=1), kind="stable")
+        pairs.update((min(i, int(j)), max(i, int(j))) for j in nearest[: max_neighbours + 1] if j != i)
+    return sorted(pairs)
