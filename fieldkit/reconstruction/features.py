@@ -51,7 +51,7 @@ class Features:
 def extract_features(gray: NDArray[np.uint8], settings: FeatureSettings) -> Features:
     """Features of a grey image (h, w), uint8. An image without texture gives zero features.
 
-    Sorted by position, so that the order does not depend on the detector's.
+    Sorted by their values, so that the order does not depend on the detector's.
     """
     height, width = gray.shape
     scale = min(1.0, settings.working_side / max(height, width))

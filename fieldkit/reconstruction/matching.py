@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fieldkit.reconstruction.features import Features
 
 _CHUNK_ROWS = 1024  # of the similarity matrix: 32 MB against 8192 features
+_EXACT = 1e-6  # squared distance below which descriptors are the same, so that twins at distance 0 are ambiguous too
 
 
 class Gate(Protocol):
@@ -90,7 +91,7 @@ def _update_columns(
 
 def _passes_ratio(best: _BestTwo, ratio: float) -> NDArray[np.bool_]:
     """Distances of unit vectors are √(2 − 2 cos); no second candidate passes, no first does not."""
-    nearest = np.sqrt(np.maximum(2.0 - 2.0 * best.first, 0.0))
-    runner_up = np.sqrt(np.maximum(2.0 - 2.0 * best.second, 0.0))
+    nearest = np.sqrt(np.maximum(2.0 - 2.0 * best.first, _EXACT))
+    runner_up = np.sqrt(np.maximum(2.0 - 2.0 * best.second, _EXACT))
     passes: NDArray[np.bool_] = np.isfinite(best.first) & (nearest <= ratio * runner_up)
     return passes

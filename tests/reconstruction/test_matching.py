@@ -1,0 +1,118 @@
+"""Descriptor matching against brute force."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.reconstruction import matching
+from fieldkit.reconstruction.features import Features
+from fieldkit.reconstruction.matching import match_features
+from tests.reconstruction.synthetic import noisy, random_descriptors
+
+
+def features(descriptors: np.ndarray) -> Features:
+    return Features(np.zeros((len(descriptors), 4), np.float32), descriptors.astype(np.uint8))
+
+
+def related(rng: np.random.Generator, n: int, m: int, shared: int, noise: float = 20.0) -> tuple[Features, Features]:
+    """Two sets of descriptors that share some, with noise, in different orders."""
+    a = random_descriptors(rng, n)
+    b = np.concatenate([noisy(rng, a[rng.permutation(n)[:shared]], noise), random_descriptors(rng, m - shared)])
+    return features(a), features(b[rng.permutation(m)])
+
+
+def brute_force(a: Features, b: Features, ratio: float, allowed: np.ndarray | None = None) -> list[list[int]]:
+    def unit(f: Features) -> np.ndarray:
+        values = f.descriptors.astype(np.float64)
+        return values / np.linalg.norm(values, axis=1, keepdims=True)
+
+    distance = np.maximum(np.linalg.norm(unit(a)[:, None] - unit(b)[None], axis=2), 1e-3)
+    if allowed is not None:
+        distance[~allowed] = np.inf
+
+    def best(row: np.ndarray) -> int:
+        order = np.argsort(row, kind="stable")
+        runner_up = row[order[1]] if len(row) > 1 else np.inf
+        return int(order[0]) if np.isfinite(row[order[0]]) and row[order[0]] <= ratio * runner_up else -1
+
+    forth = [best(row) for row in distance]
+    back = [best(column) for column in distance.T]
+    return [[i, j] for i, j in enumerate(forth) if j >= 0 and back[j] == i]
+
+
+@given(
+    seed=st.integers(0, 2**31),
+    n=st.integers(1, 40),
+    m=st.integers(1, 40),
+    chunk=st.integers(1, 45),
+    ratio=st.sampled_from([0.6, 0.8, 0.95, 1.0]),
+    gated=st.booleans(),
+)
+def test_brute_force_finds_the_same(seed: int, n: int, m: int, chunk: int, ratio: float, gated: bool) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = related(rng, n, m, min(n, m) // 2)
+    allowed = rng.random((n, m)) < 0.4 if gated else None
+    gate = None if allowed is None else lambda rows: allowed[rows]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(matching, "_CHUNK_ROWS", chunk)
+        found = match_features(a, b, ratio=ratio, gate=gate)
+    assert found.dtype == np.uint32
+    assert found.tolist() == brute_force(a, b, ratio, allowed)
+
+
+def test_opencv_finds_the_same() -> None:
+    rng = np.random.default_rng(4)
+    a, b = related(rng, 700, 900, 500)
+    one, two = (f.descriptors / np.linalg.norm(f.descriptors.astype(float), axis=1, keepdims=True) for f in (a, b))
+    matcher = cv2.BFMatcher(cv2.NORM_L2)
+
+    def good(x: np.ndarray, y: np.ndarray) -> set[tuple[int, int]]:
+        pairs = matcher.knnMatch(x.astype(np.float32), y.astype(np.float32), k=2)
+        return {(p.queryIdx, p.trainIdx) for p, q in pairs if p.distance <= 0.8 * q.distance}
+
+    expected = sorted(good(one, two) & {(i, j) for j, i in good(two, one)})
+    assert len(expected) > 450
+    assert [tuple(match) for match in match_features(a, b).tolist()] == expected
+
+
+def test_copies_are_found_over_chunk_boundaries(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(matching, "_CHUNK_ROWS", 64)
+    rng = np.random.default_rng(0)
+    descriptors = random_descriptors(rng, 300)
+    order = rng.permutation(300)
+    found = match_features(features(descriptors), features(descriptors[order]))
+    assert np.array_equal(found[:, 0], np.arange(300))
+    assert np.array_equal(order[found[:, 1]], np.arange(300))
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 3, 1024])
+def test_twins_are_ambiguous_in_both_directions(monkeypatch: pytest.MonkeyPatch, chunk: int) -> None:
+    monkeypatch.setattr(matching, "_CHUNK_ROWS", chunk)
+    one, other = random_descriptors(np.random.default_rng(0), 2)
+    twins, single = features(np.array([one, one, other])), features(np.array([other, one]))
+    assert match_features(twins, single).tolist() == [[2, 0]]
+    assert match_features(single, twins).tolist() == [[0, 2]]
+
+
+@pytest.mark.parametrize(("n", "m"), [(0, 0), (0, 5), (5, 0)])
+def test_no_features_no_matches(n: int, m: int) -> None:
+    rng = np.random.default_rng(0)
+    assert match_features(features(random_descriptors(rng, n)), features(random_descriptors(rng, m))).shape == (0, 2)
+
+
+def test_one_candidate_has_no_rival() -> None:
+    rng = np.random.default_rng(0)
+    one, other = features(random_descriptors(rng, 1)), features(random_descriptors(rng, 1))
+    assert match_features(one, other).tolist() == [[0, 0]]
+
+
+def test_a_gate_that_is_shut_lets_nothing_through() -> None:
+    a = features(random_descriptors(np.random.default_rng(0), 20))
+    assert len(match_features(a, a, gate=lambda rows: np.zeros((rows.stop - rows.start, 20), np.bool_))) == 0
+
+
+def test_descriptors_of_zeros_do_no_harm() -> None:
+    a = features(np.zeros((3, 128)))
+    assert len(match_features(a, a)) == 0
