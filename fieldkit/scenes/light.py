@@ -17,7 +17,7 @@ from fieldkit.scenes.scene import Light, Mesh
 
 def bake_light(
     meshes: Sequence[Mesh], light: Light, *, gloss: Sequence[tuple[float, float]], radius_m: float,
-    sky_directions: int = 40,
+    sky_directions: int = 32,
 ) -> list[Mesh]:  # fmt: skip
     """The meshes with their shading values filled in (see `Mesh`).
 

@@ -15,6 +15,7 @@ from fieldkit.scenes.scene import Light, Mesh, Scene
 from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
 
 Layout = Literal["row", "grid", "random"]
+_DIRECTIONS = 36
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,8 @@ def _sky() -> Mesh:
 def sample_plants(scene: Scene, count: int, seed: int = 0) -> Cloud:
     """Points on the plants' surfaces, uniform by area, that can be seen from outside.
 
-    A point counts as visible when one of 60 directions from straight above down to 10° below the horizon reaches
-    it (within 3 mm) past plants and soil.
+    A point counts as visible when one of 36 directions, from straight above down to 10° below the horizon, reaches it
+    (within 3 mm) past plants and soil.
 
     Returns:
         About ``count`` points less the hidden ones, with unlit colours and normals, in the plot frame.
@@ -128,12 +129,12 @@ def sample_plants(scene: Scene, count: int, seed: int = 0) -> Cloud:
     radius = float(np.abs([lower[:2], upper[:2]]).max()) + 0.1
     corners = corners[(np.abs(corners[:, :, :2]) < radius).all(axis=(1, 2))]
     seen = np.zeros(len(everything), bool)
-    i = np.arange(60) + 0.5
-    height = 1.0 - i / 60 * (1.0 + np.sin(np.radians(10)))
+    i = np.arange(_DIRECTIONS) + 0.5
+    height = 1.0 - i / _DIRECTIONS * (1.0 + np.sin(np.radians(10)))
     turn = i * np.pi * (3 - np.sqrt(5))
     for h, a in zip(height, turn, strict=True):
         direction = np.array([np.sqrt(1 - h * h) * np.cos(a), np.sqrt(1 - h * h) * np.sin(a), h])
-        seen |= visible_from(everything, corners, direction, radius * 1.6, pixels=2048, bias_m=0.003) > 0.5
+        seen |= visible_from(everything, corners, direction, radius * 1.6, pixels=1600, bias_m=0.003) > 0.5
     return Cloud(everything[seen], np.concatenate(colors)[seen], np.concatenate(normals)[seen])
 
 

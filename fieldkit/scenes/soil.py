@@ -63,7 +63,9 @@ def soil_height(soil: SoilDescription, x: NDArray[np.float64], y: NDArray[np.flo
 def _axis(soil: SoilDescription) -> NDArray[np.float64]:
     """Grid coordinates along one axis: even in the core, then ever wider to about 45 m."""
     n = round(soil.core_m / soil.spacing_m / 2)
-    growth = np.concatenate([np.full(120, 1.018), np.full(24, 1.2)])
+    # 2.2 m in cells that grow by 1.8 % each, which a camera still sees well, then 24 by 20 %.
+    near = int(np.ceil(np.log1p(2.2 * 0.018 / soil.spacing_m) / np.log(1.018)))
+    growth = np.concatenate([np.full(near, 1.018), np.full(24, 1.2)])
     core = np.arange(n + 1) * soil.spacing_m
     half = np.concatenate([core, core[-1] + np.cumsum(soil.spacing_m * np.cumprod(growth))])
     return np.concatenate([-half[:0:-1], half])

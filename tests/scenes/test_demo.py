@@ -1,0 +1,33 @@
+"""The demo's captures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.captures import read_capture
+from fieldkit.clouds import read_cloud
+from fieldkit.scenes.demo import demo_cameras, make_demo_scene, write_demo_captures
+
+
+def test_the_demos_plot_depends_on_its_seed() -> None:
+    assert make_demo_scene(1) == make_demo_scene(1)
+    assert make_demo_scene(1) != make_demo_scene(2)
+
+
+@pytest.mark.slow
+def test_demo_captures_are_complete(tmp_path: Path) -> None:
+    captures = write_demo_captures(tmp_path, seed=0)
+    dense, few, intrinsics = demo_cameras()
+    for folder, poses in ((captures.dense, dense), (captures.few, few)):
+        capture = read_capture(folder)
+        assert len(capture.photos) == len(poses)
+        assert capture.metric_source == "poses.csv"
+        assert capture.groups[0].intrinsics == intrinsics
+        assert not capture.findings
+    reference = read_cloud(captures.truth / "reference.ply")
+    assert len(reference) > 100_000
+    assert np.abs(reference.points).max() < 1.2
+    assert sorted(p.name for p in captures.truth.iterdir()) == ["dense-poses.csv", "few-poses.csv", "reference.ply"]

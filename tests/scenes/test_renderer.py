@@ -1,0 +1,203 @@
+"""Pixels and depths are where the camera model says."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.scenes.renderer import Renderer, RenderingError, render
+from fieldkit.scenes.scene import Mesh, Scene, vertex_normals
+
+# A principal point off the middle, unequal focal lengths and odd sizes: what a symmetric camera would hide.
+CAMERA = Intrinsics("PINHOLE", 641, 479, (612.0, 598.0, 300.25, 251.5))
+POSE = Pose.from_yaw_pitch([0.4, -1.5, 1.1], -13.0, -31.0, 8.0)
+
+
+def quads(centers: np.ndarray, half_m: float) -> Mesh:
+    """Small white squares that face south and upwards, one at each centre."""
+    right, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.6, 0.8])
+    corners = np.array([-right - up, right - up, right + up, -right + up]) * half_m
+    vertices = (centers[:, None] + corners).reshape(-1, 3).astype(np.float32)
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * i for i in range(len(centers))]).astype(np.int32)
+    return Mesh("targets", vertices, faces, colors=np.ones((len(vertices), 3), np.float32))
+
+
+def plane(half_m: float = 50.0) -> Mesh:
+    """The ground z = 0 as two triangles."""
+    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32) * half_m
+    return Mesh("plane", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), colors=np.ones((4, 3), np.float32))
+
+
+def test_squares_appear_where_the_camera_projects_them() -> None:
+    rng = np.random.default_rng(2)
+    centers = np.stack(np.meshgrid(np.linspace(-0.3, 0.8, 6), np.linspace(-0.2, 1.2, 5), indexing="ij"), -1)
+    centers = np.column_stack([centers.reshape(-1, 2) + rng.uniform(-0.02, 0.02, (30, 2)), rng.uniform(0, 0.08, 30)])
+    image = Renderer(Scene((quads(centers, 0.02),), background=(0.0, 0.0, 0.0))).photograph(POSE, CAMERA)
+    brightness = image[..., 0] / 255.0
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width] + 0.5
+    errors = []
+    for corners in quads(centers, 0.02).vertices.reshape(-1, 4, 3).astype(np.float64):
+        pixels = CAMERA.project(POSE.to_camera(corners))
+        low, high = np.floor(pixels.min(0)).astype(int) - 2, np.ceil(pixels.max(0)).astype(int) + 2
+        if (low < 0).any() or high[0] > CAMERA.width or high[1] > CAMERA.height:
+            continue
+        window = np.s_[low[1] : high[1], low[0] : high[0]]
+        weight = brightness[window] / brightness[window].sum()
+        errors.append(np.array([(weight * u[window]).sum(), (weight * v[window]).sum()]) - _centroid(pixels))
+    errors = np.array(errors)
+    assert len(errors) >= 15
+    assert np.abs(errors).max() <= 0.1
+    assert np.abs(errors.mean(0)).max() <= 0.02  # no systematic shift of a part of a pixel
+
+
+def _centroid(polygon: np.ndarray) -> np.ndarray:
+    """Centre of area of a simple polygon (n, 2)."""
+    x, y = polygon.T
+    x1, y1 = np.roll(x, -1), np.roll(y, -1)
+    cross = x * y1 - x1 * y
+    return np.array([((x + x1) * cross).sum(), ((y + y1) * cross).sum()]) / (3 * cross.sum())
+
+
+def test_depth_of_a_plane_is_the_rays_own_depth() -> None:
+    with Renderer(Scene((plane(),))) as renderer:
+        depth = renderer.depth(POSE, CAMERA).astype(np.float64)
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width] + 0.5
+    rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones_like(u)], -1) @ POSE.rotation
+    with np.errstate(divide="ignore"):
+        expected = -POSE.center[2] / rays[..., 2]
+    inside = (expected > 0) & (expected < 30.0)
+    assert inside.mean() > 0.5
+    np.testing.assert_allclose(depth[inside], expected[inside], rtol=1e-4)
+
+
+def nearest_hit(triangles: np.ndarray, origin: np.ndarray, ray: np.ndarray) -> float:
+    """Ray parameter of the first triangle (m, 3, 3) hit (Möller and Trumbore 1997)."""
+    a, edge1, edge2 = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    p = np.cross(ray, edge2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1.0 / np.einsum("ij,ij->i", edge1, p)
+        u = np.einsum("ij,ij->i", origin - a, p) * inverse
+        q = np.cross(origin - a, edge1)
+        v = (q @ ray) * inverse
+        t = np.einsum("ij,ij->i", edge2, q) * inverse
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+    return float(t[hit].min())
+
+
+def test_depth_agrees_with_ray_casting_of_the_plants(renderer: Renderer, small_scene: Scene) -> None:
+
+    pose, camera = Pose.look_at([0.6, -0.8, 0.7], [0.1, 0.0, 0.2]), Intrinsics.pinhole(160, 120, 150.0)
+    depth = renderer.depth(pose, camera)
+    rng = np.random.default_rng(0)
+    rows, columns = rng.integers(0, 120, 60), rng.integers(0, 160, 60)
+    triangles = np.concatenate([m.vertices[m.faces] for m in small_scene.meshes]).astype(np.float64)
+    pixels = np.column_stack([columns + 0.5, rows + 0.5, np.ones(60)])
+    rays = (pixels @ np.linalg.inv(camera.matrix()).T) @ pose.rotation  # of length 1 along the optical axis
+    expected = np.array([nearest_hit(triangles, pose.center, ray) for ray in rays])
+    far = expected > 50.0  # the sky's dome and the horizon
+    assert far.sum() < 30
+    wrong = (np.abs(depth[rows, columns] - expected) > 1e-3 * expected) & ~far
+    assert wrong.sum() <= 1  # a ray along an edge may go either way
+
+
+def test_nothing_hit_is_depth_zero() -> None:
+    with Renderer(Scene((quads(np.array([[0.0, 0.0, 0.1]]), 0.02),))) as renderer:
+        depth = renderer.depth(POSE, CAMERA)
+    assert (depth == 0).mean() > 0.99
+    assert (depth > 0).sum() > 50
+
+
+def test_the_same_view_twice_is_the_same_bytes_and_a_new_renderer_agrees(
+    renderer: Renderer, small_scene: Scene
+) -> None:
+    first = renderer.photograph(POSE, CAMERA)
+    renderer.photograph(Pose.look_at([1.0, 1.0, 1.0], [0.0, 0.0, 0.0]), CAMERA.scaled(320, 240), samples=0)
+    assert np.array_equal(first, renderer.photograph(POSE, CAMERA))
+    image, depth = render(small_scene, POSE, CAMERA)
+    assert np.array_equal(image, first)
+    assert np.array_equal(depth, renderer.depth(POSE, CAMERA))
+
+
+def test_one_renderer_outlives_another() -> None:
+    scene = Scene((plane(),))
+    kept, closed = Renderer(scene), Renderer(scene)
+    before = kept.photograph(POSE, CAMERA)
+    closed.close()
+    closed.close()
+    assert np.array_equal(kept.photograph(POSE, CAMERA), before)
+    kept.close()
+    with pytest.raises(RenderingError):
+        kept.photograph(POSE, CAMERA)
+
+
+def test_anti_aliasing_mixes_edges_only_when_asked() -> None:
+    scene = Scene((quads(np.array([[0.1, 0.3, 0.1]]), 0.1),), background=(0.0, 0.0, 0.0))
+    with Renderer(scene) as renderer:
+        smooth, hard = renderer.photograph(POSE, CAMERA), renderer.photograph(POSE, CAMERA, samples=0)
+    assert set(np.unique(hard)) == {0, 255}
+    assert len(np.unique(smooth)) > 2
+
+
+def test_sun_shade_and_gloss() -> None:
+    """A lit surface is brighter in the sun than in the shade, and its far side shows what shines through."""
+    ground = plane()
+    normals = vertex_normals(ground.vertices, ground.faces)
+    levels = {}
+    for name, shading in (("sun", (1, 1, 0, 0)), ("shade", (0, 1, 0, 0)), ("dark", (0, 0, 0, 0))):
+        lit = Mesh("g", ground.vertices, ground.faces, normals, shading=np.tile(np.float32(shading), (4, 1)))
+        with Renderer(Scene((lit,))) as renderer:
+            levels[name] = int(renderer.photograph(Pose.from_yaw_pitch([0, 0, 2.0], 0, -90), CAMERA)[240, 300, 1])
+    assert levels["sun"] > levels["shade"] + 40
+    assert levels["shade"] > 80
+    assert levels["dark"] == 0
+
+
+def test_distortion_is_refused(renderer: Renderer) -> None:
+    with pytest.raises(ValueError, match="distortion"):
+        renderer.photograph(POSE, Intrinsics("SIMPLE_RADIAL", 64, 48, (50.0, 32.0, 24.0, 0.1)))
+
+
+@settings(max_examples=15)
+@given(yaw=st.floats(-180, 180), pitch=st.floats(-89, -20), width=st.integers(16, 90), height=st.integers(16, 70))
+def test_any_view_of_the_plane_has_its_depth(yaw: float, pitch: float, width: int, height: int) -> None:
+    pose, camera = Pose.from_yaw_pitch([0.0, 0.0, 2.0], yaw, pitch), Intrinsics.pinhole(width, height, 100.0)
+    depth = _plane_renderer().depth(pose, camera)
+    assert depth.shape == (height, width)
+    row, column = height // 2, width // 2
+    ray = np.array([(column + 0.5 - camera.cx) / 100.0, (row + 0.5 - camera.cy) / 100.0, 1.0]) @ pose.rotation
+    assert depth[row, column] == pytest.approx(-2.0 / ray[2], rel=1e-4)
+
+
+_KEPT: list[Renderer] = []
+
+
+def _plane_renderer() -> Renderer:
+    if not _KEPT:
+        _KEPT.append(Renderer(Scene((plane(),))))
+    return _KEPT[0]
+
+
+@pytest.mark.parametrize("broken", [{"PYOPENGL_PLATFORM": "nonsense"}, {"EGL_DEVICE_ID": "99"}, {"EGL_DEVICE_ID": "x"}])
+def test_a_machine_that_cannot_render_gets_a_remedy(broken: dict[str, str]) -> None:
+    code = (
+        "import numpy as np\n"
+        "from fieldkit.errors import FieldkitError\n"
+        "from fieldkit.scenes.renderer import Renderer\n"
+        "from fieldkit.scenes.scene import Mesh, Scene\n"
+        "mesh = Mesh('t', np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32))\n"
+        "try:\n    Renderer(Scene((mesh,)))\n"
+        "except FieldkitError as error:\n    print(error, '|', error.remedy)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, **broken}, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    assert "cannot start" in result.stdout
+    assert "libegl1" in result.stdout

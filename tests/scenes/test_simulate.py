@@ -1,0 +1,187 @@
+"""Simulated captures read back like real ones, and keep their truth to themselves."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import ExifTags, Image
+
+from fieldkit.captures import read_capture
+from fieldkit.captures.exif import read_exif
+from fieldkit.captures.poses_csv import parse_poses_csv
+from fieldkit.errors import UsageError
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
+from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, perturbed, poses_table, simulate_capture
+
+CAMERA = Intrinsics.pinhole(200, 150, 170.0)
+POSES = ring(4, 1.0, 0.8)
+EXACT = CaptureNoise(gps_horizontal_m=0.0, gps_vertical_m=0.0, gimbal_deg=0.0, image_sigma=0.0)
+SITE = Site(LocalFrame(-33.7, -70.25, 512.0, "ellipsoid"))
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.iterdir())}
+
+
+def test_a_capture_reads_back_with_its_geotags(tmp_path: Path, renderer: Renderer) -> None:
+    simulate_capture(tmp_path / "flight", renderer, POSES, CAMERA, noise=EXACT, site=SITE)
+    capture = read_capture(tmp_path / "flight")
+    assert capture.metric_source == "EXIF GPS"
+    assert [f.code for f in capture.findings] == []
+    for photo, pose in zip(capture.photos, POSES, strict=True):
+        assert (photo.make, photo.model) == ("fieldkit", "proxy")
+        assert (photo.width, photo.height) == (200, 150)
+        assert photo.focal_px == pytest.approx(170.0, rel=0.02)  # the 35 mm equivalent is a whole number
+        assert photo.geotag is not None
+        assert photo.geotag.rtk
+        assert photo.geotag.datum == "ellipsoid"
+        tag = photo.geotag
+        local = SITE.origin.to_local(tag.latitude_deg, tag.longitude_deg, tag.altitude_m or 0.0)[0]
+        np.testing.assert_allclose(local, pose.center, atol=0.001)
+        assert tag.relative_altitude_m == pytest.approx(pose.center[2], abs=0.001)
+        yaw, pitch, _ = pose.yaw_pitch_roll_deg()
+        assert photo.yaw_deg is not None
+        assert (photo.yaw_deg - yaw + 180) % 360 - 180 == pytest.approx(0.0, abs=0.01)
+        assert photo.pitch_deg == pytest.approx(pitch, abs=0.01)
+    assert len({photo.captured_at for photo in capture.photos}) == 4
+
+
+def test_sidecars_hold_the_commanded_poses_and_the_camera(tmp_path: Path, renderer: Renderer) -> None:
+    noise = CaptureNoise(position_m=0.05, angle_deg=1.0)
+    truth = tmp_path / "truth" / "poses.csv"
+    true = simulate_capture(
+        tmp_path / "flight",
+        renderer,
+        POSES,
+        CAMERA,
+        noise=noise,
+        sidecars=Sidecars(poses=True, camera=True),
+        truth=truth,
+    )
+    capture = read_capture(tmp_path / "flight")
+    assert capture.metric_source == "poses.csv"
+    assert capture.groups[0].source == "camera.toml"
+    assert capture.groups[0].intrinsics == CAMERA
+    commanded = np.array([capture.priors[p.name].position for p in capture.photos])
+    np.testing.assert_allclose(commanded, [p.center for p in POSES], atol=1e-5)
+    assert {prior.position_accuracy_m for prior in capture.priors.values()} == {0.05}
+    rows, _ = parse_poses_csv(truth.read_text())
+    np.testing.assert_allclose([r.position for r in rows], [p.center for p in true], atol=1e-5)
+    for row, pose in zip(rows, true, strict=True):
+        assert row.yaw_deg is not None
+        assert row.pitch_deg is not None
+        assert row.roll_deg is not None
+        read = Pose.from_yaw_pitch(row.position, row.yaw_deg, row.pitch_deg, row.roll_deg)
+        assert rotation_angle_deg(read.rotation, pose.rotation) < 1e-3
+    assert np.abs(np.array([p.center for p in true]) - commanded).max() > 0.01
+    assert not list((tmp_path / "flight").rglob("*truth*"))
+
+
+def test_photographs_are_taken_from_the_true_poses(tmp_path: Path, renderer: Renderer) -> None:
+    noise = CaptureNoise(position_m=0.1, angle_deg=2.0, image_sigma=0.0)
+    true = simulate_capture(tmp_path / "a", renderer, POSES, CAMERA, noise=noise, quality=95)
+    for name, pose, commanded in zip(sorted((tmp_path / "a").iterdir()), true, POSES, strict=True):
+        photo = np.asarray(Image.open(name), dtype=float)
+        right = np.abs(photo - renderer.photograph(pose, CAMERA)).mean()
+        wrong = np.abs(photo - renderer.photograph(commanded, CAMERA)).mean()
+        assert right < 8.0
+        assert wrong > 1.5 * right
+
+
+def test_the_same_seed_is_the_same_folder(tmp_path: Path, renderer: Renderer) -> None:
+    noise = CaptureNoise(position_m=0.01, angle_deg=0.5)
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        simulate_capture(
+            tmp_path / name,
+            renderer,
+            POSES[:2],
+            CAMERA,
+            noise=noise,
+            seed=seed,
+            site=SITE,
+            sidecars=Sidecars(poses=True),
+        )
+    assert digests(tmp_path / "a") == digests(tmp_path / "b")
+    assert digests(tmp_path / "a")["IMG_0001.jpg"] != digests(tmp_path / "c")["IMG_0001.jpg"]
+
+
+def test_noise_has_the_size_that_is_asked_for() -> None:
+    poses = ring(400, 1.0, 1.0)
+    true = perturbed(poses, CaptureNoise(position_m=0.02, angle_deg=1.5), seed=1)
+    shifts = np.array([t.center - p.center for t, p in zip(true, poses, strict=True)])
+    assert shifts.std() == pytest.approx(0.02, rel=0.1)
+    turns = np.array([rotation_angle_deg(t.rotation, p.rotation) for t, p in zip(true, poses, strict=True)])
+    assert np.sqrt((turns**2).mean() / 3) == pytest.approx(1.5, rel=0.1)
+    assert all(np.array_equal(a.center, b.center) for a, b in zip(poses, perturbed(poses, EXACT, 1), strict=True))
+
+
+def test_sensor_noise_is_seen_in_the_photograph(tmp_path: Path, renderer: Renderer) -> None:
+    for name, sigma in (("clean", 0.0), ("noisy", 10.0)):
+        noise = CaptureNoise(image_sigma=sigma)
+        simulate_capture(tmp_path / name, renderer, POSES[:1], CAMERA, noise=noise, quality=95)
+    clean, noisy = (np.asarray(Image.open(tmp_path / n / "IMG_0001.jpg"), dtype=float) for n in ("clean", "noisy"))
+    assert 4.0 < (clean - noisy)[..., 1].std() < 12.0
+
+
+def test_wrong_calls_leave_nothing_behind(tmp_path: Path, renderer: Renderer) -> None:
+    with pytest.raises(UsageError, match="at least one pose"):
+        simulate_capture(tmp_path / "a", renderer, [], CAMERA)
+    with pytest.raises(UsageError, match="true poses"):
+        simulate_capture(tmp_path / "a", renderer, POSES, CAMERA, truth=tmp_path / "a" / "truth.csv")
+    assert not (tmp_path / "a").exists()
+    simulate_capture(tmp_path / "a", renderer, POSES[:1], CAMERA)
+    with pytest.raises(UsageError):
+        simulate_capture(tmp_path / "a", renderer, POSES[:1], CAMERA)
+    with pytest.raises(ValueError, match="negative"):
+        CaptureNoise(position_m=-1.0)
+
+
+@given(
+    latitude=st.floats(-85, 85), longitude=st.floats(-180, 180), altitude=st.floats(-400, 5000),
+    yaw=st.floats(-720, 720), pitch=st.floats(-90, 90), rtk=st.booleans(),
+)  # fmt: skip
+def test_geotags_survive_exif_and_xmp(
+    latitude: float, longitude: float, altitude: float, yaw: float, pitch: float, rtk: bool
+) -> None:
+    from datetime import datetime
+    from io import BytesIO
+
+    tag = Geotag(latitude, longitude, altitude, 12.345, yaw, pitch, 0.0, rtk, 0.012, 0.02)
+    file = BytesIO()
+    exif = exif_block(CAMERA, datetime(2026, 7, 1, 23, 59, 58), tag)
+    Image.new("RGB", (200, 150)).save(file, "JPEG", exif=exif, xmp=xmp_packet(tag))
+    data = read_exif(Image.open(file))
+    assert data.captured_at == datetime(2026, 7, 1, 23, 59, 58)
+    assert data.focal_mm is not None
+    detail = exif.get_ifd(ExifTags.IFD.Exif)
+    focal_px = data.focal_mm * float(detail[ExifTags.Base.FocalPlaneXResolution])
+    assert focal_px == pytest.approx(170.0, rel=1e-3)
+    if abs(latitude) < 1e-6 and abs(longitude) < 1e-6:
+        return  # readers take (0, 0) for no position
+    assert data.geotag is not None
+    assert data.geotag.latitude_deg == pytest.approx(latitude, abs=1e-9)
+    assert data.geotag.longitude_deg == pytest.approx(longitude, abs=1e-9)
+    assert data.geotag.altitude_m == pytest.approx(altitude, abs=0.001)
+    assert data.geotag.rtk == rtk
+    assert data.xmp.gimbal_yaw_deg is not None
+    assert (data.xmp.gimbal_yaw_deg - yaw + 180) % 360 - 180 == pytest.approx(0.0, abs=0.006)
+    assert data.xmp.gimbal_pitch_deg == pytest.approx(pitch, abs=0.006)
+    assert data.xmp.relative_altitude_m == pytest.approx(12.345)
+
+
+def test_pose_tables_read_back() -> None:
+    rows, findings = parse_poses_csv(poses_table(["a.jpg", "b.jpg"], POSES[:2], accuracy_m=0.02))
+    assert not findings
+    assert [r.image for r in rows] == ["a.jpg", "b.jpg"]
+    assert rows[0].accuracy_m == 0.02
+    assert rows[0].roll_deg is None
