@@ -13,8 +13,9 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures.model import Capture
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Pose
+from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.progress import Progress
-from fieldkit.reconstruction.agreement import align_to_positions, judge
+from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
 from fieldkit.reconstruction.blind_mapping import map_blindly
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
@@ -202,15 +203,19 @@ class _Run:
             pairs = self.pairs(calibrated=False)
             self.calibrate(pairs)
         rough = self.rough_poses()
-        if len(rough) < len(self.known.positioned):
-            rough = self.orient(rough, self.pairs(calibrated=True))
+        unoriented = [name for name in self.known.positioned if name not in rough]
+        if unoriented:
+            rough |= self.oriented(unoriented)
         if len(rough) < 2:
             raise ReconstructionError(
                 "the orientations of the photographs are not known and could not be found from their matches",
                 path=self.capture.folder,
                 remedy="Add yaw_deg and pitch_deg to poses.csv, or choose --mapping global.",
             )
-        result, pairs_kept = self.prior_model(rough)
+        result = self.prior_model(rough)
+        corrected = self.correct_orientations(rough, list(result.unregistered))
+        if corrected:
+            result = self.prior_model(rough | corrected)
         model = result.model
         reasons = {name: "its position is not known" for name in self.names if self.position(name) is None}
         reasons |= {n: "its orientation is not known" for n in self.known.positioned if n not in rough}
@@ -218,7 +223,7 @@ class _Run:
         if model.num_reg_images() < 2:
             raise _no_model(self, {})
         self.pairs_tried = result.pairs_tried
-        return self._mapped("prior", model, (model.num_reg_images(),), True, reasons, pairs_kept)
+        return self._mapped("prior", model, (model.num_reg_images(),), True, reasons, result.pairs_kept)
 
     def calibrate(self, pairs: Pairs) -> None:
         """Self-calibrate by blind mapping, where nothing is known of a camera."""
@@ -245,21 +250,42 @@ class _Run:
                 rough[name] = RoughPose(pose, np.full(3, known.position_sigma_m), known.angle_sigma_deg)
         return rough
 
-    def orient(self, rough: dict[str, RoughPose], pairs: Pairs) -> dict[str, RoughPose]:
-        """Add orientations found from pairs to positions known without."""
+    def oriented(self, wanted: Sequence[str]) -> dict[str, RoughPose]:
+        """Rough poses from positions and orientations found from pairs, for those of ``wanted`` that have them."""
         positions = [self.position(name) for name in self.names]
         sigmas = [self.known.poses[n].position_sigma_m if n in self.known.poses else 0.0 for n in self.names]
-        oriented = orient_cameras(positions, sigmas, pairs, seed=self.settings.seed)
-        found = dict(rough)
-        for index, rotation in oriented.items():
-            name = self.names[index]
-            known = self.known.poses[name]
-            if name not in found and known.position is not None:
-                pose = Pose(rotation, known.position)
-                found[name] = RoughPose(pose, np.full(3, known.position_sigma_m), _ORIENTED_SIGMA_DEG)
-        return {name: found[name] for name in self.names if name in found}
+        pairs = self.pairs(calibrated=True)
+        rotations = orient_cameras(positions, sigmas, pairs, seed=self.settings.seed)
+        found = {}
+        for index, rotation in sorted(rotations.items()):
+            position = positions[index]
+            if self.names[index] in wanted and position is not None:
+                sigma = np.full(3, sigmas[index])
+                found[self.names[index]] = RoughPose(Pose(rotation, position), sigma, _ORIENTED_SIGMA_DEG)
+        return found
 
-    def prior_model(self, rough: Mapping[str, RoughPose]) -> tuple[PriorMapping, int]:
+    def correct_orientations(self, rough: Mapping[str, RoughPose], failed: Sequence[str]) -> dict[str, RoughPose]:
+        """Other orientations for images that failed because the recorded ones contradict the photographs.
+
+        Seen on real flights: photographs that were turned by 180° after the camera had written its yaw.
+        """
+        recorded = [name for name in failed if self.known.poses[name].rotation is not None]
+        if not recorded:
+            return {}
+        corrected = {}
+        for name, found in self.oriented(recorded).items():
+            turn = rotation_angle_deg(found.pose.rotation, rough[name].pose.rotation)
+            if turn > ANGLE_SIGMAS * float(np.hypot(rough[name].angle_sigma_deg, _ORIENTED_SIGMA_DEG)):
+                corrected[name] = found
+                self.known.poses[name] = replace(self.known.poses[name], rotation=None)
+        if corrected:
+            self.notes.append(
+                f"the recorded orientations of {', '.join(corrected)} contradict the photographs and are not used "
+                "(were these photographs rotated?)"
+            )
+        return corrected
+
+    def prior_model(self, rough: Mapping[str, RoughPose]) -> PriorMapping:
         chosen = [k for k, name in enumerate(self.names) if name in rough]
         names = [self.names[k] for k in chosen]
         keyed = [self.keyed[k] for k in chosen]
@@ -287,7 +313,7 @@ class _Run:
         arrays = {name: data for name, data in kept.items() if not name.startswith("_")}
         tried, pairs_kept = (int(v) for v in kept["_counts"])
         unregistered = {str(n): str(r) for n, r in kept["_unregistered"].reshape(-1, 2)}
-        return PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept), pairs_kept
+        return PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept)
 
     # Reports -------------------------------------------------------------------------------------------------------
 
