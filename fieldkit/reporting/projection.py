@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-_SHADING = 0.65
+_SHADING = 0.5
 _FULL_SHADE_SHARE = 0.04  # of the depth range: a step this deep is shaded fully
 
 

@@ -17,6 +17,7 @@ from fieldkit.evaluation.schema import (
 from fieldkit.reporting.style import format_count, format_length, format_number, format_seconds, table
 
 _MOST_ROWS = 20
+_MOST_NAMES = 3
 
 
 def quality_tables(report: ReferenceReport | PlotEvaluation) -> Iterator[Table]:
@@ -202,11 +203,16 @@ def _millimetres(length_m: float | None) -> str:
 
 
 def _findings(findings: tuple[FindingEntry, ...]) -> Table:
-    rows = table("Findings", "file", "finding", "")
-    for finding in findings[:_MOST_ROWS]:
-        left_out = "left out: " if finding.left_out else ""
-        rows.add_row(escape(finding.name), escape(finding.code), escape(left_out + finding.message))
-    _and_more(rows, len(findings))
+    """One row per finding; files with the same one share it."""
+    groups: dict[tuple[str, str, bool], list[str]] = {}
+    for finding in findings:
+        groups.setdefault((finding.code, finding.message, finding.left_out), []).append(finding.name)
+    rows = table("Findings", "files>", "finding", "")
+    for (code, message, left_out), names in list(groups.items())[:_MOST_ROWS]:
+        listed = ", ".join(names[:_MOST_NAMES]) + (f" and {len(names) - _MOST_NAMES} more" * (len(names) > _MOST_NAMES))
+        text = f"{listed}: {'left out: ' if left_out else ''}{message}"
+        rows.add_row(format_count(len(names)), escape(code), escape(text))
+    _and_more(rows, len(groups))
     return rows
 
 

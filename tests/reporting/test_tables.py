@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from fieldkit.captures import Finding
 from fieldkit.clouds import score
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
@@ -56,9 +57,15 @@ class TestTables:
             "features per image 1035", "40, 280 observations, track length 7.00", "reprojection error 0.50 px",
             "geo.txt, residuals 3.0 mm RMS", "SIMPLE_RADIAL 1600×1200, f 1400.0 px, camera.toml",
             "IMG_0008.jpg 1,070 no pair verified", "Features 8 2 1.5 s 1.4 s", "all 12.0 s 14.0 s",
-            "notes.txt not-an-image left out: is a text file",
+            "1 not-an-image notes.txt: left out: is a text file",
         ):  # fmt: skip
             assert part in text
+
+    def test_files_with_the_same_finding_share_a_row(self) -> None:
+        result = reconstruction()
+        findings = [Finding(f"{i}.jpg", "blurred", "is less sharp than the others") for i in range(9)]
+        plot = plot_evaluation("p", result, SETTINGS, score=None, seconds=1, cpu_seconds=1, findings=findings)
+        assert "9 blurred 0.jpg, 1.jpg, 2.jpg and 6 more: is less sharp" in shown(quality_tables(plot), 120)
 
     def test_without_positions_nothing_is_called_right(self) -> None:
         text = shown(quality_tables(reference_report(reconstruction(metric=False), SETTINGS, seconds=1, cpu_seconds=1)))
