@@ -37,10 +37,6 @@ def console() -> Console:
 
 def table(title: str, *columns: str) -> Table:
     """An empty table in the one style all commands use; columns whose name ends in ">" are set flush right."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
+    from fieldkit.reporting.style import table
 
-    result = Table(title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold")
-    for column in columns:
-        result.add_column(column.rstrip(">"), justify="right" if column.endswith(">") else "left")
-    return result
+    return table(title, *columns)

@@ -17,6 +17,8 @@ from fieldkit.errors import EXIT_OK, UsageError
 
 # name: one line for `fieldkit --help`. The command is the function `command` in fieldkit/cli/<name>.py.
 COMMANDS = {
+    "reference": "Build the reference cloud of a plot from a dense capture.",
+    "evaluate": "Score new captures of one or many plots against a reference.",
     "doctor": "Check this machine: packages, renderer, GPU, memory, cache.",
     "cache": "Show, prune or clear what earlier runs keep for later ones.",
 }

@@ -60,7 +60,7 @@ class TestHelp:
         assert f"fieldkit {name}" in (ROOT / "docs" / "commands" / f"{name}.md").read_text()
 
     def test_overview_lists_every_command_file(self) -> None:
-        shared = {"__init__", "boundary", "common", "main", "progress"}
+        shared = {"__init__", "boundary", "common", "main", "progress", "reconstruction_options"}
         files = {path.stem for path in (ROOT / "fieldkit" / "cli").glob("*.py")} - shared
         assert {name.replace("-", "_") for name in COMMANDS} == files
         for name in COMMANDS:

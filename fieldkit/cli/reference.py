@@ -1,0 +1,88 @@
+"""fieldkit reference."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import (
+    DebugOption,
+    JsonOption,
+    OutputOption,
+    OverwriteOption,
+    ResumeOption,
+    SeedOption,
+    console,
+    emit_json,
+)
+from fieldkit.cli.reconstruction_options import (
+    Backend,
+    BackendOption,
+    BoundsOption,
+    Fidelity,
+    FidelityOption,
+    Mapping,
+    MappingOption,
+    Mask,
+    MaskOption,
+    NoCacheOption,
+    WorkersOption,
+    make_settings,
+    open_cache,
+    run_context,
+)
+
+
+def command(
+    images: Annotated[Path, typer.Argument(help="Folder of photographs of one plot, 45 or more for a good reference.")],
+    output: OutputOption,
+    mapping: MappingOption = Mapping.AUTO,
+    fidelity: FidelityOption = Fidelity.STANDARD,
+    mask: MaskOption = Mask.EXG,
+    backend: BackendOption = Backend.AUTO,
+    bounds: BoundsOption = "",
+    workers: WorkersOption = 1,
+    no_scene: Annotated[
+        bool, typer.Option("--no-scene", help="Leave out scene.ply, which has the ground too.")
+    ] = False,
+    seed: SeedOption = 0,
+    overwrite: OverwriteOption = False,
+    resume: ResumeOption = False,
+    no_cache: NoCacheOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Build the reference cloud of a plot from a dense capture.
+
+    Reads the photographs with what lies beside them (poses.csv, geo.txt, camera.toml, masks), finds their poses, puts
+    the model into the plot's metric frame, and reconstructs plants and scene. The result holds reference.json,
+    cloud.ply, scene.ply, the model in COLMAP's format and overview.png.
+
+    Example: fieldkit reference plot_7/ -o plot_7-reference
+    """
+    cache = open_cache(no_cache=no_cache, resume=resume)
+    settings = make_settings(mapping=mapping, fidelity=fidelity, mask=mask, backend=backend, bounds=bounds, seed=seed)
+    from fieldkit.evaluation.reference import build_reference
+
+    with run_context(as_json=as_json) as progress:
+        report = build_reference(
+            images,
+            output,
+            settings,
+            cache=cache,
+            progress=progress,
+            overwrite=overwrite,
+            workers=workers,
+            scene=not no_scene,
+        )
+    if as_json:
+        emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})
+        return
+    from fieldkit.reporting.tables import quality_tables
+
+    show = console()
+    for table in quality_tables(report):
+        show.print(table)
+    show.print(f"{output}", markup=False)

@@ -1,0 +1,117 @@
+"""The options of reference and evaluate, before any photograph is read."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.cli.main import main
+from fieldkit.cli.reconstruction_options import (
+    Backend,
+    Fidelity,
+    Mapping,
+    Mask,
+    make_settings,
+    open_cache,
+    parse_bounds,
+    parse_distances,
+)
+from fieldkit.errors import UsageError
+from fieldkit.reconstruction import settings
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
+
+
+@pytest.mark.parametrize(
+    ("chosen", "library"),
+    [
+        (Mapping, settings.MappingMethod),
+        (Fidelity, settings.Fidelity),
+        (Mask, settings.MaskKind),
+        (Backend, settings.Backend),
+    ],
+)
+def test_choices_are_the_librarys(chosen, library) -> None:  # type: ignore[no-untyped-def]
+    assert [choice.value for choice in chosen] == list(library.__args__)
+
+
+def test_settings() -> None:
+    made = make_settings(
+        mapping=Mapping.PRIOR, fidelity=Fidelity.FINE, mask=Mask.NONE, backend=Backend.CPU, bounds="-1,-2,0,1,2,3.5",
+        seed=7,
+    )  # fmt: skip
+    assert (made.mapping, made.fidelity, made.mask, made.backend, made.seed) == ("prior", "fine", "none", "cpu", 7)
+    assert made.bounds is not None
+    assert (made.bounds.lower, made.bounds.upper) == ((-1, -2, 0), (1, 2, 3.5))
+    default = settings.ReconstructionSettings()
+    assert default == make_settings(
+        mapping=Mapping.AUTO, fidelity=Fidelity.STANDARD, mask=Mask.EXG, backend=Backend.AUTO, bounds="", seed=0
+    )
+
+
+@pytest.mark.parametrize("command", ["reference", "evaluate"])
+class TestUsage:
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            ([], "missing argument"),
+            (["photos"], "missing option '--output' / '-o'"),
+            (["photos", "-o", "out", "--mapping", "magic"], "'magic' is not one of 'auto', 'incremental'"),
+            (["photos", "-o", "out", "--workers", "0"], "invalid value for '--workers'"),
+            (["photos", "-o", "out", "--seed", "-1"], "invalid value for '--seed'"),
+            (["photos", "-o", "out", "--bounds", "-1,0,0,1,1"], "--bounds: not six numbers: -1,0,0,1,1"),
+            (["photos", "-o", "out", "--bounds", "0,0,0,1,1,0"], "--bounds: the lowest corner is not below"),
+            (["photos", "-o", "out", "--resume", "--no-cache"], "--resume goes on from what the cache holds"),
+        ],
+    )
+    def test_message_and_code(
+        self, command: str, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:  # fmt: skip
+        monkeypatch.chdir(tmp_path)
+        assert main([command, *arguments, "--json"]) == 2
+        error = json.loads(capsys.readouterr().out)["error"]
+        assert error["type"] == "UsageError"
+        assert message in error["message"]
+        assert error["remedy"]
+        assert not (tmp_path / "out").exists()
+
+    def test_help_has_an_example(self, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main([command, "--help"]) == 0
+        assert f"Example: fieldkit {command} " in capsys.readouterr().out
+
+    def test_interrupted_runs_can_be_resumed(self, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+        main([command, "--help"])
+        assert "--resume" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("text", ["0,x", "", "0.01,-1", "0", "nan", "0.01,,0.02"])
+def test_no_distances(text: str) -> None:
+    with pytest.raises(UsageError, match="--distances"):
+        parse_distances(text)
+
+
+def test_distances() -> None:
+    assert parse_distances("0.01,0.002, 0.010") == (0.002, 0.01)
+
+
+@given(st.text(alphabet="0123456789.,-einfa ", max_size=20))
+def test_any_text_is_a_box_or_a_usage_error(text: str) -> None:
+    with suppress(UsageError):
+        x0, y0, z0, x1, y1, z1 = parse_bounds(text)
+        assert x0 < x1
+        assert y0 < y1
+        assert z0 < z1
+
+
+def test_no_cache_keeps_nothing(tmp_path: Path) -> None:
+    assert open_cache(no_cache=True, resume=False).root is None
+    assert open_cache(no_cache=False, resume=True).root == tmp_path / "cache"
