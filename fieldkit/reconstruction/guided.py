@@ -113,8 +113,8 @@ def match_guided(
         band_px: largest distance to either epipolar line, pixels.
         settings: acceptance.
         region: what the cameras look at, to predict the features' scale; None takes equal distances.
-        meet_in: where matches must triangulate; None asks only that rays meet in front of both cameras, and is
-            what rough poses need (their rays need not meet where the plant is).
+        meet_in: where matches must triangulate, in front of both cameras; None asks nothing, which is what rough
+            poses need (their rays need not meet where the plant is).
         shift_px: displaces image b across its epipolar lines; the matches that remain are chance.
 
     Returns:
@@ -124,8 +124,8 @@ def match_guided(
     if n == 0 or m == 0:
         return np.zeros((0, 2), np.uint32)
     fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
-    points_b = b.points + np.array([0.0, shift_px])
     lines_in_b = _unit_lines(_homogeneous(a.points) @ fundamental.T)
+    points_b = b.points + shift_px * _mean_normal(lines_in_b) if shift_px else b.points
     lines_in_a = _unit_lines(_homogeneous(points_b) @ fundamental)
     grid = _Grid.of(points_b)
     rows, columns = _best_in_band(
@@ -245,7 +245,7 @@ class _Grid:
         return cls(float(left), float(top), int(columns), int(rows), order, starts)
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)
 def _best_in_band(  # type: ignore[no-untyped-def]
     descriptors_a, descriptors_b, points_a, points_b, lines_in_b, lines_in_a, band, ratio,
     left, top, columns, rows, order, starts,
@@ -281,7 +281,7 @@ def _best_in_band(  # type: ignore[no-untyped-def]
                         continue
                     if abs(lines_in_a[j, 0] * x + lines_in_a[j, 1] * y + lines_in_a[j, 2]) > band:
                         continue
-                    distance = 0
+                    distance = np.int64(0)
                     for d in range(descriptors_a.shape[1]):
                         difference = np.int32(descriptors_a[i, d]) - np.int32(descriptors_b[j, d])
                         distance += difference * difference
@@ -299,9 +299,9 @@ def _best_in_band(  # type: ignore[no-untyped-def]
                         column_second[j] = distance
     squared = ratio * ratio
     for i in range(n):
-        if row_best[i] > squared * row_second[i]:
+        if row_best[i] > squared * row_second[i] or row_second[i] == 0:
             row_index[i] = -1
     for j in range(m):
-        if column_best[j] > squared * column_second[j]:
+        if column_best[j] > squared * column_second[j] or column_second[j] == 0:
             column_index[j] = -1
     return row_index, column_index
