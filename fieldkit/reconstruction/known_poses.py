@@ -15,34 +15,32 @@ from fieldkit.reconstruction.agreement import KnownPose
 
 _DEFAULT_ANGLE_SIGMA_DEG = 3.0
 _DEFAULT_POSITION_SIGMA_M = 0.05
+_SMALL_M = 1000.0  # coordinates beyond (UTM, say) are shifted, for bundle adjustment's sake
 
 
 @dataclass(frozen=True, eq=False)
 class SourceFrame:
-    """The metric frame poses are known in.
+    """The metric frame poses are known in, and the frame they are worked with in.
 
     Attributes:
         source: ``"poses.csv"``, ``"geo.txt"`` or ``"EXIF GPS"``.
-        origin: where it lies on the Earth (then x is east, y north, z up), or None.
-        shift: (3,) metres; subtracted from the source's coordinates, so that numbers stay small.
+        origin: where the source's frame lies on the Earth (then x is east, y north, z up), or None.
+        from_source: rigid motion from the source's coordinates to the working frame: a shift that keeps numbers
+            small, or into the plot frame of a reference.
     """
 
     source: str
     origin: LocalFrame | None
-    shift: NDArray[np.float64]
+    from_source: Similarity
 
     @property
     def georeferenced(self) -> bool:
         return self.origin is not None
 
-    def to_source(self) -> Similarity:
-        """From this frame to the source's own coordinates."""
-        return Similarity(1.0, np.eye(3), self.shift)
-
 
 @dataclass(frozen=True, eq=False)
 class KnownPoses:
-    """Known poses by image name, in ``frame`` (None when no position is known)."""
+    """Known poses by image name, in the working frame of ``frame`` (None when no position is known)."""
 
     poses: dict[str, KnownPose]
     frame: SourceFrame | None
@@ -57,26 +55,29 @@ def known_poses(capture: Capture, within: SourceFrame | None = None) -> KnownPos
 
     Args:
         capture: as read.
-        within: the frame of a reference; positions are converted into it.
+        within: a reference's frame, to work in.
 
     Raises:
         ReconstructionError: the capture's metric source and the reference's have no frame in common.
     """
-    frame = _frame_of(capture)
-    if within is not None and frame is not None:
-        _check_common(frame, within, capture)
+    own = _frame_of(capture)
+    if own is not None and within is not None:
+        _check_common(own, within, capture)
+    frame = own if within is None or own is None else within
+    turn = np.eye(3) if frame is None else frame.from_source.rotation
     known = {}
     for name, prior in capture.priors.items():
-        position = None if prior.position is None or frame is None else np.array(prior.position, dtype=np.float64)
-        if position is not None:
-            position = _move(position, frame, within)
+        position = None
+        if prior.position is not None and own is not None and frame is not None:
+            position = frame.from_source.apply(_in_source(np.array(prior.position), own, frame))
+        rotation = _rotation(prior)
         known[name] = KnownPose(
             position=position,
             position_sigma_m=prior.position_accuracy_m or _DEFAULT_POSITION_SIGMA_M,
-            rotation=_rotation(prior),
+            rotation=None if rotation is None else rotation @ turn.T,
             angle_sigma_deg=prior.angle_accuracy_deg or _DEFAULT_ANGLE_SIGMA_DEG,
         )
-    return KnownPoses(known, within if frame is not None and within is not None else frame)
+    return KnownPoses(known, frame)
 
 
 def _frame_of(capture: Capture) -> SourceFrame | None:
@@ -84,31 +85,26 @@ def _frame_of(capture: Capture) -> SourceFrame | None:
     if capture.metric_source is None or not positions:
         return None
     center = np.mean(np.array(positions, dtype=np.float64), axis=0)
-    shift = np.round(center) if np.abs(center).max() > 1000.0 else np.zeros(3)
-    return SourceFrame(capture.metric_source, capture.origin, shift)
+    shift = np.round(center) if np.abs(center).max() > _SMALL_M else np.zeros(3)
+    return SourceFrame(capture.metric_source, capture.origin, Similarity(1.0, np.eye(3), -shift))
 
 
-def _check_common(frame: SourceFrame, within: SourceFrame, capture: Capture) -> None:
-    if frame.georeferenced == within.georeferenced:
+def _check_common(own: SourceFrame, within: SourceFrame, capture: Capture) -> None:
+    if own.georeferenced == within.georeferenced:
         return
     raise ReconstructionError(
-        f"the photographs' positions come from {frame.source}, the reference's from {within.source}; "
+        f"the photographs' positions come from {own.source}, the reference's from {within.source}; "
         "these frames are not related",
         path=capture.folder,
         remedy=f"Give the photographs positions of the reference's kind ({within.source}).",
     )
 
 
-def _move(
-    position: NDArray[np.float64], frame: SourceFrame | None, within: SourceFrame | None
-) -> NDArray[np.float64]:
-    assert frame is not None
-    if within is None:
-        return position - frame.shift
-    if frame.origin is not None and within.origin is not None:
-        latitude, longitude, altitude = frame.origin.to_geodetic(position[None])
-        position = within.origin.to_local(latitude, longitude, altitude)[0]
-    return position - within.shift
+def _in_source(position: NDArray[np.float64], own: SourceFrame, frame: SourceFrame) -> NDArray[np.float64]:
+    """A position of the capture's source in the coordinates of ``frame``'s source."""
+    if own.origin is None or frame.origin is None or own.origin == frame.origin:
+        return position
+    return frame.origin.to_local(*own.origin.to_geodetic(position[None]))[0]
 
 
 def _rotation(prior: PosePrior) -> NDArray[np.float64] | None:

@@ -38,15 +38,13 @@ class KnownPlot:
     """What a reference fixes for later captures of its plot.
 
     Attributes:
-        source: the metric source's frame.
-        plot_from_source: from that source's own coordinates to the plot frame.
+        source: its metric source; ``from_source`` leads into the plot frame.
         volume: of interest.
         ground: in the plot frame, or None.
         calibrated: intrinsics by camera group key.
     """
 
-    source: SourceFrame | None
-    plot_from_source: Similarity
+    source: SourceFrame
     volume: Volume
     ground: Plane | None
     calibrated: Mapping[str, Intrinsics] = field(default_factory=dict)
@@ -167,11 +165,11 @@ def _frame(
     poses = {name: pose for name, pose in model_poses(mapped.model).items() if name in counting}
     points = model_points(mapped.model)
     source = known.frame if mapped.metric else None
-    to_source = source.to_source() if source is not None else Similarity.identity()
+    to_working = source.from_source if source is not None else Similarity.identity()
     upright = source is not None and source.georeferenced
     if known_plot is not None:
         ground = known_plot.ground
-        motion = known_plot.plot_from_source.after(to_source)
+        motion = Similarity.identity()
     else:
         found = find_ground(points, poses, seed=settings.seed, keep_upright=upright) if poses else None
         motion = plot_from_world(points, poses, found, keep_upright=upright) if poses else Similarity.identity()
@@ -185,7 +183,7 @@ def _frame(
         notes.append("no ground plane was found; nothing was removed as ground")
     frame = MetricFrame(
         source="none" if source is None else source.source,
-        plot_from_source=motion.after(to_source.inverse()),
+        plot_from_source=motion.after(to_working),
         origin=None if source is None else source.origin,
         rms_m=float(np.sqrt(np.mean(np.square(residuals)))) if residuals else None,
         bound_m=float(np.median(bounds)) if bounds and mapped.metric else None,

@@ -1,0 +1,37 @@
+"""Which plots a folder of captures holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fieldkit.captures.folder import list_folder, natural_key
+from fieldkit.errors import CaptureError
+
+
+def find_plots(captures: Path) -> list[tuple[str, Path]]:
+    """Names and folders of the plots: the folder itself where it holds photographs, else its subfolders.
+
+    Photographs in ``captures/images`` make ``captures`` one plot. Subfolders without any image file are passed over;
+    one whose images cannot be used still counts, so that it is reported.
+
+    Raises:
+        CaptureError: there is no such folder, or no photographs in it or its subfolders.
+    """
+    captures = Path(captures)
+    if list_folder(captures).candidates:
+        return [(captures.absolute().name, captures)]
+    folders = sorted((p for p in captures.iterdir() if p.is_dir() and not p.name.startswith(".")),
+                     key=lambda p: natural_key(p.name))  # fmt: skip
+    plots = [(folder.name, folder) for folder in folders if _holds_images(folder)]
+    if not plots:
+        raise CaptureError(
+            "there are no photographs in this folder, nor in its subfolders",
+            path=captures,
+            remedy="Give a folder of photographs, or a folder with one folder of photographs per plot.",
+        )
+    return plots
+
+
+def _holds_images(folder: Path) -> bool:
+    contents = list_folder(folder)
+    return bool(contents.candidates) or any(finding.left_out for finding in contents.findings)

@@ -1,0 +1,137 @@
+"""fieldkit reference: a dense capture becomes a reference that later captures are scored against."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import read_capture
+from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
+from fieldkit.clouds.ground import Plane
+from fieldkit.errors import MetadataError
+from fieldkit.evaluation.conversion import reference_report
+from fieldkit.evaluation.georeferencing import write_georeferenced
+from fieldkit.evaluation.report_files import (
+    REFERENCE_FILE,
+    check_file,
+    describe_files,
+    load_reference_report,
+    save_report,
+)
+from fieldkit.evaluation.schema import ReferenceReport
+from fieldkit.evaluation.usage import processor_seconds
+from fieldkit.files import atomic_folder
+from fieldkit.geometry import Intrinsics, Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.progress import Progress
+from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reporting.overview import write_overview
+
+CLOUD_FILE = "cloud.ply"
+SCENE_FILE = "scene.ply"
+OVERVIEW_FILE = "overview.png"
+MODEL_FOLDER = "model"
+
+
+def build_reference(
+    images: Path,
+    output: Path,
+    settings: ReconstructionSettings | None = None,
+    *,
+    cache: StageCache,
+    progress: Progress,
+    overwrite: bool = False,
+    workers: int = 1,
+    scene: bool = True,
+) -> ReferenceReport:
+    """Build a reference from a folder of photographs.
+
+    Args:
+        images: the folder; never written to.
+        output: folder of the result: reference.json, cloud.ply (plants), scene.ply (with the ground), model/ (COLMAP's
+            binary format, plot frame), overview.png and, where it is georeferenced, cloud.laz and scene.laz in UTM.
+        settings: choices; None takes the defaults.
+        cache: of stages.
+        progress: told of stages and findings.
+        overwrite: replace an earlier reference in ``output``.
+        workers: processes; the result does not depend on it.
+        scene: also reconstruct what is not plant.
+
+    Raises:
+        UsageError: ``output`` exists.
+        InputError: the photographs or what lies beside them cannot be used.
+        ReconstructionError: they do not reconstruct.
+    """
+    settings = settings or ReconstructionSettings()
+    wall, cpu = time.perf_counter(), processor_seconds()
+    with atomic_folder(output, overwrite=overwrite, marker=REFERENCE_FILE) as folder:
+        capture = read_capture(images)
+        found = reconstruct(
+            capture, settings, cache=cache, progress=progress, workers=workers, with_scene=scene
+        )
+        names = [CLOUD_FILE]
+        write_cloud(folder / CLOUD_FILE, found.plants)
+        if found.scene is not None:
+            write_cloud(folder / SCENE_FILE, found.scene)
+            names.append(SCENE_FILE)
+        (folder / MODEL_FOLDER).mkdir()
+        found.sparse.model.write_binary(folder / MODEL_FOLDER)
+        names += sorted(f"{MODEL_FOLDER}/{path.name}" for path in (folder / MODEL_FOLDER).iterdir())
+        for name in [n for n in names if n.endswith(".ply")]:
+            cloud = found.plants if name == CLOUD_FILE else found.scene
+            laz = Path(name).with_suffix(".laz").name
+            if cloud is not None and write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
+                names.append(laz)
+        seconds = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
+        draft = reference_report(found, settings, **seconds)
+        write_overview(folder / OVERVIEW_FILE, draft, found.plants)
+        report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE])})
+        save_report(folder / REFERENCE_FILE, report)
+    return report
+
+
+class Reference:
+    """A reference read back: its report, its plants' cloud and what it fixes for later captures.
+
+    Args:
+        path: the folder, or its reference.json.
+
+    Raises:
+        MetadataError: reference.json is missing or malformed, the cloud was changed, or the reference has no scale.
+        CloudError: the cloud cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        folder = path if path.is_dir() else path.parent
+        self.report = load_reference_report(path)
+        if not self.report.metric:
+            raise MetadataError(
+                "this reference has no metric scale, so nothing can be placed in its frame",
+                path=path,
+                remedy="Build it again with poses.csv, geo.txt, GPS or markers.toml beside the photographs.",
+            )
+        self.cloud: Cloud = read_cloud(check_file(folder, self.report, CLOUD_FILE))
+
+    def known_plot(self) -> KnownPlot:
+        """Frame, volume, ground and cameras of the reference."""
+        frame = self.report.frame
+        origin = None
+        if frame.origin is not None:
+            o = frame.origin
+            origin = LocalFrame(o.latitude_deg, o.longitude_deg, o.altitude_m, o.datum)
+        ground = None
+        if frame.ground is not None:
+            g = frame.ground
+            ground = Plane(np.array(g.normal), g.offset_m, g.rms_m, g.inlier_share, g.tolerance_m)
+        motion = Similarity.from_matrix(np.array(frame.plot_from_source))
+        return KnownPlot(
+            source=SourceFrame(self.report.metric_source, origin, motion),
+            volume=Volume(self.report.volume.lower_m, self.report.volume.upper_m),
+            ground=ground,
+            calibrated={c.key: Intrinsics(c.model, c.width, c.height, c.params) for c in self.report.cameras},
+        )
