@@ -63,7 +63,7 @@ def compute_planes(
 
 def to_depth_map(view: View, planes: Planes, volume: Volume) -> DepthMap:
     """Depths, normals and costs as images."""
-    active = active_pixels(view, volume)
+    active = active_pixels(view, volume, 0.0)
     shape = active.index.shape
     rows, columns = active.pixels[:, 0], active.pixels[:, 1]
     depth = np.zeros(shape, dtype=np.float32)
@@ -115,7 +115,7 @@ def _match(view: View, sources: list[View], volume: Volume, settings: Settings, 
     coarser: tuple[Active, Planes, float] | None = None
     for level in range(levels, -1, -1):
         reference = reduced(view, level)
-        active = active_pixels(reference, volume)
+        active = active_pixels(reference, volume, _beyond(reference, settings))
         problem = Problem.build(reference, active, [reduced(source, level) for source in sources], settings)
         planes, fresh = problem.empty()
         if coarser is not None:
@@ -138,10 +138,14 @@ def _match_geometry(
     random: np.uint64,
 ) -> Planes:
     """The second pass: photographs and agreement with the source views' depths."""
-    active = active_pixels(view, volume)
+    active = active_pixels(view, volume, _beyond(view, settings))
     problem = Problem.build(view, active, [source for source, _ in sources], settings)
-    problem.set_depths([(source, active_pixels(source, volume), planes) for source, planes in sources])
-    return problem.refine(first, random)
+    near = [(source, active_pixels(source, volume, _beyond(source, settings)), planes) for source, planes in sources]
+    return problem.refine(first, near, random)
+
+
+def _beyond(view: View, settings: Settings) -> float:
+    return settings.beyond_unmasked if view.mask is None else settings.beyond
 
 
 def reduced(view: View, level: int) -> View:

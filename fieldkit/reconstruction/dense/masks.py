@@ -11,8 +11,8 @@ from fieldkit.errors import UsageError
 
 EXG_THRESHOLD = 0.10
 """Excess green above which a pixel counts as plant; soil lies about 0, leaves between 0.1 and 1."""
-DARKEST = 24.0
-"""Sum of the three channels below which a pixel's colour is noise."""
+DARKEST = 75.0
+"""Sum of the three channels below which a pixel's hue says nothing: JPEG's coarser colour bleeds into dark pixels."""
 
 
 def excess_green(image: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -22,7 +22,7 @@ def excess_green(image: NDArray[np.uint8]) -> NDArray[np.float32]:
         image: (H, W, 3) uint8 RGB.
 
     Returns:
-        (H, W) float32 in [−1, 2]; 0 where the pixel is almost black.
+        (H, W) float32 in [−1, 2]; 0 where the pixel is darker than `DARKEST`.
     """
     channels = image.astype(np.float32)
     total = channels.sum(axis=2)
@@ -65,4 +65,6 @@ def plant_mask(
     large = stats[:, cv2.CC_STAT_AREA] >= 4
     large[0] = False
     kept = large[labels].astype(np.uint8)
-    return np.asarray(cv2.dilate(kept, np.ones((3, 3), dtype=np.uint8)) > 0, dtype=np.bool_)
+    grown = cv2.dilate(kept, np.ones((3, 3), dtype=np.uint8)) > 0
+    bright = image.sum(axis=2, dtype=np.int32) >= DARKEST
+    return np.asarray(grown & bright, dtype=np.bool_)

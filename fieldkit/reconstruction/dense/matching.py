@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.reconstruction.dense.patchmatch import OFFSET_U, OFFSET_V, start, sweep
+from fieldkit.reconstruction.dense.patchmatch import OFFSET_U, OFFSET_V, adopt, carry, score, start, sweep
 from fieldkit.reconstruction.dense.rays import Active
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.support import gray, pack_source, relative_camera, support_weights
 from fieldkit.reconstruction.dense.views import View
 
 _NO_DEPTHS = np.zeros((1, 1, 1), dtype=np.float32)
-_FIRST_RANGE_PX = 4.0
 _SAME_PX = 0.05
 
 
@@ -35,6 +34,7 @@ class Planes:
 class Problem:
     """Arrays of one reference view; see `patchmatch.start` and `patchmatch.sweep` for what each holds."""
 
+    view: View
     active: Active
     settings: Settings
     packed: NDArray[np.uint32]
@@ -42,10 +42,8 @@ class Problem:
     cameras: NDArray[np.float32]
     back: NDArray[np.float32]
     support: NDArray[np.float32]
-    lens: NDArray[np.float32]
     pixel_w: float
     """Change of inverse depth that moves the typical source pixel by one, 1/m."""
-    depths: NDArray[np.float32] = field(default_factory=lambda: _NO_DEPTHS)
 
     @classmethod
     def build(cls, view: View, active: Active, sources: list[View], settings: Settings) -> Problem:
@@ -66,9 +64,8 @@ class Problem:
             np.float32(settings.off_mask_weight),
             np.float32(settings.noise**2),
         )
-        camera = view.intrinsics
-        lens = np.array([camera.fx, camera.fy, camera.cx - 0.5, camera.cy - 0.5], dtype=np.float32)
         return cls(
+            view,
             active,
             settings,
             np.concatenate([image.ravel() for image in images]) if images else np.zeros(1, dtype=np.uint32),
@@ -76,7 +73,6 @@ class Problem:
             np.array(cameras, dtype=np.float32).reshape(-1, 12),
             np.array(back, dtype=np.float32).reshape(-1, 12),
             support,
-            lens,
             _pixel_inverse_depth(view, sources),
         )
 
@@ -86,13 +82,6 @@ class Problem:
         planes = np.zeros((count, 3), dtype=np.float32)
         planes[:, 0] = self.active.ranges.mean(axis=1)
         return planes, np.ones(count, dtype=np.bool_)
-
-    def set_depths(self, sources: list[tuple[View, Active, Planes]]) -> None:
-        """Give the source views' inverse depths for the round trips of `refine`."""
-        shape = np.array([active.index.shape for _, active, _ in sources]).reshape(-1, 2).max(axis=0, initial=1)
-        self.depths = np.zeros((max(1, len(sources)), *shape), dtype=np.float32)
-        for k, (_, active, result) in enumerate(sources):
-            self.depths[k][active.pixels[:, 0], active.pixels[:, 1]] = result.planes[:, 0]
 
     def solve(
         self,
@@ -112,33 +101,65 @@ class Problem:
         noise = np.float32(self.settings.noise**2)
         start(
             planes, costs, fresh, self.active.pixels, self.active.ranges, self.packed, self.sizes, self.cameras,
-            self.support, self.lens, _NO_DEPTHS, self.back, key, starts, noise, best,
+            self.support, _lens(self.view), _NO_DEPTHS, self.back, key, starts, noise, best,
         )  # fmt: skip
-        self._sweep(planes, costs, key, sweeps, geometric=0.0)
+        self._sweep(planes, costs, _NO_DEPTHS, key, sweeps, geometric=0.0)
         return Planes(planes, costs)
 
-    def refine(self, first: Planes, key: np.uint64) -> Planes:
-        """Sweeps that also ask for agreement with the source views' depths (`set_depths`)."""
+    def refine(self, first: Planes, sources: list[tuple[View, Active, Planes]], key: np.uint64) -> Planes:
+        """The second pass: take over the source views' planes, and ask for agreement with their depths.
+
+        Args:
+            first: the first pass's planes of this view.
+            sources: the source views with theirs.
+            key: everything random starts from it.
+
+        Returns:
+            The planes; their costs are those of the photographs alone.
+        """
         planes, costs = first.planes.copy(), first.costs.copy()
         if not len(planes) or not len(self.sizes):
             return Planes(planes, costs)
-        self._sweep(planes, costs, key, self.settings.geometric_sweeps, geometric=self.settings.geometric_weight)
+        settings = self.settings
+        depths = _inverse_depths(sources)
+        weight, cap = np.float32(settings.geometric_weight), np.float32(settings.geometric_cap_px)
+        noise, best = np.float32(settings.noise**2), min(settings.best_sources, len(self.sizes))
+        views = (self.packed, self.sizes, self.cameras, self.support, depths, self.back, noise, best)
+        score(planes, costs, self.active.pixels, *views, weight, cap)
+        found = np.zeros_like(planes)
+        for view, active, result in sources:
+            rotation = view.pose.rotation @ self.view.pose.rotation.T
+            offset = view.pose.rotation @ (self.view.pose.center - view.pose.center)
+            carry(
+                found, active.pixels, result.planes, result.costs, self.active.index, _lens(view), _lens(self.view),
+                rotation.astype(np.float32), offset.astype(np.float32), np.float32(settings.max_cost),
+            )  # fmt: skip
+            adopt(planes, costs, found, self.active.pixels, self.active.ranges, *views, weight, cap)
+        self._sweep(planes, costs, depths, key, settings.geometric_sweeps, settings.geometric_weight)
+        score(planes, costs, self.active.pixels, *views, np.float32(0.0), cap)
         return Planes(planes, costs)
 
     def _sweep(
-        self, planes: NDArray[np.float32], costs: NDArray[np.float32], key: np.uint64, sweeps: int, geometric: float
+        self,
+        planes: NDArray[np.float32],
+        costs: NDArray[np.float32],
+        depths: NDArray[np.float32],
+        key: np.uint64,
+        sweeps: int,
+        geometric: float,
     ) -> None:
         settings = self.settings
         best = min(settings.best_sources, len(self.sizes))
-        reach = _FIRST_RANGE_PX * self.pixel_w
+        first = settings.second_range_px if geometric > 0 else settings.first_range_px
+        reach = first * self.pixel_w
         for step in range(sweeps):
             for color in (0, 1):
                 sweep(
                     planes, costs, self.active.pixels, self.active.index, self.active.ranges, self.packed, self.sizes,
-                    self.cameras, self.support, self.lens, self.depths, self.back, key, color, step,
+                    self.cameras, self.support, depths, self.back, key, color, step,
                     settings.perturbations, np.float32(reach), np.float32(_SAME_PX * self.pixel_w),
                     np.float32(settings.noise**2), best, np.float32(geometric),
-                    np.float32(settings.geometric_cap_px), geometric > 0 and step == 0,
+                    np.float32(settings.geometric_cap_px),
                 )  # fmt: skip
             reach *= 0.5
 
@@ -149,3 +170,18 @@ def _pixel_inverse_depth(view: View, sources: list[View]) -> float:
         return 1.0
     moved = [s.intrinsics.fx * float(np.linalg.norm(s.pose.center - view.pose.center)) for s in sources]
     return 1.0 / max(float(np.median(moved)), 1e-9)
+
+
+def _lens(view: View) -> NDArray[np.float32]:
+    """(4,) f_x, f_y, c_x, c_y in index coordinates."""
+    camera = view.intrinsics
+    return np.array([camera.fx, camera.fy, camera.cx - 0.5, camera.cy - 0.5], dtype=np.float32)
+
+
+def _inverse_depths(sources: list[tuple[View, Active, Planes]]) -> NDArray[np.float32]:
+    """Inverse depths of the source views as images, (sources, rows, columns); 0: none."""
+    shape = np.array([active.index.shape for _, active, _ in sources]).max(axis=0)
+    depths = np.zeros((len(sources), *shape), dtype=np.float32)
+    for k, (_, active, result) in enumerate(sources):
+        depths[k][active.pixels[:, 0], active.pixels[:, 1]] = result.planes[:, 0]
+    return depths

@@ -230,8 +230,8 @@ def start(
 
 @njit(**_OPTIONS)
 def sweep(
-    planes, costs, pixels, index, ranges, packed, sizes, cameras, support, lens, depths, back, key,
-    color, step, perturbations, reach_w, same_w, noise, best, geometric, cap, rescore,
+    planes, costs, pixels, index, ranges, packed, sizes, cameras, support, depths, back, key,
+    color, step, perturbations, reach_w, same_w, noise, best, geometric, cap,
 ):  # fmt: skip
     """One half sweep: pixels of one colour of the checkerboard take over better planes and perturb their own.
 
@@ -243,7 +243,6 @@ def sweep(
         reach_w: range of the first try, as inverse depth (1/m).
         same_w: planes closer than this in inverse depth, and as close in slope, are not tried again (1/m).
         geometric, cap: weight and bound of the round-trip distance; 0: photographs alone.
-        rescore: whether the costs at hand were counted otherwise and must be counted anew.
 
     The other arguments are those of `start`.
     """
@@ -262,10 +261,6 @@ def sweep(
         g_u = planes[p, 1]
         g_v = planes[p, 2]
         lowest = costs[p]
-        if rescore:
-            lowest = _cost(
-                packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, depths, back, geometric, cap
-            )
         tried[0, 0] = w
         tried[0, 1] = g_u
         tried[0, 2] = g_v
@@ -335,3 +330,89 @@ def sweep(
         planes[p, 1] = g_u
         planes[p, 2] = g_v
         costs[p] = lowest
+
+
+@njit(**_OPTIONS)
+def carry(found, source_pixels, source_planes, source_costs, index, lens_source, lens, rotation, offset, limit):
+    """Planes of a source view as planes of the reference view, at the pixels its points fall on.
+
+    Args:
+        found: (n, 3) float32, written: the nearest plane that falls on each pixel, or zeros.
+        source_pixels, source_planes, source_costs: of the source view.
+        index: (rows, columns) int32 of the reference view.
+        lens_source, lens: (4,) float32 f_x, f_y, c_x, c_y of both, in index coordinates.
+        rotation, offset: (3, 3), (3,) float32, X_source = rotation X + offset.
+        limit: planes that cost as much or more are left out.
+    """
+    rows, columns = index.shape
+    for p in range(found.shape[0]):
+        found[p, 0] = float32(0.0)
+    for s in range(source_pixels.shape[0]):
+        w = source_planes[s, 0]
+        if source_costs[s] >= limit or w <= float32(0.0):
+            continue
+        x = (float32(source_pixels[s, 1]) - lens_source[2]) / lens_source[0]
+        y = (float32(source_pixels[s, 0]) - lens_source[3]) / lens_source[1]
+        # The plane is normal · X = 1 in the source's frame.
+        n_x = source_planes[s, 1] * lens_source[0]
+        n_y = source_planes[s, 2] * lens_source[1]
+        n_z = w - n_x * x - n_y * y
+        p_x = x / w - offset[0]
+        p_y = y / w - offset[1]
+        p_z = float32(1.0) / w - offset[2]
+        z = rotation[0, 2] * p_x + rotation[1, 2] * p_y + rotation[2, 2] * p_z
+        if z <= float32(1e-6):
+            continue
+        u = (rotation[0, 0] * p_x + rotation[1, 0] * p_y + rotation[2, 0] * p_z) / z * lens[0] + lens[2]
+        v = (rotation[0, 1] * p_x + rotation[1, 1] * p_y + rotation[2, 1] * p_z) / z * lens[1] + lens[3]
+        if not (u > float32(-0.5) and v > float32(-0.5)):
+            continue
+        if u >= float32(columns) - float32(0.5) or v >= float32(rows) - float32(0.5):
+            continue
+        column = int32(u + float32(0.5))
+        row = int32(v + float32(0.5))
+        p = index[row, column]
+        if p < 0:
+            continue
+        side = float32(1.0) - n_x * offset[0] - n_y * offset[1] - n_z * offset[2]
+        if side <= float32(1e-6):
+            continue
+        g_u = (rotation[0, 0] * n_x + rotation[1, 0] * n_y + rotation[2, 0] * n_z) / side / lens[0]
+        g_v = (rotation[0, 1] * n_x + rotation[1, 1] * n_y + rotation[2, 1] * n_z) / side / lens[1]
+        here = float32(1.0) / z + g_u * (float32(column) - u) + g_v * (float32(row) - v)
+        if here > found[p, 0]:
+            found[p, 0] = here
+            found[p, 1] = g_u
+            found[p, 2] = g_v
+
+
+@njit(**_OPTIONS)
+def adopt(
+    planes, costs, found, pixels, ranges, packed, sizes, cameras, support, depths, back, noise, best, geometric, cap
+):
+    """Take over the planes of ``found`` (n, 3) that cost less; the arguments are those of `sweep`."""
+    for p in range(pixels.shape[0]):
+        w = found[p, 0]
+        if w < ranges[p, 0] or w > ranges[p, 1]:
+            continue
+        v = float32(pixels[p, 0])
+        u = float32(pixels[p, 1])
+        cost = _cost(
+            packed, sizes, cameras, support, p, u, v, w, found[p, 1], found[p, 2], noise, best, depths, back,
+            geometric, cap,
+        )  # fmt: skip
+        if cost < costs[p]:
+            costs[p] = cost
+            planes[p, 0] = w
+            planes[p, 1] = found[p, 1]
+            planes[p, 2] = found[p, 2]
+
+
+@njit(**_OPTIONS)
+def score(planes, costs, pixels, packed, sizes, cameras, support, depths, back, noise, best, geometric, cap):
+    """Write into ``costs`` what ``planes`` cost; the arguments are those of `sweep`."""
+    for p in range(pixels.shape[0]):
+        costs[p] = _cost(
+            packed, sizes, cameras, support, p, float32(pixels[p, 1]), float32(pixels[p, 0]),
+            planes[p, 0], planes[p, 1], planes[p, 2], noise, best, depths, back, geometric, cap,
+        )  # fmt: skip

@@ -55,7 +55,7 @@ class Active:
     ranges: NDArray[np.float32]
 
 
-def active_pixels(view: View, volume: Volume) -> Active:
+def active_pixels(view: View, volume: Volume, beyond: float) -> Active:
     """The pixels on the mask whose rays meet the volume."""
     near, far = depth_range(view.intrinsics, view.pose, volume)
     active = far > near * (1.0 + 1e-6)
@@ -64,5 +64,5 @@ def active_pixels(view: View, volume: Volume) -> Active:
     pixels = np.argwhere(active).astype(np.int32)
     index = np.full(active.shape, -1, dtype=np.int32)
     index[active] = np.arange(len(pixels), dtype=np.int32)
-    ranges = np.stack([1.0 / far[active], 1.0 / near[active]], axis=1).astype(np.float32)
+    ranges = np.stack([1.0 / ((1.0 + beyond) * far[active]), 1.0 / near[active]], axis=1).astype(np.float32)
     return Active(pixels, index, ranges)

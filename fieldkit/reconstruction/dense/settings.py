@@ -31,9 +31,14 @@ class Settings:
         off_mask_weight: factor for samples off the plant mask.
         noise: standard deviation of the grey levels that counts as no texture.
 
+        beyond, beyond_unmasked: how far behind the volume depths are sought in views with and without a mask, as a
+            share of the depth at which the ray leaves it. What is found there is dropped in the end, but otherwise
+            the background would have to match something inside.
         starts: random planes per pixel.
         sweeps: rounds of propagation and perturbation (each a red and a black half).
         perturbations: random changes tried per pixel and round, each half as large as the one before.
+        first_range_px, second_range_px: size of the first change in the first and second pass, as the shift of a
+            typical source pixel.
         pyramid_sweeps: rounds on every level above the coarsest.
         pyramid_starts: random planes per pixel there, beside the coarser level's.
         coarsest: levels are halved as long as they have more pixels than this.
@@ -65,11 +70,15 @@ class Settings:
     starts: int = 8
     sweeps: int = 3
     perturbations: int = 3
-    pyramid_sweeps: int = 1
-    pyramid_starts: int = 2
-    coarsest: int = 900_000
-    geometric_sweeps: int = 0
-    geometric_weight: float = 0.2
+    beyond: float = 0.3
+    beyond_unmasked: float = 4.0
+    first_range_px: float = 4.0
+    second_range_px: float = 1.0
+    pyramid_sweeps: int = 2
+    pyramid_starts: int = 4
+    coarsest: int = 300_000
+    geometric_sweeps: int = 1
+    geometric_weight: float = 0.15
     geometric_cap_px: float = 3.0
 
     max_cost: float = 0.6
