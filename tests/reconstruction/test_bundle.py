@@ -1,0 +1,105 @@
+"""Bundle adjustment: back to the truth, in the priors' frame."""
+
+from dataclasses import replace
+
+import numpy as np
+import pycolmap
+import pytest
+
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.similarity import fit_similarity
+from fieldkit.reconstruction.bundle import PositionPrior, adjust, filter_points
+from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses, new_model, triangulate_tracks
+from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, ring
+from tests.reconstruction.test_colmap_model import true_tracks
+
+
+@pytest.fixture(scope="module")
+def scene() -> FeatureScene:
+    return feature_scene(ring(10), points=150, clutter=10, pixel_noise=0.3, seed=3)
+
+
+def started(scene: FeatureScene, poses: list[Pose], camera: Intrinsics | None = None) -> pycolmap.Reconstruction:
+    camera = camera or scene.camera
+    model = new_model(scene.names, [camera], [0] * len(poses), poses, scene.features)
+    tracks, _ = true_tracks(scene)
+    triangulate_tracks(model, scene.features, tracks, max_error_px=60.0, min_angle_deg=1.0, seed=0)
+    return model
+
+
+def priors(poses: list[Pose], sigma_m: float) -> dict[int, PositionPrior]:
+    return {i + 1: PositionPrior(pose.center, np.full(3, sigma_m)) for i, pose in enumerate(poses)}
+
+
+def center_errors(model: pycolmap.Reconstruction, scene: FeatureScene) -> np.ndarray:
+    found = model_poses(model)
+    return np.array([np.linalg.norm(found[n].center - p.center) for n, p in zip(scene.names, scene.poses, strict=True)])
+
+
+def test_perturbed_poses_return_to_the_truth(scene: FeatureScene) -> None:
+    model = started(scene, perturbed(scene.poses, 0.01, 0.5))
+    exact = priors(scene.poses, 0.01)
+    adjust(model, exact, loss_px=4.0, refine_intrinsics=False, seed=0)
+    filter_points(model, 4.0, 1.0)
+    adjust(model, exact, loss_px=1.0, refine_intrinsics=False, seed=0)
+    assert center_errors(model, scene).max() < 0.001
+    for name, pose in zip(scene.names, scene.poses, strict=True):
+        assert rotation_angle_deg(model_poses(model)[name].rotation, pose.rotation) < 0.1
+    assert model_intrinsics(model)[scene.names[0]] == scene.camera
+
+
+def test_images_fix_the_shape_and_priors_the_frame(scene: FeatureScene) -> None:
+    noisy = perturbed(scene.poses, 0.01, 0.0, seed=5)
+    model = started(scene, perturbed(scene.poses, 0.01, 0.3, seed=5))
+    for loss in (4.0, 1.0, 1.0):
+        adjust(model, priors(noisy, 0.01), loss_px=loss, refine_intrinsics=False, seed=0)
+        filter_points(model, 4.0, 1.0)
+    found = np.array([pose.center for pose in model_poses(model).values()])
+    truth, given = (np.array([pose.center for pose in poses]) for poses in (scene.poses, noisy))
+    assert np.linalg.norm(fit_similarity(found, truth).apply(found) - truth, axis=1).max() < 0.001
+    to_priors = fit_similarity(found, given)
+    assert to_priors.scale == pytest.approx(1.0, abs=0.001)
+    assert np.linalg.norm(to_priors.apply(found) - found, axis=1).max() < 0.001
+
+
+def test_focal_length_and_distortion_are_refined_on_request(scene: FeatureScene) -> None:
+    f, cx, cy, _ = scene.camera.params
+    off = replace(scene.camera, params=(f * 1.02, cx, cy, 0.0))
+    model = started(scene, scene.poses, off)
+    for _ in range(3):
+        adjust(model, priors(scene.poses, 0.002), loss_px=1.0, refine_intrinsics=True, seed=0)
+        filter_points(model, 4.0, 1.0)
+    refined = model_intrinsics(model)[scene.names[0]]
+    assert refined.fx == pytest.approx(f, rel=2e-3)
+    assert refined.params[3] == pytest.approx(scene.camera.params[3], abs=0.02)
+    assert (refined.cx, refined.cy) == (cx, cy)
+
+
+@pytest.mark.parametrize("known", [0, 1, 2])
+def test_with_fewer_than_three_priors_the_gauge_is_held(scene: FeatureScene, known: int) -> None:
+    model = started(scene, scene.poses)
+    few = dict(list(priors(scene.poses, 0.01).items())[:known])
+    adjust(model, few, loss_px=1.0, refine_intrinsics=False, seed=0)
+    assert center_errors(model, scene).max() < 0.02
+    assert model.compute_mean_reprojection_error() < 0.6
+
+
+def test_outliers_are_filtered(scene: FeatureScene) -> None:
+    model = started(scene, scene.poses)
+    before = model.compute_num_observations()
+    victim = next(iter(model.points3D.values()))
+    victim.xyz = victim.xyz + np.array([0.05, 0.0, 0.0])
+    length = victim.track.length()
+    assert filter_points(model, 4.0, 1.0) >= length - 1
+    assert model.compute_num_observations() < before
+
+
+def test_the_same_seed_gives_the_same_bits(scene: FeatureScene) -> None:
+    models = []
+    for _ in range(2):
+        model = started(scene, perturbed(scene.poses, 0.01, 0.5))
+        adjust(model, priors(scene.poses, 0.01), loss_px=2.0, refine_intrinsics=False, seed=0)
+        models.append(model)
+    first, second = (np.array([p.center for p in model_poses(m).values()]) for m in models)
+    assert first.tobytes() == second.tobytes()

@@ -1,0 +1,111 @@
+"""COLMAP's objects hold what was put into them."""
+
+import numpy as np
+import pytest
+
+from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.reconstruction.colmap_model import (
+    from_colmap_camera,
+    model_intrinsics,
+    model_points,
+    model_poses,
+    new_model,
+    to_colmap_camera,
+    transform_model,
+    triangulate_tracks,
+)
+from fieldkit.reconstruction.tracks import Track
+from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
+
+
+@pytest.fixture(scope="module")
+def scene() -> FeatureScene:
+    return feature_scene(ring(12)[:4], pixel_noise=0.2)
+
+
+def true_tracks(scene: FeatureScene) -> tuple[list[Track], list[int]]:
+    """The features of each point seen at least twice, and the point."""
+    seen: dict[int, list[tuple[int, int]]] = {}
+    for image, points in enumerate(scene.point_of):
+        for feature, point in enumerate(points):
+            if point >= 0:
+                seen.setdefault(int(point), []).append((image, feature))
+    kept = sorted((tuple(track), point) for point, track in seen.items() if len(track) >= 2)
+    return [track for track, _ in kept], [point for _, point in kept]
+
+
+def model_of(scene: FeatureScene):
+    return new_model(scene.names, [scene.camera], [0] * len(scene.names), scene.poses, scene.features)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        Intrinsics("SIMPLE_PINHOLE", 640, 480, (500.5, 320.25, 240.0)),
+        Intrinsics("OPENCV", 4000, 3000, (2950.0, 2960.0, 2001.0, 1499.0, -0.1, 0.02, 1e-4, -2e-4)),
+    ],
+)
+def test_cameras_come_back(camera: Intrinsics) -> None:
+    assert from_colmap_camera(to_colmap_camera(camera, 7)) == camera
+
+
+def test_colmap_projects_as_we_do(scene: FeatureScene) -> None:
+    model = model_of(scene)
+    for index, pose in enumerate(scene.poses):
+        image = model.image(index + 1)
+        ours = scene.camera.project(pose.to_camera(scene.points[:20]))
+        theirs = np.array([image.project_point(point) for point in scene.points[:20]])
+        assert theirs == pytest.approx(ours, abs=1e-6)
+
+
+def test_poses_and_intrinsics_come_back_by_name(scene: FeatureScene) -> None:
+    model = model_of(scene)
+    poses = model_poses(model)
+    assert list(poses) == scene.names
+    assert model_intrinsics(model) == dict.fromkeys(scene.names, scene.camera)
+    for found, pose in zip(poses.values(), scene.poses, strict=True):
+        assert found.center == pytest.approx(pose.center, abs=1e-12)
+        assert found.rotation == pytest.approx(pose.rotation, abs=1e-12)
+
+
+def test_tracks_triangulate_to_their_points(scene: FeatureScene) -> None:
+    model = model_of(scene)
+    tracks, points = true_tracks(scene)
+    added = triangulate_tracks(model, scene.features, tracks, max_error_px=3.0, min_angle_deg=1.0, seed=0)
+    assert added == len(tracks)
+    assert np.linalg.norm(model_points(model) - scene.points[points], axis=1).max() < 0.005
+
+
+def test_a_wrong_observation_is_left_out(scene: FeatureScene) -> None:
+    tracks, points = true_tracks(scene)
+    track, point = next((t, p) for t, p in zip(tracks, points, strict=True) if len(t) == 4)
+    image = track[1][0]
+    clutter = int(np.flatnonzero(scene.point_of[image] < 0)[0])
+    model = model_of(scene)
+    wrong = (track[0], (image, clutter), *track[2:])
+    assert triangulate_tracks(model, scene.features, [wrong], max_error_px=3.0, min_angle_deg=1.0, seed=0) == 1
+    (found,) = model.points3D.values()
+    assert sorted(e.image_id - 1 for e in found.track.elements) == sorted({i for i, _ in track} - {image})
+    assert np.linalg.norm(found.xyz - scene.points[point]) < 0.005
+
+
+def test_small_angles_give_no_point(scene: FeatureScene) -> None:
+    tracks, _ = true_tracks(scene)
+    model = model_of(scene)
+    assert triangulate_tracks(model, scene.features, tracks[:20], max_error_px=3.0, min_angle_deg=120.0, seed=0) == 0
+
+
+def test_a_model_moves_as_its_poses_do(scene: FeatureScene) -> None:
+    model = model_of(scene)
+    tracks, _ = true_tracks(scene)
+    triangulate_tracks(model, scene.features, tracks, max_error_px=3.0, min_angle_deg=1.0, seed=0)
+    before = model_points(model)
+    similarity = Similarity(3.7, rotation_from_vector([0.3, -0.8, 1.9]), np.array([10.0, -5.0, 2.0]))
+    transform_model(model, similarity)
+    assert model_points(model) == pytest.approx(similarity.apply(before), abs=1e-9)
+    for found, pose in zip(model_poses(model).values(), scene.poses, strict=True):
+        expected: Pose = similarity.apply_pose(pose)
+        assert found.center == pytest.approx(expected.center, abs=1e-9)
+        assert found.rotation == pytest.approx(expected.rotation, abs=1e-9)
+    assert model.compute_mean_reprojection_error() < 1.0

@@ -1,0 +1,125 @@
+"""Orientations from positions and verified pairs, against cameras whose orientation is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.geometry import Pose
+from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
+from fieldkit.reconstruction.epipolar import relative_pose
+from fieldkit.reconstruction.orientation import orient_cameras
+from fieldkit.reconstruction.verification import TwoView
+from tests.reconstruction.synthetic import ring
+
+Pairs = dict[tuple[int, int], TwoView]
+
+
+def two_view(rotation: np.ndarray, translation: np.ndarray, matches: int = 100) -> TwoView:
+    zero = np.zeros((3, 3))
+    return TwoView(
+        np.zeros((matches, 2), np.uint32), 2, zero, zero, zero, rotation, translation / np.linalg.norm(translation)
+    )
+
+
+def pairs_of(poses: list[Pose], reach: int = 3, noise_deg: float = 0.0, seed: int = 0) -> Pairs:
+    """What verification would say of neighbours on a ring."""
+    rng = np.random.default_rng(seed)
+    found = {}
+    for i in range(len(poses)):
+        for step in range(1, reach + 1):
+            a, b = sorted((i, (i + step) % len(poses)))
+            if a == b:
+                continue
+            rotation, translation = relative_pose(poses[a], poses[b])
+            turn = rotation_from_vector(rng.normal(0, np.radians(noise_deg), 3))
+            tilt = rotation_from_vector(rng.normal(0, np.radians(noise_deg), 3))
+            found[a, b] = two_view(turn @ rotation, tilt @ translation)
+    return found
+
+
+def errors(poses: list[Pose], found: dict[int, np.ndarray]) -> np.ndarray:
+    return np.array([rotation_angle_deg(rotation, poses[k].rotation) for k, rotation in found.items()])
+
+
+def orient(poses: list[Pose], pairs: Pairs, noise_m: float = 0.0, seed: int = 0) -> dict[int, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    positions = [pose.center + rng.normal(0, noise_m, 3) for pose in poses]
+    return orient_cameras(positions, [max(noise_m, 0.001)] * len(poses), pairs, seed=seed)
+
+
+@given(st.integers(0, 2**31), st.integers(4, 12))
+def test_exact_pairs_give_exact_orientations(seed: int, count: int) -> None:
+    """Wherever cameras are and however they are turned."""
+    rng = np.random.default_rng(seed)
+    poses = [Pose(rotation_from_vector(rng.normal(0, 1, 3)), rng.normal(0, 2, 3)) for _ in range(count)]
+    found = orient(poses, pairs_of(poses))
+    assert sorted(found) == list(range(count))
+    assert errors(poses, found).max() < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_stays_noise(seed: int) -> None:
+    poses = ring(16)
+    found = orient(poses, pairs_of(poses, noise_deg=1.0, seed=seed), noise_m=0.01, seed=seed)
+    assert sorted(found) == list(range(16))
+    # Errors add up along the spanning tree: 1° per pair, up to eight pairs from its middle.
+    assert np.median(errors(poses, found)) < 3.0
+    assert errors(poses, found).max() < 7.0
+
+
+def test_wrong_pairs_with_fewer_matches_are_overruled() -> None:
+    poses = ring(16)
+    pairs = pairs_of(poses, noise_deg=0.5)
+    rng = np.random.default_rng(1)
+    for i, j in [(0, 8), (3, 11), (5, 13), (2, 9), (6, 12)]:
+        pairs[i, j] = two_view(rotation_from_vector(rng.normal(0, 1, 3)), rng.normal(0, 1, 3), matches=30)
+    found = orient(poses, pairs)
+    assert len(found) == 16
+    assert errors(poses, found).max() < 3.0
+
+
+def test_an_image_that_only_a_wrong_pair_reaches_is_missing() -> None:
+    poses = ring(12)
+    pairs = {key: pair for key, pair in pairs_of(poses).items() if 7 not in key}
+    pairs[3, 7] = two_view(np.eye(3), np.array([0.0, 1.0, 0.0]), matches=20)
+    found = orient(poses, pairs)
+    assert 7 not in found
+    assert len(found) == 11
+    assert errors(poses, found).max() < 1e-6
+
+
+def test_components_are_oriented_each_by_itself() -> None:
+    poses = ring(16)
+    pairs = {k: p for k, p in pairs_of(poses).items() if (max(k) < 6) or (min(k) >= 8 and max(k) < 14)}
+    found = orient(poses, pairs)
+    assert sorted(found) == [0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 13]
+    assert errors(poses, found).max() < 1e-6
+
+
+def test_cameras_on_one_line_are_not_oriented() -> None:
+    """The rotation about the line is free."""
+    poses = [Pose.look_at((0.2 * k, 0.0, 2.0), (0.2 * k, 0.1, 0.0)) for k in range(6)]
+    assert orient(poses, pairs_of(poses)) == {}
+
+
+def test_unknown_positions_are_left_out() -> None:
+    poses = ring(8)
+    positions = [None if k == 5 else pose.center for k, pose in enumerate(poses)]
+    found = orient_cameras(positions, [0.001] * 8, pairs_of(poses), seed=0)
+    assert sorted(found) == [0, 1, 2, 3, 4, 6, 7]
+    assert errors(poses, found).max() < 1e-6
+
+
+def test_without_pairs_there_is_nothing() -> None:
+    assert orient_cameras([np.zeros(3), np.ones(3)], [0.1, 0.1], {}, seed=0) == {}
+    one = {(0, 1): two_view(np.eye(3), np.array([1.0, 0.0, 0.0]))}
+    assert orient_cameras([np.zeros(3), np.ones(3)], [0.1, 0.1], one, seed=0) == {}
+
+
+def test_pairs_without_a_relative_pose_do_no_harm() -> None:
+    poses = ring(10)
+    pairs = pairs_of(poses)
+    empty = two_view(np.eye(3), np.ones(3))
+    pairs[0, 5] = TwoView(empty.inliers, 3, *[np.zeros((3, 3))] * 3, np.eye(3), np.zeros(3))
+    assert errors(poses, orient(poses, pairs)).max() < 1e-6

@@ -1,0 +1,104 @@
+"""Geometric verification of pairs with known truth."""
+
+import numpy as np
+import pytest
+
+from fieldkit.geometry import Intrinsics
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.reconstruction.epipolar import epipolar_distance, relative_pose
+from fieldkit.reconstruction.matching import match_features
+from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+from tests.reconstruction.synthetic import CAMERA, FeatureScene, feature_scene, ring
+
+SETTINGS = VerificationSettings(max_error_px=2.0, min_inliers=15)
+
+
+@pytest.fixture(scope="module")
+def scene() -> FeatureScene:
+    return feature_scene(ring(12)[:2])
+
+
+def putative(scene: FeatureScene, wrong: int = 60, seed: int = 0) -> np.ndarray:
+    """The right matches, and some at random."""
+    rng = np.random.default_rng(seed)
+    counts = [len(f) for f in scene.features]
+    extra = np.column_stack([rng.integers(0, counts[0], wrong), rng.integers(0, counts[1], wrong)])
+    matches = np.concatenate([match_features(*scene.features), extra]).astype(np.uint32)
+    return matches[rng.permutation(len(matches))]
+
+
+def verify(scene: FeatureScene, matches: np.ndarray, *, calibrated: bool = True, seed: int = 0) -> TwoView:
+    cameras = (scene.camera, scene.camera)
+    return verify_pair(*scene.features, *cameras, matches, SETTINGS, calibrated=calibrated, seed=seed)
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_right_matches_stay_and_wrong_ones_go(scene: FeatureScene, calibrated: bool) -> None:
+    found = verify(scene, putative(scene), calibrated=calibrated)
+    one, other = scene.point_of[0][found.inliers[:, 0]], scene.point_of[1][found.inliers[:, 1]]
+    right = (one == other) & (one >= 0)
+    assert right.mean() > 0.95
+    assert right.sum() > 0.95 * (len(np.intersect1d(scene.point_of[0], scene.point_of[1])) - 1)
+    assert found.inliers.dtype == np.uint32
+    pixels = [f.points[found.inliers[:, k]] for k, f in enumerate(scene.features)]
+    if not calibrated:
+        assert np.median(epipolar_distance(found.fundamental, *pixels)) < 1.0
+
+
+def test_the_relative_pose_is_right(scene: FeatureScene) -> None:
+    found = verify(scene, putative(scene))
+    rotation, translation = relative_pose(*scene.poses)
+    # RANSAC's best essential matrix, not refined: a small turn looks like a small shift.
+    assert rotation_angle_deg(found.rotation, rotation) < 1.0
+    assert np.linalg.norm(found.translation) == pytest.approx(1.0)
+    assert found.translation @ translation / np.linalg.norm(translation) > np.cos(np.radians(2.0))
+
+
+def test_random_matches_are_refused(scene: FeatureScene) -> None:
+    counts = [len(f) for f in scene.features]
+    rng = np.random.default_rng(0)
+    matches = np.column_stack([rng.integers(0, counts[0], 200), rng.integers(0, counts[1], 200)]).astype(np.uint32)
+    assert len(verify(scene, matches).inliers) < 2 * SETTINGS.min_inliers
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+@pytest.mark.parametrize("count", [0, 1, 14])
+def test_too_few_matches(scene: FeatureScene, count: int, calibrated: bool) -> None:
+    found = verify(scene, match_features(*scene.features)[:count], calibrated=calibrated)
+    assert found.inliers.shape == (0, 2)
+    assert found.config == 0
+    assert not found.translation.any()
+
+
+def test_a_pure_rotation_has_no_direction() -> None:
+    pose = ring(12)[0]
+    yaw, pitch, _ = pose.yaw_pitch_roll_deg()
+    scene = feature_scene([pose, type(pose).from_yaw_pitch(pose.center, yaw + 3, pitch)], pixel_noise=0.1)
+    found = verify(scene, match_features(*scene.features))
+    assert len(found.inliers) > 100
+    assert rotation_angle_deg(found.rotation, scene.poses[1].rotation @ scene.poses[0].rotation.T) < 0.5
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_the_same_seed_gives_the_same_bits(scene: FeatureScene, calibrated: bool) -> None:
+    first, second = (verify(scene, putative(scene), calibrated=calibrated, seed=3) for _ in range(2))
+    assert np.array_equal(first.inliers, second.inliers)
+    assert first.fundamental.tobytes() == second.fundamental.tobytes()
+    assert first.rotation.tobytes() == second.rotation.tobytes()
+
+
+def test_two_different_cameras() -> None:
+    scene = feature_scene(ring(12)[:2])
+    wide = Intrinsics("PINHOLE", 800, 600, (750.0, 750.0, 400.0, 300.0))
+    features = scene.features[1]
+    ideal = CAMERA.undistort(features.points)
+    points = (ideal - (CAMERA.cx, CAMERA.cy)) / CAMERA.fx * wide.fx + (wide.cx, wide.cy)
+    keypoints = features.keypoints.copy()
+    keypoints[:, :2] = points
+    small = type(features)(keypoints, features.descriptors)
+    found = verify_pair(
+        scene.features[0], small, CAMERA, wide, match_features(scene.features[0], small), SETTINGS,
+        calibrated=True, seed=0,
+    )  # fmt: skip
+    rotation, _ = relative_pose(*scene.poses)
+    assert rotation_angle_deg(found.rotation, rotation) < 1.0
