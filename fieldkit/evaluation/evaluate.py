@@ -154,7 +154,8 @@ def _scored_plot(
         capture, settings, cache=cache, progress=progress, workers=workers,
         known_plot=None if reference is None else reference.known_plot(),
     )  # fmt: skip
-    plants, correction, result, findings = found.plants, None, None, []
+    plants, correction, result = found.plants, None, None
+    findings: list[Finding] = []
     with progress.stage("Scoring"):
         if reference is not None and scoring.index is not None:
             if scoring.refine:
@@ -177,7 +178,7 @@ def _scored_plot(
 def _refined(plants: Cloud, reference: Cloud, name: str) -> tuple[Cloud, CorrectionEntry, list[Finding]]:
     """The cloud moved onto the reference by ICP, and by how much."""
     motion, stats = icp(plants, reference, max_distance_m=_REFINE_REACH_M)
-    findings = []
+    findings: list[Finding] = []
     if not stats.converged:
         message = "ICP did not converge: too little of the cloud is near the reference; read the correction with care"
         findings.append(Finding(name, "refinement-not-converged", message))

@@ -87,8 +87,9 @@ def build_reference(
             laz = Path(name).with_suffix(".laz").name
             if cloud is not None and write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
                 names.append(laz)
-        seconds = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
-        draft = reference_report(found, settings, **seconds)
+        draft = reference_report(
+            found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu
+        )
         write_overview(folder / OVERVIEW_FILE, draft, found.plants)
         report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE])})
         save_report(folder / REFERENCE_FILE, report)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 import pycolmap
@@ -57,7 +58,8 @@ def align_to_positions(poses: Mapping[str, Pose], known: Mapping[str, KnownPose]
     options.max_error = float(np.median([known[n].bound_m for n in names]))
     options.random_seed = seed
     options.min_num_trials = 200
-    found = pycolmap.estimate_sim3d_robust(source, target, options)
+    # pycolmap's stubs promise a Sim3d; what comes is a dict.
+    found = cast("dict[str, Any] | None", pycolmap.estimate_sim3d_robust(source, target, options))
     if found is None:
         return None
     transform = found["tgt_from_src"]

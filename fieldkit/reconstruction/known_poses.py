@@ -84,9 +84,11 @@ def _frame_of(capture: Capture) -> SourceFrame | None:
     positions = [prior.position for prior in capture.priors.values() if prior.position is not None]
     if capture.metric_source is None or not positions:
         return None
-    center = np.mean(np.array(positions, dtype=np.float64), axis=0)
-    shift = np.round(center) if np.abs(center).max() > _SMALL_M else np.zeros(3)
-    return SourceFrame(capture.metric_source, capture.origin, Similarity(1.0, np.eye(3), -shift))
+    center = np.array(positions, dtype=np.float64).mean(axis=0)
+    shift = np.zeros(3)
+    if float(np.abs(center).max()) > _SMALL_M:
+        shift -= np.round(center)
+    return SourceFrame(capture.metric_source, capture.origin, Similarity(1.0, np.eye(3), shift))
 
 
 def _check_common(own: SourceFrame, within: SourceFrame, capture: Capture) -> None:
@@ -104,7 +106,8 @@ def _in_source(position: NDArray[np.float64], own: SourceFrame, frame: SourceFra
     """A position of the capture's source in the coordinates of ``frame``'s source."""
     if own.origin is None or frame.origin is None or own.origin == frame.origin:
         return position
-    return frame.origin.to_local(*own.origin.to_geodetic(position[None]))[0]
+    moved: NDArray[np.float64] = frame.origin.to_local(*own.origin.to_geodetic(position[None]))[0]
+    return moved
 
 
 def _rotation(prior: PosePrior) -> NDArray[np.float64] | None:

@@ -116,7 +116,7 @@ def exhaustive_pairs(count: int, centers: Sequence[np.ndarray | None], max_neigh
     if count <= max_neighbours + 1 or any(center is None for center in centers):
         return [(i, j) for i in range(count) for j in range(i + 1, count)]
     points = np.array(centers)
-    pairs = set()
+    pairs: set[tuple[int, int]] = set()
     for i in range(count):
         nearest = np.argsort(np.linalg.norm(points - points[i], axis=1), kind="stable")
         pairs.update((min(i, int(j)), max(i, int(j))) for j in nearest[: max_neighbours + 1] if j != i)
