@@ -75,7 +75,10 @@ def _ground(soil: SoilDescription) -> Mesh:
     axis = _axis(soil)
     n = len(axis)
     x, y = np.meshgrid(axis, axis)
-    vertices = np.stack([x, y, soil_height(soil, x, y)], axis=-1).reshape(-1, 3).astype(np.float32)
+    # Far out the cells are larger than the clods: flatten what they cannot show.
+    spacing = np.gradient(axis)
+    flatten = np.clip(0.06 / np.maximum(*np.meshgrid(spacing, spacing)), 0.0, 1.0)
+    vertices = np.stack([x, y, flatten * soil_height(soil, x, y)], axis=-1).reshape(-1, 3).astype(np.float32)
     index = np.arange(n * n, dtype=np.int32).reshape(n, n)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
     faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
@@ -91,16 +94,20 @@ def _soil_texture(soil: SoilDescription, axis: NDArray[np.float64]) -> NDArray[n
     """Colour of the ground in the grid's own (stretched) coordinates, so that detail is fine where it is needed."""
     size = soil.texture_px
     place = np.interp((np.arange(size) + 0.5) / size, np.linspace(0, 1, len(axis)), axis)
+    pitch = np.gradient(place)
     texture = np.empty((size, size, 3), np.uint8)
     for start in range(0, size, 256):  # in bands, to keep the memory small
         rows = slice(start, min(start + 256, size))
         x, y = np.meshgrid(place, place[::-1][rows])  # row 0 at the top: largest y
-        tone = 0.16 * fractal_noise(x / 0.25, y / 0.25, soil.seed + 201, octaves=3)
-        tone += 0.15 * fractal_noise(x / 0.012, y / 0.012, soil.seed + 202, octaves=4, gain=0.7)
+        # Far out texels are long and narrow; detail finer than their length would be drawn as streaks.
+        coarse = np.maximum(*np.meshgrid(pitch, pitch[::-1][rows]))
+        fine, medium = (np.clip(scale / (3.0 * coarse), 0.0, 1.0) ** 2 for scale in (0.010, 0.080))
+        tone = 0.16 * medium * fractal_noise(x / 0.25, y / 0.25, soil.seed + 201, octaves=3)
+        tone += 0.15 * fine * fractal_noise(x / 0.012, y / 0.012, soil.seed + 202, octaves=4, gain=0.7)
         grains = bumps(x / 0.0035, y / 0.0035, soil.seed + 203, density=0.8)
-        tone += 0.23 * (grains - 0.45)
+        tone += 0.23 * fine * (grains - 0.45)
         damp = np.clip(1.5 * fractal_noise(x / 0.12, y / 0.12, soil.seed + 204, octaves=3), 0.0, 0.6)
-        tone = soil.contrast * (tone - 0.30 * damp)
+        tone = soil.contrast * (tone - 0.30 * medium * damp)
         warmth = 0.02 * fractal_noise(x / 0.02, y / 0.02, soil.seed + 205, octaves=3)
         color = np.stack([0.55 + warmth, 0.48 + 0 * warmth, 0.41 - warmth], axis=-1) * (1.0 + tone)[..., None]
         texture[rows] = np.clip(255.0 * color + 0.5, 0, 255).astype(np.uint8)
