@@ -58,20 +58,24 @@ def feature_scene(
     seen_share: float = 0.7,
     camera: Intrinsics = CAMERA,
     radius: float = 0.2,
+    cloud: NDArray[np.float64] | None = None,
+    size_m: float = 0.001,
     seed: int = 0,
 ) -> FeatureScene:
-    """Points in a ball about the origin, seen as features with positions, sizes, orientations and descriptors.
+    """Points in a ball about the origin, or a ``cloud`` (n, 3), as features of photographs.
 
     Every point has a size in metres and a direction in space; a feature's size and orientation are their images. Each
     photograph sees a random share of the points, besides clutter without a point.
     """
     rng = np.random.default_rng(seed)
-    cloud = rng.normal(size=(points, 3))
-    cloud *= (radius * rng.random((points, 1)) ** (1 / 3)) / np.linalg.norm(cloud, axis=1, keepdims=True)
+    if cloud is None:
+        cloud = rng.normal(size=(points, 3))
+        cloud *= (radius * rng.random((points, 1)) ** (1 / 3)) / np.linalg.norm(cloud, axis=1, keepdims=True)
+    points = len(cloud)
     own = random_descriptors(rng, points)
-    sizes = rng.uniform(0.001, 0.004, points)
+    sizes = rng.uniform(size_m, 4 * size_m, points)
     tips = rng.normal(size=(points, 3))
-    tips *= 1e-4 / np.linalg.norm(tips, axis=1, keepdims=True)
+    tips *= 0.1 * size_m / np.linalg.norm(tips, axis=1, keepdims=True)
     features, point_of = [], []
     for pose in poses:
         seen = np.flatnonzero(rng.random(points) < seen_share)
