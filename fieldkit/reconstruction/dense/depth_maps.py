@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
 from fieldkit.progress import Progress
-from fieldkit.reconstruction.dense.matching import Planes, Problem
+from fieldkit.reconstruction.dense.matching import UNMATCHED, Planes, Problem
 from fieldkit.reconstruction.dense.rays import Active, active_pixels
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
@@ -21,6 +21,31 @@ from fieldkit.reconstruction.dense.views import DepthMap, View
 VERSION = 1
 """Part of every cache key; to be raised when the method changes its result."""
 STAGE = "depth"
+
+
+def compute_depth_maps(
+    views: Sequence[View], volume: Volume, settings: Settings, *, seed: int, progress: Progress, cache: StageCache
+) -> list[DepthMap]:
+    """The depth map of every view, by PatchMatch on the CPU, on one thread.
+
+    The first pass takes the photographs alone, from coarse to fine; the second takes over the source views' planes
+    where they fit better and asks for agreement with their depths. Each view's results are cached by the content of
+    the view, of its source views, the volume, the settings and the seed, so a repeated or extended run only computes
+    what changed.
+
+    Args:
+        views: n views at working size.
+        volume: pixels whose rays miss it are left out, and it bounds the depths.
+        settings: constants of the method.
+        seed: of everything random.
+        progress: receives one stage.
+        cache: keeps the hypotheses of both passes.
+
+    Returns:
+        n depth maps, in the same order. A view without source views has no depths.
+    """
+    found = compute_planes(views, volume, settings, seed=seed, progress=progress, cache=cache)
+    return [to_depth_map(view, planes, volume, settings) for view, planes in zip(views, found, strict=True)]
 
 
 def compute_planes(
@@ -61,17 +86,18 @@ def compute_planes(
         return refined
 
 
-def to_depth_map(view: View, planes: Planes, volume: Volume) -> DepthMap:
-    """Depths, normals and costs as images."""
-    active = active_pixels(view, volume, 0.0)
+def to_depth_map(view: View, planes: Planes, volume: Volume, settings: Settings) -> DepthMap:
+    """Depths, normals and costs as images; depths behind the volume are left out."""
+    active = active_pixels(view, volume, _beyond(view, settings))
     shape = active.index.shape
-    rows, columns = active.pixels[:, 0], active.pixels[:, 1]
+    inside = active.inside(planes.planes[:, 0]) & (planes.costs < UNMATCHED)
+    rows, columns = active.pixels[inside, 0], active.pixels[inside, 1]
     depth = np.zeros(shape, dtype=np.float32)
     normal = np.zeros((*shape, 3), dtype=np.float32)
     cost = np.full(shape, np.inf, dtype=np.float32)
-    w, g_u, g_v = planes.planes.T.astype(np.float64)
+    w, g_u, g_v = planes.planes[inside].T.astype(np.float64)
     depth[rows, columns] = 1.0 / w
-    cost[rows, columns] = planes.costs
+    cost[rows, columns] = planes.costs[inside]
     camera = view.intrinsics
     # 1/z = a x + b y + c over the image plane is the plane (a, b, c) · X = 1, whose far side is away from the camera.
     x, y = columns + 0.5 - camera.cx, rows + 0.5 - camera.cy

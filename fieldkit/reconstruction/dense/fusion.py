@@ -5,18 +5,20 @@ then used up, so that a surface seen by many views is not stored many times. Vie
 row, so the cloud depends on nothing but the arguments.
 """
 
+# mypy: disable-error-code="no-untyped-def"
+# (Numba infers the kernels' types.)
+
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
-from fieldkit.reconstruction.dense.patchmatch import _OPTIONS
+from fieldkit.reconstruction.dense.kernels import kernel
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_fusion_neighbors
 from fieldkit.reconstruction.dense.views import DepthMap, View
@@ -46,7 +48,7 @@ def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, 
         rows, columns = depth_map.depth.shape
         good = depth_map.cost < settings.max_cost
         depths[i, :rows, :columns] = np.where(good, depth_map.depth, np.float32(0.0))
-    cameras = np.stack([_camera(view) for view in views]) if views else np.zeros((0, 22))
+    cameras = np.stack([_camera(view) for view in views]) if views else np.zeros((0, 16))
     bounds = np.array([(v.intrinsics.height, v.intrinsics.width) for v in views], dtype=np.int64).reshape(-1, 2)
     used = np.zeros(depths.shape, dtype=np.bool_)
     parts = []
@@ -69,8 +71,6 @@ def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, 
         )
         colors, normals = _appearance(views, depth_maps, origin[:count])
         parts.append(Cloud(points[:count].copy(), colors, normals))
-    from fieldkit.clouds.cloud import concatenate
-
     cloud = crop(concatenate(parts), volume)
     if settings.thin_gsd > 0 and len(cloud):
         cloud = voxel_thin(cloud, settings.thin_gsd * ground_sampling_distance(views, volume))
@@ -90,7 +90,7 @@ def _camera(view: View) -> NDArray[np.float64]:
     return np.concatenate([view.pose.rotation.ravel(), view.pose.center, lens])
 
 
-@njit(**_OPTIONS)
+@kernel
 def _to_world(cameras, k, u, v, depth):
     x = (u - cameras[k, 14]) / cameras[k, 12] * depth
     y = (v - cameras[k, 15]) / cameras[k, 13] * depth
@@ -101,7 +101,7 @@ def _to_world(cameras, k, u, v, depth):
     )
 
 
-@njit(**_OPTIONS)
+@kernel
 def _to_pixel(cameras, k, x, y, z):
     """Pixel and depth of a world point; depth ≤ 0 behind the camera."""
     x = x - cameras[k, 9]
@@ -115,10 +115,12 @@ def _to_pixel(cameras, k, x, y, z):
     return u, v, depth
 
 
-@njit(**_OPTIONS)
+@kernel
 def _fuse_view(i, neighbors, depths, used, cameras, bounds, relative, reprojection, needed, points, origin):
-    """Points of view ``i``; writes ``points``, ``origin`` (view, row, column of every agreeing pixel; view −1: none)
-    and ``used``. Returns how many."""
+    """Write view ``i``'s points, their origins (view, row, column of every agreeing pixel; view −1: none) and ``used``.
+
+    Returns how many points there are.
+    """
     count = 0
     slots = origin.shape[1]
     for row in range(bounds[i, 0]):
@@ -154,7 +156,10 @@ def _fuse_view(i, neighbors, depths, used, cameras, bounds, relative, reprojecti
             if agreeing < needed:
                 continue
             mean = total / (1.0 + agreeing)
-            points[count, 0], points[count, 1], points[count, 2] = _to_world(cameras, i, float(column), float(row), mean)
+            x, y, z = _to_world(cameras, i, float(column), float(row), mean)
+            points[count, 0] = x
+            points[count, 1] = y
+            points[count, 2] = z
             origin[count, 0, 0] = i
             origin[count, 0, 1] = row
             origin[count, 0, 2] = column

@@ -15,6 +15,9 @@ from fieldkit.reconstruction.dense.views import View
 
 _NO_DEPTHS = np.zeros((1, 1, 1), dtype=np.float32)
 _SAME_PX = 0.05
+"""Planes that shift the patch by less are not tried again."""
+UNMATCHED = 9.0
+"""Cost of a pixel that was never matched; no matched one costs as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,7 @@ class Problem:
     ) -> Planes:
         """Random starts and sweeps by the photographs alone; ``planes`` is written to."""
         count = len(planes)
-        costs = np.full(count, 9.0, dtype=np.float32)
+        costs = np.full(count, UNMATCHED, dtype=np.float32)
         if not count or not len(self.sizes):
             return Planes(planes, costs)
         best = min(self.settings.best_sources, len(self.sizes))

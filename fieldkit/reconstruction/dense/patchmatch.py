@@ -13,15 +13,15 @@ References: Bleyer et al., PatchMatch Stereo (BMVC 2011); Galliani et al., Massi
 (ICCV 2015); Xu and Tao, Multi-Scale Geometric Consistency Guided MVS (CVPR 2019).
 """
 
+# mypy: disable-error-code="no-untyped-def"
+# (Numba infers the kernels' types.)
+
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import float32, int32, njit, uint32, uint64
-from numpy.typing import NDArray
+from numba import float32, int32, uint32, uint64
 
-Float32 = NDArray[np.float32]
+from fieldkit.reconstruction.dense.kernels import kernel
 
 SAMPLES = 16
 """Samples of a patch."""
@@ -33,18 +33,12 @@ OFFSET_V = np.array([0, 0, 1, -1, 2, 2, -2, -2, 1, -1, 1, -1, 3, -3, 3, -3], dty
 
 UNSEEN = np.float32(1.2)
 """Cost of a source view that does not see the whole patch; above every accepted cost."""
-MAX_SOURCES = 16
 
 _NEIGHBOR_U = np.array([-1, 1, 0, 0, -3, 3, 0, 0], dtype=np.int64)
 _NEIGHBOR_V = np.array([0, 0, -1, 1, 0, 0, -3, 3], dtype=np.int64)
 
-# Sums may be reordered: it lets the compiler use vector instructions. The compiled code is kept, so the order is the
-# same in every process on a machine; another processor may give other last bits.
-_FAST = {"reassoc", "contract", "arcp", "nsz", "nnan", "ninf"}
-_OPTIONS: dict[str, Any] = {"fastmath": _FAST, "error_model": "numpy", "cache": True, "nogil": True}
 
-
-@njit(**_OPTIONS)
+@kernel
 def _mix(x):
     """A well mixed uint64 of a uint64 (the finaliser of SplitMix64)."""
     x = (x ^ (x >> uint64(30))) * uint64(0xBF58476D1CE4E5B9)
@@ -52,13 +46,13 @@ def _mix(x):
     return x ^ (x >> uint64(31))
 
 
-@njit(**_OPTIONS)
+@kernel
 def _uniform(state):
     """A float32 in [0, 1) of a mixed uint64."""
     return float32(int32(state >> uint64(40))) * float32(1.0 / 16777216.0)
 
 
-@njit(**_OPTIONS)
+@kernel
 def _sample_cost(packed, base, stride, support, p, x0, y0, a_x, a_y, b_x, b_y, noise):
     """1 − weighted NCC of pixel ``p``'s patch with an affine patch of a source view."""
     mean = float32(0.0)
@@ -87,7 +81,7 @@ def _sample_cost(packed, base, stride, support, p, x0, y0, a_x, a_y, b_x, b_y, n
     return float32(1.0) - product / np.sqrt(variance)
 
 
-@njit(**_OPTIONS)
+@kernel
 def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, depths, back, geometric, cap):
     """Mean of the ``best`` lowest costs over the source views of a plane at pixel (u, v).
 
@@ -139,7 +133,7 @@ def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, de
     return (first + second + third) * float32(1.0 / 3.0)
 
 
-@njit(**_OPTIONS)
+@kernel
 def _round_trip(depths, back, k, u, v, x0, y0, cap):
     """Pixels by which (u, v) misses itself when sent to source view k and back by that view's own depth; ≤ cap."""
     column = int32(x0 + float32(0.5))
@@ -157,7 +151,7 @@ def _round_trip(depths, back, k, u, v, x0, y0, cap):
     return min(np.sqrt(d_u * d_u + d_v * d_v), cap)
 
 
-@njit(**_OPTIONS)
+@kernel
 def _tilt(state, u, v, w, lens, steepest):
     """Gradient (g_u, g_v) of a plane through (u, v, w) whose normal is random, at most ``steepest`` (a sine) oblique.
 
@@ -184,7 +178,7 @@ def _tilt(state, u, v, w, lens, steepest):
     return w * m_x / (lens[0] * along), w * m_y / (lens[1] * along)
 
 
-@njit(**_OPTIONS)
+@kernel
 def start(
     planes, costs, fresh, pixels, ranges, packed, sizes, cameras, support, lens, depths, back, key, starts, noise, best
 ):
@@ -228,7 +222,7 @@ def start(
         costs[p] = lowest
 
 
-@njit(**_OPTIONS)
+@kernel
 def sweep(
     planes, costs, pixels, index, ranges, packed, sizes, cameras, support, depths, back, key,
     color, step, perturbations, reach_w, same_w, noise, best, geometric, cap,
@@ -332,7 +326,7 @@ def sweep(
         costs[p] = lowest
 
 
-@njit(**_OPTIONS)
+@kernel
 def carry(found, source_pixels, source_planes, source_costs, index, lens_source, lens, rotation, offset, limit):
     """Planes of a source view as planes of the reference view, at the pixels its points fall on.
 
@@ -386,7 +380,7 @@ def carry(found, source_pixels, source_planes, source_costs, index, lens_source,
             found[p, 2] = g_v
 
 
-@njit(**_OPTIONS)
+@kernel
 def adopt(
     planes, costs, found, pixels, ranges, packed, sizes, cameras, support, depths, back, noise, best, geometric, cap
 ):
@@ -408,7 +402,7 @@ def adopt(
             planes[p, 2] = found[p, 2]
 
 
-@njit(**_OPTIONS)
+@kernel
 def score(planes, costs, pixels, packed, sizes, cameras, support, depths, back, noise, best, geometric, cap):
     """Write into ``costs`` what ``planes`` cost; the arguments are those of `sweep`."""
     for p in range(pixels.shape[0]):

@@ -47,12 +47,18 @@ class Active:
     Attributes:
         pixels: (n, 2) int32 row, column; row by row.
         index: (H, W) int32 place in ``pixels`` or −1.
-        ranges: (n, 2) float32 smallest and largest inverse depth, 1/m.
+        ranges: (n, 2) float32 smallest and largest inverse depth to search, 1/m.
+        leaving: (n,) float32 inverse depth at which the ray leaves the volume, 1/m.
     """
 
     pixels: NDArray[np.int32]
     index: NDArray[np.int32]
     ranges: NDArray[np.float32]
+    leaving: NDArray[np.float32]
+
+    def inside(self, inverse_depths: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Which of n inverse depths, one per pixel, lie in the volume."""
+        return np.asarray(inverse_depths >= self.leaving, dtype=np.bool_)
 
 
 def active_pixels(view: View, volume: Volume, beyond: float) -> Active:
@@ -65,4 +71,4 @@ def active_pixels(view: View, volume: Volume, beyond: float) -> Active:
     index = np.full(active.shape, -1, dtype=np.int32)
     index[active] = np.arange(len(pixels), dtype=np.int32)
     ranges = np.stack([1.0 / ((1.0 + beyond) * far[active]), 1.0 / near[active]], axis=1).astype(np.float32)
-    return Active(pixels, index, ranges)
+    return Active(pixels, index, ranges, (1.0 / far[active]).astype(np.float32))

@@ -1,15 +1,18 @@
 """What the matching kernels read: support weights of the reference view, packed source views, relative cameras."""
 
+# mypy: disable-error-code="no-untyped-def"
+# (Numba infers the kernels' types.)
+
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from numba import float32, njit
+from numba import float32
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense.patchmatch import _OPTIONS
+from fieldkit.reconstruction.dense.kernels import kernel
 
 
 def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -29,7 +32,8 @@ def pack_source(image: NDArray[np.uint8]) -> NDArray[np.uint32]:
         (H, W) uint32: pixel | right << 8 | below << 16 | below right << 24; the border repeats itself.
     """
     padded = np.pad(image, ((0, 1), (0, 1)), mode="edge").astype(np.uint32)
-    return padded[:-1, :-1] | padded[:-1, 1:] << 8 | padded[1:, :-1] << 16 | padded[1:, 1:] << 24
+    packed = padded[:-1, :-1] | padded[:-1, 1:] << 8 | padded[1:, :-1] << 16 | padded[1:, 1:] << 24
+    return np.asarray(packed, dtype=np.uint32)
 
 
 def relative_camera(from_intrinsics: Intrinsics, from_pose: Pose, to_intrinsics: Intrinsics, to_pose: Pose) -> Any:
@@ -45,7 +49,7 @@ def relative_camera(from_intrinsics: Intrinsics, from_pose: Pose, to_intrinsics:
     return np.concatenate([matrix.ravel(), offset]).astype(np.float32)
 
 
-@njit(**_OPTIONS)
+@kernel
 def support_weights(image, luma, mask, pixels, offset_u, offset_v, sigma, off_mask, noise):
     """Bilateral weights of the patches of the reference view, ready for the correlation.
 

@@ -1,0 +1,88 @@
+"""The two ways to compute depth maps and fuse them, behind one interface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from fieldkit.cache import StageCache
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import UsageError
+from fieldkit.progress import Progress
+from fieldkit.reconstruction.dense.cuda import Cuda, cuda_devices
+from fieldkit.reconstruction.dense.depth_maps import compute_depth_maps
+from fieldkit.reconstruction.dense.fusion import fuse
+from fieldkit.reconstruction.dense.settings import Settings
+from fieldkit.reconstruction.dense.views import DepthMap, View
+
+
+class Backend(Protocol):
+    """A way to do dense stereo.
+
+    Attributes:
+        name: `cpu` or `cuda`; recorded with every result.
+    """
+
+    name: str
+
+    def compute_depth_maps(
+        self,
+        views: Sequence[View],
+        volume: Volume,
+        settings: Settings,
+        *,
+        seed: int,
+        progress: Progress,
+        cache: StageCache,
+    ) -> list[DepthMap]:
+        """A depth map per view, in the same order."""
+        ...
+
+    def fuse(self, views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: Settings) -> Cloud:
+        """One cloud in the plot frame with colours and normals."""
+        ...
+
+
+class Cpu:
+    """PatchMatch compiled by Numba and fieldkit's own fusion, on one thread."""
+
+    name = "cpu"
+
+    def compute_depth_maps(
+        self,
+        views: Sequence[View],
+        volume: Volume,
+        settings: Settings,
+        *,
+        seed: int,
+        progress: Progress,
+        cache: StageCache,
+    ) -> list[DepthMap]:
+        return compute_depth_maps(views, volume, settings, seed=seed, progress=progress, cache=cache)
+
+    def fuse(self, views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: Settings) -> Cloud:
+        return fuse(views, depth_maps, volume, settings)
+
+
+def select_backend(choice: str = "auto") -> Backend:
+    """The backend to use.
+
+    Args:
+        choice: `auto` is `cuda` where pycolmap was built with CUDA and there is a device, else `cpu`.
+
+    Raises:
+        UsageError: an unknown choice, or `cuda` without a device (or without a pycolmap that could use it).
+    """
+    if choice == "cpu":
+        return Cpu()
+    if choice == "auto":
+        return Cuda() if cuda_devices() > 0 else Cpu()
+    if choice != "cuda":
+        raise UsageError(f"there is no dense stereo backend {choice!r}", remedy="Choose auto, cpu or cuda.")
+    if cuda_devices() == 0:
+        raise UsageError(
+            "the backend cuda needs an NVIDIA GPU and pycolmap built with CUDA, and one of them is missing",
+            remedy="Choose --backend cpu, or install pycolmap-cuda12 in pycolmap's place (docs/install.md).",
+        )
+    return Cuda()

@@ -1,0 +1,50 @@
+"""How the numeric kernels are compiled, and where their machine code is kept."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+from numba import njit
+from numba.core.caching import FunctionCache
+
+from fieldkit.cache import CacheWarning
+
+# Sums may be reordered, which lets the compiler use vector instructions. The machine code is kept, so the order is the
+# same in every process on a machine; another processor may give other last bits.
+_FAST = {"reassoc", "contract", "arcp", "nsz", "nnan", "ninf"}
+
+
+class _Cache(FunctionCache):
+    """Numba's cache of machine code, except that a full disk is no error."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        except OSError as error:
+            _warn(error.strerror or str(error))
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function on its first call, for one thread and without the interpreter's lock.
+
+    The machine code is kept beside the package or, where that is read-only, in the user's cache folder
+    (NUMBA_CACHE_DIR chooses another). Without any such place it is compiled in every process, and a `CacheWarning`
+    says so. A kernel must only use kernels and constants of its own file: a change elsewhere would go unnoticed.
+    """
+    compiled: Any = njit(fastmath=_FAST, error_model="numpy", nogil=True)(function)
+    try:
+        compiled._cache = _Cache(function)  # type: ignore[no-untyped-call]
+    except RuntimeError as error:
+        _warn(str(error))
+    return compiled
+
+
+def _warn(why: str) -> None:
+    warnings.warn(
+        f"the compiled stereo kernels cannot be kept ({why}), so every run compiles them for about half a minute; "
+        "set NUMBA_CACHE_DIR to a folder that can be written to",
+        CacheWarning,
+        stacklevel=3,
+    )
