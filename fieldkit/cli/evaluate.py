@@ -98,5 +98,5 @@ def command(
         show = console()
         for table in evaluation_tables(report):
             show.print(table)
-        show.print(f"{output}", markup=False)
+        show.print(f"{output}", markup=False, soft_wrap=True)
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK

@@ -85,4 +85,4 @@ def command(
     show = console()
     for table in quality_tables(report):
         show.print(table)
-    show.print(f"{output}", markup=False)
+    show.print(f"{output}", markup=False, soft_wrap=True)
