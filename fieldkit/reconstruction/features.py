@@ -42,6 +42,16 @@ class Features:
     def __len__(self) -> int:
         return len(self.keypoints)
 
+    def largest(self, count: int) -> NDArray[np.int64]:
+        """Indices (k,) of the ``count`` features of the largest scale, ascending."""
+        if len(self) <= count:
+            return np.arange(len(self))
+        return np.sort(np.argsort(-self.keypoints[:, 2], kind="stable")[:count])
+
+    def subset(self, index: NDArray[np.int64]) -> Features:
+        """The features of those indices."""
+        return Features(self.keypoints[index], self.descriptors[index])
+
     @property
     def points(self) -> NDArray[np.float64]:
         """(n, 2) pixel positions."""

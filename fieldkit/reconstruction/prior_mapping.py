@@ -29,6 +29,7 @@ from fieldkit.reconstruction.colmap_model import (
     model_points,
     new_model,
     pose_of,
+    to_colmap_camera,
     triangulate_tracks,
 )
 from fieldkit.reconstruction.epipolar import relative_pose
@@ -42,6 +43,7 @@ Matches = dict[tuple[int, int], NDArray[np.uint32]]
 # A 3D normal deviation stays within 4.03 σ per axis with 99.9 %, a 2D one within 3.72 σ (χ² distribution).
 _BOUND_3D, _BOUND_2D = 4.03, 3.72
 _POINTS_FOR_SLAB = 50
+_MIN_RESECTION = 8
 _SLAB_MARGIN = 0.3  # of the flying height above the scene, up and down
 _MIN_OVERLAP = 0.1
 
@@ -56,6 +58,8 @@ class PriorMappingSettings:
         max_view_angle_deg: pairs whose viewing directions differ more are not tried.
         max_neighbours: per image, only that many nearest cameras are tried.
         first_band_sigmas: half width of the first band, in standard deviations of the priors' epipolar error.
+        first_features: per image, the largest that the first round matches; its wide bands compare nearly all pairs.
+        first_neighbours: per image, the nearest cameras that the first round tries.
         bands_px: half widths of the following bands, in pixels of a 1600-pixel-wide photograph.
         loss_px: scale of the last robust loss.
         max_error_px: largest reprojection error of an observation that stays.
@@ -70,8 +74,10 @@ class PriorMappingSettings:
         default_factory=lambda: VerificationSettings(max_error_px=2.0, min_inliers=10)
     )
     max_view_angle_deg: float = 75.0
-    max_neighbours: int = 24
+    max_neighbours: int = 16
     first_band_sigmas: float = 2.5
+    first_features: int = 2500
+    first_neighbours: int = 8
     bands_px: tuple[float, ...] = (12.0, 6.0, 3.0)
     loss_px: float = 1.0
     max_error_px: float = 4.0
@@ -151,13 +157,8 @@ def map_with_priors(
     problem = _Problem(names, features, cameras, camera_of, priors, settings, fixed_intrinsics, seed)
     start = [prior.pose for prior in priors]
     region = region or region_of_interest(start)
-    pairs = _candidate_pairs(start, settings)
-    matches = {}
-    posed = problem.posed(start, cameras)
-    for i, j in pairs:
-        found = _first_matches(problem, posed[i], posed[j], i, j, region)
-        if found is not None:
-            matches[i, j] = found
+    pairs = _candidate_pairs(start, settings, settings.max_neighbours)
+    matches = _first_matches(problem, region)
     model = _first_model(problem, matches, region)
     advance(1)
     scale = max(camera.width for camera in cameras) / 1600.0
@@ -165,7 +166,8 @@ def map_with_priors(
         meet_in = region or _slab(model)
         pairs = _overlapping(problem, model, pairs)
         last = index == len(settings.bands_px) - 1
-        model = _round(problem, model, pairs, band * scale, region, meet_in, last=last)
+        poses = _reconsidered(problem, model, pairs, region)
+        model = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
         advance(1)
     unregistered = _unsupported(problem, model, pairs, region, meet_in, settings.bands_px[-1] * scale)
     for name in unregistered:
@@ -193,7 +195,9 @@ def epipolar_sigma_px(a: RoughPose, b: RoughPose, focal_px: float, distance_m: f
     return float(focal_px * np.hypot(angle, shift))
 
 
-def _candidate_pairs(poses: Sequence[Pose], settings: PriorMappingSettings) -> list[tuple[int, int]]:
+def _candidate_pairs(
+    poses: Sequence[Pose], settings: PriorMappingSettings, neighbours: int
+) -> list[tuple[int, int]]:
     centers = np.array([p.center for p in poses])
     forward = np.array([p.forward for p in poses])
     seen_alike = forward @ forward.T >= np.cos(np.radians(settings.max_view_angle_deg))
@@ -201,7 +205,7 @@ def _candidate_pairs(poses: Sequence[Pose], settings: PriorMappingSettings) -> l
     pairs: set[tuple[int, int]] = set()
     for i in range(len(poses)):
         near = [int(j) for j in np.argsort(distance[i], kind="stable") if j != i and seen_alike[i, j]]
-        pairs.update((min(i, j), max(i, j)) for j in near[: settings.max_neighbours])
+        pairs.update((min(i, j), max(i, j)) for j in near[:neighbours])
     return sorted(pairs)
 
 
@@ -211,19 +215,26 @@ def _distance(prior: RoughPose, other: RoughPose, region: Region | None) -> floa
     return 3.0 * float(np.linalg.norm(prior.pose.center - other.pose.center))
 
 
-def _first_matches(
-    problem: _Problem, a: PosedFeatures, b: PosedFeatures, i: int, j: int, region: Region | None
-) -> NDArray[np.uint32] | None:
+def _first_matches(problem: _Problem, region: Region | None) -> Matches:
+    """Verified matches of the pairs whose relative pose agrees with the priors; feature indices of the whole images."""
     settings, priors = problem.settings, problem.priors
-    distance = _distance(priors[i], priors[j], region)
-    sigma = epipolar_sigma_px(priors[i], priors[j], a.camera.fx, distance)
-    matches = match_guided(a, b, max(4.0, settings.first_band_sigmas * sigma), settings.guided, region=region)
-    pair_cameras = (problem.cameras[problem.camera_of[i]], problem.cameras[problem.camera_of[j]])
-    found = verify_pair(
-        problem.features[i], problem.features[j], *pair_cameras, matches, settings.verification,
-        calibrated=True, seed=problem.seed,
-    )  # fmt: skip
-    return found.inliers if len(found.inliers) and _agrees_with_priors(found, priors[i], priors[j]) else None
+    chosen = [features.largest(settings.first_features) for features in problem.features]
+    features = [f.subset(index) for f, index in zip(problem.features, chosen, strict=True)]
+    cameras = [problem.cameras[k] for k in problem.camera_of]
+    posed = [PosedFeatures.of(f, p.pose, c) for f, p, c in zip(features, priors, cameras, strict=True)]
+    matches = {}
+    for i, j in _candidate_pairs([prior.pose for prior in priors], settings, settings.first_neighbours):
+        sigma = epipolar_sigma_px(priors[i], priors[j], cameras[i].fx, _distance(priors[i], priors[j], region))
+        band = max(4.0, settings.first_band_sigmas * sigma)
+        candidates = match_guided(posed[i], posed[j], band, settings.guided, region=region)
+        found = verify_pair(
+            features[i], features[j], cameras[i], cameras[j], candidates, settings.verification,
+            calibrated=True, seed=problem.seed,
+        )  # fmt: skip
+        if len(found.inliers) and _agrees_with_priors(found, priors[i], priors[j]):
+            columns = (chosen[i][found.inliers[:, 0]], chosen[j][found.inliers[:, 1]])
+            matches[i, j] = np.stack(columns, axis=1).astype(np.uint32)
+    return matches
 
 
 def _agrees_with_priors(found: TwoView, a: RoughPose, b: RoughPose) -> bool:
@@ -280,6 +291,7 @@ def _state(problem: _Problem, model: pycolmap.Reconstruction) -> tuple[list[Pose
 def _round(
     problem: _Problem,
     model: pycolmap.Reconstruction,
+    poses: Sequence[Pose],
     pairs: Sequence[tuple[int, int]],
     band_px: float,
     region: Region | None,
@@ -288,7 +300,7 @@ def _round(
     last: bool,
 ) -> pycolmap.Reconstruction:
     settings = problem.settings
-    poses, cameras = _state(problem, model)
+    cameras = _state(problem, model)[1]
     posed = problem.posed(poses, cameras)
     matches = {
         (i, j): match_guided(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
@@ -303,6 +315,83 @@ def _round(
     filter_points(model, settings.max_error_px, settings.min_angle_deg)
     adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed)
     return model
+
+
+def _reconsidered(
+    problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[tuple[int, int]], region: Region | None
+) -> list[Pose]:
+    """The model's poses; those that left their priors' bounds are found anew against the other images' points.
+
+    Few and partly wrong matches can pull an image away in the first rounds, and narrow bands would keep it there.
+    """
+    poses, cameras = _state(problem, model)
+    turn = _common_turn(poses, problem.priors)
+    astray = {k for k, prior in enumerate(problem.priors) if _left_bounds(poses[k], prior, turn)}
+    if not astray or len(astray) > len(poses) // 2:
+        return poses
+    posed = problem.posed(poses, cameras)
+    for k in sorted(astray):
+        prior = problem.priors[k]
+        at_prior = PosedFeatures.of(problem.features[k], prior.pose, cameras[problem.camera_of[k]])
+        pixels, points = [], []
+        for i, j in pairs:
+            other = j if i == k else i
+            if k not in (i, j) or other in astray:
+                continue
+            known = RoughPose(poses[other], np.zeros(3), 0.0)
+            sigma = epipolar_sigma_px(prior, known, at_prior.camera.fx, _distance(prior, known, region))
+            band = max(4.0, problem.settings.first_band_sigmas * sigma)
+            image = model.image(other + 1)
+            for mine, theirs in match_guided(at_prior, posed[other], band, problem.settings.guided, region=region):
+                seen = image.points2D[int(theirs)]
+                if seen.has_point3D():
+                    pixels.append(problem.features[k].keypoints[mine, :2])
+                    points.append(model.points3D[seen.point3D_id].xyz)
+        found = _resected(problem, k, np.array(pixels, np.float64), np.array(points), cameras, turn)
+        poses[k] = found or prior.pose
+    return poses
+
+
+def _resected(
+    problem: _Problem,
+    k: int,
+    pixels: NDArray[np.float64],
+    points: NDArray[np.float64],
+    cameras: Sequence[Intrinsics],
+    turn: NDArray[np.float64],
+) -> Pose | None:
+    """The pose of image ``k`` from pixels (n, 2) of points (n, 3), if it agrees with its prior."""
+    if len(pixels) < _MIN_RESECTION:
+        return None
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error = 3.0 * problem.settings.max_error_px
+    options.ransac.random_seed = problem.seed
+    camera = to_colmap_camera(cameras[problem.camera_of[k]], 1)
+    found = pycolmap.estimate_and_refine_absolute_pose(pixels, points, camera, options)
+    if found is None or found["num_inliers"] < _MIN_RESECTION:
+        return None
+    rigid = found["cam_from_world"]
+    rotation = np.array(rigid.rotation.matrix())
+    pose = Pose(rotation, -rotation.T @ np.array(rigid.translation))
+    return None if _left_bounds(pose, problem.priors[k], turn) else pose
+
+
+def _common_turn(poses: Sequence[Pose], priors: Sequence[RoughPose]) -> NDArray[np.float64]:
+    """The world's rotation (3, 3) from the priors to the model: errors of positions turn a model as a whole."""
+    turns = np.array([pose.rotation.T @ prior.pose.rotation for pose, prior in zip(poses, priors, strict=True)])
+    kept = np.ones(len(turns), dtype=np.bool_)
+    for _ in range(3):
+        u, _, vt = np.linalg.svd(turns[kept].sum(axis=0))
+        mean: NDArray[np.float64] = u @ np.diag([1.0, 1.0, np.linalg.det(u) * np.linalg.det(vt)]) @ vt
+        away = np.array([rotation_angle_deg(turn, mean) for turn in turns])
+        kept = away <= 2.0 * np.median(away)
+    return mean
+
+
+def _left_bounds(pose: Pose, prior: RoughPose, turn: NDArray[np.float64]) -> bool:
+    shift = float(np.linalg.norm((pose.center - prior.pose.center) / np.maximum(prior.position_sigma, 1e-9)))
+    angle = rotation_angle_deg(pose.rotation @ turn, prior.pose.rotation)
+    return shift > _BOUND_3D or angle > _BOUND_3D * prior.angle_sigma_deg
 
 
 def _slab(model: pycolmap.Reconstruction) -> Slab | None:
