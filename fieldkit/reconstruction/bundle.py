@@ -9,6 +9,9 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from fieldkit.geometry.similarity import fit_similarity
+from fieldkit.reconstruction.colmap_model import transform_model
+
 
 @dataclass(frozen=True, eq=False)
 class PositionPrior:
@@ -43,7 +46,8 @@ def adjust(
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = loss_px
     options.ceres.solver_options.num_threads = 1
-    options.ceres.solver_options.max_num_iterations = 100
+    options.ceres.solver_options.max_num_iterations = 50
+    options.ceres.solver_options.function_tolerance = 1e-6
     config = pycolmap.BundleAdjustmentConfig()
     for image_id in sorted(model.reg_image_ids()):
         config.add_image(image_id)
@@ -57,7 +61,29 @@ def adjust(
     prior_options = pycolmap.PosePriorBundleAdjustmentOptions()
     prior_options.alignment_ransac.random_seed = seed
     pose_priors = [_pose_prior(model, image_id, prior) for image_id, prior in sorted(priors.items())]
+    _regauge(model, priors)
     pycolmap.create_pose_prior_bundle_adjuster(options, prior_options, config, pose_priors, model).solve()
+    _regauge(model, priors)
+
+
+def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, PositionPrior]) -> None:
+    """Put the model as a whole where its priors want it.
+
+    Reprojection errors do not see a similarity, and are so many that the solver moves along it in tiny steps.
+    """
+    source = np.array([model.image(i).projection_center() for i in sorted(priors)])
+    target = np.array([priors[i].position for i in sorted(priors)])
+    reach = 4.03 * np.array([np.linalg.norm(priors[i].sigma) / np.sqrt(3.0) for i in sorted(priors)])
+    kept = np.ones(len(source), dtype=np.bool_)
+    for _ in range(3):
+        try:
+            similarity = fit_similarity(source[kept], target[kept])
+        except ValueError:  # positions on one line leave a rotation free
+            return
+        kept = np.linalg.norm(similarity.apply(source) - target, axis=1) <= reach
+        if kept.sum() < max(3, len(source) // 2):
+            kept = np.ones(len(source), dtype=np.bool_)
+    transform_model(model, similarity)
 
 
 def filter_points(model: pycolmap.Reconstruction, max_error_px: float, min_angle_deg: float) -> int:

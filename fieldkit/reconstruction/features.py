@@ -22,7 +22,7 @@ class FeatureSettings:
 
     working_side: int = 1600
     max_features: int = 4096
-    contrast_threshold: float = 0.03
+    contrast_threshold: float = 0.02
     edge_threshold: float = 10.0
 
 
