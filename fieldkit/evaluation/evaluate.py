@@ -18,7 +18,6 @@ from fieldkit.evaluation.plots import find_plots
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, file_sha256, save_report
 from fieldkit.evaluation.schema import CorrectionEntry, EvaluationReport, PlotEvaluation
-from fieldkit.evaluation.usage import processor_seconds
 from fieldkit.files import atomic_folder
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.pipeline import reconstruct
@@ -26,6 +25,7 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reporting.comparison import write_comparison
 from fieldkit.reporting.overview import write_overview
 from fieldkit.reporting.plots_csv import write_plots_csv
+from fieldkit.usage import processor_seconds
 
 DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 PLOTS_FILE = "plots.csv"

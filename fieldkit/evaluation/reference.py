@@ -22,7 +22,6 @@ from fieldkit.evaluation.report_files import (
     save_report,
 )
 from fieldkit.evaluation.schema import ReferenceReport
-from fieldkit.evaluation.usage import processor_seconds
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
@@ -31,6 +30,7 @@ from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reporting.overview import write_overview
+from fieldkit.usage import processor_seconds
 
 CLOUD_FILE = "cloud.ply"
 SCENE_FILE = "scene.ply"

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import Finding, assess_quality, find_mask, quality_findings, read_image
+from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
@@ -20,14 +19,17 @@ from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
+from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
 from fieldkit.reconstruction.dense import Settings as DenseSettings
-from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.interest import volume_of_interest
 from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
+from fieldkit.reconstruction.marker_detection import detect_markers
+from fieldkit.reconstruction.markers import MarkerScale, marker_scale
 from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
-from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, StageTime
+from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
 from fieldkit.reconstruction.sparse import Mapped, map_capture
+from fieldkit.reconstruction.stage_times import StageTimer
 
 _MIN_DENSE_VIEWS = 2
 _CLEARANCE_RMS = 3.0
@@ -48,19 +50,6 @@ class KnownPlot:
     volume: Volume
     ground: Plane | None
     calibrated: Mapping[str, Intrinsics] = field(default_factory=dict)
-
-
-class _Clock:
-    """Collects the stages' times."""
-
-    def __init__(self) -> None:
-        self.times: list[StageTime] = []
-
-    @contextmanager
-    def stage(self, name: str, items: int) -> Iterator[None]:
-        wall, cpu = time.perf_counter(), time.process_time()
-        yield
-        self.times.append(StageTime(name, time.perf_counter() - wall, time.process_time() - cpu, items, 0))
 
 
 def reconstruct(
@@ -87,17 +76,17 @@ def reconstruct(
     Raises:
         ReconstructionError: too few photographs register, or nothing of the plot is seen by two of them.
     """
-    clock = _Clock()
-    with clock.stage("Quality", len(capture.photos)), progress.stage("Reading photographs"):
+    timer = StageTimer(progress)
+    backend = select_backend(settings.backend)
+    with timer.stage("Reading photographs"):
         findings = [*capture.findings, *quality_findings(assess_quality(capture))]
-    with clock.stage("Mapping", len(capture.photos)):
-        sparse = place(capture, settings, findings, cache, progress, workers, known_plot)
+    sparse, cached = place(capture, settings, findings, cache, timer, workers, known_plot)
     if sparse.right < _MIN_DENSE_VIEWS:
         raise _too_few(sparse)
     points = model_points(sparse.model)
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
     volume = volume or volume_of_interest(points, sparse.poses, sparse.intrinsics)
-    dense = _Dense(sparse, volume, settings, cache, progress, clock)
+    dense = _Dense(sparse, volume, settings, backend, cache, timer)
     scene = dense.cloud("none") if with_scene and settings.mask != "none" else None
     plants = dense.cloud(settings.mask)
     if with_scene and scene is None:
@@ -117,9 +106,9 @@ def reconstruct(
         plants=plants,
         scene=scene,
         gsd_m=_ground_sampling_distance(sparse, volume),
-        backend="cpu",
+        backend=backend.name,
         fusion_rule=dense.rule(),
-        times=tuple(clock.times),
+        times=timer.times(cached),
     )
 
 
@@ -131,14 +120,18 @@ def place(
     progress: Progress,
     workers: int,
     known_plot: KnownPlot | None,
-) -> SparseResult:
-    """Map a capture and put it into the plot frame."""
+) -> tuple[SparseResult, dict[str, int]]:
+    """Map a capture and put it into the plot frame; also how many items of which stage were cached."""
     known = known_poses(capture, known_plot.source if known_plot is not None else None)
     cameras = cameras_of(capture, known_plot.calibrated if known_plot is not None else None)
     mapped = map_capture(capture, cameras, known, settings, cache=cache, progress=progress, workers=workers)
     if known_plot is not None and not mapped.metric:
         raise _not_in_frame(capture)
-    frame, motion = _frame(mapped, known, settings, known_plot)
+    scale = None
+    if not mapped.metric and capture.markers is not None:
+        with progress.stage("Markers", len(capture.photos)) as advance:
+            scale = _scaled_by_markers(mapped, capture, capture.markers, settings, advance)
+    frame, motion = _frame(mapped, known, settings, known_plot, scale)
     transform_model(mapped.model, motion)
     images = mapped.images
     counting = {image.name for image in images if image.counts}
@@ -146,10 +139,11 @@ def place(
     intrinsics = {name: found for name, found in model_intrinsics(mapped.model).items() if name in counting}
     for note in frame.notes:
         progress.note(note)
-    return SparseResult(
+    result = SparseResult(
         capture, mapped.method, mapped.model, mapped.model_sizes, images, poses, intrinsics,
         mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, tuple(findings),
     )  # fmt: skip
+    return result, {"Features": mapped.features_cached}
 
 
 def clearance(ground: Plane) -> float:
@@ -157,8 +151,31 @@ def clearance(ground: Plane) -> float:
     return _CLEARANCE_RMS * ground.rms_m
 
 
+def _scaled_by_markers(
+    mapped: Mapped,
+    capture: Capture,
+    markers: MarkersFile,
+    settings: ReconstructionSettings,
+    advance: Callable[[int], None],
+) -> MarkerScale:
+    """Scale a model, in place, by the printed markers seen in its photographs."""
+    detections = {}
+    for photo in capture.photos:
+        detections[photo.name] = detect_markers(read_image(photo, gray=True), markers.dictionary)
+        advance(1)
+    scale = marker_scale(
+        detections, model_poses(mapped.model), model_intrinsics(mapped.model), markers, seed=settings.seed
+    )
+    transform_model(mapped.model, Similarity(scale.scale, np.eye(3), np.zeros(3)))
+    return scale
+
+
 def _frame(
-    mapped: Mapped, known: KnownPoses, settings: ReconstructionSettings, known_plot: KnownPlot | None
+    mapped: Mapped,
+    known: KnownPoses,
+    settings: ReconstructionSettings,
+    known_plot: KnownPlot | None,
+    scale: MarkerScale | None,
 ) -> tuple[MetricFrame, Similarity]:
     """The metric frame, and the motion from the mapped model's frame to the plot frame."""
     counting = {image.name for image in mapped.images if image.counts}
@@ -177,12 +194,16 @@ def _frame(
     residuals = [i.position_residual_m for i in mapped.images if i.counts and i.position_residual_m is not None]
     bounds = [known.poses[n].bound_m for n in known.positioned]
     notes = list(mapped.notes)
-    if source is None:
+    name = "none" if source is None else source.source
+    if scale is not None:
+        name = "markers"
+        notes += scale.notes
+    if name == "none":
         notes.append("no metric source: the result has no scale, and its lengths are not metres")
     if ground is None:
         notes.append("no ground plane was found; nothing was removed as ground")
     frame = MetricFrame(
-        source="none" if source is None else source.source,
+        source=name,
         plot_from_source=motion.after(to_working),
         origin=None if source is None else source.origin,
         rms_m=float(np.sqrt(np.mean(np.square(residuals)))) if residuals else None,
@@ -198,9 +219,9 @@ class _Dense:
     sparse: SparseResult
     volume: Volume
     settings: ReconstructionSettings
+    backend: Backend
     cache: StageCache
     progress: Progress
-    clock: _Clock
 
     @property
     def options(self) -> DenseSettings:
@@ -217,15 +238,15 @@ class _Dense:
     def cloud(self, mask: MaskKind) -> Cloud:
         """The fused cloud of all views that count."""
         what = "plants" if mask != "none" else "scene"
-        with self.clock.stage(f"Dense stereo ({what})", len(self.sparse.poses)):
-            views = self.views(mask)
-            maps = compute_depth_maps(
-                views, self.volume, self.options, seed=self.settings.seed, progress=self.progress, cache=self.cache
-            )
-        with self.clock.stage(f"Fusion ({what})", len(views)), self.progress.stage("Fusion"):
-            return fuse(views, maps, self.volume, self.options)
+        with self.progress.stage(f"Undistortion ({what})", len(self.sparse.poses)) as advance:
+            views = self.views(mask, advance)
+        maps = self.backend.compute_depth_maps(
+            views, self.volume, self.options, seed=self.settings.seed, progress=self.progress, cache=self.cache
+        )
+        with self.progress.stage(f"Fusion ({what})"):
+            return self.backend.fuse(views, maps, self.volume, self.options)
 
-    def views(self, mask: MaskKind) -> list[View]:
+    def views(self, mask: MaskKind, advance: Callable[[int], None]) -> list[View]:
         """The photographs that count, undistorted at working size."""
         views = []
         for photo in self.sparse.capture.photos:
@@ -245,6 +266,7 @@ class _Dense:
             views.append(
                 prepare_view(photo.name, image, intrinsics, pose, self.settings.fidelity, mask, mask_image)
             )
+            advance(1)
         return views
 
 

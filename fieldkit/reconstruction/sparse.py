@@ -125,6 +125,7 @@ class _Run:
     workers: int
     notes: list[str]
     pairs_tried: int = 0
+    calibrating: pycolmap.Reconstruction | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -205,7 +206,8 @@ class _Run:
         rough = self.rough_poses()
         unoriented = [name for name in self.known.positioned if name not in rough]
         if unoriented:
-            rough |= self.oriented(unoriented)
+            rough |= self.oriented_by_model(unoriented)
+            rough |= self.oriented([name for name in unoriented if name not in rough])
         if len(rough) < 2:
             raise ReconstructionError(
                 "the orientations of the photographs are not known and could not be found from their matches",
@@ -230,6 +232,7 @@ class _Run:
         for method in ("incremental", "global"):
             models = self.blind_models(method, pairs)
             if models and models[0].num_reg_images() >= _MIN_CALIBRATION_IMAGES:
+                self.calibrating = models[0]
                 found = models[0].cameras
                 known = [from_colmap_camera(found[k + 1]) if k + 1 in found else c
                          for k, c in enumerate(self.cameras.cameras)]  # fmt: skip
@@ -250,8 +253,29 @@ class _Run:
                 rough[name] = RoughPose(pose, np.full(3, known.position_sigma_m), known.angle_sigma_deg)
         return rough
 
+    def oriented_by_model(self, wanted: Sequence[str]) -> dict[str, RoughPose]:
+        """Rough poses with the orientations of the blind model that calibrated the camera, where it is right."""
+        if self.calibrating is None:
+            return {}
+        poses = model_poses(self.calibrating)
+        similarity = align_to_positions(poses, self.known.poses, seed=self.settings.seed)
+        found: dict[str, RoughPose] = {}
+        if similarity is None:
+            return found
+        for name in wanted:
+            known = self.known.poses[name]
+            if name not in poses or known.position is None:
+                continue
+            pose = similarity.apply_pose(poses[name])
+            if judge(pose, known).right:
+                sigma = np.full(3, known.position_sigma_m)
+                found[name] = RoughPose(Pose(pose.rotation, known.position), sigma, _ORIENTED_SIGMA_DEG)
+        return found
+
     def oriented(self, wanted: Sequence[str]) -> dict[str, RoughPose]:
         """Rough poses from positions and orientations found from pairs, for those of ``wanted`` that have them."""
+        if not wanted:
+            return {}
         positions = [self.position(name) for name in self.names]
         sigmas = [self.known.poses[n].position_sigma_m if n in self.known.poses else 0.0 for n in self.names]
         pairs = self.pairs(calibrated=True)

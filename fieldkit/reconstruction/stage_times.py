@@ -1,0 +1,48 @@
+"""Progress that also keeps what every stage took."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from fieldkit.progress import Advance, Progress
+from fieldkit.reconstruction.result import StageTime
+from fieldkit.usage import processor_seconds
+
+
+class StageTimer:
+    """Passes stages on to ``progress`` and measures them; a stage entered again adds up.
+
+    CPU time includes finished worker processes.
+    """
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._times: dict[str, StageTime] = {}
+
+    @contextmanager
+    def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+        """See `Progress`."""
+        wall, cpu = time.perf_counter(), processor_seconds()
+        with self._progress.stage(name, total) as advance:
+            yield advance
+        before = self._times.get(name, StageTime(name, 0.0, 0.0, 0, 0))
+        self._times[name] = StageTime(
+            name,
+            before.wall_s + time.perf_counter() - wall,
+            before.cpu_s + processor_seconds() - cpu,
+            before.items + (total or 0),
+            before.cached,
+        )
+
+    def note(self, message: str) -> None:
+        """See `Progress`."""
+        self._progress.note(message)
+
+    def times(self, cached: dict[str, int]) -> tuple[StageTime, ...]:
+        """The stages in the order they were entered; ``cached`` items by stage name."""
+        return tuple(
+            StageTime(t.name, t.wall_s, t.cpu_s, t.items, min(cached.get(t.name, 0), t.items))
+            for t in self._times.values()
+        )
