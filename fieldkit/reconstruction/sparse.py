@@ -30,6 +30,7 @@ from fieldkit.reconstruction.verification import TwoView
 
 _MAPPING_VERSION = 1
 _MAX_BLIND_NEIGHBOURS = 40
+_CALIBRATION_NEIGHBOURS = 12
 _FEW_FEATURES = 50
 _ORIENTED_SIGMA_DEG = 6.0
 """What orientations found from positions and pairs are good to (measured 0.3–6° on the recorded rigs)."""
@@ -137,9 +138,9 @@ class _Run:
 
     # Blind mapping -------------------------------------------------------------------------------------------------
 
-    def pairs(self, *, calibrated: bool) -> Pairs:
+    def pairs(self, *, calibrated: bool, neighbours: int = _MAX_BLIND_NEIGHBOURS) -> Pairs:
         positions = [self.position(name) for name in self.names]
-        wanted = exhaustive_pairs(len(self.names), positions, _MAX_BLIND_NEIGHBOURS)
+        wanted = exhaustive_pairs(len(self.names), positions, neighbours)
         self.pairs_tried = len(wanted)
         with self.progress.stage("Matching", len(wanted)) as advance:
             verified, _ = load_pairs(
@@ -199,10 +200,8 @@ class _Run:
     # Mapping with priors -------------------------------------------------------------------------------------------
 
     def with_priors(self) -> Mapped:
-        pairs: Pairs | None = None
         if not self.cameras.known:
-            pairs = self.pairs(calibrated=False)
-            self.calibrate(pairs)
+            self.calibrate(self.pairs(calibrated=False, neighbours=_CALIBRATION_NEIGHBOURS))
         rough = self.rough_poses()
         unoriented = [name for name in self.known.positioned if name not in rough]
         if unoriented:
