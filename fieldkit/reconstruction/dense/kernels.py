@@ -43,7 +43,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def _warn(why: str) -> None:
     warnings.warn(
-        f"the compiled stereo kernels cannot be kept ({why}), so every run compiles them for about half a minute; "
+        f"the compiled stereo kernels cannot be kept ({why}), so every run compiles them (some ten seconds); "
         "set NUMBA_CACHE_DIR to a folder that can be written to",
         CacheWarning,
         stacklevel=3,

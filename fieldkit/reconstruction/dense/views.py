@@ -90,7 +90,7 @@ def prepare_view(
 
     The photograph is first reduced by averaging areas to about the working size, then resampled once (bicubic)
     through the camera's own distortion onto a pinhole camera whose focal lengths and principal point are the
-    photograph's, scaled. Pixels that come from outside the photograph are black and masked out.
+    photograph's, scaled. Pixels that come from outside the photograph repeat its border and are masked out.
 
     Args:
         name: unique among the views.
@@ -115,12 +115,10 @@ def prepare_view(
     inside = None
     if camera.distorted:
         x, y = undistortion_grid(camera)
-        border = cv2.BORDER_CONSTANT
-        image = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=border)
+        image = cv2.remap(image, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         inside = (x >= -0.5) & (y >= -0.5) & (x <= size[0] - 0.5) & (y <= size[1] - 0.5)
         if mask_file is not None:
-            remapped = cv2.remap(mask_file.astype(np.uint8), x, y, cv2.INTER_NEAREST, borderMode=border)
-            mask_file = remapped.astype(np.bool_)
+            mask_file = cv2.remap(mask_file.astype(np.uint8), x, y, cv2.INTER_NEAREST) > 0
     image = np.ascontiguousarray(image, dtype=np.uint8)
     mask = plant_mask(image, mask_kind, mask_file)
     if inside is not None and not inside.all():

@@ -1,0 +1,140 @@
+"""The same bytes in every process, with the cache cold and warm, and only what changed computed again."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.cache import StageCache
+from fieldkit.progress import Silent
+from fieldkit.reconstruction.dense import Settings, View, compute_depth_maps, fuse
+from fieldkit.reconstruction.dense import depth_maps as module
+from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
+
+ROOT = Path(__file__).parents[3]
+PROGRAM = "from tests.reconstruction.dense.test_determinism import run; print(run())"
+
+
+def views(count: int = 4) -> list[View]:
+    found, _ = scene_views([Plane(slope_x=0.2), Plane(height=0.2, half=0.15, seed=1)], ring(count))
+    return found
+
+
+def run(seed: int = 0, cache: StageCache | None = None, given: list[View] | None = None) -> str:
+    """Digest of depths, normals, costs and the fused cloud."""
+    state = hashlib.sha256()
+    scene = views() if given is None else given
+    settings = Settings()
+    found = compute_depth_maps(scene, VOLUME, settings, seed=seed, progress=Silent(), cache=cache or StageCache(None))
+    cloud = fuse(scene, found, VOLUME, settings)
+    for depth_map in found:
+        for array in (depth_map.depth, depth_map.normal, depth_map.cost):
+            state.update(array.tobytes())
+    state.update(cloud.points.tobytes())
+    assert cloud.colors is not None
+    assert cloud.normals is not None
+    state.update(cloud.colors.tobytes() + cloud.normals.tobytes())
+    return state.hexdigest()
+
+
+def in_a_new_process(**environment: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], cwd=ROOT, env=os.environ | environment, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    return done.stdout.strip()
+
+
+def test_two_processes_give_the_same_bytes():
+    assert in_a_new_process() == in_a_new_process() == run()
+
+
+@pytest.mark.slow
+def test_freshly_compiled_kernels_give_the_same_bytes(tmp_path):
+    cold = in_a_new_process(NUMBA_CACHE_DIR=str(tmp_path / "kernels"))
+    warm = in_a_new_process(NUMBA_CACHE_DIR=str(tmp_path / "kernels"))
+    assert cold == warm == run()
+
+
+def test_the_seed_matters_but_little():
+    scene = views()
+    maps = [
+        compute_depth_maps(scene, VOLUME, Settings(), seed=s, progress=Silent(), cache=StageCache(None)) for s in (0, 1)
+    ]
+    first, second = (m[0].depth for m in maps)
+    assert (first != second).any()
+    both = (first > 0) & (second > 0)
+    assert np.median(np.abs(first[both] - second[both]) / first[both]) < 0.001
+
+
+def test_the_cache_does_not_change_the_result_and_is_used(tmp_path, monkeypatch):
+    cache = StageCache(tmp_path)
+    cold = run(cache=cache)
+    monkeypatch.setattr(module, "_match", _never)
+    monkeypatch.setattr(module, "_match_geometry", _never)
+    assert run(cache=cache) == cold == in_a_new_process()
+
+
+def test_a_renamed_view_is_the_same_view(tmp_path, monkeypatch):
+    cache = StageCache(tmp_path)
+    scene = views()
+    before = run(cache=cache, given=scene)
+    monkeypatch.setattr(module, "_match", _never)
+    renamed = [View(f"x{v.name}", v.image, v.intrinsics, v.pose, v.mask) for v in scene]
+    assert run(cache=cache, given=renamed) == before
+
+
+def test_a_view_from_another_side_leaves_the_others_as_they_are(tmp_path):
+    cache = StageCache(tmp_path)
+    scene = views()
+    run(cache=cache, given=scene)
+    entries = cache.sizes()["depth"].entries
+    lonely, _ = scene_views([Plane()], ring(1, height=-1.2))
+    run(cache=cache, given=[*lonely, *scene])
+    assert cache.sizes()["depth"].entries == entries + 2  # one for each pass
+
+
+@pytest.mark.parametrize("change", ["pixel", "pose", "mask", "setting", "seed", "volume"])
+def test_whatever_matters_is_part_of_the_key(tmp_path, change):
+    cache = StageCache(tmp_path)
+    scene = views(3)
+    settings, seed, volume = Settings(), 0, VOLUME
+
+    def compute() -> int:
+        compute_depth_maps(scene, volume, settings, seed=seed, progress=Silent(), cache=cache)
+        return cache.sizes()["depth"].entries
+
+    before = compute()
+    first = scene[0]
+    image, mask, pose = first.image.copy(), first.mask, first.pose
+    if change == "pixel":
+        image[90, 120] ^= 1
+    elif change == "pose":
+        pose = type(pose)(pose.rotation, pose.center + 1e-12)
+    elif change == "mask":
+        mask = np.ones(image.shape[:2], dtype=bool)
+    elif change == "setting":
+        settings = Settings(noise=1.01)
+    elif change == "seed":
+        seed = 7
+    else:
+        volume = volume.expanded(0.001)
+    scene[0] = View(first.name, image, first.intrinsics, pose, mask)
+    assert compute() == 2 * before
+
+
+def test_the_fusion_rule_is_no_part_of_the_key(tmp_path):
+    cache = StageCache(tmp_path)
+    for settings in (Settings(), Settings(min_agreeing=1, max_reprojection_px=2.0, thin_gsd=0.0)):
+        compute_depth_maps(views(3), VOLUME, settings, seed=0, progress=Silent(), cache=cache)
+    assert cache.sizes()["depth"].entries == 6
+
+
+def _never(*arguments: object) -> None:
+    raise AssertionError("computed again")

@@ -1,0 +1,111 @@
+"""The rule by which depths become points, on depth maps made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fieldkit.clouds.volume import Volume
+from fieldkit.reconstruction.dense import DepthMap, Settings, View, fuse
+from fieldkit.reconstruction.dense.fusion import ground_sampling_distance
+from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
+
+RULE = Settings(thin_gsd=0.0)
+Made = tuple[list[View], list[DepthMap]]
+
+
+@pytest.fixture(scope="module")
+def perfect() -> Made:
+    """Four views of the plane z = 0 with exact depth maps."""
+    views, depths = scene_views([Plane()], ring(4))
+    maps = []
+    for view, depth in zip(views, depths, strict=True):
+        normal = np.zeros((*depth.shape, 3), dtype=np.float32)
+        normal[..., 2] = 1.0
+        maps.append(DepthMap(view.name, depth.astype(np.float32), normal, np.zeros(depth.shape, dtype=np.float32)))
+    return views, maps
+
+
+def scaled(depth_map: DepthMap, factor: float) -> DepthMap:
+    return replace(depth_map, depth=(depth_map.depth * np.float32(factor)).astype(np.float32))
+
+
+def test_exact_depths_give_points_on_the_plane(perfect):
+    cloud = fuse(*perfect, VOLUME, RULE)
+    assert len(cloud) > 20_000
+    # Agreeing pixels are up to 1.5 pixels apart, which on a plane seen at 16° moves the mean depth a little.
+    assert np.abs(cloud.points[:, 2]).max() < 0.004
+    assert np.abs(cloud.points[:, 2]).mean() < 0.001
+    assert cloud.normals is not None
+    assert np.allclose(cloud.normals, [0, 0, 1])
+
+
+def test_a_pixel_is_used_once(perfect):
+    views, maps = perfect
+    pixels = sum((m.depth > 0).sum() for m in maps)
+    assert len(fuse(views, maps, VOLUME, RULE)) < 0.6 * pixels
+
+
+@pytest.mark.parametrize(("needed", "wrong", "kept"), [(1, 2, True), (2, 1, True), (2, 2, False), (3, 1, False)])
+def test_enough_views_have_to_agree(perfect, needed, wrong, kept):
+    views, maps = perfect
+    maps = [scaled(m, 1.0 + 0.05 * (i + 1)) if i < wrong else m for i, m in enumerate(maps)]
+    on_plane = np.abs(fuse(views, maps, VOLUME, replace(RULE, min_agreeing=needed)).points[:, 2]) < 0.01
+    assert bool(np.count_nonzero(on_plane) > 1000) is kept
+
+
+@pytest.mark.parametrize(("factor", "kept"), [(1.008, True), (1.016, False)])
+def test_depths_agree_within_a_relative_difference(perfect, factor, kept):
+    views, maps = perfect
+    two = ([views[0], views[1]], [maps[0], scaled(maps[1], factor)])
+    rule = replace(RULE, min_agreeing=1, max_reprojection_px=10.0)
+    assert (len(fuse(*two, VOLUME, rule)) > 1000) is kept
+
+
+def test_depths_agree_within_a_round_trip(perfect):
+    views, maps = perfect
+    two = ([views[0], views[1]], [maps[0], scaled(maps[1], 1.01)])
+    counts = [
+        len(fuse(*two, VOLUME, replace(RULE, min_agreeing=1, max_reprojection_px=limit))) for limit in (0.2, 1.0, 4.0)
+    ]
+    assert counts[0] < counts[1] < counts[2]
+
+
+def test_dear_depths_count_nowhere(perfect):
+    views, maps = perfect
+    dear = [replace(m, cost=np.full_like(m.cost, 0.6)) for m in maps]
+    assert len(fuse(views, dear, VOLUME, RULE)) == 0
+    assert len(fuse(views, [*maps[:2], *dear[2:]], VOLUME, RULE)) == 0
+    assert len(fuse(views, [*maps[:3], *dear[3:]], VOLUME, RULE)) > 1000
+
+
+def test_colours_are_the_mean_of_the_agreeing_pixels(perfect):
+    views, maps = perfect
+    painted = []
+    for i, view in enumerate(views):
+        painted.append(replace(view, image=np.full_like(view.image, 10 + 20 * i)))
+    cloud = fuse(painted, maps, VOLUME, RULE)
+    assert cloud.colors is not None
+    all_four = (cloud.colors == 40).all(axis=1)
+    assert all_four.mean() > 0.3
+    assert cloud.colors.min() >= 10
+    assert cloud.colors.max() <= 70
+
+
+def test_points_outside_the_volume_are_dropped(perfect):
+    small = Volume((-0.1, -0.2, -0.1), (0.1, 0.2, 0.1))
+    cloud = fuse(*perfect, small, RULE)
+    assert len(cloud) > 100
+    assert small.contains(cloud.points).all()
+
+
+def test_thinning_follows_the_ground_sampling_distance(perfect):
+    views, _ = perfect
+    gsd = ground_sampling_distance(views, VOLUME)
+    assert gsd == pytest.approx(np.linalg.norm(views[0].pose.center - VOLUME.center) / 260.0)
+    thin = fuse(*perfect, VOLUME, replace(RULE, thin_gsd=4.0))
+    cells = np.floor(thin.points / (4.0 * gsd))
+    assert len(np.unique(cells, axis=0)) == len(thin)
+    assert 100 < len(thin) < 0.2 * len(fuse(*perfect, VOLUME, RULE))

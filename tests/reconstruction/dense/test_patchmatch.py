@@ -1,0 +1,138 @@
+"""Depth maps of scenes whose depths are known exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fieldkit.cache import StageCache
+from fieldkit.geometry import Intrinsics
+from fieldkit.progress import Silent
+from fieldkit.reconstruction.dense import DepthMap, Settings, View, compute_depth_maps, fuse
+from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
+
+NOTHING_KEPT = StageCache(None)
+STANDARD = Settings()
+
+
+def depth_maps(views: list[View], settings: Settings = STANDARD, seed: int = 0) -> list[DepthMap]:
+    return compute_depth_maps(views, VOLUME, settings, seed=seed, progress=Silent(), cache=NOTHING_KEPT)
+
+
+def relative_errors(found: DepthMap, truth: np.ndarray, margin: int = 12) -> np.ndarray:
+    """|error| / depth of the pixels away from the image's border; those without a depth count as infinite."""
+    inner = (slice(margin, -margin), slice(margin, -margin))
+    error = np.where(found.depth > 0, np.abs(found.depth - truth) / truth, np.inf)
+    return np.asarray(error[inner])
+
+
+@pytest.fixture(scope="module")
+def slanted() -> tuple[list[View], list[np.ndarray], list[DepthMap]]:
+    views, truth = scene_views([Plane(slope_x=0.3, slope_y=-0.2)], ring(5))
+    return views, truth, depth_maps(views)
+
+
+def test_a_slanted_plane_is_found_to_a_fraction_of_a_pixel(slanted):
+    _, truth, found = slanted
+    errors = np.concatenate([relative_errors(f, t, 45).ravel() for f, t in zip(found, truth, strict=True)])
+    # One pixel of disparity is about 1 % of the depth between neighbouring views of this ring.
+    assert np.median(errors) < 0.0006
+    assert np.mean(errors < 0.002) > 0.99
+
+
+def test_normals_are_those_of_the_plane_and_face_the_camera(slanted):
+    views, _, found = slanted
+    normal = np.array([-0.3, 0.2, 1.0])
+    normal /= np.linalg.norm(normal)
+    for view, depth_map in zip(views, found, strict=True):
+        has = depth_map.depth > 0
+        assert np.allclose(np.linalg.norm(depth_map.normal[has], axis=1), 1.0, atol=1e-5)
+        assert not depth_map.normal[~has].any()
+        angles = np.degrees(np.arccos(np.clip(depth_map.normal[has] @ normal, -1, 1)))
+        assert np.median(angles) < 6.0
+        camera = view.intrinsics
+        rows, columns = np.nonzero(has)
+        rays = np.stack([(columns + 0.5 - camera.cx) / camera.fx, (rows + 0.5 - camera.cy) / camera.fy], axis=1)
+        world = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) @ view.pose.rotation
+        assert ((depth_map.normal[has] * world).sum(axis=1) < 0).all()
+
+
+def test_the_fused_cloud_lies_on_the_plane(slanted):
+    views, _, found = slanted
+    cloud = fuse(views, found, VOLUME, STANDARD)
+    assert cloud.colors is not None
+    assert cloud.normals is not None
+    height = cloud.points[:, 2] - 0.3 * cloud.points[:, 0] + 0.2 * cloud.points[:, 1]
+    assert len(cloud) > 10_000
+    assert np.abs(height).mean() < 0.002
+    assert VOLUME.contains(cloud.points).all()
+    red, _, blue = cloud.colors.mean(axis=0)
+    assert blue / red == pytest.approx(0.8, abs=0.02)
+
+
+def test_depths_on_both_sides_of_an_occluding_edge():
+    front = Plane(height=0.25, half=0.15, seed=3, tint=(0.5, 1.0, 0.4))
+    views, truth = scene_views([Plane(), front], ring(6))
+    for depth_map, depth in zip(depth_maps(views), truth, strict=True):
+        errors = relative_errors(depth_map, depth)
+        near_front = depth[12:-12, 12:-12] < depth[12:-12, 12:-12].max() * 0.85
+        assert np.mean(errors[near_front] < 0.01) > 0.9
+        assert np.mean(errors < 0.01) > 0.88
+
+
+def test_a_pixel_outside_the_mask_has_no_depth():
+    views, _ = scene_views([Plane()], ring(4))
+    masks = [np.arange(180)[:, None] + np.zeros((1, 240)) < 90 for _ in views]
+    masked = [View(v.name, v.image, v.intrinsics, v.pose, m) for v, m in zip(views, masks, strict=True)]
+    for depth_map in depth_maps(masked):
+        assert not depth_map.depth[90:].any()
+        assert np.isinf(depth_map.cost[90:]).all()
+        assert (depth_map.depth[20:70, 20:-20] > 0).mean() > 0.9
+
+
+def test_what_lies_behind_the_volume_is_left_out():
+    views, _ = scene_views([Plane(height=-0.8, half=3.0)], ring(5))
+    found = depth_maps(views)
+    assert np.mean([(f.depth > 0).mean() for f in found]) < 0.2
+    assert len(fuse(views, found, VOLUME, STANDARD)) < 500
+
+
+def test_a_view_without_neighbours_has_no_depths():
+    views, _ = scene_views([Plane()], ring(4))
+    for depth_map in depth_maps(views[:1]):
+        assert not depth_map.depth.any()
+
+
+def test_nothing_in_nothing_out():
+    assert depth_maps([]) == []
+    assert len(fuse([], [], VOLUME, STANDARD)) == 0
+
+
+def test_views_of_different_sizes_go_together():
+    views, truth = scene_views([Plane(slope_x=0.2)], ring(4))
+    other, _ = scene_views([Plane(slope_x=0.2)], ring(4), focal=300.0)
+    mixed = [views[0], other[1], views[2], other[3]]
+    camera = Intrinsics("PINHOLE", 200, 150, (300.0, 300.0, 120.0, 90.0))
+    small = View("small", mixed[1].image[:150, :200].copy(), camera, mixed[1].pose)
+    found = depth_maps([mixed[0], small, mixed[2], mixed[3]])
+    assert found[1].depth.shape == (150, 200)
+    assert np.median(relative_errors(found[0], truth[0])) < 0.002
+    assert len(fuse([mixed[0], small, mixed[2], mixed[3]], found, VOLUME, STANDARD)) > 5000
+
+
+@pytest.mark.parametrize("coarsest", [10_000_000, 20_000, 5_000])
+def test_every_number_of_pyramid_levels_finds_the_plane(coarsest):
+    views, truth = scene_views([Plane(slope_x=-0.25)], ring(4))
+    found = depth_maps(views, Settings(coarsest=coarsest))
+    errors = np.concatenate([relative_errors(f, t).ravel() for f, t in zip(found, truth, strict=True)])
+    assert np.mean(errors < 0.005) > 0.95
+
+
+@pytest.mark.parametrize(("best", "sources", "geometric"), [(1, 1, 0), (1, 3, 1), (3, 4, 1), (2, 4, 0)])
+def test_other_settings_find_the_plane_too(best, sources, geometric):
+    views, truth = scene_views([Plane(slope_y=0.2)], ring(5))
+    settings = Settings(best_sources=best, sources=sources, geometric_sweeps=geometric)
+    errors = np.concatenate(
+        [relative_errors(f, t, 30).ravel() for f, t in zip(depth_maps(views, settings), truth, strict=True)]
+    )
+    assert np.mean(errors < 0.01) > 0.85

@@ -1,0 +1,47 @@
+"""`standard` on a simulated plot with known truth and known poses: the test scenes, on which nothing was tuned."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fieldkit.cache import StageCache
+from fieldkit.clouds.metrics import f_scores
+from fieldkit.clouds.volume import Volume
+from fieldkit.progress import Silent
+from fieldkit.reconstruction.dense import Settings, compute_depth_maps, fuse, prepare_view
+from fieldkit.reconstruction.dense.sgbm import sgbm_depth_maps
+from fieldkit.scenes.benchmark import benchmark_cameras, benchmark_scene
+from fieldkit.scenes.plot import build_scene, sample_plants
+from fieldkit.scenes.renderer import Renderer, RenderingError
+
+# The soil is bumpy: what lies lower is not counted on either side.
+LOWEST_M = 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [0, 1])
+def test_ten_views_of_a_plot(index):
+    scene = build_scene(benchmark_scene("test", index))
+    poses, intrinsics = benchmark_cameras(10)
+    rng = np.random.default_rng(0)
+    views = []
+    try:
+        with Renderer(scene) as renderer:
+            for i, pose in enumerate(poses):
+                clean = renderer.photograph(pose, intrinsics)
+                noisy = np.clip(clean + rng.normal(0, 2, clean.shape), 0, 255).astype(np.uint8)
+                views.append(prepare_view(f"{i:02d}", noisy, intrinsics, pose, "standard"))
+    except RenderingError as error:
+        pytest.skip(f"no picture can be rendered here: {error}")
+    truth = sample_plants(scene, 200_000)
+    truth = truth.select(truth.points[:, 2] > LOWEST_M)
+    around = Volume.around(truth.points, margin_m=0.03)
+    volume = Volume((*around.lower[:2], LOWEST_M), around.upper)
+    settings = Settings()
+    found = compute_depth_maps(views, volume, settings, seed=0, progress=Silent(), cache=StageCache(None))
+    ours = f_scores(truth, fuse(views, found, volume, settings), [0.010])[0.010]
+    baseline = f_scores(truth, fuse(views, sgbm_depth_maps(views, volume, settings), volume, settings), [0.010])[0.010]
+    assert ours.f_score >= 0.95
+    assert ours.precision >= 0.97
+    assert ours.f_score > baseline.f_score
