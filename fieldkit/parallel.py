@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from typing import TypeVar
 
 from fieldkit.threads import limit_threads, set_thread_environment
@@ -30,14 +30,39 @@ def map_parallel(
     """
     workers = min(workers, len(items))
     if workers <= 1:
-        results = []
-        for item in items:
-            results.append(function(item))
-            advance(1)
-        return results
+        return _in_turn(function, items, advance)
     # Forking a process that has threads (progress display, OpenCV) can deadlock the child.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
+    return _in_pool(
+        ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker), function, items, advance
+    )
+
+
+def map_threads(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    *,
+    workers: int,
+    advance: Callable[[int], None] = lambda _: None,
+) -> list[Result]:
+    """As `map_parallel`, on threads of this process, for functions that do without the interpreter's lock."""
+    workers = min(workers, len(items))
+    if workers <= 1:
+        return _in_turn(function, items, advance)
+    return _in_pool(ThreadPoolExecutor(workers), function, items, advance)
+
+
+def _in_turn(function: Callable[[Item], Result], items: Sequence[Item], advance: Callable[[int], None]) -> list[Result]:
+    results = []
+    for item in items:
+        results.append(function(item))
+        advance(1)
+    return results
+
+
+def _in_pool(
+    pool: Executor, function: Callable[[Item], Result], items: Sequence[Item], advance: Callable[[int], None]
+) -> list[Result]:
     try:
         futures = [pool.submit(function, item) for item in items]
         for future in as_completed(futures):

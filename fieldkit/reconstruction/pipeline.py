@@ -86,7 +86,7 @@ def reconstruct(
     points = model_points(sparse.model)
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
     volume = volume or volume_of_interest(points, sparse.poses, sparse.intrinsics)
-    dense = _Dense(sparse, volume, settings, backend, cache, timer)
+    dense = _Dense(sparse, volume, settings, backend, cache, timer, workers)
     scene = dense.cloud("none") if with_scene and settings.mask != "none" else None
     plants = dense.cloud(settings.mask)
     if with_scene and scene is None:
@@ -222,6 +222,7 @@ class _Dense:
     backend: Backend
     cache: StageCache
     progress: Progress
+    workers: int
 
     @property
     def options(self) -> DenseSettings:
@@ -241,7 +242,13 @@ class _Dense:
         with self.progress.stage(f"Undistortion ({what})", len(self.sparse.poses)) as advance:
             views = self.views(mask, advance)
         maps = self.backend.compute_depth_maps(
-            views, self.volume, self.options, seed=self.settings.seed, progress=self.progress, cache=self.cache
+            views,
+            self.volume,
+            self.options,
+            seed=self.settings.seed,
+            progress=self.progress,
+            cache=self.cache,
+            workers=self.workers,
         )
         with self.progress.stage(f"Fusion ({what})"):
             return self.backend.fuse(views, maps, self.volume, self.options)
@@ -263,9 +270,7 @@ class _Dense:
                     remedy="Put NAME_mask.png beside every photograph or in masks/, or choose --mask exg.",
                 )
             mask_image = None if mask_path is None else read_image(mask_path, gray=True)
-            views.append(
-                prepare_view(photo.name, image, intrinsics, pose, self.settings.fidelity, mask, mask_image)
-            )
+            views.append(prepare_view(photo.name, image, intrinsics, pose, self.settings.fidelity, mask, mask_image))
             advance(1)
         return views
 

@@ -90,9 +90,7 @@ def map_capture(
             remedy="Add the other photographs of the plot to the folder.",
         )
     with progress.stage("Features", len(capture.photos)) as advance:
-        features = load_features(
-            capture.photos, settings.features, cache=cache, workers=workers, advance=advance
-        )
+        features = load_features(capture.photos, settings.features, cache=cache, workers=workers, advance=advance)
     run = _Run(capture, cameras, known, settings, features, cache, progress, workers, [])
     method = _choose_method(run)
     mapped = run.with_priors() if method == "prior" else run.blindly(method)

@@ -35,6 +35,7 @@ class Backend(Protocol):
         seed: int,
         progress: Progress,
         cache: StageCache,
+        workers: int = 1,
     ) -> list[DepthMap]:
         """A depth map per view, in the same order."""
         ...
@@ -58,8 +59,9 @@ class Cpu:
         seed: int,
         progress: Progress,
         cache: StageCache,
+        workers: int = 1,
     ) -> list[DepthMap]:
-        return compute_depth_maps(views, volume, settings, seed=seed, progress=progress, cache=cache)
+        return compute_depth_maps(views, volume, settings, seed=seed, progress=progress, cache=cache, workers=workers)
 
     def fuse(self, views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: Settings) -> Cloud:
         return fuse(views, depth_maps, volume, settings)

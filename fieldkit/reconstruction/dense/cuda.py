@@ -61,10 +61,12 @@ class Cuda:
         seed: int,
         progress: Progress,
         cache: StageCache,
+        workers: int = 1,
     ) -> list[DepthMap]:
         """COLMAP's geometrically filtered depth maps; it keeps no costs, so they are 0 where there is a depth.
 
-        COLMAP draws its random numbers itself: ``seed`` has no effect, and nothing is cached.
+        COLMAP draws its random numbers itself: ``seed`` has no effect, nothing is cached,
+        and ``workers`` are not used.
 
         Raises:
             UsageError: there is no CUDA device.

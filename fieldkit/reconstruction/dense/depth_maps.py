@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
+from fieldkit.parallel import map_threads
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.dense.matching import UNMATCHED, Planes, Problem
 from fieldkit.reconstruction.dense.rays import Active, active_pixels
@@ -24,9 +25,16 @@ STAGE = "depth"
 
 
 def compute_depth_maps(
-    views: Sequence[View], volume: Volume, settings: Settings, *, seed: int, progress: Progress, cache: StageCache
+    views: Sequence[View],
+    volume: Volume,
+    settings: Settings,
+    *,
+    seed: int,
+    progress: Progress,
+    cache: StageCache,
+    workers: int = 1,
 ) -> list[DepthMap]:
-    """The depth map of every view, by PatchMatch on the CPU, on one thread.
+    """The depth map of every view, by PatchMatch on the CPU, one thread per view.
 
     The first pass takes the photographs alone, from coarse to fine; the second takes over the source views' planes
     where they fit better and asks for agreement with their depths. Each view's results are cached by the content of
@@ -40,16 +48,24 @@ def compute_depth_maps(
         seed: of everything random.
         progress: receives one stage.
         cache: keeps the hypotheses of both passes.
+        workers: views computed side by side; the result does not depend on it.
 
     Returns:
         n depth maps, in the same order. A view without source views has no depths.
     """
-    found = compute_planes(views, volume, settings, seed=seed, progress=progress, cache=cache)
+    found = compute_planes(views, volume, settings, seed=seed, progress=progress, cache=cache, workers=workers)
     return [to_depth_map(view, planes, volume, settings) for view, planes in zip(views, found, strict=True)]
 
 
 def compute_planes(
-    views: Sequence[View], volume: Volume, settings: Settings, *, seed: int, progress: Progress, cache: StageCache
+    views: Sequence[View],
+    volume: Volume,
+    settings: Settings,
+    *,
+    seed: int,
+    progress: Progress,
+    cache: StageCache,
+    workers: int,
 ) -> list[Planes]:
     """Plane hypotheses of every view by PatchMatch; see `compute_depth_maps`."""
     sources = choose_sources(views, volume, settings)
@@ -61,29 +77,30 @@ def compute_planes(
         for i in range(len(views))
     ]
     with progress.stage("depth maps", passes * len(views)) as advance:
-        results: list[Planes] = []
-        for i, view in enumerate(views):
-            cached = _load(cache, keys[i])
-            if cached is None:
+
+        def first(i: int) -> Planes:
+            found = _load(cache, keys[i])
+            if found is None:
                 random = _random_key(seed, contents[i])
-                cached = _match(view, [views[j] for j in sources[i]], volume, settings, random)
-                _keep(cache, keys[i], cached)
-            results.append(cached)
-            advance(1)
+                found = _match(views[i], [views[j] for j in sources[i]], volume, settings, random)
+                _keep(cache, keys[i], found)
+            return found
+
+        results = map_threads(first, range(len(views)), workers=workers, advance=advance)
         if passes == 1:
             return results
-        refined: list[Planes] = []
-        for i, view in enumerate(views):
+
+        def second(i: int) -> Planes:
             key = digest(VERSION, "geometry", keys[i], [keys[j] for j in sources[i]], matching)
-            cached = _load(cache, key)
-            if cached is None:
+            found = _load(cache, key)
+            if found is None:
                 random = _random_key(seed + 1, contents[i])
                 near = [(views[j], results[j]) for j in sources[i]]
-                cached = _match_geometry(view, results[i], near, volume, settings, random)
-                _keep(cache, key, cached)
-            refined.append(cached)
-            advance(1)
-        return refined
+                found = _match_geometry(views[i], results[i], near, volume, settings, random)
+                _keep(cache, key, found)
+            return found
+
+        return map_threads(second, range(len(views)), workers=workers, advance=advance)
 
 
 def to_depth_map(view: View, planes: Planes, volume: Volume, settings: Settings) -> DepthMap:
