@@ -30,7 +30,7 @@ from fieldkit.reconstruction.verification import TwoView
 
 _MAPPING_VERSION = 1
 _MAX_BLIND_NEIGHBOURS = 40
-_CALIBRATION_NEIGHBOURS = 12
+_NEAR_NEIGHBOURS = 12
 _FEW_FEATURES = 50
 _ORIENTED_SIGMA_DEG = 6.0
 """What orientations found from positions and pairs are good to (measured 0.3–6° on the recorded rigs)."""
@@ -199,7 +199,7 @@ class _Run:
 
     def with_priors(self) -> Mapped:
         if not self.cameras.known:
-            self.calibrate(self.pairs(calibrated=False, neighbours=_CALIBRATION_NEIGHBOURS))
+            self.calibrate(self.pairs(calibrated=False, neighbours=_NEAR_NEIGHBOURS))
         rough = self.rough_poses()
         unoriented = [name for name in self.known.positioned if name not in rough]
         if unoriented:
@@ -275,7 +275,7 @@ class _Run:
             return {}
         positions = [self.position(name) for name in self.names]
         sigmas = [self.known.poses[n].position_sigma_m if n in self.known.poses else 0.0 for n in self.names]
-        pairs = self.pairs(calibrated=True)
+        pairs = self.pairs(calibrated=True, neighbours=_NEAR_NEIGHBOURS)
         rotations = orient_cameras(positions, sigmas, pairs, seed=self.settings.seed)
         found = {}
         for index, rotation in sorted(rotations.items()):

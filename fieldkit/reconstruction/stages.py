@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Photo, read_image
@@ -97,7 +98,7 @@ def _verified(
     kept = cache.get("pairs", key)
     if kept is not None:
         return TwoView(**{**kept, "config": int(kept["config"])}), True  # type: ignore[arg-type]
-    matches = match_features(task.a.features, task.b.features, ratio=RATIO)
+    matches = _matches(task, cache)
     two = verify_pair(
         task.a.features, task.b.features, task.camera_a, task.camera_b, matches, settings,
         calibrated=calibrated, seed=seed,
@@ -109,6 +110,17 @@ def _verified(
     }  # fmt: skip
     cache.put("pairs", key, dict(arrays))
     return two, False
+
+
+def _matches(task: _PairTask, cache: StageCache) -> NDArray[np.uint32]:
+    """Putative matches; kept apart from their verification, which is done again once a camera is calibrated."""
+    key = digest("matches", _PAIRS_VERSION, task.a.key, task.b.key, RATIO)
+    kept = cache.get("matches", key)
+    if kept is not None:
+        return kept["matches"]
+    matches = match_features(task.a.features, task.b.features, ratio=RATIO)
+    cache.put("matches", key, {"matches": matches})
+    return matches
 
 
 def exhaustive_pairs(count: int, centers: Sequence[np.ndarray | None], max_neighbours: int) -> list[tuple[int, int]]:
