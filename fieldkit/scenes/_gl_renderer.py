@@ -35,6 +35,10 @@ class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
         result: NDArray[Any] = self.render(scene, RenderFlags.FLAT | RenderFlags.OFFSCREEN)
         return result
 
+    def _sorted_mesh_nodes(self, scene: Any) -> list[Any]:
+        # pyrender takes them from a set, so surfaces that touch would be drawn in another order in every process.
+        return sorted(scene.mesh_nodes, key=lambda node: node.name)
+
     def _get_primitive_program(self, primitive: Any, flags: int, program_flags: int) -> Any:
         if self._output == "depth":
             program = self._program_cache.get_program("depth.vert", "depth.frag")

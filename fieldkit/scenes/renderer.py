@@ -52,8 +52,8 @@ class Renderer:
         except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
             raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=_REMEDY) from error
         self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
-        for mesh in scene.meshes:
-            self._content.add(_upload(self._pyrender, mesh))
+        for index, mesh in enumerate(scene.meshes):
+            self._content.add(_upload(self._pyrender, mesh), name=f"{index:06d}")  # the order they are drawn in
         self._camera: Any = None
 
     def __enter__(self) -> Renderer:
