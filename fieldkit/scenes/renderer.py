@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.errors import FieldkitError
+from fieldkit.errors import InputError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.scene import Mesh, Scene
 
@@ -25,7 +25,7 @@ _REMEDY = (
 )
 
 
-class RenderingError(FieldkitError):
+class RenderingError(InputError):
     """No image can be rendered on this machine as it is set up."""
 
 
