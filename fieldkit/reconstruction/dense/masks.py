@@ -30,6 +30,20 @@ def excess_green(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     return np.where(total >= DARKEST, index, np.float32(0.0)).astype(np.float32)
 
 
+def excess_red(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Excess red index 1.4 r − g of the chromatic coordinates (Meyer and Neto 2008).
+
+    Args:
+        image: (H, W, 3) uint8 RGB.
+
+    Returns:
+        (H, W) float32 in [−1, 1.4].
+    """
+    channels = image.astype(np.float32)
+    index = (1.4 * channels[..., 0] - channels[..., 1]) / np.maximum(channels.sum(axis=2), 1.0)
+    return np.asarray(index, dtype=np.float32)
+
+
 def plant_mask(
     image: NDArray[np.uint8], kind: str = "exg", file_mask: NDArray[Any] | None = None
 ) -> NDArray[np.bool_] | None:
@@ -37,8 +51,8 @@ def plant_mask(
 
     Args:
         image: (H, W, 3) uint8 RGB.
-        kind: `exg`: excess green over a threshold, with the pixels beside it (thin parts blend with what is behind
-            them) and without single pixels; `none`: no mask; `file`: ``file_mask`` as it is.
+        kind: `exg`: excess green over a threshold and over excess red (which wood, straw and yellow soil exceed), with
+            the pixels beside it (thin parts blend with what is behind them) and without single pixels; `none`: no mask; `file`: ``file_mask`` as it is.
         file_mask: (H, W), non-zero where there are plants.
 
     Returns:
@@ -60,7 +74,8 @@ def plant_mask(
         raise UsageError(f"there is no mask {kind!r}", remedy="Choose exg, none or file.")
     import cv2
 
-    plants = (excess_green(image) > EXG_THRESHOLD).astype(np.uint8)
+    green = excess_green(image)
+    plants = ((green > EXG_THRESHOLD) & (green > excess_red(image))).astype(np.uint8)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(plants, connectivity=8)
     large = stats[:, cv2.CC_STAT_AREA] >= 4
     large[0] = False
