@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
 
-VERSION = 1
+VERSION = 2
 """Part of every cache key; to be raised when the method changes its result."""
 STAGE = "depth"
 
@@ -71,36 +71,27 @@ def compute_planes(
     sources = choose_sources(views, volume, settings)
     contents = [view_digest(view) for view in views]
     matching = matching_settings(settings)
-    passes = 2 if settings.geometric_sweeps > 0 else 1
+    count = range(len(views))
     keys = [
         digest(VERSION, "photographs", contents[i], [contents[j] for j in sources[i]], volume, seed, matching)
-        for i in range(len(views))
+        for i in count
     ]
-    with progress.stage("depth maps", passes * len(views)) as advance:
+    with progress.stage("depth maps", (1 + settings.geometric_passes) * len(views)) as advance:
 
         def first(i: int) -> Planes:
-            found = _load(cache, keys[i])
-            if found is None:
-                random = _random_key(seed, contents[i])
-                found = _match(views[i], [views[j] for j in sources[i]], volume, settings, random)
-                _keep(cache, keys[i], found)
-            return found
+            return _match(views[i], [views[j] for j in sources[i]], volume, settings, _random_key(seed, contents[i]))
 
-        results = map_threads(first, range(len(views)), workers=workers, advance=advance)
-        if passes == 1:
-            return results
+        results = map_threads(_cached(cache, keys, first), count, workers=workers, advance=advance)
+        for number in range(1, 1 + settings.geometric_passes):
+            keys = [digest(VERSION, "geometry", keys[i], [keys[j] for j in sources[i]]) for i in count]
 
-        def second(i: int) -> Planes:
-            key = digest(VERSION, "geometry", keys[i], [keys[j] for j in sources[i]], matching)
-            found = _load(cache, key)
-            if found is None:
-                random = _random_key(seed + 1, contents[i])
-                near = [(views[j], results[j]) for j in sources[i]]
-                found = _match_geometry(views[i], results[i], near, volume, settings, random)
-                _keep(cache, key, found)
-            return found
+            def later(i: int, number: int = number, before: list[Planes] = results) -> Planes:
+                near = [(views[j], before[j]) for j in sources[i]]
+                random = _random_key(seed, contents[i], number)
+                return _match_geometry(views[i], before[i], near, volume, settings, random)
 
-        return map_threads(second, range(len(views)), workers=workers, advance=advance)
+            results = map_threads(_cached(cache, keys, later), count, workers=workers, advance=advance)
+        return results
 
 
 def to_depth_map(view: View, planes: Planes, volume: Volume, settings: Settings) -> DepthMap:
@@ -135,19 +126,22 @@ def matching_settings(settings: Settings) -> dict[str, Any]:
     return {name: value for name, value in vars(settings).items() if name not in fusion | {"fidelity"}}
 
 
-def _random_key(seed: int, content: str) -> np.uint64:
-    return np.uint64(int(digest(seed, content)[:16], 16))
+def _random_key(seed: int, content: str, number: int = 0) -> np.uint64:
+    return np.uint64(int(digest(seed, content, number)[:16], 16))
 
 
-def _load(cache: StageCache, key: str) -> Planes | None:
-    arrays = cache.get(STAGE, key)
-    if arrays is None or {"planes", "costs"} - arrays.keys():
-        return None
-    return Planes(arrays["planes"], arrays["costs"])
+def _cached(cache: StageCache, keys: list[str], compute: Callable[[int], Planes]) -> Callable[[int], Planes]:
+    """``compute``, except where the cache has the result of a view under its key."""
 
+    def result(i: int) -> Planes:
+        arrays = cache.get(STAGE, keys[i])
+        if arrays is not None and not {"planes", "costs"} - arrays.keys():
+            return Planes(arrays["planes"], arrays["costs"])
+        found = compute(i)
+        cache.put(STAGE, keys[i], {"planes": found.planes, "costs": found.costs})
+        return found
 
-def _keep(cache: StageCache, key: str, result: Planes) -> None:
-    cache.put(STAGE, key, {"planes": result.planes, "costs": result.costs})
+    return result
 
 
 def _match(view: View, sources: list[View], volume: Volume, settings: Settings, random: np.uint64) -> Planes:
@@ -180,7 +174,7 @@ def _match_geometry(
     settings: Settings,
     random: np.uint64,
 ) -> Planes:
-    """The second pass: photographs and agreement with the source views' depths."""
+    """A later pass: photographs and agreement with the source views' depths."""
     active = active_pixels(view, volume, _beyond(view, settings))
     problem = Problem.build(view, active, [source for source, _ in sources], settings)
     near = [(source, active_pixels(source, volume, _beyond(source, settings)), planes) for source, planes in sources]

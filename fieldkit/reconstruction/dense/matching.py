@@ -105,6 +105,7 @@ class Problem:
         start(
             planes, costs, fresh, self.active.pixels, self.active.ranges, self.packed, self.sizes, self.cameras,
             self.support, _lens(self.view), _NO_DEPTHS, self.back, key, starts, noise, best,
+            np.float32(self.settings.slack),
         )  # fmt: skip
         self._sweep(planes, costs, _NO_DEPTHS, key, sweeps, geometric=0.0)
         return Planes(planes, costs)
@@ -127,7 +128,8 @@ class Problem:
         depths = _inverse_depths(sources)
         weight, cap = np.float32(settings.geometric_weight), np.float32(settings.geometric_cap_px)
         noise, best = np.float32(settings.noise**2), min(settings.best_sources, len(self.sizes))
-        views = (self.packed, self.sizes, self.cameras, self.support, depths, self.back, noise, best)
+        slack = np.float32(settings.slack)
+        views = (self.packed, self.sizes, self.cameras, self.support, depths, self.back, noise, best, slack)
         score(planes, costs, self.active.pixels, *views, weight, cap)
         found = np.zeros_like(planes)
         for view, active, result in sources:
@@ -161,7 +163,7 @@ class Problem:
                     planes, costs, self.active.pixels, self.active.index, self.active.ranges, self.packed, self.sizes,
                     self.cameras, self.support, depths, self.back, key, color, step,
                     settings.perturbations, np.float32(reach), np.float32(_SAME_PX * self.pixel_w),
-                    np.float32(settings.noise**2), best, np.float32(geometric),
+                    np.float32(settings.noise**2), best, np.float32(settings.slack), np.float32(geometric),
                     np.float32(settings.geometric_cap_px),
                 )  # fmt: skip
             reach *= 0.5

@@ -82,8 +82,10 @@ def _sample_cost(packed, base, stride, support, p, x0, y0, a_x, a_y, b_x, b_y, n
 
 
 @kernel
-def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, depths, back, geometric, cap):
+def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, slack, depths, back, geometric, cap):
     """Mean of the ``best`` lowest costs over the source views of a plane at pixel (u, v).
+
+    None counts more than ``slack`` above the lowest: such a view is taken not to see the surface.
 
     ``depths`` (sources, rows, columns) and ``back`` are read only when ``geometric`` > 0: then each view's cost grows
     by geometric · min(distance in pixels by which (u, v) misses itself when sent there and back, cap).
@@ -129,8 +131,8 @@ def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, de
     if best == 1:
         return first
     if best == 2:
-        return float32(0.5) * (first + second)
-    return (first + second + third) * float32(1.0 / 3.0)
+        return float32(0.5) * (first + min(second, first + slack))
+    return (first + min(second, first + slack) + min(third, first + slack)) * float32(1.0 / 3.0)
 
 
 @kernel
@@ -180,8 +182,9 @@ def _tilt(state, u, v, w, lens, steepest):
 
 @kernel
 def start(
-    planes, costs, fresh, pixels, ranges, packed, sizes, cameras, support, lens, depths, back, key, starts, noise, best
-):
+    planes, costs, fresh, pixels, ranges, packed, sizes, cameras, support, lens, depths, back, key, starts, noise, best,
+    slack,
+):  # fmt: skip
     """Give every pixel the best of ``starts`` random planes, one in each equal share of its inverse-depth range.
 
     Args:
@@ -194,6 +197,9 @@ def start(
         support: (n, 32) float32, see `support_weights`.
         lens: (4,) float32 f_x, f_y, c_x, c_y of the reference view.
         key: uint64 that everything random starts from.
+        starts: how many.
+        noise: variance of the grey levels that counts as no texture.
+        best, slack: see `Settings`.
     """
     zero = float32(0.0)
     steepest = float32(0.9)
@@ -207,13 +213,15 @@ def start(
         if not fresh[p]:
             lowest = _cost(
                 packed, sizes, cameras, support, p, u, v, planes[p, 0], planes[p, 1], planes[p, 2], noise, best,
-                depths, back, zero, zero,
+                slack, depths, back, zero, zero,
             )  # fmt: skip
         for i in range(starts):
             state = _mix(seed + uint64(i + 1) * uint64(0x9E3779B97F4A7C15))
             w = low + span * (float32(i) + _uniform(state)) / float32(starts)
             g_u, g_v = _tilt(_mix(state ^ uint64(0x5851F42D4C957F2D)), u, v, w, lens, steepest)
-            cost = _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, depths, back, zero, zero)
+            cost = _cost(
+                packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, slack, depths, back, zero, zero
+            )
             if cost < lowest:
                 lowest = cost
                 planes[p, 0] = w
@@ -225,7 +233,7 @@ def start(
 @kernel
 def sweep(
     planes, costs, pixels, index, ranges, packed, sizes, cameras, support, depths, back, key,
-    color, step, perturbations, reach_w, same_w, noise, best, geometric, cap,
+    color, step, perturbations, reach_w, same_w, noise, best, slack, geometric, cap,
 ):  # fmt: skip
     """One half sweep: pixels of one colour of the checkerboard take over better planes and perturb their own.
 
@@ -289,8 +297,9 @@ def sweep(
             tried[count, 2] = n_v
             count += 1
             cost = _cost(
-                packed, sizes, cameras, support, p, u, v, n_w, n_u, n_v, noise, best, depths, back, geometric, cap
-            )
+                packed, sizes, cameras, support, p, u, v, n_w, n_u, n_v, noise, best, slack, depths, back,
+                geometric, cap,
+            )  # fmt: skip
             if cost < lowest:
                 lowest = cost
                 w = n_w
@@ -313,8 +322,9 @@ def sweep(
             if n_w < low or n_w > high:
                 continue
             cost = _cost(
-                packed, sizes, cameras, support, p, u, v, n_w, n_u, n_v, noise, best, depths, back, geometric, cap
-            )
+                packed, sizes, cameras, support, p, u, v, n_w, n_u, n_v, noise, best, slack, depths, back,
+                geometric, cap,
+            )  # fmt: skip
             if cost < lowest:
                 lowest = cost
                 w = n_w
@@ -382,8 +392,9 @@ def carry(found, source_pixels, source_planes, source_costs, index, lens_source,
 
 @kernel
 def adopt(
-    planes, costs, found, pixels, ranges, packed, sizes, cameras, support, depths, back, noise, best, geometric, cap
-):
+    planes, costs, found, pixels, ranges, packed, sizes, cameras, support, depths, back, noise, best, slack,
+    geometric, cap,
+):  # fmt: skip
     """Take over the planes of ``found`` (n, 3) that cost less; the arguments are those of `sweep`."""
     for p in range(pixels.shape[0]):
         w = found[p, 0]
@@ -392,7 +403,7 @@ def adopt(
         v = float32(pixels[p, 0])
         u = float32(pixels[p, 1])
         cost = _cost(
-            packed, sizes, cameras, support, p, u, v, w, found[p, 1], found[p, 2], noise, best, depths, back,
+            packed, sizes, cameras, support, p, u, v, w, found[p, 1], found[p, 2], noise, best, slack, depths, back,
             geometric, cap,
         )  # fmt: skip
         if cost < costs[p]:
@@ -403,10 +414,10 @@ def adopt(
 
 
 @kernel
-def score(planes, costs, pixels, packed, sizes, cameras, support, depths, back, noise, best, geometric, cap):
+def score(planes, costs, pixels, packed, sizes, cameras, support, depths, back, noise, best, slack, geometric, cap):
     """Write into ``costs`` what ``planes`` cost; the arguments are those of `sweep`."""
     for p in range(pixels.shape[0]):
         costs[p] = _cost(
             packed, sizes, cameras, support, p, float32(pixels[p, 1]), float32(pixels[p, 0]),
-            planes[p, 0], planes[p, 1], planes[p, 2], noise, best, depths, back, geometric, cap,
+            planes[p, 0], planes[p, 1], planes[p, 2], noise, best, slack, depths, back, geometric, cap,
         )  # fmt: skip

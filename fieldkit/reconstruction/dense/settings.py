@@ -24,6 +24,7 @@ class Settings:
         sources: source views per reference view.
         best_sources: a hypothesis costs the mean over its best so many source views, so that the others may be
             occluded; 1 to 3.
+        slack: none of these counts more than this above the lowest: the surface may be hidden in all but one.
         best_angle_deg: angle between two views about the volume at which a source view is worth most.
         min_angle_deg, max_angle_deg: limits of that angle.
 
@@ -37,14 +38,15 @@ class Settings:
         starts: random planes per pixel.
         sweeps: rounds of propagation and perturbation (each a red and a black half).
         perturbations: random changes tried per pixel and round, each half as large as the one before.
-        first_range_px, second_range_px: size of the first change in the first and second pass, as the shift of a
+        first_range_px, second_range_px: size of the first change in the first and in later passes, as the shift of a
             typical source pixel.
         pyramid_sweeps: rounds on every level above the coarsest.
         pyramid_starts: random planes per pixel there, beside the coarser level's.
         coarsest: levels are halved as long as they have more pixels than this.
-        geometric_sweeps: rounds of the second pass, which also asks for agreement with the source views' depth maps;
-            0 leaves the pass out.
-        geometric_weight, geometric_cap_px: the pass adds weight · min(round-trip error in pixels, cap) to the cost.
+        geometric_passes: passes after the first, which take over planes of the source views and also ask for agreement
+            with their depths; 0 leaves them out.
+        geometric_sweeps: rounds in each of these passes.
+        geometric_weight, geometric_cap_px: these passes add weight · min(round-trip error in pixels, cap) to the cost.
 
         max_cost: a depth whose cost (1 − correlation) is not below takes no part in the fusion.
         max_relative_depth: largest relative difference of two depths that agree.
@@ -59,6 +61,7 @@ class Settings:
 
     sources: int = 4
     best_sources: int = 2
+    slack: float = 0.4
     best_angle_deg: float = 12.0
     min_angle_deg: float = 3.0
     max_angle_deg: float = 50.0
@@ -77,8 +80,9 @@ class Settings:
     pyramid_sweeps: int = 2
     pyramid_starts: int = 4
     coarsest: int = 300_000
+    geometric_passes: int = 2
     geometric_sweeps: int = 1
-    geometric_weight: float = 0.15
+    geometric_weight: float = 0.2
     geometric_cap_px: float = 3.0
 
     max_cost: float = 0.6

@@ -17,6 +17,7 @@ from fieldkit.reconstruction.dense import Settings, View, compute_depth_maps, fu
 from fieldkit.reconstruction.dense import depth_maps as module
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
+PASSES = 1 + Settings().geometric_passes
 ROOT = Path(__file__).parents[3]
 PROGRAM = "from tests.reconstruction.dense.test_determinism import run; print(run())"
 
@@ -97,7 +98,7 @@ def test_a_view_from_another_side_leaves_the_others_as_they_are(tmp_path):
     entries = cache.sizes()["depth"].entries
     lonely, _ = scene_views([Plane()], ring(1, height=-1.2))
     run(cache=cache, given=[*lonely, *scene])
-    assert cache.sizes()["depth"].entries == entries + 2  # one for each pass
+    assert cache.sizes()["depth"].entries == entries + PASSES
 
 
 @pytest.mark.parametrize("change", ["pixel", "pose", "mask", "setting", "seed", "volume"])
@@ -133,7 +134,7 @@ def test_the_fusion_rule_is_no_part_of_the_key(tmp_path):
     cache = StageCache(tmp_path)
     for settings in (Settings(), Settings(min_agreeing=1, max_reprojection_px=2.0, thin_gsd=0.0)):
         compute_depth_maps(views(3), VOLUME, settings, seed=0, progress=Silent(), cache=cache)
-    assert cache.sizes()["depth"].entries == 6
+    assert cache.sizes()["depth"].entries == 3 * PASSES
 
 
 def _never(*arguments: object) -> None:

@@ -131,7 +131,7 @@ def test_every_number_of_pyramid_levels_finds_the_plane(coarsest):
 @pytest.mark.parametrize(("best", "sources", "geometric"), [(1, 1, 0), (1, 3, 1), (3, 4, 1), (2, 4, 0)])
 def test_other_settings_find_the_plane_too(best, sources, geometric):
     views, truth = scene_views([Plane(slope_y=0.2)], ring(5))
-    settings = Settings(best_sources=best, sources=sources, geometric_sweeps=geometric)
+    settings = Settings(best_sources=best, sources=sources, geometric_passes=geometric)
     errors = np.concatenate(
         [relative_errors(f, t, 30).ravel() for f, t in zip(depth_maps(views, settings), truth, strict=True)]
     )
