@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.reconstruction.agreement import KnownPose, align_to_positions, judge
+
+
+def _known(position, sigma: float = 0.005, rotation=None) -> KnownPose:
+    return KnownPose(None if position is None else np.array(position, dtype=float), sigma, rotation, 3.0)
+
+
+def test_nothing_known_is_neither_right_nor_wrong() -> None:
+    pose = Pose(np.eye(3), np.zeros(3))
+    assert judge(pose, None).right is None
+    assert judge(pose, _known(None)).right is None
+
+
+@pytest.mark.parametrize(("shift", "right"), [(0.019, True), (0.021, False)])
+def test_a_position_is_right_up_to_four_standard_deviations(shift: float, right: bool) -> None:
+    found = judge(Pose(np.eye(3), np.array([shift, 0.0, 0.0])), _known([0, 0, 0]))
+    assert found.right is right
+    assert found.position_residual_m == pytest.approx(shift)
+    assert ("0.021 m" in found.reason) is not right
+
+
+@pytest.mark.parametrize(("turn_deg", "right"), [(11.0, True), (13.0, False)])
+def test_an_orientation_is_right_up_to_four_standard_deviations(turn_deg: float, right: bool) -> None:
+    turned = rotation_from_vector(np.radians([turn_deg, 0.0, 0.0]))
+    found = judge(Pose(turned, np.zeros(3)), _known([0, 0, 0], rotation=np.eye(3)))
+    assert found.right is right
+    assert found.angle_residual_deg == pytest.approx(turn_deg)
+
+
+def test_alignment_finds_the_similarity_in_spite_of_wrong_images() -> None:
+    rng = np.random.default_rng(5)
+    world = rng.normal(size=(12, 3))
+    similarity = Similarity(0.3, rotation_from_vector([0.2, -0.5, 1.0]), np.array([1.0, 2.0, 3.0]))
+    inverse = similarity.inverse()
+    poses = {str(k): inverse.apply_pose(Pose(np.eye(3), c)) for k, c in enumerate(world)}
+    poses["3"] = Pose(np.eye(3), np.array([9.0, 9.0, 9.0]))
+    known = {str(k): _known(c) for k, c in enumerate(world)}
+    found = align_to_positions(poses, known, seed=0)
+    assert found is not None
+    assert found.scale == pytest.approx(0.3, rel=1e-6)
+    right = {name for name, pose in poses.items() if judge(found.apply_pose(pose), known[name]).right}
+    assert right == set(poses) - {"3"}
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_fewer_than_three_positions_do_not_align(count: int) -> None:
+    poses = {str(k): Pose(np.eye(3), np.array([k, 0.0, 0.0])) for k in range(5)}
+    known = {str(k): _known([k, 0, 0]) for k in range(count)}
+    assert align_to_positions(poses, known, seed=0) is None
+
+
+def test_positions_on_one_line_do_not_align() -> None:
+    poses = {str(k): Pose(np.eye(3), np.array([k, 0.0, 0.0])) for k in range(5)}
+    known = {str(k): _known([2.0 * k, 0, 0]) for k in range(5)}
+    assert align_to_positions(poses, known, seed=0) is None

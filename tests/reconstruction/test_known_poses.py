@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
+from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+
+
+def _capture(priors: dict[str, PosePrior], source: str | None, origin: LocalFrame | None = None) -> Capture:
+    here = Path("plot")
+    return Capture(here, here, (), (), (), priors, source, origin)
+
+
+def _priors(offset: float = 0.0) -> dict[str, PosePrior]:
+    return {
+        f"{k}.jpg": PosePrior((offset + k, 2.0 * k, 1.0), 0.01, 30.0 * k, -40.0, None, 2.0, "poses.csv")
+        for k in range(4)
+    }
+
+
+def test_a_capture_without_positions_has_no_frame() -> None:
+    known = known_poses(_capture({"a.jpg": PosePrior(None, None, 10.0, -90.0, 0.0, 3.0, "XMP")}, None))
+    assert known.frame is None
+    assert known.positioned == []
+    assert known.poses["a.jpg"].rotation is not None
+
+
+def test_small_coordinates_stay_and_large_ones_are_shifted() -> None:
+    near, far = known_poses(_capture(_priors(), "poses.csv")), known_poses(_capture(_priors(500_000.0), "poses.csv"))
+    assert near.poses["2.jpg"].position == pytest.approx([2.0, 4.0, 1.0])
+    moved = far.poses["2.jpg"].position
+    assert moved is not None
+    assert np.abs(moved).max() < 10.0
+    assert far.frame is not None
+    back = far.frame.from_source.inverse().apply(moved)
+    assert back == pytest.approx([500_002.0, 4.0, 1.0])
+
+
+def test_a_reference_s_frame_takes_positions_and_orientations_along() -> None:
+    turn = Similarity(1.0, rotation_from_vector([0.0, 0.0, np.pi / 2]), np.array([1.0, 0.0, -1.0]))
+    within = SourceFrame("poses.csv", None, turn)
+    known = known_poses(_capture(_priors(), "poses.csv"), within)
+    assert known.frame is within
+    wanted = turn.apply_pose(Pose.from_yaw_pitch([1.0, 2.0, 1.0], 30.0, -40.0))
+    found = known.poses["1.jpg"]
+    assert found.position == pytest.approx(wanted.center)
+    assert found.rotation is not None
+    assert rotation_angle_deg(found.rotation, wanted.rotation) < 1e-6
+
+
+def test_another_origin_on_earth_is_taken_into_account() -> None:
+    own, other = LocalFrame(50.0, 6.0, 100.0, "ellipsoid"), LocalFrame(50.001, 6.0, 100.0, "ellipsoid")
+    within = SourceFrame("EXIF GPS", other, Similarity.identity())
+    known = known_poses(_capture(_priors(), "EXIF GPS", own), within)
+    position = known.poses["0.jpg"].position
+    assert position is not None
+    assert position[1] == pytest.approx(-111.2, abs=0.2)
+
+
+def test_frames_that_are_not_related_are_refused() -> None:
+    within = SourceFrame("EXIF GPS", LocalFrame(50.0, 6.0), Similarity.identity())
+    with pytest.raises(ReconstructionError, match=r"poses\.csv.*EXIF GPS"):
+        known_poses(_capture(_priors(), "poses.csv"), within)

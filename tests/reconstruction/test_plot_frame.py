@@ -1,0 +1,74 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.reconstruction.interest import volume_of_interest
+from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
+
+CAMERA = Intrinsics.pinhole(800, 600, 700.0)
+
+
+def _ring(count: int = 12) -> dict[str, Pose]:
+    angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    return {
+        f"{k}": Pose.look_at([1.5 * np.cos(a), 1.5 * np.sin(a), 1.2], [0.0, 0.0, 0.2]) for k, a in enumerate(angles)
+    }
+
+
+def _soil_and_plant() -> np.ndarray:
+    rng = np.random.default_rng(1)
+    soil = np.stack([*rng.uniform(-0.4, 0.4, (2, 3000)), rng.normal(0.0, 0.002, 3000)], axis=1)
+    plant = np.stack([*rng.normal(0.0, 0.03, (2, 800)), rng.uniform(0.0, 0.4, 800)], axis=1)
+    return np.concatenate([soil, plant])
+
+
+@pytest.mark.parametrize("turn", [[0.0, 0.0, 0.0], [0.4, -0.3, 1.0], [3.0, 0.1, 0.0]])
+def test_the_ground_becomes_z_0_with_the_cameras_above(turn: list[float]) -> None:
+    rotation = rotation_from_vector(turn)
+    points = _soil_and_plant() @ rotation.T + [3.0, 1.0, -2.0]
+    poses = {n: Pose(p.rotation @ rotation.T, rotation @ p.center + [3.0, 1.0, -2.0]) for n, p in _ring().items()}
+    ground = find_ground(points, poses, seed=0, keep_upright=False)
+    assert ground is not None
+    motion = plot_from_world(points, poses, ground, keep_upright=False)
+    moved = motion.apply(points)
+    assert np.abs(np.median(moved[:3000, 2])) < 0.002
+    assert all(motion.apply_pose(p).center[2] > 1.0 for p in poses.values())
+    assert np.abs(np.median(moved[3000:, :2], axis=0)).max() < 0.05
+    assert moved_plane(ground, motion).normal == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+
+
+def test_a_georeferenced_slope_stays_a_slope() -> None:
+    tilt = rotation_from_vector([0.1, 0.0, 0.0])
+    points = _soil_and_plant() @ tilt.T
+    ground = find_ground(points, _ring(), seed=0, keep_upright=True)
+    assert ground is not None
+    motion = plot_from_world(points, _ring(), ground, keep_upright=True)
+    assert motion.rotation == pytest.approx(np.eye(3))
+    assert moved_plane(ground, motion).tilt_deg() == pytest.approx(np.degrees(0.1), abs=0.3)
+
+
+def test_without_ground_the_frame_is_only_centred() -> None:
+    motion = plot_from_world(np.ones((5, 3)), _ring(), None, keep_upright=False)
+    assert motion.rotation == pytest.approx(np.eye(3))
+
+
+def test_the_volume_holds_what_converging_cameras_share_and_not_the_background() -> None:
+    rng = np.random.default_rng(2)
+    background = rng.normal(size=(2000, 3))
+    background = background / np.linalg.norm(background, axis=1, keepdims=True) * 6.0
+    points = np.concatenate([_soil_and_plant(), background])
+    poses = _ring()
+    volume = volume_of_interest(points, poses, dict.fromkeys(poses, CAMERA))
+    assert volume.contains(_soil_and_plant()[3000:]).mean() > 0.97
+    assert not volume.contains(background).any()
+
+
+def test_too_few_points_leave_the_volume_to_the_person() -> None:
+    poses = _ring()
+    with pytest.raises(ReconstructionError) as caught:
+        volume_of_interest(np.full((3, 3), 9.0), poses, dict.fromkeys(poses, CAMERA))
+    assert "--bounds" in caught.value.remedy
