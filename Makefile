@@ -31,7 +31,7 @@ check: $(STAMP) ## lint and check types
 	$(BIN)/mypy
 
 bench: $(STAMP) ## measure the engine's speed
-	$(BIN)/fieldkit benchmark engine
+	$(BIN)/fieldkit benchmark engine --overwrite
 
 clean: ## remove what the other targets wrote, except .venv
 	rm -rf demo-output build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -20,6 +20,7 @@ COMMANDS = {
     "reference": "Build the reference cloud of a plot from a dense capture.",
     "evaluate": "Score new captures of one or many plots against a reference.",
     "demo": "Try fieldkit on a small rendered plot, in two to three minutes.",
+    "benchmark": "Measure speed and accuracy against the alternatives.",
     "doctor": "Check this machine: packages, renderer, GPU, memory, cache.",
     "cache": "Show, prune or clear what earlier runs keep for later ones.",
 }

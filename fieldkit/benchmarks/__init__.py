@@ -1,0 +1,1 @@
+"""What is measured, behind `fieldkit benchmark`; used by the command line only."""

@@ -1,0 +1,155 @@
+"""`fieldkit benchmark engine`: the studies of the engine's figures, each with both sides in the same run."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from fieldkit import __version__
+from fieldkit.benchmarks.result import StudyResult
+from fieldkit.cache import StageCache
+from fieldkit.errors import UsageError
+from fieldkit.files import atomic_folder, write_atomic
+from fieldkit.machine import this_machine
+from fieldkit.progress import Progress
+
+RESULT_FILE, TABLES_FILE = "results.json", "results.md"
+_LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pycolmap", "point-cloud-utils")
+NO_DATA = "FIELDKIT_DATA is unset; it names the folder with the recorded image sets."
+
+
+@dataclass(frozen=True)
+class EngineOptions:
+    """What the studies are run with.
+
+    Attributes:
+        data: folder of the recorded sets, or None.
+        draws: of the priors' noise and of the blind mappers' seeds.
+        scene: in `scaling`, also build the scene with the ground.
+        cache: for what is not measured (the dense models, the reference).
+    """
+
+    data: Path | None
+    cache: StageCache
+    draws: int = 5
+    scene: bool = True
+
+
+def _dense(_: EngineOptions, progress: Progress) -> StudyResult:
+    from fieldkit.benchmarks.dense_stereo import run_dense
+
+    return run_dense(progress=progress)
+
+
+def _evaluation(options: EngineOptions, progress: Progress) -> StudyResult:
+    from fieldkit.benchmarks.full_evaluation import run_evaluation
+
+    return run_evaluation(options.data, cache=options.cache, progress=progress)
+
+
+def _clouds(_: EngineOptions, progress: Progress) -> StudyResult:
+    from fieldkit.benchmarks.cloud_scores import run_clouds
+
+    return run_clouds(progress=progress)
+
+
+def _help(_: EngineOptions, progress: Progress) -> StudyResult:
+    from fieldkit.benchmarks.startup import run_startup
+
+    return run_startup(progress=progress)
+
+
+def _scaling(options: EngineOptions, progress: Progress) -> StudyResult:
+    if options.data is None:
+        return StudyResult("scaling", "Cost against the number of photographs", skipped=NO_DATA)
+    from fieldkit.benchmarks.scaling import run_scaling
+
+    return run_scaling(options.data, scene=options.scene, cache=options.cache, progress=progress)
+
+
+def _few_views(options: EngineOptions, progress: Progress) -> StudyResult:
+    if options.data is None:
+        return StudyResult("few-views", "Few views", skipped=NO_DATA)
+    from fieldkit.benchmarks.few_views import DEFAULT_SUBSETS, Plan, run_few_views
+
+    plan = Plan(DEFAULT_SUBSETS, draws=options.draws)
+    return run_few_views(options.data, plan, cache=options.cache, progress=progress)
+
+
+STUDIES: dict[str, Callable[[EngineOptions, Progress], StudyResult]] = {
+    "help": _help,
+    "clouds": _clouds,
+    "dense": _dense,
+    "evaluation": _evaluation,
+    "scaling": _scaling,
+    "few-views": _few_views,
+}
+SPEED = ("help", "clouds", "dense", "evaluation", "scaling")
+"""The studies of speed, which run where nobody chooses; `few-views` takes hours."""
+
+
+def run_engine(
+    output: Path,
+    names: Sequence[str],
+    options: EngineOptions,
+    *,
+    progress: Progress,
+    overwrite: bool = False,
+) -> list[StudyResult]:
+    """Run studies one after the other and write results.json, results.md and their pictures.
+
+    Args:
+        output: folder of the result.
+        names: of `STUDIES`; none takes `SPEED`.
+        options: for all of them.
+        progress: told of stages.
+        overwrite: replace an earlier result in ``output``.
+
+    Raises:
+        UsageError: there is no such study, or ``output`` exists.
+    """
+    chosen = list(dict.fromkeys(names)) or list(SPEED)
+    unknown = [name for name in chosen if name not in STUDIES]
+    if unknown:
+        raise UsageError(f"there is no study {unknown[0]!r}", remedy=f"Choose of {', '.join(STUDIES)}.")
+    with atomic_folder(output, overwrite=overwrite, marker=RESULT_FILE) as folder:
+        results = []
+        for name in chosen:
+            result = STUDIES[name](options, progress)
+            if result.skipped:
+                progress.note(f"{name}: {result.skipped}")
+            for picture, data in result.pictures.items():
+                write_atomic(folder / picture, data)
+            results.append(result)
+        write_atomic(folder / RESULT_FILE, json.dumps(report(results), indent=1, ensure_ascii=False) + "\n")
+        write_atomic(folder / TABLES_FILE, "\n".join(result.markdown() for result in results))
+    return results
+
+
+def report(results: Sequence[StudyResult]) -> dict[str, Any]:
+    """The content of results.json."""
+    machine = this_machine()
+    return {
+        "fieldkit": __version__,
+        "machine": {
+            "cores": machine.cores,
+            "memory_bytes": machine.memory_bytes,
+            "architecture": platform.machine(),
+            "system": platform.system(),
+            "python": platform.python_version(),
+        },
+        "libraries": {name: found for name in _LIBRARIES if (found := _version(name)) is not None},
+        "studies": {result.name: result.plain() for result in results},
+    }
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,105 @@
+"""What a study gives: figures for machines, tables and sentences for people."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+Cell = str | int | float | None
+
+
+@dataclass(frozen=True)
+class ResultTable:
+    """A table of a study.
+
+    Attributes:
+        title: what it shows.
+        columns: names with units; those ending in ">" are set flush right.
+        rows: cells in the columns' order, ready to print; None is a dash.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+    def __post_init__(self) -> None:
+        if any(len(row) != len(self.columns) for row in self.rows):
+            raise ValueError(f"{self.title}: every row needs {len(self.columns)} cells")
+
+    def markdown(self) -> str:
+        """The table in GitHub's Markdown, with its title as a paragraph above."""
+        head = "| " + " | ".join(column.rstrip(">") for column in self.columns) + " |"
+        rule = "|" + "|".join(" ---: " if column.endswith(">") else " --- " for column in self.columns) + "|"
+        body = ["| " + " | ".join(_text(cell) for cell in row) + " |" for row in self.rows]
+        return "\n".join([self.title, "", head, rule, *body]) + "\n"
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """One study's outcome.
+
+    Attributes:
+        name: as `--only` takes it.
+        title: in a few words.
+        skipped: why nothing was measured; empty where it was.
+        tables: for people.
+        notes: sentences that belong to the tables.
+        figures: everything measured, plain values.
+        pictures: PNG files by name.
+        wall_s, cpu_s: of the whole study.
+    """
+
+    name: str
+    title: str
+    skipped: str = ""
+    tables: tuple[ResultTable, ...] = ()
+    notes: tuple[str, ...] = ()
+    figures: dict[str, Any] = field(default_factory=dict)
+    pictures: dict[str, bytes] = field(default_factory=dict)
+    wall_s: float = 0.0
+    cpu_s: float = 0.0
+
+    def markdown(self) -> str:
+        """A section of Markdown."""
+        parts = [f"## {self.title} (`{self.name}`)\n"]
+        if self.skipped:
+            parts.append(f"Not measured: {self.skipped}\n")
+        parts += [table.markdown() for table in self.tables]
+        parts += [f"![{name}]({name})\n" for name in self.pictures]
+        if self.notes:
+            parts.append("\n".join(f"- {note}" for note in self.notes) + "\n")
+        return "\n".join(parts)
+
+    def plain(self) -> dict[str, Any]:
+        """Everything but the pictures' bytes, as JSON takes it."""
+        found = asdict(self)
+        found["pictures"] = sorted(self.pictures)
+        plain: dict[str, Any] = json.loads(json.dumps(found, default=_plain))
+        return plain
+
+
+def spread(values: Sequence[float | None], digits: int = 1) -> str:
+    """``median (least–most)``, ``median`` alone where all are alike, a dash without values."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return "–"
+    low, middle, high = (f"{v:.{digits}f}" for v in (min(known), float(np.median(known)), max(known)))
+    return middle if low == high else f"{middle} ({low}–{high})"
+
+
+def _text(cell: Cell) -> str:
+    if cell is None:
+        return "–"
+    return f"{cell:.3g}" if isinstance(cell, float) else str(cell)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, bytes):
+        return len(value)
+    raise TypeError(f"{type(value).__name__} is no plain value")

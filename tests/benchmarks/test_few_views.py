@@ -1,0 +1,89 @@
+"""How poses of a subset are judged and tabled; mapping itself is tested elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.benchmarks.few_views import GRID, MAIN, Outcome, Trial, assess, trial_tables
+from fieldkit.benchmarks.rigs import RigSet
+from fieldkit.captures.model import Capture
+from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.scenes.rigs import ring
+
+
+@pytest.fixture
+def rig() -> RigSet:
+    poses = {f"{i:02d}.jpg": pose for i, pose in enumerate(ring(12, 0.3, 0.1))}
+    capture = Capture(Path("x"), Path("x"), (), (), (), {})
+    camera = Intrinsics.pinhole(400, 300, 300.0)
+    return RigSet("ring", capture, tuple(poses), poses, poses, camera, 0.005, 0.0, 0.0)
+
+
+UP = np.array([0.0, 0.0, 1.0])
+ELSEWHERE = Similarity(3.0, rotation_from_vector(np.array([0.3, 1.0, -0.5])), np.array([5.0, -2.0, 1.0]))
+
+
+def moved(poses: dict[str, Pose]) -> dict[str, Pose]:
+    return {name: ELSEWHERE.apply_pose(pose) for name, pose in poses.items()}
+
+
+def test_the_right_poses_in_another_frame_are_right(rig: RigSet) -> None:
+    found = assess(moved(rig.dense), rig)
+    assert (found.registered, found.right, found.wrong) == (12, 12, 0)
+    assert found.rig_max_m == pytest.approx(0.0, abs=1e-9)
+    assert found.dense_rms_m == pytest.approx(0.0, abs=1e-9)
+    assert found.angle_max_deg == pytest.approx(0.0, abs=1e-5)
+
+
+def test_a_displaced_pose_is_wrong_and_shows_in_the_errors(rig: RigSet) -> None:
+    bad = dict(rig.dense)
+    bad["03.jpg"] = replace(bad["03.jpg"], center=bad["03.jpg"].center + UP * 0.05)
+    found = assess(moved(bad), rig)
+    assert (found.registered, found.right, found.wrong) == (12, 11, 1)
+    assert found.rig_max_m is not None
+    assert 0.03 < found.rig_max_m < 0.05  # the least-squares similarity takes a part of it
+    assert found.rig_rms_m == pytest.approx(found.dense_rms_m)
+
+
+def test_a_displacement_within_the_bound_is_right(rig: RigSet) -> None:
+    near = dict(rig.dense)
+    near["03.jpg"] = replace(near["03.jpg"], center=near["03.jpg"].center + UP * 0.015)
+    assert assess(moved(near), rig).right == 12
+
+
+def test_two_poses_cannot_be_checked(rig: RigSet) -> None:
+    two = dict(list(rig.dense.items())[:2])
+    assert assess(two, rig) == Outcome(2, 0, None, None, None, None, None)
+    assert assess({}, rig) == Outcome(0, 0, None, None, None, None, None)
+
+
+def test_nonsense_is_wrong(rig: RigSet) -> None:
+    rng = np.random.default_rng(0)
+    nonsense = {n: Pose(p.rotation, rng.normal(size=3)) for n, p in rig.dense.items()}
+    found = assess(nonsense, rig)
+    assert found.registered == 12
+    assert found.right <= 4
+    assert found.rig_rms_m is not None
+    assert found.rig_rms_m > 0.1
+
+
+def test_tables_have_a_row_per_subset_method_and_noise() -> None:
+    good, bad = Outcome(10, 10, 0.003, 0.006, 0.001, 0.002, 0.1), Outcome(2, 0, None, None, None, None, None)
+    trials = [Trial("r", phase, 10, "incremental", "", draw, 2.0, bad) for phase in (0, 1) for draw in (0, 1)]
+    trials += [Trial("r", 1, 10, "prior", str(MAIN[1]), draw, 5.0 + draw, good) for draw in (0, 1)]
+    tables = trial_tables(trials, 2)
+    assert [table.title for table in tables] == ["r, phase 0", "r, phase 1 (held out)"]
+    blind, prior = tables[1].rows
+    assert blind[:8] == (10, "incremental", "–", "0 of 2", "2", "0", "2", "–")
+    assert prior[:8] == (10, "prior", "10 mm, 1°", "2 of 2", "10", "10", "0", "3.0")
+    assert prior[-1] == "5.5 (5.0–6.0)"
+
+
+def test_the_grid_has_every_combination() -> None:
+    assert len(set(GRID)) == 12
+    assert set(MAIN) <= set(GRID)

@@ -1,0 +1,163 @@
+"""The other studies on tiny inputs: their structure and that their measures are right; never how long they take."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.benchmarks import engine
+from fieldkit.benchmarks.captures import camera_toml
+from fieldkit.benchmarks.cloud_scores import leaves, run_clouds
+from fieldkit.benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
+from fieldkit.benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
+from fieldkit.benchmarks.full_evaluation import Side, stage_table, summary
+from fieldkit.benchmarks.result import ResultTable, StudyResult, spread
+from fieldkit.benchmarks.scaling import cost_table, process_cost
+from fieldkit.benchmarks.startup import COMMANDS, run_startup
+from fieldkit.cache import StageCache
+from fieldkit.captures.camera_file import read_camera_file
+from fieldkit.cli.benchmark import Study
+from fieldkit.cli.main import main
+from fieldkit.clouds import Cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import UsageError
+from fieldkit.geometry import Intrinsics
+from fieldkit.progress import Silent
+from fieldkit.reporting.cost import Cost
+from tests.reconstruction.dense.planes import SIZE, Plane, photograph, ring
+
+
+class TestResult:
+    def test_markdown(self) -> None:
+        table = ResultTable("Title", ("name", "x>"), (("a", 1.0), ("b", None)))
+        assert table.markdown() == "Title\n\n| name | x |\n| --- | ---: |\n| a | 1 |\n| b | – |\n"
+
+    def test_a_row_of_another_length_is_refused(self) -> None:
+        with pytest.raises(ValueError, match="2 cells"):
+            ResultTable("t", ("a", "b"), ((1,),))
+
+    def test_spread(self) -> None:
+        assert spread([1.0, 2.0, 4.0]) == "2.0 (1.0–4.0)"
+        assert spread([3.0, 3.0], 0) == "3"
+        assert spread([None, 2.0]) == "2.0"
+        assert spread([None]) == "–"
+
+    def test_plain_is_json(self) -> None:
+        result = StudyResult("n", "t", figures={"x": np.float64(1.5)}, pictures={"a.png": b"123"})
+        assert json.loads(json.dumps(result.plain()))["figures"] == {"x": 1.5}
+        assert result.plain()["pictures"] == ["a.png"]
+
+    def test_a_skipped_study_says_why(self) -> None:
+        assert "Not measured: no data" in StudyResult("n", "t", skipped="no data").markdown()
+
+
+class TestClouds:
+    def test_all_methods_agree(self) -> None:
+        result = run_clouds((2000, 3000), progress=Silent())
+        runs = result.figures["runs"]
+        assert {run["points"] for run in runs} == {2000, 3000}
+        for size in (2000, 3000):
+            values = [run["chamfer_m"] for run in runs if run["points"] == size]
+            assert len(values) >= 3
+            assert values == pytest.approx([values[0]] * len(values), rel=1e-6)
+        assert result.tables[0].columns == ("method", "2,000>", "3,000>")
+
+    def test_leaves(self) -> None:
+        assert leaves(500, 1).shape == (500, 3)
+        np.testing.assert_array_equal(leaves(500, 1), leaves(500, 1))
+        assert not np.allclose(leaves(500, 1), leaves(500, 2))
+
+
+def test_dense_measures_both_methods() -> None:
+    ground = Plane(seed=3, tint=(0.5, 1.0, 0.5))
+    poses, camera = ring(5), Intrinsics.pinhole(*SIZE, 260.0)
+    images = [photograph([ground], pose, camera)[0] for pose in poses]
+    x, y = np.meshgrid(np.linspace(-0.15, 0.15, 60), np.linspace(-0.15, 0.15, 60))
+    truth = Cloud(np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1))
+    volume = Volume((-0.15, -0.15, -0.1), (0.15, 0.15, 0.1))
+    runs = measure("plane", images, poses, camera, volume, truth)
+    assert [run.method.split()[0] for run in runs] == ["PatchMatch", "SGBM"]
+    for run in runs:
+        assert run.cpu_s == pytest.approx(run.prepare_s + run.depth_s + run.fusion_s)
+        assert set(run.f_score) == set(DISTANCES_M)
+        assert run.points > 0
+    assert runs[0].f_score[0.010] > 0.95
+    assert [row[0] for row in dense_table(runs).rows] == ["plane", "plane"]
+
+
+def test_the_evaluations_tables() -> None:
+    ours = Side("fieldkit", {"Features": 2.0, "Scoring": 0.5}, 10.0, 10, 10, 0.004, 0.95, 0.003, 0.97)
+    theirs = Side("other", {"Features": 60.0, "Matching": 10.0}, 80.0, 3, 2, error="3 of 10")
+    results = {"scene": (ours, theirs)}
+    first, second = summary(results).rows
+    assert first[:7] == ("scene", "fieldkit", "10 of 10", "10.0", "1.0", "0.950", "4.00")
+    assert second[:7] == ("scene", "other", "2 of 10", "80.0", "8.0", None, None)
+    stages = {row[0]: row[1:] for row in stage_table(results).rows}
+    assert stages["Features"] == ("2.00", "60.00")
+    assert stages["Matching"] == (None, "10.00")
+    assert stages["everything"] == ("10.00", "80.00")
+
+
+class TestScaling:
+    def test_a_process_is_measured(self) -> None:
+        work = "import sys; x = bytearray(300_000_000); x[::4096] = b'1' * len(x[::4096]); sys.exit(3)"
+        cpu_s, memory, code = process_cost([sys.executable, "-c", work])
+        assert code == 3
+        assert cpu_s > 0
+        assert 300e6 < memory < 3e9
+
+    def test_table(self) -> None:
+        table = cost_table([Cost("plants", 10, 50.0, 1_500_000_000)])
+        assert table.rows == ((10, "plants", "50", "5.00", "1.50"),)
+
+
+def test_startup_measures_every_command() -> None:
+    result = run_startup(1, progress=Silent())
+    assert set(result.figures["medians_s"]) == set(COMMANDS)
+    assert all(value > 0 for value in result.figures["ratios"].values())
+
+
+def test_camera_toml_reads_back(tmp_path: Path) -> None:
+    camera = Intrinsics("SIMPLE_RADIAL", 2304, 1296, (1693.3, 1152.0, 648.0, -0.0123456789))
+    (tmp_path / "camera.toml").write_text(camera_toml(camera))
+    assert [entry.intrinsics for entry in read_camera_file(tmp_path / "camera.toml")] == [camera]
+
+
+class TestEngine:
+    def test_the_command_knows_every_study(self) -> None:
+        assert {study.value for study in Study} == set(STUDIES)
+        assert set(SPEED) < set(STUDIES)
+
+    def test_without_recorded_sets_studies_say_so(self, tmp_path: Path) -> None:
+        options = EngineOptions(None, StageCache(None))
+        results = run_engine(tmp_path / "out", ["few-views", "scaling"], options, progress=Silent())
+        assert all("FIELDKIT_DATA" in result.skipped for result in results)
+        written = json.loads((tmp_path / "out" / "results.json").read_text())
+        assert set(written["studies"]) == {"few-views", "scaling"}
+        assert written["machine"]["cores"] >= 1
+        assert "Not measured" in (tmp_path / "out" / "results.md").read_text()
+
+    def test_pictures_are_written(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        done = StudyResult("help", "Help", pictures={"a.png": b"png"})
+        monkeypatch.setitem(engine.STUDIES, "help", lambda options, progress: done)
+        run_engine(tmp_path / "out", ["help", "help"], EngineOptions(None, StageCache(None)), progress=Silent())
+        assert (tmp_path / "out" / "a.png").read_bytes() == b"png"
+
+    def test_an_unknown_study(self, tmp_path: Path) -> None:
+        with pytest.raises(UsageError, match="no study"):
+            run_engine(tmp_path / "out", ["x"], EngineOptions(None, StageCache(None)), progress=Silent())
+
+    def test_the_command(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.delenv("FIELDKIT_DATA", raising=False)
+        out = tmp_path / "out"
+        assert main(["benchmark", "engine", "--only", "few-views", "-o", str(out), "--json"]) == 0
+        printed = json.loads(capsys.readouterr().out)
+        assert printed["studies"]["few-views"]["skipped"]
+        assert main(["benchmark", "engine", "--only", "few-views", "-o", str(out)]) == 2
+        assert main(["benchmark", "engine", "--only", "few-views", "-o", str(out), "--overwrite"]) == 0
