@@ -23,21 +23,30 @@ def depth_range(intrinsics: Intrinsics, pose: Pose, volume: Volume) -> tuple[NDA
     Returns:
         near, far: (H, W) float64 metres; far ≤ near where the ray misses the volume or meets it behind the camera.
     """
-    x = (np.arange(intrinsics.width) + 0.5 - intrinsics.cx) / intrinsics.fx
-    y = (np.arange(intrinsics.height) + 0.5 - intrinsics.cy) / intrinsics.fy
-    near = np.full((intrinsics.height, intrinsics.width), -np.inf)
-    far = np.full_like(near, np.inf)
+    columns, rows = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
+    return _range_of(rows, columns, intrinsics, pose, volume)
+
+
+def _range_of(
+    rows: NDArray[Any], columns: NDArray[Any], intrinsics: Intrinsics, pose: Pose, volume: Volume
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """`depth_range` of single pixels, in arrays of any one shape."""
+    x = (columns + 0.5 - intrinsics.cx) / intrinsics.fx
+    y = (rows + 0.5 - intrinsics.cy) / intrinsics.fy
+    near = np.full(x.shape, -np.inf)
+    far = np.full(x.shape, np.inf)
     for axis in range(3):
         # Component of the ray (x, y, 1) along a world axis, so that its parameter is the depth.
         right, down, forward = pose.rotation[:, axis]
-        slope = right * x[None, :] + down * y[:, None] + forward
-        slope = np.where(np.abs(slope) < 1e-12, 1e-12, slope)
+        slope = right * x + down * y + forward
+        slope[np.abs(slope) < 1e-12] = 1e-12
         first = (volume.lower[axis] - pose.center[axis]) / slope
         second = (volume.upper[axis] - pose.center[axis]) / slope
-        near = np.maximum(near, np.minimum(first, second))
-        far = np.minimum(far, np.maximum(first, second))
-    near = np.maximum(near, _NEAREST_SHARE * far)
-    return np.where(far > 0, near, np.inf), np.where(far > 0, far, 0.0)
+        np.maximum(near, np.minimum(first, second), out=near)
+        np.minimum(far, np.maximum(first, second), out=far)
+    np.maximum(near, _NEAREST_SHARE * far, out=near)
+    ahead = far > 0
+    return np.where(ahead, near, np.inf), np.where(ahead, far, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +72,13 @@ class Active:
 
 def active_pixels(view: View, volume: Volume, beyond: float) -> Active:
     """The pixels on the mask whose rays meet the volume."""
-    near, far = depth_range(view.intrinsics, view.pose, volume)
+    shape = view.image.shape[:2]
+    wanted = np.argwhere(np.ones(shape, dtype=np.bool_) if view.mask is None else view.mask)
+    near, far = _range_of(wanted[:, 0], wanted[:, 1], view.intrinsics, view.pose, volume)
     active = far > near * (1.0 + 1e-6)
-    if view.mask is not None:
-        active &= view.mask
-    pixels = np.argwhere(active).astype(np.int32)
-    index = np.full(active.shape, -1, dtype=np.int32)
-    index[active] = np.arange(len(pixels), dtype=np.int32)
-    ranges = np.stack([1.0 / ((1.0 + beyond) * far[active]), 1.0 / near[active]], axis=1).astype(np.float32)
-    return Active(pixels, index, ranges, (1.0 / far[active]).astype(np.float32))
+    near, far = near[active], far[active]
+    pixels = wanted[active].astype(np.int32)
+    index = np.full(shape, -1, dtype=np.int32)
+    index[pixels[:, 0], pixels[:, 1]] = np.arange(len(pixels), dtype=np.int32)
+    ranges = np.stack([1.0 / ((1.0 + beyond) * far), 1.0 / near], axis=1).astype(np.float32)
+    return Active(pixels, index, ranges, (1.0 / far).astype(np.float32))
