@@ -100,7 +100,7 @@ def find_mask(path: Path) -> Path | None:
     beside = [f"{path.name}.mask.png", f"{stem}.mask.png", f"{stem}_mask.png", f"{stem}_mask{suffix}"]
     inside = [f"{path.name}.png", f"{stem}.png", path.name]
     for candidate in [*(folder / n for n in beside), *(folder / "masks" / n for n in inside)]:
-        if candidate.is_file():
+        if _is_file(candidate):
             return candidate
     return None
 
@@ -176,6 +176,13 @@ def _scan(folder: Path, root: Path) -> tuple[list[Candidate], list[Finding]]:
             if found.path.suffix.lower() not in expected:
                 findings.append(Finding(name, "wrong-suffix", f"the content is {found.format}; read as such"))
     return candidates, findings
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # beside a photograph whose name is as long as names can be, X_mask.png is too long
+        return False
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:

@@ -12,17 +12,22 @@ def find_plots(captures: Path) -> list[tuple[str, Path]]:
     """Names and folders of the plots: the folder itself where it holds photographs, else its subfolders.
 
     Photographs in ``captures/images`` make ``captures`` one plot. Subfolders without any image file are passed over;
-    one whose images cannot be used still counts, so that it is reported.
+    one whose images cannot be used still counts, so that it is reported. So does the folder itself where no subfolder
+    counts.
 
     Raises:
         CaptureError: there is no such folder, or no photographs in it or its subfolders.
     """
     captures = Path(captures)
-    if list_folder(captures).candidates:
-        return [(captures.absolute().name, captures)]
+    itself = [(captures.absolute().name, captures)]
+    contents = list_folder(captures)
+    if contents.candidates:
+        return itself
     folders = sorted((p for p in captures.iterdir() if p.is_dir() and not p.name.startswith(".")),
                      key=lambda p: natural_key(p.name))  # fmt: skip
     plots = [(folder.name, folder) for folder in folders if _holds_images(folder)]
+    if not plots and any(finding.left_out for finding in contents.findings):
+        return itself  # reading it says what is wrong with each file
     if not plots:
         raise CaptureError(
             "there are no photographs in this folder, nor in its subfolders",
