@@ -20,6 +20,7 @@ from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
+from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError, MetadataError
 
 MAX_PIXELS = 150_000_000
@@ -53,19 +54,15 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
     contents = list_folder(folder)
     photos: list[Photo] = []
     findings = list(contents.findings)
-    by_hash: dict[str, str] = {}
     for candidate in contents.candidates:
         read = _read_photo(candidate, max_pixels)
         findings.extend(read.findings)
-        if read.photo is None:
-            continue
-        first = by_hash.setdefault(read.photo.sha256, read.photo.name)
-        if first == read.photo.name:
+        if read.photo is not None:
             photos.append(read.photo)
-        else:
-            findings.append(Finding(read.photo.name, "duplicate", f"the same bytes as {first}", True))
     if not photos:
         raise _no_photographs(folder, findings)
+    photos, duplicates = _distinct(photos, contents)
+    findings += duplicates
     groups, camera_findings = _cameras(photos, contents)
     priors = _priors(photos, contents)
     markers = contents.sidecars.get("markers.toml")
@@ -163,6 +160,31 @@ def _read_photo(candidate: Candidate, max_pixels: int) -> _Read:
         flight_yaw_deg=exif.xmp.flight_yaw_deg,
     )
     return _Read(photo, tuple(Finding(name, code, message) for code, message in exif.problems))
+
+
+def _distinct(photos: list[Photo], contents: FolderContents) -> tuple[list[Photo], list[Finding]]:
+    """One photograph of each content: the one that poses.csv or geo.txt names, else the first."""
+    groups: dict[str, list[Photo]] = {}
+    for photo in photos:
+        groups.setdefault(photo.sha256, []).append(photo)
+    if len(groups) == len(photos):
+        return photos, []
+    located = set(match_names(_listed(contents), [photo.name for photo in photos]).values())
+    kept = {key: next((p.name for p in group if p.name in located), group[0].name) for key, group in groups.items()}
+    findings = [
+        Finding(photo.name, "duplicate", f"the same bytes as {kept[photo.sha256]}", True)
+        for photo in photos
+        if photo.name != kept[photo.sha256]
+    ]
+    return [photo for photo in photos if photo.name == kept[photo.sha256]], findings
+
+
+def _listed(contents: FolderContents) -> list[str]:
+    """Names in the sidecar that the positions come from."""
+    poses, geo = contents.sidecars.get("poses.csv"), contents.sidecars.get("geo.txt")
+    if poses is not None:
+        return [row.image for row in read_poses_csv(poses)[0]]
+    return [] if geo is None else [row.image for row in read_geo_txt(geo)[0]]
 
 
 def _too_large(what: str, max_pixels: int) -> str:

@@ -119,6 +119,25 @@ def test_equal_files_are_read_once(photo_file: MakePhoto) -> None:
     assert "a.jpg" in capture.findings[0].message
 
 
+def test_of_equal_files_the_located_one_is_read(photo_file: MakePhoto) -> None:
+    first = photo_file("b.jpg")
+    for name in ("a copy of b.jpg", "c.jpg"):
+        (first.parent / name).write_bytes(first.read_bytes())
+    photo_file("d.jpg")
+    (first.parent / "poses.csv").write_text("image,x_m,y_m,z_m\nB.JPG,1,2,3\nd.jpg,2,3,4\n")
+    capture = read_capture(first.parent)
+    assert capture.names == ("b.jpg", "d.jpg")
+    assert set(capture.priors) == {"b.jpg", "d.jpg"}
+    assert left_out(capture) == {"a copy of b.jpg": "duplicate", "c.jpg": "duplicate"}
+
+
+def test_a_name_of_255_bytes_is_read(photo_file: MakePhoto) -> None:
+    name = "x" * 251 + ".jpg"
+    capture = read_capture(photo_file(name).parent)
+    assert capture.names == (name,)
+    assert find_mask(capture.photos[0].path) is None
+
+
 def test_a_decompression_bomb_is_not_decoded(photo_file: MakePhoto) -> None:
     folder = photo_file("a.jpg").parent
     bomb_png(folder / "bomb.png")
