@@ -19,7 +19,7 @@ from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
 
-VERSION = 2
+VERSION = 3
 """Part of every cache key; to be raised when the method changes its result."""
 STAGE = "depth"
 
@@ -79,7 +79,7 @@ def compute_planes(
     with progress.stage("depth maps", (1 + settings.geometric_passes) * len(views)) as advance:
 
         def first(i: int) -> Planes:
-            return _match(views[i], [views[j] for j in sources[i]], volume, settings, _random_key(seed, contents[i]))
+            return _match(views[i], [views[j] for j in sources[i]], volume, settings, _random_key(seed, views[i]))
 
         results = map_threads(_cached(cache, keys, first), count, workers=workers, advance=advance)
         for number in range(1, 1 + settings.geometric_passes):
@@ -87,7 +87,7 @@ def compute_planes(
 
             def later(i: int, number: int = number, before: list[Planes] = results) -> Planes:
                 near = [(views[j], before[j]) for j in sources[i]]
-                random = _random_key(seed, contents[i], number)
+                random = _random_key(seed, views[i], number)
                 return _match_geometry(views[i], before[i], near, volume, settings, random)
 
             results = map_threads(_cached(cache, keys, later), count, workers=workers, advance=advance)
@@ -126,8 +126,10 @@ def matching_settings(settings: Settings) -> dict[str, Any]:
     return {name: value for name, value in vars(settings).items() if name not in fusion | {"fidelity"}}
 
 
-def _random_key(seed: int, content: str, number: int = 0) -> np.uint64:
-    return np.uint64(int(digest(seed, content, number)[:16], 16))
+def _random_key(seed: int, view: View, number: int = 0) -> np.uint64:
+    # Of the pixels alone: a pose that differs by a rounding error must not bring other random planes, or a capture
+    # would not even match itself (chamfer distance above one ground sampling distance).
+    return np.uint64(int(digest(seed, view.image, number)[:16], 16))
 
 
 def _cached(cache: StageCache, keys: list[str], compute: Callable[[int], Planes]) -> Callable[[int], Planes]:
