@@ -122,8 +122,10 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
             _sync_tree(partial)
             _move_into_place(partial, target, overwrite)
             _sync(target.parent)
-        except BaseException:
+        except BaseException as error:
             shutil.rmtree(partial, ignore_errors=True)
+            if isinstance(error, StorageError) and error.path is not None and error.path.is_relative_to(partial):
+                error.path = target / error.path.relative_to(partial)  # the one a person knows, and that will be
             raise
         finally:
             os.close(lock)

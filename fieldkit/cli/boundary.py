@@ -34,6 +34,7 @@ class Boundary:
         self.exit_code = 0
         self._json = "--json" in options
         self._debug = "--debug" in options
+        self._warned: set[str] = set()
         self._catch_warnings: AbstractContextManager[None] = warnings.catch_warnings()
 
     def __enter__(self) -> Boundary:
@@ -103,9 +104,17 @@ class Boundary:
     ) -> None:
         # fieldkit's own warnings are written for people; those of other libraries are for their authors.
         if category.__module__.startswith("fieldkit."):
-            say(f"Warning: {message}")
+            # Python tells a warning once per line of code that gave it; several stages may meet the same full disk.
+            if str(message) not in self._warned:
+                self._warned.add(str(message))
+                say(f"Warning: {message}")
         elif self._debug:
             say(warnings.formatwarning(message, category, filename, lineno, line).rstrip())
+
+
+def end_on_terminate() -> None:
+    """End cleanly on SIGTERM also after a library has taken that signal for itself, as pycolmap's logging does."""
+    _on_terminate(_terminate)
 
 
 def emit_json(value: Any) -> None:
