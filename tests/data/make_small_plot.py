@@ -1,0 +1,40 @@
+"""Make tests/data/small_plot: eight small photographs of one young maize plant, drawn by fieldkit's own renderer.
+
+They are kept in the repository, so that tests need no renderer and every machine reads the same pixels.
+
+    python tests/data/make_small_plot.py
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fieldkit.geometry import Intrinsics
+from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout
+from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
+from fieldkit.scenes.soil import SoilDescription
+
+SEED = 3
+
+
+def main() -> None:
+    soil = SoilDescription(seed=SEED, spacing_m=0.012, texture_px=1024, stones=200, residues=100)
+    scene = build_scene(PlotDescription(plant_layout(1, SEED, spacing_m=0.24, leaves=(6, 7)), soil))
+    with Renderer(scene) as renderer:
+        simulate_capture(
+            Path(__file__).parent / "small_plot",
+            renderer,
+            ring(8, 0.85, 0.75, (0.0, 0.0, 0.18)),
+            Intrinsics.pinhole(320, 240, 304.0),
+            noise=CaptureNoise(position_m=0.003, angle_deg=0.3),
+            seed=SEED,
+            sidecars=Sidecars(poses=True, camera=True),
+            quality=85,
+            overwrite=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

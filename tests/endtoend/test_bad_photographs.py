@@ -1,0 +1,260 @@
+"""Photographs that cannot be used: what is wrong, which file, what to do, the exit code, and nothing left over."""
+
+from __future__ import annotations
+
+import json
+import resource
+import struct
+import sys
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from fieldkit.cli.main import main
+from tests.endtoend.commands import DRAFT, CommandLine, partial_folders, set_gps
+
+Photographs = Callable[..., Path]
+SIDE = 30_000
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def huge_png(path: Path) -> None:
+    """A complete black image of 900 Mpx in 100 kB; decoded to RGB it takes 2.7 GB."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", SIDE, SIDE, 1, 0, 0, 0, 0)
+    pixels = zlib.compress(bytes((1 + (SIDE + 7) // 8) * SIDE), 1)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b""))
+
+
+def unlike(path: Path, seed: int) -> None:
+    """A photograph that has nothing in common with one of another seed."""
+    coarse = np.random.default_rng(seed).integers(0, 255, (30, 40, 3), dtype=np.uint8)
+    Image.fromarray(coarse).resize((320, 240), Image.Resampling.BICUBIC).save(path, quality=90)
+
+
+def no_folder(photographs: Photographs) -> None:
+    pass
+
+
+def a_file(photographs: Photographs) -> None:
+    Path("photos").write_text("x")
+
+
+def no_images(photographs: Photographs) -> None:
+    Path("photos").mkdir()
+    Path("photos/readme.txt").write_text("the photographs are on the other disk")
+
+
+def one_image(photographs: Photographs) -> None:
+    photographs(count=1)
+
+
+def two_without_overlap(photographs: Photographs) -> None:
+    Path("photos").mkdir()
+    for seed in range(2):
+        unlike(Path(f"photos/{seed}.jpg"), seed)
+
+
+def truncated(photographs: Photographs) -> None:
+    photo = photographs(count=1, poses=False) / "IMG_0001.jpg"
+    photo.write_bytes(photo.read_bytes()[:9000])
+
+
+def empty(photographs: Photographs) -> None:
+    Path("photos").mkdir()
+    Path("photos/IMG_0001.jpg").touch()
+
+
+def text(photographs: Photographs) -> None:
+    Path("photos").mkdir()
+    Path("photos/IMG_0001.jpg").write_text("not a photograph")
+
+
+def huge(photographs: Photographs) -> None:
+    Path("photos").mkdir()
+    huge_png(Path("photos/IMG_0001.png"))
+
+
+def no_pose_fits(photographs: Photographs) -> None:
+    folder = photographs(count=2)
+    (folder / "poses.csv").write_text("image,x_m,y_m,z_m\nDJI_0001.jpg,0,0,1\nDJI_0002.jpg,1,0,1\n")
+
+
+@dataclass(frozen=True)
+class Case:
+    make: Callable[[Photographs], None]
+    code: int
+    kind: str
+    message: str
+    remedy: str
+    path: str = "photos"
+
+
+AGAIN = "Copy the photographs again"
+CASES = [
+    Case(no_folder, 3, "CaptureError", "the folder does not exist", "Give the folder that holds the photographs"),
+    Case(a_file, 3, "CaptureError", "this is a file, not a folder", "Give the folder that holds the photographs"),
+    Case(no_images, 3, "CaptureError", "there are no photographs in this folder", ""),
+    Case(one_image, 4, "ReconstructionError", "needs at least two photographs", ""),
+    Case(two_without_overlap, 4, "ReconstructionError", "no two of them match: they overlap too little", ""),
+    Case(truncated, 3, "CaptureError", "IMG_0001.jpg: the file is cut short", AGAIN),
+    Case(empty, 3, "CaptureError", "IMG_0001.jpg: 0 bytes", AGAIN),
+    Case(text, 3, "CaptureError", "IMG_0001.jpg: the content is neither JPEG, PNG nor TIFF", AGAIN),
+    Case(huge, 3, "CaptureError", "IMG_0001.png: 900 Mpx is more than the limit of 150 Mpx", AGAIN),
+    Case(no_pose_fits, 3, "MetadataError", "names no photograph of the folder", "Write the photographs' file names",
+         "photos/poses.csv"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.make.__name__)
+class TestNothingUsable:
+    @pytest.mark.parametrize("command", ["reference", "evaluate"])
+    def test_json(
+        self, case: Case, command: str, place: Path, photographs: Photographs, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        case.make(photographs)
+        code = main([command, "photos", "-o", "out", *DRAFT, "--json"])
+        output = capsys.readouterr()
+        assert code == case.code, output.err
+        assert "Traceback" not in output.err
+        found = json.loads(output.out)
+        if command == "evaluate" and code == 4:  # a plot that does not reconstruct is a result
+            (plot,) = found["plots"]
+            error = plot["error"]
+            assert "photos" in error["message"]
+        else:
+            error = found["error"]
+            assert error["path"] in (case.path, str(place / case.path))
+            assert not Path("out").exists()
+        assert error["type"] == case.kind
+        assert case.message in error["message"]
+        assert error["remedy"]
+        assert case.remedy in error["remedy"]
+        assert partial_folders(place) == []
+
+    def test_for_people(self, case: Case, photographs: Photographs, capsys: pytest.CaptureFixture[str]) -> None:
+        case.make(photographs)
+        assert main(["reference", "photos", "-o", "out", *DRAFT]) == case.code
+        output = capsys.readouterr()
+        assert output.out == ""
+        assert "Traceback" not in output.err
+        line, remedy = output.err[output.err.index("Error: ") :].splitlines()[:2]
+        assert f"{case.path}: " in line
+        assert case.message in line
+        assert remedy.startswith("  ")
+        assert case.remedy in remedy
+
+
+def test_bad_files_among_good_ones(line: CommandLine, photographs: Photographs) -> None:
+    """The good ones are used, whatever their names; each bad one is named in the report, and none is decoded."""
+    folder = photographs()
+    long_name = f"IMG_0004{'x' * 243}.jpg"
+    strange_name = "IMG_0003 ähre 玉米 №3, \"quoted\" [1].jpg"
+    table = (folder / "poses.csv").read_text("utf-8").splitlines()
+    for number, name in ((3, strange_name), (4, long_name)):
+        (folder / f"IMG_{number:04d}.jpg").rename(folder / name)
+        quoted = '"' + name.replace('"', '""') + '"'
+        table[number] = table[number].replace(f"IMG_{number:04d}.jpg", quoted)
+    (folder / "poses.csv").write_text("\n".join(table) + "\n", "utf-8")
+    good = (folder / "IMG_0001.jpg").read_bytes()
+    (folder / "truncated.jpg").write_bytes(good[: len(good) // 2])
+    (folder / "zero.jpg").touch()
+    (folder / "text.jpg").write_text("not a photograph")
+    (folder / "copy.jpg").write_bytes(good)
+    (folder / "video.mp4").write_bytes(b"\0\0\0\x18ftypmp42")
+    huge_png(folder / "huge.png")
+    before = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}
+    done = line.run("reference", "photos", "-o", "out", *DRAFT, "--json")
+    assert done.code == 0, done.err
+    report = done.json
+    assert (report["images"], report["registered"], report["right"]) == (8, 8, 8)
+    left_out = {finding["name"]: finding["code"] for finding in report["findings"] if finding["left_out"]}
+    assert left_out == {
+        "truncated.jpg": "truncated", "zero.jpg": "empty-file", "text.jpg": "not-an-image", "copy.jpg": "duplicate",
+        "huge.png": "too-large",
+    }  # fmt: skip
+    saved = json.loads((line.folder / "out" / "reference.json").read_text("utf-8"))
+    assert {long_name, strange_name} <= {image["name"] for image in saved["image_reports"] if image["right"]}
+    assert {path.name: path.stat().st_mtime_ns for path in folder.iterdir()} == before
+    if sys.platform == "linux":
+        assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < 2_000_000  # kB
+
+
+def test_long_and_strange_folder_names(line: CommandLine, photographs: Photographs) -> None:
+    name = "Versuchsfläche 玉米 " + "x" * 220
+    photographs(name)
+    done = line.run("reference", name, "-o", f"{name} ref", *DRAFT, "--no-scene", "--json")
+    assert done.code == 0, done.err
+    assert done.json["source"] == name
+    done = line.run("evaluate", name, "--reference", f"{name} ref", "-o", "scores", *DRAFT, "--json")
+    assert done.code == 0, done.err
+    assert done.json["plots"][0]["name"] == name
+    assert (line.folder / "scores" / name / "cloud.ply").is_file()
+
+
+class TestPositions:
+    def test_gps_of_zero_everywhere(self, line: CommandLine, photographs: Photographs) -> None:
+        folder = photographs(poses=False)
+        for photo in folder.glob("*.jpg"):
+            set_gps(photo, 0.0, 0.0, 0.0)
+        done = line.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
+        assert done.code == 0, done.err
+        report = done.json
+        assert (report["metric"], report["metric_source"], report["pose_rms_m"]) == (False, "none", None)
+        assert report["frame"]["origin"] is None
+        findings = [(finding["name"], finding["code"]) for finding in report["findings"]]
+        assert findings == [(f"IMG_{number:04d}.jpg", "gps-zero") for number in range(1, 9)]
+        assert any("no scale" in note for note in report["frame"]["notes"])
+        refused = line.run("evaluate", "photos", "--reference", "out", "-o", "scores", "--json")
+        assert refused.code == 3
+        assert "no metric scale" in refused.error["message"]
+        assert "poses.csv" in refused.error["remedy"]
+
+    def test_gps_of_zero_in_one(self, line: CommandLine, photographs: Photographs) -> None:
+        """Its position is not used; the others still lie where they lie, not off the coast of Africa."""
+        folder = photographs()
+        rows = [row.split(",") for row in (folder / "poses.csv").read_text("utf-8").splitlines()[1:]]
+        lines = ["EPSG:4326"]
+        for number, (name, x, y, z, *_) in enumerate(rows):
+            # Near enough to a local tangent plane at 52.296° N: 111 265 m per degree of latitude, 68 205 of longitude.
+            latitude, longitude = 52.296 + float(y) / 111_265.0, 10.437 + float(x) / 68_205.0
+            if number == 0:
+                set_gps(folder / name, 0.0, 0.0, 0.0)
+            else:
+                set_gps(folder / name, latitude, longitude, 81.0 + float(z))
+                lines.append(f"{name} {longitude:.9f} {latitude:.9f} {81.0 + float(z):.4f}")
+        (folder / "poses.csv").unlink()
+        done = line.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
+        assert done.code == 0, done.err
+        report = done.json
+        assert ("IMG_0001.jpg", "gps-zero") in [(finding["name"], finding["code"]) for finding in report["findings"]]
+        assert report["metric_source"] == "EXIF GPS"
+        assert report["frame"]["origin"]["latitude_deg"] == pytest.approx(52.296, abs=1e-4)
+        assert report["frame"]["crs_epsg"] == 32632
+
+    def test_poses_with_a_missing_and_an_unknown_photograph(self, line: CommandLine, photographs: Photographs) -> None:
+        folder = photographs()
+        table = (folder / "poses.csv").read_text("utf-8")
+        (folder / "poses.csv").write_text(table.replace("IMG_0008.jpg", "IMG_0042.jpg"), "utf-8")
+        done = line.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
+        assert done.code == 0, done.err
+        report = done.json
+        findings = {(finding["name"], finding["code"]) for finding in report["findings"]}
+        assert findings == {("IMG_0042.jpg", "pose-without-photo"), ("IMG_0008.jpg", "photo-without-pose")}
+        assert report["metric_source"] == "poses.csv"
+        assert report["right"] >= 7
+        assert "IMG_0008.jpg" in (line.folder / "out" / "reference.json").read_text("utf-8")

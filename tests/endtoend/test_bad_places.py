@@ -1,0 +1,228 @@
+"""Results, references and disks that cannot be used."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.endtoend.commands import DRAFT, CommandLine, contents, differing, partial_folders
+from tests.endtoend.conftest import Built
+
+Photographs = Callable[..., Path]
+
+
+class TestOutput:
+    @pytest.mark.parametrize("command", ["reference", "evaluate"])
+    def test_an_existing_result_stays(self, command: str, warm: CommandLine, small_plot: Path, built: Built) -> None:
+        shutil.copytree(built.reference, warm.folder / "out")
+        done = warm.run(command, str(small_plot), "-o", "out", *DRAFT, "--json")
+        assert done.code == 2
+        assert done.error["type"] == "UsageError"
+        assert done.error["message"] == "the result exists already"
+        assert done.error["path"] == str(warm.folder / "out")
+        assert "--overwrite" in done.error["remedy"]
+        assert contents(warm.folder / "out") == contents(built.reference)
+
+    def test_overwrite_replaces_a_result_and_nothing_else(
+        self, warm: CommandLine, small_plot: Path, built: Built
+    ) -> None:
+        shutil.copytree(built.reference, warm.folder / "out")
+        (warm.folder / "out" / "cloud.ply").write_bytes(b"")
+        done = warm.run("reference", str(small_plot), "-o", "out", *DRAFT, "--overwrite")
+        assert done.code == 0, done.err
+        assert differing(warm.folder / "out", built.reference) == []
+        (warm.folder / "mine").mkdir()
+        (warm.folder / "mine" / "thesis.txt").write_text("years")
+        done = warm.run("reference", str(small_plot), "-o", "mine", *DRAFT, "--overwrite", "--json")
+        assert done.code == 2
+        assert "reference.json" in done.error["message"]
+        assert (warm.folder / "mine" / "thesis.txt").read_text() == "years"
+
+    def test_without_permission(self, warm: CommandLine, small_plot: Path, unwritable: Path) -> None:
+        done = warm.run("reference", str(small_plot), "-o", str(unwritable / "out"), *DRAFT, "--json")
+        assert done.code == 3
+        assert done.error["type"] == "StorageError"
+        assert done.error["path"] == str(unwritable / "out")
+        assert done.error["message"].startswith("cannot write: ")
+        assert done.error["remedy"]
+        assert list(unwritable.iterdir()) == []
+
+    def test_a_full_disk(self, warm: CommandLine, small_plot: Path, built: Built, small_disk: Path) -> None:
+        """The result does not fit; nothing of it is left, and what was on the disk is still there."""
+        (small_disk / "mine.txt").write_text("kept")
+        filler = small_disk / "filler"
+        filler.write_bytes(bytes(700_000))
+        for command in ("reference", "evaluate"):
+            done = warm.run(command, str(small_plot), "-o", str(small_disk / "out"), *DRAFT, "--json")
+            assert done.code == 3, done.err
+            assert done.error["type"] == "StorageError"
+            assert done.error["path"].startswith(str(small_disk / "out"))
+            assert "No space left" in done.error["message"]
+            assert "Free some space" in done.error["remedy"]
+            assert sorted(path.name for path in small_disk.iterdir()) == ["filler", "mine.txt"]
+
+    def test_a_cache_on_a_full_disk_costs_only_time(
+        self, line: CommandLine, small_plot: Path, built: Built, small_disk: Path
+    ) -> None:
+        (small_disk / "filler").write_bytes(bytes(1_000_000))
+        full = CommandLine(line.folder, small_disk / "cache")
+        done = full.run("reference", str(small_plot), "-o", "out", *DRAFT, "--json")
+        assert done.code == 0, done.err
+        assert done.err.count("nothing more is kept in the cache") == 1
+        assert "fieldkit cache prune" in done.err
+        assert differing(line.folder / "out", built.reference) == []
+
+    def test_a_name_of_255_bytes(self, warm: CommandLine, small_plot: Path, built: Built) -> None:
+        for name, code in (("é" * 127 + "x", 0), ("é" * 128, 3)):
+            done = warm.run("reference", str(small_plot), "-o", name, *DRAFT, "--json")
+            assert done.code == code, done.err
+            assert partial_folders(warm.folder) == []
+        assert done.error["type"] == "StorageError"
+        assert "Use a shorter name" in done.error["remedy"]
+        assert differing(warm.folder / ("é" * 127 + "x"), built.reference) == []
+
+    def test_a_result_inside_a_file(self, warm: CommandLine, small_plot: Path) -> None:
+        (warm.folder / "notes.txt").write_text("kept")
+        done = warm.run("reference", str(small_plot), "-o", "notes.txt/out", *DRAFT, "--json")
+        assert done.code == 3
+        assert done.error["type"] == "StorageError"
+        done = warm.run("reference", str(small_plot), "-o", "notes.txt", *DRAFT, "--overwrite", "--json")
+        assert done.code == 2
+        assert done.error["message"] == "exists and is not a folder"
+        assert (warm.folder / "notes.txt").read_text() == "kept"
+
+
+def without_cloud(folder: Path) -> None:
+    (folder / "cloud.ply").unlink()
+
+
+def changed_cloud(folder: Path) -> None:
+    with (folder / "cloud.ply").open("r+b") as file:
+        file.seek(-1, os.SEEK_END)
+        file.write(b"\x7f")
+
+
+def longer_cloud(folder: Path) -> None:
+    with (folder / "cloud.ply").open("ab") as file:
+        file.write(b"\0")
+
+
+def without_report(folder: Path) -> None:
+    (folder / "reference.json").unlink()
+
+
+def cut_report(folder: Path) -> None:
+    file = folder / "reference.json"
+    file.write_bytes(file.read_bytes()[:1000])
+
+
+def other_version(folder: Path) -> None:
+    _edit(folder, version=99)
+
+
+def other_kind(folder: Path) -> None:
+    _edit(folder, kind="evaluation")
+
+
+def wrong_type(folder: Path) -> None:
+    _edit(folder, points="many")
+
+
+def without_scale(folder: Path) -> None:
+    _edit(folder, metric=False)
+
+
+def _edit(folder: Path, **changes: object) -> None:
+    file = folder / "reference.json"
+    file.write_text(json.dumps(json.loads(file.read_text("utf-8")) | changes), "utf-8")
+
+
+class TestReference:
+    @pytest.mark.parametrize(
+        ("damage", "message", "remedy", "file"),
+        [
+            (without_cloud, "is missing, and the reference needs it", "Build the reference again", "cloud.ply"),
+            (changed_cloud, "was changed after the reference was built", "Build the reference again", "cloud.ply"),
+            (longer_cloud, "was changed after the reference was built", "Build the reference again", "cloud.ply"),
+            (without_report, "there is no such file", "fieldkit reference", "reference.json"),
+            (cut_report, "is not JSON", "fieldkit reference", "reference.json"),
+            (other_version, "has version 99 of the format; this fieldkit reads 1", "Install", "reference.json"),
+            (other_kind, "is not a fieldkit reference", "fieldkit reference", "reference.json"),
+            (wrong_type, "points: ", "fieldkit reference", "reference.json"),
+            (without_scale, "has no metric scale", "Build it again with poses.csv", ""),
+        ],
+    )
+    def test_damaged(
+        self, damage: Callable[[Path], None], message: str, remedy: str, file: str, small_plot: Path, built: Built,
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    ) -> None:  # fmt: skip
+        from fieldkit.cli.main import main
+
+        monkeypatch.chdir(tmp_path)
+        shutil.copytree(built.reference, "ref")
+        damage(Path("ref"))
+        code = main(["evaluate", str(small_plot), "--reference", "ref", "-o", "out", *DRAFT, "--json"])
+        output = capsys.readouterr()
+        assert code == 3, output.err
+        assert "Traceback" not in output.err
+        error = json.loads(output.out)["error"]
+        assert error["type"] == "MetadataError"
+        assert message in error["message"]
+        assert remedy in error["remedy"]
+        assert error["path"] == str(Path("ref", file))
+        assert not Path("out").exists()
+        assert partial_folders(tmp_path) == []
+
+    def test_the_report_itself_may_be_given(self, warm: CommandLine, small_plot: Path, built: Built) -> None:
+        shutil.copytree(built.reference, warm.folder / "ref")
+        done = warm.run(
+            "evaluate", str(small_plot), "--reference", "ref/reference.json", "-o", "out", *DRAFT, "--json"
+        )
+        assert done.code == 0, done.err
+        assert done.json["reference_sha256"]
+
+
+class TestManyPlots:
+    def test_some_fail(self, warm: CommandLine, photographs: Photographs, built: Built) -> None:
+        photographs("field/plot 2")
+        photographs("field/plot 10", 1)
+        photographs("field/plot 11", poses=False)
+        (warm.folder / "field" / "plot 12").mkdir()
+        (warm.folder / "field" / "plot 12" / "IMG_0001.jpg").touch()
+        (warm.folder / "field" / "notes").mkdir()
+        (warm.folder / "field" / "notes" / "weather.txt").write_text("dry")
+        done = warm.run("evaluate", "field", "--reference", str(built.reference), "-o", "out", *DRAFT, "--json")
+        assert done.code == 0, done.err
+        plots = done.json["plots"]
+        assert [plot["name"] for plot in plots] == ["plot 2", "plot 10", "plot 11", "plot 12"]
+        errors = [plot["error"] and plot["error"]["type"] for plot in plots]
+        assert errors == [None, "ReconstructionError", "ReconstructionError", "CaptureError"]
+        for plot in plots[1:]:
+            assert plot["name"] in plot["error"]["message"]
+            assert plot["error"]["remedy"]
+            assert plot["chamfer_m"] is None
+        assert sorted(path.name for path in (warm.folder / "out").iterdir()) == [
+            "evaluation.json", "plot 2", "plots.csv"
+        ]  # fmt: skip
+        people = warm.run("evaluate", "field", "--reference", str(built.reference), "-o", "again", *DRAFT)
+        assert people.code == 0
+        assert people.out == ""
+        for plot in plots[1:]:
+            assert f"{plot['name']}: " in people.err
+        rows = (warm.folder / "out" / "plots.csv").read_text("utf-8").splitlines()
+        assert [row.split(",")[0] for row in rows] == ["plot", "plot 2", "plot 10", "plot 11", "plot 12"]
+
+    def test_all_fail(self, warm: CommandLine, photographs: Photographs, built: Built) -> None:
+        photographs("field/a", 1)
+        photographs("field/b", poses=False)
+        done = warm.run("evaluate", "field", "--reference", str(built.reference), "-o", "out", *DRAFT)
+        assert done.code == 4, done.err
+        assert done.out == ""
+        report = json.loads((warm.folder / "out" / "evaluation.json").read_text("utf-8"))
+        assert [plot["error"]["type"] for plot in report["plots"]] == ["ReconstructionError"] * 2
+        assert len((warm.folder / "out" / "plots.csv").read_text("utf-8").splitlines()) == 3

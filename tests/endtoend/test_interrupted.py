@@ -1,0 +1,91 @@
+"""Runs that are killed or interrupted, and go on with the same result."""
+
+from __future__ import annotations
+
+import random
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.endtoend.commands import DRAFT, CommandLine, differing, finish, partial_folders, wait_until
+from tests.endtoend.conftest import Built
+
+
+def resumed(line: CommandLine, images: Path, built: Built) -> None:
+    """The same command with --resume ends as the unbroken run did, and tidies up after the killed one."""
+    done = line.run("reference", str(images), "-o", "out", *DRAFT, "--resume", "--json")
+    assert done.code == 0, done.err
+    assert differing(line.folder / "out", built.reference) == []
+    assert partial_folders(line.folder) == []
+
+
+def test_killed_in_dense_stereo(line: CommandLine, small_plot: Path, built: Built) -> None:
+    process = line.start("reference", str(small_plot), "-o", "out", *DRAFT)
+    assert wait_until(process, lambda: line.entries("depth") >= 5)
+    process.kill()
+    assert finish(process).code == -signal.SIGKILL
+    assert not (line.folder / "out").exists()
+    kept = {path: path.stat().st_mtime_ns for path in line.cache.glob("features/*/*.npz")}
+    assert len(kept) == 8
+    done = line.run("reference", str(small_plot), "-o", "out", *DRAFT, "--resume", "--json")
+    assert done.code == 0, done.err
+    assert differing(line.folder / "out", built.reference) == []
+    assert partial_folders(line.folder) == []
+    features = next(stage for stage in done.json["times"] if stage["name"] == "Features")
+    assert features["cached"] == 8
+
+
+def test_killed_while_writing_the_result(warm: CommandLine, small_plot: Path, built: Built) -> None:
+    process = warm.start("reference", str(small_plot), "-o", "out", *DRAFT)
+    assert wait_until(process, lambda: any(warm.folder.glob(".out.*.partial/cloud.ply")))
+    process.kill()
+    assert finish(process).code == -signal.SIGKILL
+    assert not (warm.folder / "out").exists()
+    assert len(partial_folders(warm.folder)) == 1
+    resumed(warm, small_plot, built)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted(number: signal.Signals, line: CommandLine, small_plot: Path, built: Built) -> None:
+    process = line.start("reference", str(small_plot), "-o", "out", *DRAFT, "--json")
+    assert wait_until(process, lambda: line.entries("features") >= 4)
+    process.send_signal(number)
+    done = finish(process)
+    assert done.code == 128 + number
+    assert not (line.folder / "out").exists()
+    assert partial_folders(line.folder) == []
+    assert list(line.cache.rglob("*.partial")) == []
+    if number == signal.SIGINT:
+        assert done.error["type"] == "Interrupted"
+        assert "--resume" in done.error["remedy"]
+        assert "--resume" in done.err
+        resumed(line, small_plot, built)
+
+
+def test_an_interrupted_overwrite_keeps_the_old_result(warm: CommandLine, small_plot: Path, built: Built) -> None:
+    first = warm.run("reference", str(small_plot), "-o", "out", *DRAFT)
+    assert first.code == 0, first.err
+    process = warm.start("reference", str(small_plot), "-o", "out", *DRAFT, "--overwrite", "--seed", "5")
+    assert wait_until(process, lambda: bool(partial_folders(warm.folder)))
+    process.send_signal(signal.SIGINT)
+    assert finish(process).code == 130
+    assert differing(warm.folder / "out", built.reference) == []
+    assert partial_folders(warm.folder) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("draw", range(10))
+def test_killed_at_a_random_moment(draw: int, line: CommandLine, small_plot: Path, built: Built) -> None:
+    """The moment is drawn over the whole run, from the interpreter's start to the last file."""
+    moment = random.Random(draw).uniform(0.0, built.report["seconds"] + 2.0)
+    process = line.start("reference", str(small_plot), "-o", "out", *DRAFT)
+    time.sleep(moment)
+    process.kill()
+    finish(process)
+    # A run that was quicker than its predecessor has its result already, and a complete one.
+    if (line.folder / "out").exists():
+        assert differing(line.folder / "out", built.reference) == []
+    else:
+        resumed(line, small_plot, built)

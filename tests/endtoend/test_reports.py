@@ -1,0 +1,110 @@
+"""What reference and evaluate report, and how a capture scores against itself."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.clouds import read_cloud
+from tests.endtoend.commands import DRAFT, CommandLine
+from tests.endtoend.conftest import Built
+
+Photographs = Callable[..., Path]
+DISTANCES = ["0.002", "0.005", "0.010", "0.020"]
+
+
+def test_reference_has_the_promised_keys(built: Built) -> None:
+    report = built.report
+    for key in ("images", "registered", "right", "points"):
+        assert isinstance(report[key], int), key
+    for key in ("pose_rms_m", "seconds", "cpu_seconds"):
+        assert isinstance(report[key], float), key
+    assert report["models"] == [8]
+    assert (report["images"], report["registered"], report["right"]) == (8, 8, 8)
+    assert report["pose_rms_m"] < 0.01  # the cameras stand 3 mm (one sigma per axis) from where poses.csv says
+    assert report["metric"] is True
+    assert {"Features", "Mapping"} <= {stage["name"] for stage in report["times"]}
+
+
+def test_reference_files(built: Built) -> None:
+    names = {path.relative_to(built.reference).as_posix() for path in built.reference.rglob("*") if path.is_file()}
+    assert {"reference.json", "cloud.ply", "scene.ply", "overview.png"} <= names
+    assert {f"model/{part}.bin" for part in ("cameras", "images", "points3D")} <= names
+    assert {entry["name"] for entry in built.report["files"]} == names - {"reference.json"}
+    saved = json.loads((built.reference / "reference.json").read_text("utf-8"))
+    assert len(saved.pop("image_reports")) == 8
+    assert saved == {key: value for key, value in built.report.items() if key != "output"}
+    plants, scene = read_cloud(built.reference / "cloud.ply"), read_cloud(built.reference / "scene.ply")
+    assert (len(plants), len(scene)) == (built.report["points"], built.report["scene_points"])
+    for cloud in (plants, scene):
+        assert cloud.colors is not None
+        assert cloud.normals is not None
+    assert plants.points[:, 2].max() > 0.15  # a plant stands there
+    assert abs(float(np.median(scene.points[:, 2]))) < 0.02  # on soil at z = 0
+
+
+class TestAgainstItself:
+    """The photographs that a reference was made from are the best capture there can be."""
+
+    @pytest.mark.parametrize("options", [[], ["--refine"]], ids=["as it is", "refined"])
+    def test_score(self, options: list[str], warm: CommandLine, small_plot: Path, built: Built) -> None:
+        done = warm.run(
+            "evaluate", str(small_plot), "--reference", str(built.reference), "-o", "out", *DRAFT, *options, "--json"
+        )
+        assert done.code == 0, done.err
+        (plot,) = done.json["plots"]
+        assert plot["error"] is None
+        for key in ("images", "registered", "right"):
+            assert plot[key] == 8
+        assert plot["pose_rms_m"] == pytest.approx(built.report["pose_rms_m"], rel=1e-6)
+        assert 0 <= plot["chamfer_m"] < 0.001
+        assert plot["chamfer_m"] == pytest.approx(plot["accuracy_m"] + plot["completeness_m"])
+        for key in ("f_score", "precision", "recall"):
+            assert list(plot[key]) == DISTANCES
+            assert min(plot[key].values()) > 0.999
+        if options:
+            correction = plot["correction"]
+            assert sum(part**2 for part in correction["translation_m"]) ** 0.5 < 0.001
+            assert correction["angle_deg"] < 0.1
+            assert correction["scale"] == pytest.approx(1.0, abs=0.005)
+        else:
+            assert plot["correction"] is None
+        rows = list(csv.DictReader((warm.folder / "out" / "plots.csv").read_text("utf-8").splitlines()))
+        assert [row["plot"] for row in rows] == ["small_plot"]
+        assert float(rows[0]["chamfer_m"]) == plot["chamfer_m"]
+        assert float(rows[0]["f_score_0.005"]) == plot["f_score"]["0.005"]
+        names = {path.name for path in (warm.folder / "out" / "small_plot").iterdir()}
+        assert names == {"cloud.ply", "overview.png", "comparison.png"}
+
+
+def test_fewer_photographs_score_worse(warm: CommandLine, photographs: Photographs, built: Built) -> None:
+    photographs("field/all")
+    photographs("field/five", 5)
+    done = warm.run("evaluate", "field", "--reference", str(built.reference), "-o", "out", *DRAFT, "--json")
+    assert done.code == 0, done.err
+    complete, few = sorted(done.json["plots"], key=lambda plot: plot["name"])
+    assert (complete["images"], few["images"]) == (8, 5)
+    assert few["completeness_m"] > complete["completeness_m"] + 0.002
+    assert few["recall"]["0.010"] < complete["recall"]["0.010"]
+    rows = list(csv.DictReader((warm.folder / "out" / "plots.csv").read_text("utf-8").splitlines()))
+    assert [row["plot"] for row in rows] == ["all", "five"]
+
+
+def test_without_a_reference(warm: CommandLine, small_plot: Path, built: Built) -> None:
+    done = warm.run("evaluate", str(small_plot), "-o", "out", *DRAFT, "--json")
+    assert done.code == 0, done.err
+    (plot,) = done.json["plots"]
+    for key in ("chamfer_m", "accuracy_m", "completeness_m", "f_score", "precision", "recall", "correction", "error"):
+        assert plot[key] is None
+    for key in ("reprojection_px", "track_length", "points_per_plant_voxel", "gsd_m", "pose_rms_m"):
+        assert isinstance(plot[key], float), key
+        assert plot[key] > 0
+    assert plot["unregistered"] == {}
+    assert not (warm.folder / "out" / "small_plot" / "comparison.png").exists()
+    # Without a reference the volume of a plot is its own; here both are given.
+    assert plot["points"] == built.report["points"]
