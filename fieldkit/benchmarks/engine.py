@@ -31,6 +31,7 @@ class EngineOptions:
         data: folder of the recorded sets, or None.
         draws: of the priors' noise and of the blind mappers' seeds.
         scene: in `scaling`, also build the scene with the ground.
+        whole_grid: in `few-views`, try every noise on every subset.
         cache: for what is not measured (the dense models, the reference).
     """
 
@@ -38,6 +39,7 @@ class EngineOptions:
     cache: StageCache
     draws: int = 5
     scene: bool = True
+    whole_grid: bool = False
 
 
 def _dense(_: EngineOptions, progress: Progress) -> StudyResult:
@@ -75,9 +77,9 @@ def _scaling(options: EngineOptions, progress: Progress) -> StudyResult:
 def _few_views(options: EngineOptions, progress: Progress) -> StudyResult:
     if options.data is None:
         return StudyResult("few-views", "Few views", skipped=NO_DATA)
-    from fieldkit.benchmarks.few_views import DEFAULT_SUBSETS, Plan, run_few_views
+    from fieldkit.benchmarks.few_views import GOALS, SUBSETS, Plan, run_few_views
 
-    plan = Plan(DEFAULT_SUBSETS, draws=options.draws)
+    plan = Plan(SUBSETS, GOALS, draws=options.draws, whole_grid=options.whole_grid)
     return run_few_views(options.data, plan, cache=options.cache, progress=progress)
 
 

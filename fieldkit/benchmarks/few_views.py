@@ -13,7 +13,7 @@ import numpy as np
 from fieldkit.benchmarks.result import ResultTable, StudyResult, spread
 from fieldkit.benchmarks.rigs import RigSet, load_rig, perturb, root_mean_square, uniform_subset
 from fieldkit.cache import StageCache
-from fieldkit.geometry import Pose
+from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.progress import Progress
@@ -42,6 +42,7 @@ class Noise:
 
 GRID = tuple(Noise(m, d) for m in (0.0, 0.010, 0.020, 0.050) for d in (0.0, 1.0, 2.0))
 MAIN = (Noise(0.0, 0.0), Noise(0.010, 1.0), Noise(0.020, 2.0), Noise(0.050, 2.0))
+GOAL = Noise(0.010, 1.0)
 
 
 @dataclass(frozen=True)
@@ -50,18 +51,26 @@ class Plan:
 
     Attributes:
         subsets: sizes by rig.
-        grid: noises tried at phase 0.
-        held_out: noises tried at phase 1, whose photographs no constant was chosen on.
+        goals: the sizes that have a goal: every noise of `GRID` at phase 0, `MAIN` at phase 1, whose photographs no
+            constant was chosen on. The others get `MAIN`, and at phase 1 `GOAL`.
         draws: of every noise, and seeds of the blind mappers.
+        whole_grid: every noise on every subset and phase.
     """
 
     subsets: Mapping[str, tuple[int, ...]]
-    grid: tuple[Noise, ...] = GRID
-    held_out: tuple[Noise, ...] = MAIN
+    goals: Mapping[str, tuple[int, ...]]
     draws: int = 5
+    whole_grid: bool = False
+
+    def noises(self, rig: str, size: int, phase: int) -> tuple[Noise, ...]:
+        """What is tried on one subset."""
+        steps = ((GOAL,), MAIN, GRID)
+        return GRID if self.whole_grid else steps[1 + (size in self.goals.get(rig, ())) - phase]
 
 
-DEFAULT_SUBSETS = {"basil_rig": (10, 13, 16, 20), "arabidopsis_rig": (13, 20)}
+SUBSETS = {"basil_rig": (10, 13, 16, 20), "arabidopsis_rig": (13, 20)}
+GOALS = {"basil_rig": (10, 13), "arabidopsis_rig": (20,)}
+_AWAY = np.array([1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -118,7 +127,7 @@ def run_few_views(data: Path, plan: Plan, *, cache: StageCache, progress: Progre
         for phase in (0, 1):
             for size in sizes:
                 trials += run_subset(
-                    rig, size, phase, plan.grid if phase == 0 else plan.held_out, plan.draws, cache, progress
+                    rig, size, phase, plan.noises(name, size, phase), plan.draws, cache, progress
                 )
     notes += _notes(plan.draws)
     return StudyResult(
@@ -181,11 +190,12 @@ def assess(poses: Mapping[str, Pose], rig: RigSet) -> Outcome:
     names = [name for name in rig.names if name in poses]
     if len(names) < 3:
         return Outcome(len(names), 0, None, None, None, None, None)
-    known = {n: KnownPose(rig.nominal[n].center, rig.accuracy_m, None, 0.0) for n in names}
-    aligned = align_to_positions({n: poses[n] for n in names}, known, seed=0)
+    # COLMAP's robust Sim3 gives up where a coordinate is 0 for all, as the height of one rig is: judge 1 m away.
+    known = {n: KnownPose(rig.nominal[n].center + _AWAY, rig.accuracy_m, None, 0.0) for n in names}
+    aligned = align_to_positions({n: Pose(poses[n].rotation, poses[n].center + _AWAY) for n in names}, known, seed=0)
     right = 0
     if aligned is not None:
-        right = sum(judge(aligned.apply_pose(poses[n]), known[n]).right is True for n in names)
+        right = sum(judge(_at(aligned, poses[n]), known[n]).right is True for n in names)
     centers = np.array([poses[n].center for n in names])
     rig_error = _residuals(centers, np.array([rig.nominal[n].center for n in names]))
     dense_centers = np.array([rig.dense[n].center for n in names])
@@ -230,6 +240,10 @@ def trial_tables(trials: Sequence[Trial], draws: int) -> list[ResultTable]:
             )  # fmt: skip
         tables.append(ResultTable(f"{rig}, phase {phase}{' (held out)' if phase else ''}", columns, tuple(rows)))
     return tables
+
+
+def _at(aligned: Similarity, pose: Pose) -> Pose:
+    return aligned.apply_pose(Pose(pose.rotation, pose.center + _AWAY))
 
 
 def _residuals(source: np.ndarray, target: np.ndarray) -> np.ndarray | None:

@@ -41,6 +41,9 @@ def command(
         typer.Option("--only", metavar="STUDY", help="Repeatable; all but few-views where not given."),
     ] = None,
     draws: Annotated[int, typer.Option("--draws", min=1, help="In few-views: seeds and draws of the noise.")] = 5,
+    whole_grid: Annotated[
+        bool, typer.Option("--whole-grid", help="In few-views: every accuracy of the priors on every subset.")
+    ] = False,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="In scaling: plants only, in half the time.")] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -57,7 +60,7 @@ def command(
     from fieldkit.benchmarks.engine import EngineOptions, report, run_engine
 
     data = os.environ.get("FIELDKIT_DATA")
-    options = EngineOptions(Path(data) if data else None, cache, draws=draws, scene=not no_scene)
+    options = EngineOptions(Path(data) if data else None, cache, draws=draws, scene=not no_scene, whole_grid=whole_grid)
     with run_context(as_json=as_json) as progress:
         results = run_engine(
             output, [study.value for study in only or []], options, progress=progress, overwrite=overwrite

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.few_views import GRID, MAIN, Outcome, Trial, assess, trial_tables
+from fieldkit.benchmarks.few_views import GOAL, GRID, MAIN, Outcome, Plan, Trial, assess, trial_tables
 from fieldkit.benchmarks.rigs import RigSet
 from fieldkit.captures.model import Capture
 from fieldkit.geometry import Intrinsics, Pose, Similarity
@@ -84,6 +84,15 @@ def test_tables_have_a_row_per_subset_method_and_noise() -> None:
     assert prior[-1] == "5.5 (5.0–6.0)"
 
 
-def test_the_grid_has_every_combination() -> None:
+def test_a_rig_at_height_zero_is_judged(rig: RigSet) -> None:
+    flat = {n: Pose(p.rotation, p.center * (1.0, 1.0, 0.0)) for n, p in rig.nominal.items()}
+    assert assess(moved(rig.dense), replace(rig, nominal=flat)).right == 12
+
+
+def test_the_plan_tries_everything_where_a_goal_is_set() -> None:
     assert len(set(GRID)) == 12
-    assert set(MAIN) <= set(GRID)
+    assert {GOAL} < set(MAIN) < set(GRID)
+    plan = Plan({"r": (10, 20)}, {"r": (10,)})
+    assert (plan.noises("r", 10, 0), plan.noises("r", 10, 1)) == (GRID, MAIN)
+    assert (plan.noises("r", 20, 0), plan.noises("r", 20, 1)) == (MAIN, (GOAL,))
+    assert replace(plan, whole_grid=True).noises("r", 20, 1) == GRID
