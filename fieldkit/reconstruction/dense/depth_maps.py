@@ -19,7 +19,7 @@ from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
 
-VERSION = 3
+VERSION = 4
 """Part of every cache key; to be raised when the method changes its result."""
 STAGE = "depth"
 

@@ -31,6 +31,8 @@ OFFSET_U = np.array([1, -1, 0, 0, 2, -2, 2, -2, 3, 3, -3, -3, 1, 1, -1, -1], dty
 OFFSET_V = np.array([0, 0, 1, -1, 2, 2, -2, -2, 1, -1, 1, -1, 3, -3, 3, -3], dtype=np.float32)
 """The samples: a quincunx (every other pixel, chequered) of radius 3 without its centre."""
 
+HOPELESS = np.float32(0.15)
+"""A neighbour that is this much dearer where it stands is not tried."""
 UNSEEN = np.float32(1.2)
 """Cost of a source view that does not see the whole patch; above every accepted cost."""
 
@@ -275,7 +277,7 @@ def sweep(
             if r < 0 or c < 0 or r >= rows or c >= columns:
                 continue
             q = index[r, c]
-            if q < 0:
+            if q < 0 or costs[q] > lowest + HOPELESS:
                 continue
             n_u = planes[q, 1]
             n_v = planes[q, 2]
