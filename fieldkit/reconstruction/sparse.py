@@ -269,13 +269,13 @@ class _Run:
                 found[name] = RoughPose(Pose(pose.rotation, known.position), sigma, _ORIENTED_SIGMA_DEG)
         return found
 
-    def oriented(self, wanted: Sequence[str]) -> dict[str, RoughPose]:
+    def oriented(self, wanted: Sequence[str], neighbours: int = _NEAR_NEIGHBOURS) -> dict[str, RoughPose]:
         """Rough poses from positions and orientations found from pairs, for those of ``wanted`` that have them."""
         if not wanted:
             return {}
         positions = [self.position(name) for name in self.names]
         sigmas = [self.known.poses[n].position_sigma_m if n in self.known.poses else 0.0 for n in self.names]
-        pairs = self.pairs(calibrated=True, neighbours=_NEAR_NEIGHBOURS)
+        pairs = self.pairs(calibrated=True, neighbours=neighbours)
         rotations = orient_cameras(positions, sigmas, pairs, seed=self.settings.seed)
         found = {}
         for index, rotation in sorted(rotations.items()):
@@ -294,7 +294,7 @@ class _Run:
         if not recorded:
             return {}
         corrected = {}
-        for name, found in self.oriented(recorded).items():
+        for name, found in self.oriented(recorded, _MAX_BLIND_NEIGHBOURS).items():
             turn = rotation_angle_deg(found.pose.rotation, rough[name].pose.rotation)
             if turn > ANGLE_SIGMAS * float(np.hypot(rough[name].angle_sigma_deg, _ORIENTED_SIGMA_DEG)):
                 corrected[name] = found
