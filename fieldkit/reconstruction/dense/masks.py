@@ -52,7 +52,8 @@ def plant_mask(
     Args:
         image: (H, W, 3) uint8 RGB.
         kind: `exg`: excess green over a threshold and over excess red (which wood, straw and yellow soil exceed), with
-            the pixels beside it (thin parts blend with what is behind them) and without single pixels; `none`: no mask; `file`: ``file_mask`` as it is.
+            the pixels beside it (thin parts blend with what is behind them) and without single pixels; `none`: no
+            mask; `file`: ``file_mask`` as it is.
         file_mask: (H, W), non-zero where there are plants.
 
     Returns:
