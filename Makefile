@@ -26,8 +26,9 @@ test: $(STAMP) ## run the tests that take less than ten seconds each
 test-all: $(STAMP) ## run all tests
 	$(BIN)/pytest $(PYTEST_ARGS)
 
-check: $(STAMP) ## lint and check types
+check: $(STAMP) ## lint, check the format and the types
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
 bench: $(STAMP) ## measure the engine's speed

@@ -106,9 +106,7 @@ class Baseline:
                 database, images, names, pycolmap.CameraMode.SINGLE, reader, extraction, pycolmap.Device.cpu
             )
         with self._stage("Matching"):
-            pycolmap.match_exhaustive(
-                database, matching, verification_options=verification, device=pycolmap.Device.cpu
-            )
+            pycolmap.match_exhaustive(database, matching, verification_options=verification, device=pycolmap.Device.cpu)
         options = pycolmap.IncrementalPipelineOptions()
         options.num_threads = options.mapper.num_threads = 1
         options.random_seed = options.mapper.random_seed = options.triangulation.random_seed = 0

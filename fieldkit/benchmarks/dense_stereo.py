@@ -155,9 +155,7 @@ def dense_table(runs: Sequence[DenseRun]) -> ResultTable:
     return ResultTable("Ten views, known poses", columns, rows)
 
 
-def _views(
-    photographs: Sequence[NDArray[np.uint8]], poses: Sequence[Pose], intrinsics: Intrinsics
-) -> list[View]:
+def _views(photographs: Sequence[NDArray[np.uint8]], poses: Sequence[Pose], intrinsics: Intrinsics) -> list[View]:
     return [
         prepare_view(f"{i:02d}", image, intrinsics, pose, "standard")
         for i, (image, pose) in enumerate(zip(photographs, poses, strict=True))

@@ -126,9 +126,7 @@ def run_few_views(data: Path, plan: Plan, *, cache: StageCache, progress: Progre
         )
         for phase in (0, 1):
             for size in sizes:
-                trials += run_subset(
-                    rig, size, phase, plan.noises(name, size, phase), plan.draws, cache, progress
-                )
+                trials += run_subset(rig, size, phase, plan.noises(name, size, phase), plan.draws, cache, progress)
     notes += _notes(plan.draws)
     return StudyResult(
         name="few-views",

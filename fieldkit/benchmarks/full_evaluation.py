@@ -143,9 +143,7 @@ def ours(case: Case, progress: Progress) -> Side:
     except ReconstructionError as error:
         return Side(OURS, {}, time.process_time() - start, 0, 0, error=str(error))
     stages = {stage.name: stage.cpu_s for stage in found.times}
-    return _scored(
-        case, OURS, found.plants, stages, start, found.sparse.registered, found.sparse.right
-    )
+    return _scored(case, OURS, found.plants, stages, start, found.sparse.registered, found.sparse.right)
 
 
 def theirs(case: Case, progress: Progress) -> Side:

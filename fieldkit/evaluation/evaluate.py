@@ -131,9 +131,7 @@ def _evaluate_plot(
         if alone and isinstance(error, InputError):
             raise
         progress.note(f"{name}: {error}")
-        return failed_plot(
-            name, error, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu
-        )
+        return failed_plot(name, error, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu)
 
 
 def _scored_plot(

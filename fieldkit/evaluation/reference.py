@@ -71,9 +71,7 @@ def build_reference(
     wall, cpu = time.perf_counter(), processor_seconds()
     with atomic_folder(output, overwrite=overwrite, marker=REFERENCE_FILE) as folder:
         capture = read_capture(images)
-        found = reconstruct(
-            capture, settings, cache=cache, progress=progress, workers=workers, with_scene=scene
-        )
+        found = reconstruct(capture, settings, cache=cache, progress=progress, workers=workers, with_scene=scene)
         names = [CLOUD_FILE]
         write_cloud(folder / CLOUD_FILE, found.plants)
         if found.scene is not None:

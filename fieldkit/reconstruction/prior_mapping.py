@@ -195,9 +195,7 @@ def epipolar_sigma_px(a: RoughPose, b: RoughPose, focal_px: float, distance_m: f
     return float(focal_px * np.hypot(angle, shift))
 
 
-def _candidate_pairs(
-    poses: Sequence[Pose], settings: PriorMappingSettings, neighbours: int
-) -> list[tuple[int, int]]:
+def _candidate_pairs(poses: Sequence[Pose], settings: PriorMappingSettings, neighbours: int) -> list[tuple[int, int]]:
     centers = np.array([p.center for p in poses])
     forward = np.array([p.forward for p in poses])
     seen_alike = forward @ forward.T >= np.cos(np.radians(settings.max_view_angle_deg))

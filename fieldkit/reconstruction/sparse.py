@@ -36,6 +36,7 @@ _ORIENTED_SIGMA_DEG = 6.0
 """What orientations found from positions and pairs are good to (measured 0.3–6° on the recorded rigs)."""
 _SHARE_FOR_PRIOR = 0.8
 _MIN_CALIBRATION_IMAGES = 5
+_CORRECTION_ROUNDS = 3
 
 Pairs = dict[tuple[int, int], TwoView]
 
@@ -212,9 +213,20 @@ class _Run:
                 remedy="Add yaw_deg and pitch_deg to poses.csv, or choose --mapping global.",
             )
         result = self.prior_model(rough)
-        corrected = self.correct_orientations(rough, list(result.unregistered))
-        if corrected:
-            result = self.prior_model(rough | corrected)
+        contradicted: list[str] = []
+        # Again after each correction: an image can hold on to wrong neighbours and fail once those are put right.
+        for _ in range(_CORRECTION_ROUNDS):
+            corrected = self.corrected_orientations(rough, list(result.unregistered))
+            if not corrected:
+                break
+            contradicted += corrected
+            rough |= corrected
+            result = self.prior_model(rough)
+        if contradicted:
+            self.notes.append(
+                f"the recorded orientations of {', '.join(sorted(contradicted))} contradict the photographs and are "
+                "not used (were these photographs rotated?)"
+            )
         model = result.model
         reasons = {name: "its position is not known" for name in self.names if self.position(name) is None}
         reasons |= {n: "its orientation is not known" for n in self.known.positioned if n not in rough}
@@ -285,7 +297,7 @@ class _Run:
                 found[self.names[index]] = RoughPose(Pose(rotation, position), sigma, _ORIENTED_SIGMA_DEG)
         return found
 
-    def correct_orientations(self, rough: Mapping[str, RoughPose], failed: Sequence[str]) -> dict[str, RoughPose]:
+    def corrected_orientations(self, rough: Mapping[str, RoughPose], failed: Sequence[str]) -> dict[str, RoughPose]:
         """Other orientations for images that failed because the recorded ones contradict the photographs.
 
         Seen on real flights: photographs that were turned by 180° after the camera had written its yaw.
@@ -299,11 +311,6 @@ class _Run:
             if turn > ANGLE_SIGMAS * float(np.hypot(rough[name].angle_sigma_deg, _ORIENTED_SIGMA_DEG)):
                 corrected[name] = found
                 self.known.poses[name] = replace(self.known.poses[name], rotation=None)
-        if corrected:
-            self.notes.append(
-                f"the recorded orientations of {', '.join(corrected)} contradict the photographs and are not used "
-                "(were these photographs rotated?)"
-            )
         return corrected
 
     def prior_model(self, rough: Mapping[str, RoughPose]) -> PriorMapping:

@@ -100,9 +100,7 @@ class TestPycolmap:
         ("cuda", "devices", "driver", "status"),
         [(False, 0, False, "ok"), (True, 2, True, "ok"), (True, 0, True, "warn"), (False, 0, True, "warn")],
     )
-    def test_status(
-        self, monkeypatch: pytest.MonkeyPatch, cuda: bool, devices: int, driver: bool, status: str
-    ) -> None:
+    def test_status(self, monkeypatch: pytest.MonkeyPatch, cuda: bool, devices: int, driver: bool, status: str) -> None:
         line = {"version": "4.2.1", "built_with_cuda": cuda, "cuda_devices": devices, "features": 9}
         monkeypatch.setattr(diagnostics, "_probe", lambda name: ([line], ""))
         own = "pycolmap-cuda12" if cuda else "pycolmap"

@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,12 @@ from tests.captures.photographs import exif_block, gps_tags
 LIMIT_S = 600
 DRAFT = ("--fidelity", "draft", "--bounds", "-0.25,-0.25,-0.03,0.25,0.25,0.5")
 """What keeps a run on the small plot short."""
+_MEASURE = """
+import pathlib, resource, subprocess, sys
+code = subprocess.call(sys.argv[2:])
+pathlib.Path(sys.argv[1]).write_text(str(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss))
+raise SystemExit(code)
+"""
 _TIMES = ("times", "seconds", "cpu_seconds")
 
 
@@ -46,18 +52,27 @@ class CommandLine:
     folder: Path
     cache: Path
 
-    def start(self, *arguments: str, hash_seed: int | None = None) -> subprocess.Popen[str]:
+    def start(self, *arguments: str, hash_seed: int | None = None, by: Sequence[str] = ()) -> subprocess.Popen[str]:
         environment = {**os.environ, "FIELDKIT_CACHE": str(self.cache), "COLUMNS": "200"}
         if hash_seed is not None:
             environment["PYTHONHASHSEED"] = str(hash_seed)
         return subprocess.Popen(
-            [sys.executable, "-m", "fieldkit", *arguments],
+            [*by, sys.executable, "-m", "fieldkit", *arguments],
             cwd=self.folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             encoding="utf-8",
         )  # fmt: skip
 
     def run(self, *arguments: str, hash_seed: int | None = None) -> Finished:
         return finish(self.start(*arguments, hash_seed=hash_seed))
+
+    def run_measured(self, *arguments: str) -> tuple[Finished, int]:
+        """What a command gave, and the most memory one of its processes held, in bytes (Linux).
+
+        A process counts from what its parent held when it was started, so a small one starts the command.
+        """
+        peak = self.cache.with_name("peak.txt")
+        done = finish(self.start(*arguments, by=(sys.executable, "-c", _MEASURE, str(peak))))
+        return done, 1024 * int(peak.read_text())
 
     def entries(self, stage: str = "*") -> int:
         """How many results the cache holds, of one stage or of all."""

@@ -180,9 +180,7 @@ class TestReference:
 
     def test_the_report_itself_may_be_given(self, warm: CommandLine, small_plot: Path, built: Built) -> None:
         shutil.copytree(built.reference, warm.folder / "ref")
-        done = warm.run(
-            "evaluate", str(small_plot), "--reference", "ref/reference.json", "-o", "out", *DRAFT, "--json"
-        )
+        done = warm.run("evaluate", str(small_plot), "--reference", "ref/reference.json", "-o", "out", *DRAFT, "--json")
         assert done.code == 0, done.err
         assert done.json["reference_sha256"]
 

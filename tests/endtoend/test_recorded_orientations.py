@@ -1,0 +1,43 @@
+"""Orientations that the camera recorded wrongly: found out, left out, and said so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import read_capture
+from fieldkit.progress import Silent
+from fieldkit.reconstruction.pipeline import place
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from tests.endtoend.commands import DRAFT, CommandLine
+
+
+def test_photographs_that_were_turned_after_their_yaw_was_written(
+    line: CommandLine, photographs: Callable[..., Path]
+) -> None:
+    folder = photographs()
+    table = (folder / "poses.csv").read_text("utf-8").splitlines()
+    yaw = table[0].split(",").index("yaw_deg")
+    row = table[5].split(",")
+    row[yaw] = str((float(row[yaw]) + 180.0) % 360.0)
+    table[5] = ",".join(row)
+    (folder / "poses.csv").write_text("\n".join(table) + "\n", "utf-8")
+    done = line.run("reference", "photos", "-o", "out", *DRAFT, "--no-scene", "--json")
+    assert done.code == 0, done.err
+    assert done.json["right"] == 8
+    note = " ".join(done.json["frame"]["notes"])
+    assert "orientations of IMG_0005.jpg contradict the photographs" in note
+
+
+@pytest.mark.slow
+def test_a_real_flight_with_six_turned_photographs(data_folder: Path, tmp_path: Path) -> None:
+    capture = read_capture(data_folder / "drone_trees" / "images")
+    sparse, _ = place(capture, ReconstructionSettings(), [], StageCache(tmp_path), Silent(), 2, None)
+    assert sparse.right == len(capture.photos) == 18
+    assert sparse.frame.rms_m is not None
+    assert sparse.frame.rms_m <= 0.6
+    turned = ", ".join(f"DJI_{number:04d}.jpg" for number in range(24, 30))
+    assert any(turned in note for note in sparse.frame.notes)
