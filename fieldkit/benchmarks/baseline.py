@@ -7,7 +7,7 @@ calibrated camera instead of self-calibration.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -51,9 +51,15 @@ class Baseline:
         """CPU seconds."""
         return {time.name: time.cpu_s for time in self._timer.times({})}
 
-    def run(self) -> Cloud | None:
-        """The plants' cloud in the plot frame; None where fewer than three photographs register rightly."""
-        poses = self.poses()
+    def run(self, lent: Mapping[str, Pose] | None = None) -> Cloud | None:
+        """The plants' cloud in the plot frame; None where fewer than three photographs register rightly.
+
+        Args:
+            lent: poses that take the place of those found, plot frame.
+        """
+        poses: Mapping[str, Pose] = self.poses()
+        if lent is not None:
+            poses = lent
         if len(poses) < 3:
             return None
         return self.cloud(poses)
@@ -75,7 +81,7 @@ class Baseline:
         self.right = len(right)
         return right
 
-    def cloud(self, poses: dict[str, Pose]) -> Cloud:
+    def cloud(self, poses: Mapping[str, Pose]) -> Cloud:
         """SGBM's depth maps at the fidelity's size, masked like ours, through our fusion."""
         volume, settings = self._plot.volume, self._settings
         with self._stage("Undistortion"):

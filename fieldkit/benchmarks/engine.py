@@ -83,6 +83,22 @@ def _few_views(options: EngineOptions, progress: Progress) -> StudyResult:
     return run_few_views(options.data, plan, cache=options.cache, progress=progress)
 
 
+def _references(options: EngineOptions, progress: Progress) -> StudyResult:
+    if options.data is None:
+        return StudyResult("references", "References of the recorded sets", skipped=NO_DATA)
+    from fieldkit.benchmarks.references import run_references
+
+    return run_references(options.data, cache=options.cache, progress=progress)
+
+
+def _subset_scores(options: EngineOptions, progress: Progress) -> StudyResult:
+    if options.data is None:
+        return StudyResult("subset-scores", "Few views, scored", skipped=NO_DATA)
+    from fieldkit.benchmarks.subset_scores import run_subset_scores
+
+    return run_subset_scores(options.data, cache=options.cache, progress=progress)
+
+
 STUDIES: dict[str, Callable[[EngineOptions, Progress], StudyResult]] = {
     "help": _help,
     "clouds": _clouds,
@@ -90,9 +106,11 @@ STUDIES: dict[str, Callable[[EngineOptions, Progress], StudyResult]] = {
     "evaluation": _evaluation,
     "scaling": _scaling,
     "few-views": _few_views,
+    "references": _references,
+    "subset-scores": _subset_scores,
 }
 SPEED = ("help", "clouds", "dense", "evaluation", "scaling")
-"""The studies of speed, which run where nobody chooses; `few-views` takes hours."""
+"""The studies of speed, which run where nobody chooses; the others are about quality."""
 
 
 def run_engine(

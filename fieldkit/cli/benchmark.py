@@ -29,6 +29,8 @@ class Study(StrEnum):
     EVALUATION = "evaluation"
     SCALING = "scaling"
     FEW_VIEWS = "few-views"
+    REFERENCES = "references"
+    SUBSET_SCORES = "subset-scores"
 
 
 def command(
@@ -38,7 +40,9 @@ def command(
     ] = Path("benchmark-results"),
     only: Annotated[
         list[Study] | None,
-        typer.Option("--only", metavar="STUDY", help="Repeatable; all but few-views where not given."),
+        typer.Option(
+            "--only", metavar="STUDY", help="Repeatable; help, clouds, dense, evaluation and scaling where not given."
+        ),
     ] = None,
     draws: Annotated[int, typer.Option("--draws", min=1, help="In few-views: seeds and draws of the noise.")] = 5,
     whole_grid: Annotated[
@@ -51,8 +55,9 @@ def command(
 ) -> None:
     """Measure this machine's speed and accuracy, ours and the alternative's in the same run.
 
-    The studies are help, clouds, dense, evaluation, scaling and few-views. FIELDKIT_DATA names the recorded image sets;
-    what needs them is left out without it. The result holds results.json, results.md and pictures.
+    The studies are help, clouds, dense, evaluation and scaling (speed), few-views, references and subset-scores
+    (quality). FIELDKIT_DATA names the recorded image sets; what needs them is left out without it. The result holds
+    results.json, results.md and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
     """

@@ -156,17 +156,17 @@ class _Run:
             self.cameras.camera_of, fixed, self.settings.verification, self.cameras.known, self.settings.seed,
             sorted(pairs),
         )  # fmt: skip
-        kept = self.cache.get("models", key)
-        if kept is None:
-            with self.progress.stage("Mapping"):
+        with self.progress.stage("Mapping"):
+            kept = self.cache.get("models", key)
+            if kept is None:
                 mapping = map_blindly(
                     method, self.names, [f.features for f in self.keyed], self.cameras.cameras,
                     self.cameras.camera_of, pairs, fixed_intrinsics=fixed, seed=self.settings.seed,
                 )  # fmt: skip
-            kept = {"count": np.array(len(mapping.models))}
-            for index, model in enumerate(mapping.models):
-                kept.update(model_to_arrays(model, f"{index}-"))
-            self.cache.put("models", key, kept)
+                kept = {"count": np.array(len(mapping.models))}
+                for index, model in enumerate(mapping.models):
+                    kept.update(model_to_arrays(model, f"{index}-"))
+                self.cache.put("models", key, kept)
         return [arrays_to_model(kept, f"{index}-") for index in range(int(kept["count"]))]
 
     def blindly(self, method: str) -> Mapped:
@@ -327,17 +327,20 @@ class _Run:
             [(p.pose.rotation, p.pose.center, p.position_sigma, p.angle_sigma_deg) for p in priors],
             self.settings.prior, self.settings.seed,
         )  # fmt: skip
-        kept = self.cache.get("models", key)
-        if kept is None:
-            with self.progress.stage("Mapping", 1 + len(self.settings.prior.bands_px)) as advance:
+        rounds = 1 + len(self.settings.prior.bands_px)
+        with self.progress.stage("Mapping", rounds) as advance:
+            kept = self.cache.get("models", key)
+            if kept is None:
                 result = map_with_priors(
                     names, [f.features for f in keyed], self.cameras.cameras, camera_of, priors, self.settings.prior,
                     fixed_intrinsics=fixed, seed=self.settings.seed, advance=advance,
                 )  # fmt: skip
-            kept = model_to_arrays(result.model)
-            kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
-            kept["_unregistered"] = np.array([[n, r] for n, r in result.unregistered.items()], dtype=np.str_)
-            self.cache.put("models", key, kept)
+                kept = model_to_arrays(result.model)
+                kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
+                kept["_unregistered"] = np.array([[n, r] for n, r in result.unregistered.items()], dtype=np.str_)
+                self.cache.put("models", key, kept)
+            else:
+                advance(rounds)
         arrays = {name: data for name, data in kept.items() if not name.startswith("_")}
         tried, pairs_kept = (int(v) for v in kept["_counts"])
         unregistered = {str(n): str(r) for n, r in kept["_unregistered"].reshape(-1, 2)}

@@ -40,18 +40,29 @@ def load_features(
     photos: Sequence[Photo], settings: FeatureSettings, *, cache: StageCache, workers: int, advance: Advance
 ) -> list[KeyedFeatures]:
     """Features of every photograph, from the cache where they are there."""
-    work = partial(_features_of, settings=settings, cache_root=cache.root)
-    return map_parallel(work, photos, workers=workers, advance=advance)
+    found = [_kept_features(photo, settings, cache) for photo in photos]
+    missing = [photo for photo, kept in zip(photos, found, strict=True) if kept is None]
+    advance(len(photos) - len(missing))
+    # Workers are started only for what is missing: each takes a second to import what it needs.
+    work = partial(_new_features, settings=settings, cache_root=cache.root)
+    new = iter(map_parallel(work, missing, workers=workers, advance=advance))
+    return [next(new) if kept is None else kept for kept in found]
 
 
-def _features_of(photo: Photo, settings: FeatureSettings, cache_root: Path | None) -> KeyedFeatures:
-    cache = StageCache(cache_root)
-    key = digest("features", _FEATURES_VERSION, photo.sha256, settings)
+def _features_key(photo: Photo, settings: FeatureSettings) -> str:
+    return digest("features", _FEATURES_VERSION, photo.sha256, settings)
+
+
+def _kept_features(photo: Photo, settings: FeatureSettings, cache: StageCache) -> KeyedFeatures | None:
+    key = _features_key(photo, settings)
     kept = cache.get("features", key)
-    if kept is not None:
-        return KeyedFeatures(key, Features(kept["keypoints"], kept["descriptors"]), cached=True)
+    return None if kept is None else KeyedFeatures(key, Features(kept["keypoints"], kept["descriptors"]), cached=True)
+
+
+def _new_features(photo: Photo, settings: FeatureSettings, cache_root: Path | None) -> KeyedFeatures:
     found = extract_features(read_image(photo, gray=True), settings)
-    cache.put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
+    key = _features_key(photo, settings)
+    StageCache(cache_root).put("features", key, {"keypoints": found.keypoints, "descriptors": found.descriptors})
     return KeyedFeatures(key, found, cached=False)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.benchmarks.full_evaluation import OURS, THEIRS, Case, ours, summary, theirs
+from fieldkit.benchmarks.full_evaluation import LENT, OURS, THEIRS, Case, ours, summary, theirs
 from fieldkit.clouds import read_cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Similarity
@@ -54,3 +54,14 @@ def test_photographs_that_do_not_register_are_an_answer(few: Case, tmp_path: Pat
     side = theirs(replace(few, folder=folder), Silent())
     assert side.f_score is None
     assert "registered" in side.error
+
+
+@pytest.mark.slow
+def test_a_baseline_that_does_not_register_is_lent_poses(few: Case) -> None:
+    first = ours(few, Silent())
+    lent = theirs(few, Silent(), first.poses)
+    assert lent.name == LENT
+    assert lent.refined_f_score is not None
+    assert lent.refined_f_score > 0.5
+    assert {"Features", "Matching", "Mapping", "Dense stereo"} <= lent.stages.keys()
+    assert "poses" not in first.plain()

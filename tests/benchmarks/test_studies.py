@@ -15,9 +15,11 @@ from fieldkit.benchmarks.cloud_scores import leaves, run_clouds
 from fieldkit.benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
 from fieldkit.benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
 from fieldkit.benchmarks.full_evaluation import Side, stage_table, summary
+from fieldkit.benchmarks.references import ReferenceResult, recall_of, reference_table
 from fieldkit.benchmarks.result import ResultTable, StudyResult, spread
 from fieldkit.benchmarks.scaling import cost_table, process_cost
 from fieldkit.benchmarks.startup import COMMANDS, run_startup
+from fieldkit.benchmarks.subset_scores import score_row
 from fieldkit.cache import StageCache
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.cli.benchmark import Study
@@ -25,9 +27,12 @@ from fieldkit.cli.main import main
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
+from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.geometry import Intrinsics
 from fieldkit.progress import Silent
+from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reporting.cost import Cost
+from tests.evaluation.examples import reconstruction
 from tests.reconstruction.dense.planes import SIZE, Plane, photograph, ring
 
 
@@ -115,6 +120,38 @@ class TestScaling:
         assert table.rows == ((10, "plants", "50", "5.00", "1.50"),)
 
 
+class TestReferences:
+    def test_table(self) -> None:
+        result = ReferenceResult(
+            "rig", 12, 11, 10, 0.0039, None, 1234, 5678, {0.002: 0.9, 0.005: 0.9951, 0.010: 1.0}, 32633, 5.0, 99.6
+        )
+        assert reference_table([result]).rows == (
+            ("rig", "11 (10) of 12", "0.0039", None, "1,234", "5,678", "90.0 / 99.5 / 100.0 %", 32633, "100"),
+        )
+
+    def test_recall_is_found_after_alignment(self) -> None:
+        known = Cloud(leaves(4000, 1))
+        moved = Cloud(known.points + np.array([0.004, -0.003, 0.002]))
+        assert recall_of(moved, known)[0.002] > 0.999
+        half = known.select(known.points[:, 0] < np.median(known.points[:, 0]))
+        assert recall_of(known, half)[0.002] < 0.7
+
+
+def test_row_of_a_scored_plot() -> None:
+    plot = plot_evaluation(
+        "north", reconstruction(), ReconstructionSettings(), score=None, seconds=3.0, cpu_seconds=2.4
+    )
+    scored = plot.model_copy(
+        update={"chamfer_m": 0.009, "accuracy_m": 0.004, "completeness_m": 0.005,
+                "f_score": {"0.002": 0.5, "0.005": 0.75, "0.010": 0.9375}}
+    )  # fmt: skip
+    row = score_row("rig", scored, refine=True)
+    assert row[:4] == ("rig", "north", "ICP", "6 of 8")
+    assert row[4:10] == ("9.00", "4.00", "5.00", "0.500", "0.750", "0.938")
+    failed = plot.model_copy(update={"chamfer_m": None, "accuracy_m": None, "completeness_m": None, "f_score": None})
+    assert score_row("rig", failed, refine=False)[4:10] == (None,) * 6
+
+
 def test_startup_measures_every_command() -> None:
     result = run_startup(1, progress=Silent())
     assert set(result.figures["medians_s"]) == set(COMMANDS)
@@ -134,10 +171,11 @@ class TestEngine:
 
     def test_without_recorded_sets_studies_say_so(self, tmp_path: Path) -> None:
         options = EngineOptions(None, StageCache(None))
-        results = run_engine(tmp_path / "out", ["few-views", "scaling"], options, progress=Silent())
+        names = ["few-views", "scaling", "references", "subset-scores"]
+        results = run_engine(tmp_path / "out", names, options, progress=Silent())
         assert all("FIELDKIT_DATA" in result.skipped for result in results)
         written = json.loads((tmp_path / "out" / "results.json").read_text())
-        assert set(written["studies"]) == {"few-views", "scaling"}
+        assert set(written["studies"]) == set(names)
         assert written["machine"]["cores"] >= 1
         assert "Not measured" in (tmp_path / "out" / "results.md").read_text()
 
