@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,6 +11,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.geometry import Similarity
+from fieldkit.kernels import kernel
 
 _HYPOTHESES = 8192
 _SCORED_POINTS = 20_000
@@ -197,7 +197,7 @@ def _hypotheses(
     return np.ascontiguousarray((normals * flip[:, None])[kept]), np.ascontiguousarray((offsets * flip)[kept])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _rate(points, normals, offsets, tolerance):  # type: ignore[no-untyped-def]
     ratings = np.zeros(len(normals))
     for k in range(len(normals)):

@@ -9,9 +9,10 @@ estimate lies far away or in one spot; KD-trees without that bound visit large p
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from fieldkit.kernels import kernel
 
 _LEAF_POINTS = 16
 _BITS = 21  # per axis: 63 bits in all
@@ -93,7 +94,7 @@ def z_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
     return order
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _spread(value: np.uint64) -> np.uint64:
     """Put two zero bits between each of the lower 21 bits."""
     value = (value | (value << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
@@ -103,7 +104,7 @@ def _spread(value: np.uint64) -> np.uint64:
     return (value | (value << np.uint64(2))) & np.uint64(0x1249249249249249)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _z_codes(points, lower, cells_per_metre):  # type: ignore[no-untyped-def]
     codes = np.empty(len(points), dtype=np.uint64)
     for i in range(len(points)):
@@ -114,7 +115,7 @@ def _z_codes(points, lower, cells_per_metre):  # type: ignore[no-untyped-def]
     return codes
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _radix_order(codes):  # type: ignore[no-untyped-def]
     """Stable least-significant-digit radix sort: indices that sort ``codes``."""
     n = len(codes)
@@ -138,7 +139,7 @@ def _radix_order(codes):  # type: ignore[no-untyped-def]
     return order
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _build_boxes(points):  # type: ignore[no-untyped-def]
     """(2 leaves, 6) lower and upper corners; node 1 is the root, node k has the children 2k and 2k + 1."""
     n = len(points)
@@ -160,7 +161,7 @@ def _build_boxes(points):  # type: ignore[no-untyped-def]
     return boxes
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _box_distance(boxes, node, x, y, z):  # type: ignore[no-untyped-def]
     """Squared distance from a point to a node's box, 0 inside."""
     dx = max(max(boxes[node, 0] - x, x - boxes[node, 3]), 0.0)
@@ -169,7 +170,7 @@ def _box_distance(boxes, node, x, y, z):  # type: ignore[no-untyped-def]
     return dx * dx + dy * dy + dz * dz
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
 def _nearest(points, boxes, queries, squared, found):  # type: ignore[no-untyped-def]
     n, leaves = len(points), len(boxes) // 2
     waiting, bounds = np.empty(_STACK, dtype=np.int64), np.empty(_STACK)

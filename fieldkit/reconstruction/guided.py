@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.kernels import kernel
 from fieldkit.reconstruction.epipolar import fundamental_matrix
 from fieldkit.reconstruction.features import Features
 
@@ -245,7 +245,7 @@ class _Grid:
         return cls(float(left), float(top), int(columns), int(rows), order, starts)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _best_in_band(  # type: ignore[no-untyped-def]
     descriptors_a, descriptors_b, points_a, points_b, lines_in_b, lines_in_a, band, ratio,
     left, top, columns, rows, order, starts,

@@ -12,18 +12,16 @@ from numpy.typing import NDArray
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures.model import Capture
 from fieldkit.errors import ReconstructionError
-from fieldkit.geometry import Pose
-from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.progress import Progress
-from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
+from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.blind_mapping import map_blindly
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
 from fieldkit.reconstruction.known_poses import KnownPoses
 from fieldkit.reconstruction.model_cache import arrays_to_model, model_to_arrays
-from fieldkit.reconstruction.orientation import orient_cameras
 from fieldkit.reconstruction.prior_mapping import PriorMapping, RoughPose, map_with_priors, region_of_interest
 from fieldkit.reconstruction.result import ImageReport
+from fieldkit.reconstruction.rough_poses import contradict, rough_from_model, rough_from_pairs, rough_from_records
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView
@@ -32,8 +30,6 @@ _MAPPING_VERSION = 1
 _MAX_BLIND_NEIGHBOURS = 40
 _NEAR_NEIGHBOURS = 12
 _FEW_FEATURES = 50
-_ORIENTED_SIGMA_DEG = 6.0
-"""What orientations found from positions and pairs are good to (measured 0.3–6° on the recorded rigs)."""
 _SHARE_FOR_PRIOR = 0.8
 _MIN_CALIBRATION_IMAGES = 5
 _CORRECTION_ROUNDS = 3
@@ -201,11 +197,15 @@ class _Run:
     def with_priors(self) -> Mapped:
         if not self.cameras.known:
             self.calibrate(self.pairs(calibrated=False, neighbours=_NEAR_NEIGHBOURS))
-        rough = self.rough_poses()
+        rough = rough_from_records(self.known)
         unoriented = [name for name in self.known.positioned if name not in rough]
+        if unoriented and self.calibrating is not None:
+            found = rough_from_model(self.calibrating, self.known, seed=self.settings.seed)
+            rough |= {name: found[name] for name in unoriented if name in found}
+            unoriented = [name for name in unoriented if name not in rough]
         if unoriented:
-            rough |= self.oriented_by_model(unoriented)
-            rough |= self.oriented([name for name in unoriented if name not in rough])
+            found = self.pair_poses(_NEAR_NEIGHBOURS)
+            rough |= {name: found[name] for name in unoriented if name in found}
         if len(rough) < 2:
             raise ReconstructionError(
                 "the orientations of the photographs are not known and could not be found from their matches",
@@ -216,11 +216,13 @@ class _Run:
         contradicted: list[str] = []
         # Again after each correction: an image can hold on to wrong neighbours and fail once those are put right.
         for _ in range(_CORRECTION_ROUNDS):
-            corrected = self.corrected_orientations(rough, list(result.unregistered))
+            corrected = self.corrected(rough, list(result.unregistered))
             if not corrected:
                 break
             contradicted += corrected
             rough |= corrected
+            for name in corrected:
+                self.known.poses[name] = replace(self.known.poses[name], rotation=None)
             result = self.prior_model(rough)
         if contradicted:
             self.notes.append(
@@ -253,65 +255,19 @@ class _Run:
             "Put a camera.toml beside them, or evaluate against a reference made with this camera"
         )
 
-    def rough_poses(self) -> dict[str, RoughPose]:
-        rough = {}
-        for name in self.known.positioned:
-            known = self.known.poses[name]
-            if known.rotation is not None and known.position is not None:
-                pose = Pose(known.rotation, known.position)
-                rough[name] = RoughPose(pose, np.full(3, known.position_sigma_m), known.angle_sigma_deg)
-        return rough
+    def pair_poses(self, neighbours: int) -> dict[str, RoughPose]:
+        """Rough poses with orientations from blind pairs."""
+        return rough_from_pairs(
+            self.names, self.known, self.pairs(calibrated=True, neighbours=neighbours), seed=self.settings.seed
+        )
 
-    def oriented_by_model(self, wanted: Sequence[str]) -> dict[str, RoughPose]:
-        """Rough poses with the orientations of the blind model that calibrated the camera, where it is right."""
-        if self.calibrating is None:
-            return {}
-        poses = model_poses(self.calibrating)
-        similarity = align_to_positions(poses, self.known.poses, seed=self.settings.seed)
-        found: dict[str, RoughPose] = {}
-        if similarity is None:
-            return found
-        for name in wanted:
-            known = self.known.poses[name]
-            if name not in poses or known.position is None:
-                continue
-            pose = similarity.apply_pose(poses[name])
-            if judge(pose, known).right:
-                sigma = np.full(3, known.position_sigma_m)
-                found[name] = RoughPose(Pose(pose.rotation, known.position), sigma, _ORIENTED_SIGMA_DEG)
-        return found
-
-    def oriented(self, wanted: Sequence[str], neighbours: int = _NEAR_NEIGHBOURS) -> dict[str, RoughPose]:
-        """Rough poses from positions and orientations found from pairs, for those of ``wanted`` that have them."""
-        if not wanted:
-            return {}
-        positions = [self.position(name) for name in self.names]
-        sigmas = [self.known.poses[n].position_sigma_m if n in self.known.poses else 0.0 for n in self.names]
-        pairs = self.pairs(calibrated=True, neighbours=neighbours)
-        rotations = orient_cameras(positions, sigmas, pairs, seed=self.settings.seed)
-        found = {}
-        for index, rotation in sorted(rotations.items()):
-            position = positions[index]
-            if self.names[index] in wanted and position is not None:
-                sigma = np.full(3, sigmas[index])
-                found[self.names[index]] = RoughPose(Pose(rotation, position), sigma, _ORIENTED_SIGMA_DEG)
-        return found
-
-    def corrected_orientations(self, rough: Mapping[str, RoughPose], failed: Sequence[str]) -> dict[str, RoughPose]:
-        """Other orientations for images that failed because the recorded ones contradict the photographs.
-
-        Seen on real flights: photographs that were turned by 180° after the camera had written its yaw.
-        """
+    def corrected(self, rough: Mapping[str, RoughPose], failed: Sequence[str]) -> dict[str, RoughPose]:
+        """Other orientations for images that failed because the recorded ones contradict the photographs."""
         recorded = [name for name in failed if self.known.poses[name].rotation is not None]
         if not recorded:
             return {}
-        corrected = {}
-        for name, found in self.oriented(recorded, _MAX_BLIND_NEIGHBOURS).items():
-            turn = rotation_angle_deg(found.pose.rotation, rough[name].pose.rotation)
-            if turn > ANGLE_SIGMAS * float(np.hypot(rough[name].angle_sigma_deg, _ORIENTED_SIGMA_DEG)):
-                corrected[name] = found
-                self.known.poses[name] = replace(self.known.poses[name], rotation=None)
-        return corrected
+        found = self.pair_poses(_MAX_BLIND_NEIGHBOURS)
+        return {name: found[name] for name in recorded if name in found and contradict(found[name], rough[name])}
 
     def prior_model(self, rough: Mapping[str, RoughPose]) -> PriorMapping:
         chosen = [k for k, name in enumerate(self.names) if name in rough]

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.kernels import kernel
 from fieldkit.scenes.scene import Light, Mesh
 
 
@@ -63,7 +63,8 @@ def visible_from(
     scale = pixels / (2.0 * radius_m)
     buffer = np.full((pixels, pixels), -np.inf, np.float32)
     _rasterise((triangles @ axes.T).astype(np.float32), scale, pixels / 2, buffer)
-    return _look_up(points @ axes.T, scale, pixels / 2, bias_m, blur, buffer)
+    share: NDArray[np.float64] = _look_up(points @ axes.T, scale, pixels / 2, bias_m, blur, buffer)
+    return share
 
 
 def _triangles(meshes: Sequence[Mesh], radius_m: float) -> NDArray[np.float64]:
@@ -88,7 +89,7 @@ def _hemisphere(count: int) -> NDArray[np.float64]:
     return np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1.0 - r * r)], axis=1)
 
 
-@numba.njit(cache=True)
+@kernel
 def _rasterise(corners: NDArray[np.float32], scale: float, middle: float, buffer: NDArray[np.float32]) -> None:
     """Keep the nearest (largest) depth per pixel; every triangle marks at least the pixels of its corners."""
     h, w = buffer.shape
@@ -118,7 +119,7 @@ def _rasterise(corners: NDArray[np.float32], scale: float, middle: float, buffer
                         buffer[i, j] = z
 
 
-@numba.njit(cache=True)
+@kernel
 def _look_up(
     points: NDArray[np.float64], scale: float, middle: float, bias: float, blur: int, buffer: NDArray[np.float32]
 ) -> NDArray[np.float64]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from fieldkit.kernels import inline_kernel, kernel
 
 
 def fractal_noise(x: ArrayLike, y: ArrayLike, seed: int, *, octaves: int = 4, gain: float = 0.5) -> NDArray[np.float32]:
@@ -41,7 +42,7 @@ def _evaluate(
     return out.reshape(xs.shape)
 
 
-@numba.njit(cache=True, inline="always")
+@inline_kernel
 def _hash(ix: int, iy: int, seed: int) -> np.uint64:
     """32 well-mixed bits of a lattice point (the finaliser of MurmurHash3 on a linear combination).
 
@@ -57,15 +58,15 @@ def _hash(ix: int, iy: int, seed: int) -> np.uint64:
     return h
 
 
-@numba.njit(cache=True, inline="always")
+@inline_kernel
 def _gradient(ix: int, iy: int, seed: int, dx: float, dy: float) -> float:
-    h = _hash(ix, iy, seed)
+    h: np.uint64 = _hash(ix, iy, seed)
     gx = (h & np.uint64(0xFFFF)) / 32767.5 - 1.0
     gy = (h >> np.uint64(16)) / 32767.5 - 1.0
     return gx * dx + gy * dy
 
 
-@numba.njit(cache=True)
+@kernel
 def _fractal(
     xs: NDArray[np.float64], ys: NDArray[np.float64], seed: int, octaves: int, gain: float, out: NDArray[np.float32]
 ) -> None:
@@ -85,7 +86,7 @@ def _fractal(
         out[i] = total
 
 
-@numba.njit(cache=True)
+@kernel
 def _bumps(
     xs: NDArray[np.float64], ys: NDArray[np.float64], seed: int, _: int, density: float, out: NDArray[np.float32]
 ) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
-from fieldkit.reconstruction.dense.kernels import kernel
+from fieldkit.kernels import fast_kernel
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_fusion_neighbors
 from fieldkit.reconstruction.dense.views import DepthMap, View
@@ -90,7 +90,7 @@ def _camera(view: View) -> NDArray[np.float64]:
     return np.concatenate([view.pose.rotation.ravel(), view.pose.center, lens])
 
 
-@kernel
+@fast_kernel
 def _to_world(cameras, k, u, v, depth):
     x = (u - cameras[k, 14]) / cameras[k, 12] * depth
     y = (v - cameras[k, 15]) / cameras[k, 13] * depth
@@ -101,7 +101,7 @@ def _to_world(cameras, k, u, v, depth):
     )
 
 
-@kernel
+@fast_kernel
 def _to_pixel(cameras, k, x, y, z):
     """Pixel and depth of a world point; depth ≤ 0 behind the camera."""
     x = x - cameras[k, 9]
@@ -115,7 +115,7 @@ def _to_pixel(cameras, k, x, y, z):
     return u, v, depth
 
 
-@kernel
+@fast_kernel
 def _fuse_view(i, neighbors, depths, used, cameras, bounds, relative, reprojection, needed, points, origin):
     """Write view ``i``'s points, their origins (view, row, column of every agreeing pixel; view −1: none) and ``used``.
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float32, int32, uint32, uint64
 
-from fieldkit.reconstruction.dense.kernels import kernel
+from fieldkit.kernels import fast_kernel
 
 SAMPLES = 16
 """Samples of a patch."""
@@ -40,7 +40,7 @@ _NEIGHBOR_U = np.array([-1, 1, 0, 0, -3, 3, 0, 0], dtype=np.int64)
 _NEIGHBOR_V = np.array([0, 0, -1, 1, 0, 0, -3, 3], dtype=np.int64)
 
 
-@kernel
+@fast_kernel
 def _mix(x):
     """A well mixed uint64 of a uint64 (the finaliser of SplitMix64)."""
     x = (x ^ (x >> uint64(30))) * uint64(0xBF58476D1CE4E5B9)
@@ -48,13 +48,13 @@ def _mix(x):
     return x ^ (x >> uint64(31))
 
 
-@kernel
+@fast_kernel
 def _uniform(state):
     """A float32 in [0, 1) of a mixed uint64."""
     return float32(int32(state >> uint64(40))) * float32(1.0 / 16777216.0)
 
 
-@kernel
+@fast_kernel
 def _sample_cost(packed, base, stride, support, p, x0, y0, a_x, a_y, b_x, b_y, noise):
     """1 − weighted NCC of pixel ``p``'s patch with an affine patch of a source view."""
     mean = float32(0.0)
@@ -83,7 +83,7 @@ def _sample_cost(packed, base, stride, support, p, x0, y0, a_x, a_y, b_x, b_y, n
     return float32(1.0) - product / np.sqrt(variance)
 
 
-@kernel
+@fast_kernel
 def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, slack, depths, back, geometric, cap):
     """Mean of the ``best`` lowest costs over the source views of a plane at pixel (u, v).
 
@@ -137,7 +137,7 @@ def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, sl
     return (first + min(second, first + slack) + min(third, first + slack)) * float32(1.0 / 3.0)
 
 
-@kernel
+@fast_kernel
 def _round_trip(depths, back, k, u, v, x0, y0, cap):
     """Pixels by which (u, v) misses itself when sent to source view k and back by that view's own depth; ≤ cap."""
     column = int32(x0 + float32(0.5))
@@ -155,7 +155,7 @@ def _round_trip(depths, back, k, u, v, x0, y0, cap):
     return min(np.sqrt(d_u * d_u + d_v * d_v), cap)
 
 
-@kernel
+@fast_kernel
 def _tilt(state, u, v, w, lens, steepest):
     """Gradient (g_u, g_v) of a plane through (u, v, w) whose normal is random, at most ``steepest`` (a sine) oblique.
 
@@ -182,7 +182,7 @@ def _tilt(state, u, v, w, lens, steepest):
     return w * m_x / (lens[0] * along), w * m_y / (lens[1] * along)
 
 
-@kernel
+@fast_kernel
 def start(
     planes, costs, fresh, pixels, ranges, packed, sizes, cameras, support, lens, depths, back, key, starts, noise, best,
     slack,
@@ -232,7 +232,7 @@ def start(
         costs[p] = lowest
 
 
-@kernel
+@fast_kernel
 def sweep(
     planes, costs, pixels, index, ranges, packed, sizes, cameras, support, depths, back, key,
     color, step, perturbations, reach_w, same_w, noise, best, slack, geometric, cap,
@@ -338,7 +338,7 @@ def sweep(
         costs[p] = lowest
 
 
-@kernel
+@fast_kernel
 def carry(found, source_pixels, source_planes, source_costs, index, lens_source, lens, rotation, offset, limit):
     """Planes of a source view as planes of the reference view, at the pixels its points fall on.
 
@@ -392,7 +392,7 @@ def carry(found, source_pixels, source_planes, source_costs, index, lens_source,
             found[p, 2] = g_v
 
 
-@kernel
+@fast_kernel
 def adopt(
     planes, costs, found, pixels, ranges, packed, sizes, cameras, support, depths, back, noise, best, slack,
     geometric, cap,
@@ -415,7 +415,7 @@ def adopt(
             planes[p, 2] = found[p, 2]
 
 
-@kernel
+@fast_kernel
 def score(planes, costs, pixels, packed, sizes, cameras, support, depths, back, noise, best, slack, geometric, cap):
     """Write into ``costs`` what ``planes`` cost; the arguments are those of `sweep`."""
     for p in range(pixels.shape[0]):

@@ -12,7 +12,7 @@ from numba import float32
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense.kernels import kernel
+from fieldkit.kernels import fast_kernel
 
 
 def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -49,7 +49,7 @@ def relative_camera(from_intrinsics: Intrinsics, from_pose: Pose, to_intrinsics:
     return np.concatenate([matrix.ravel(), offset]).astype(np.float32)
 
 
-@kernel
+@fast_kernel
 def support_weights(image, luma, mask, pixels, offset_u, offset_v, sigma, off_mask, noise):
     """Bilateral weights of the patches of the reference view, ready for the correlation.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import errno
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from fieldkit.cache import CacheWarning, StageCache
+from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.progress import Silent
-from fieldkit.reconstruction.dense import DepthMap, Settings, compute_depth_maps, cuda, fuse, kernels, select_backend
+from fieldkit.reconstruction.dense import DepthMap, Settings, compute_depth_maps, cuda, fuse, select_backend
 from fieldkit.reconstruction.dense.sgbm import rectify, sgbm_depth_maps
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
@@ -177,30 +175,3 @@ def test_a_rectified_pair_shares_its_rows(scene):
     assert rows[0] == pytest.approx(rows[1])
     assert rays[0][2] == pytest.approx(rays[1][2])
     assert (rays[0] - rays[1])[0] == pytest.approx(pair.baseline)
-
-
-def test_kernels_that_cannot_be_kept_are_compiled_anyway(monkeypatch):
-    def nowhere(function):
-        raise RuntimeError("no locator available")
-
-    monkeypatch.setattr(kernels, "_Cache", nowhere)
-    with pytest.warns(CacheWarning, match="NUMBA_CACHE_DIR"):
-        twice = kernels.kernel(lambda x: 2 * x)
-    assert twice(4) == 8
-
-
-def test_a_full_disk_under_the_kernels_is_a_warning(monkeypatch):
-    def full(*arguments):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr("numba.core.caching.FunctionCache.save_overload", full)
-    thrice = kernels.kernel(_three_times)
-    with pytest.warns(CacheWarning, match="No space left"):
-        assert thrice(5) == 15
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert thrice(6) == 18
-
-
-def _three_times(x):
-    return 3 * x

@@ -11,8 +11,8 @@ from numba.core.caching import FunctionCache
 
 from fieldkit.cache import CacheWarning
 
-# Sums may be reordered, which lets the compiler use vector instructions. The machine code is kept, so the order is the
-# same in every process on a machine; another processor may give other last bits.
+# Reordered sums let the compiler use vector instructions. The machine code is kept, so the order is the same in every
+# process on a machine; another processor may give other last bits.
 _FAST = {"reassoc", "contract", "arcp", "nsz", "nnan", "ninf"}
 
 
@@ -33,7 +33,20 @@ def kernel(function: Callable[..., Any]) -> Any:
     (NUMBA_CACHE_DIR chooses another). Without any such place it is compiled in every process, and a `CacheWarning`
     says so. A kernel must only use kernels and constants of its own file: a change elsewhere would go unnoticed.
     """
-    compiled: Any = njit(fastmath=_FAST, error_model="numpy", nogil=True)(function)
+    return _kept(function, njit(nogil=True)(function))
+
+
+def inline_kernel(function: Callable[..., Any]) -> Any:
+    """As `kernel`, compiled into every kernel that calls it."""
+    return _kept(function, njit(nogil=True, inline="always")(function))
+
+
+def fast_kernel(function: Callable[..., Any]) -> Any:
+    """As `kernel`, with sums that may be reordered and without checks for division by zero."""
+    return _kept(function, njit(fastmath=_FAST, error_model="numpy", nogil=True)(function))
+
+
+def _kept(function: Callable[..., Any], compiled: Any) -> Any:
     try:
         compiled._cache = _Cache(function)  # type: ignore[no-untyped-call]
     except RuntimeError as error:
@@ -43,8 +56,8 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def _warn(why: str) -> None:
     warnings.warn(
-        f"the compiled stereo kernels cannot be kept ({why}), so every run compiles them (some ten seconds); "
+        f"the compiled kernels cannot be kept ({why}), so every run compiles them (some ten seconds); "
         "set NUMBA_CACHE_DIR to a folder that can be written to",
         CacheWarning,
-        stacklevel=3,
+        stacklevel=4,
     )
