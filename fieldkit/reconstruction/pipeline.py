@@ -14,7 +14,7 @@ from fieldkit.captures.model import Capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
-from fieldkit.errors import ReconstructionError
+from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.cameras import cameras_of
@@ -74,10 +74,13 @@ def reconstruct(
         with_scene: also reconstruct what is not plant.
 
     Raises:
+        MetadataError: the mask is to come from files, and a photograph has none.
         ReconstructionError: too few photographs register, or nothing of the plot is seen by two of them.
     """
     timer = StageTimer(progress)
     backend = select_backend(settings.backend)
+    if settings.mask == "file":
+        _require_masks(capture)
     with timer.stage("Reading photographs"):
         findings = [*capture.findings, *quality_findings(assess_quality(capture))]
     sparse, cached = place(capture, settings, findings, cache, timer, workers, known_plot)
@@ -263,12 +266,6 @@ class _Dense:
             intrinsics = self.sparse.intrinsics[photo.name]
             image = read_image(photo)
             mask_path = find_mask(photo.path) if mask == "file" else None
-            if mask == "file" and mask_path is None:
-                raise ReconstructionError(
-                    f"there is no mask image for {photo.name}",
-                    path=self.sparse.capture.folder,
-                    remedy="Put NAME_mask.png beside every photograph or in masks/, or choose --mask exg.",
-                )
             mask_image = None if mask_path is None else read_image(mask_path, gray=True)
             views.append(prepare_view(photo.name, image, intrinsics, pose, self.settings.fidelity, mask, mask_image))
             advance(1)
@@ -282,6 +279,18 @@ def _ground_sampling_distance(sparse: SparseResult, volume: Volume) -> float:
         for name, pose in sparse.poses.items()
     ]
     return float(np.median(values))
+
+
+def _require_masks(capture: Capture) -> None:
+    """Before hours of work and not after them."""
+    missing = [photo.name for photo in capture.photos if find_mask(photo.path) is None]
+    if missing:
+        others = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        raise MetadataError(
+            f"there is no mask image for {missing[0]}{others}",
+            path=capture.folder,
+            remedy="Put NAME_mask.png beside every photograph or in masks/, or choose --mask exg.",
+        )
 
 
 def _too_few(sparse: SparseResult) -> ReconstructionError:

@@ -257,3 +257,41 @@ class TestPositions:
         assert report["metric_source"] == "poses.csv"
         assert report["right"] >= 7
         assert "IMG_0008.jpg" in (line.folder / "out" / "reference.json").read_text("utf-8")
+
+
+def write_mask(path: Path, photograph: Path, share: float = 1.0) -> None:
+    """A mask image with a white window in the middle."""
+    with Image.open(photograph) as image:
+        size = image.size
+    mask = Image.new("L", size, 0)
+    corner = tuple(round(side * (1 - share) / 2) for side in size)
+    mask.paste(255, (*corner, *(side - c for side, c in zip(size, corner, strict=True))))
+    mask.save(path)
+
+
+def test_masks_from_files_that_are_not_there(line: CommandLine, photographs: Photographs) -> None:
+    """Told before anything is computed."""
+    folder = photographs()
+    (folder / "masks").mkdir()
+    for path in sorted(folder.glob("*.jpg"))[2:]:
+        write_mask(folder / "masks" / f"{path.stem}.png", path)
+    done = line.run("reference", "photos", "-o", "out", "--mask", "file", "--json")
+    assert done.code == 3
+    assert "no mask image for IMG_0001.jpg and 1 more" in done.error["message"]
+    assert "--mask exg" in done.error["remedy"]
+    assert line.entries() == 0
+    assert not (line.folder / "out").exists()
+
+
+def test_masks_from_files_say_what_is_plant(line: CommandLine, photographs: Photographs) -> None:
+    """Masks with a small window in the middle leave a small part of the cloud."""
+    folder = photographs()
+    (folder / "masks").mkdir()
+    for path in sorted(folder.glob("*.jpg")):
+        write_mask(folder / "masks" / f"{path.stem}.png", path, share=0.25)
+    clouds = {}
+    for kind in ("file", "none"):
+        done = line.run("reference", "photos", "-o", kind, "--mask", kind, "--no-scene", *DRAFT, "--json")
+        assert done.code == 0, done.err
+        clouds[kind] = done.json["points"]
+    assert 100 < clouds["file"] < 0.7 * clouds["none"]
