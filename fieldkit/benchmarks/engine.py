@@ -99,6 +99,14 @@ def _subset_scores(options: EngineOptions, progress: Progress) -> StudyResult:
     return run_subset_scores(options.data, cache=options.cache, progress=progress)
 
 
+def _mappings(options: EngineOptions, progress: Progress) -> StudyResult:
+    if options.data is None:
+        return StudyResult("mappings", "Ways to map, all photographs", skipped=NO_DATA)
+    from fieldkit.benchmarks.mappings import run_mappings
+
+    return run_mappings(options.data, progress=progress)
+
+
 STUDIES: dict[str, Callable[[EngineOptions, Progress], StudyResult]] = {
     "help": _help,
     "clouds": _clouds,
@@ -106,6 +114,7 @@ STUDIES: dict[str, Callable[[EngineOptions, Progress], StudyResult]] = {
     "evaluation": _evaluation,
     "scaling": _scaling,
     "few-views": _few_views,
+    "mappings": _mappings,
     "references": _references,
     "subset-scores": _subset_scores,
 }

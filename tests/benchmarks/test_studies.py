@@ -15,6 +15,7 @@ from fieldkit.benchmarks.cloud_scores import leaves, run_clouds
 from fieldkit.benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
 from fieldkit.benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
 from fieldkit.benchmarks.full_evaluation import Side, stage_table, summary
+from fieldkit.benchmarks.mappings import run_mappings
 from fieldkit.benchmarks.references import ReferenceResult, recall_of, reference_table
 from fieldkit.benchmarks.result import ResultTable, StudyResult, spread
 from fieldkit.benchmarks.scaling import cost_table, process_cost
@@ -120,6 +121,17 @@ class TestScaling:
         assert table.rows == ((10, "plants", "50", "5.00", "1.50"),)
 
 
+def test_ways_to_map(tmp_path: Path) -> None:
+    small = Path(__file__).parents[1] / "data" / "small_plot"
+    (tmp_path / "plot").mkdir()
+    (tmp_path / "plot" / "images").symlink_to(small)
+    runs = run_mappings(tmp_path, ["plot"], progress=Silent()).figures["runs"]
+    assert [run["method"] for run in runs] == ["incremental", "global", "prior"]
+    assert runs[0]["matching_s"] == runs[1]["matching_s"] > 0
+    assert runs[2]["registered"] == runs[2]["right"] == runs[2]["images"] == 8
+    assert runs[2]["mapping_s"] > 0
+
+
 class TestReferences:
     def test_table(self) -> None:
         result = ReferenceResult(
@@ -171,7 +183,7 @@ class TestEngine:
 
     def test_without_recorded_sets_studies_say_so(self, tmp_path: Path) -> None:
         options = EngineOptions(None, StageCache(None))
-        names = ["few-views", "scaling", "references", "subset-scores"]
+        names = ["few-views", "scaling", "mappings", "references", "subset-scores"]
         results = run_engine(tmp_path / "out", names, options, progress=Silent())
         assert all("FIELDKIT_DATA" in result.skipped for result in results)
         written = json.loads((tmp_path / "out" / "results.json").read_text())
