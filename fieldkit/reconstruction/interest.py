@@ -14,8 +14,11 @@ from fieldkit.reconstruction.prior_mapping import region_of_interest
 
 _SHARED_BY = 0.5  # of the cameras see a point of a converging capture
 _TRIM = 0.005
-_MARGIN = 0.15  # of the box's edges, on every side
+_MARGIN = 0.15  # of the box's edges, on every side but the top
+_TOP_MARGIN = 0.35  # few sparse points lie on the tips of leaves
 _MIN_POINTS = 20
+_CUT_LAYER = 0.005  # of the box's height
+_CUT_POINTS = 20
 
 
 def volume_of_interest(
@@ -25,7 +28,7 @@ def volume_of_interest(
 
     Cameras that converge on a place share it: the box holds the sparse points near where their axes meet that at
     least half of the cameras have in their frames. Cameras that look alike (a nadir survey) share all they see: the
-    box holds all sparse points. Either is trimmed of 0.5 % at each end and grown by 15 %.
+    box holds all sparse points. Either is trimmed of 0.5 % at each end and grown by 15 %, upwards by 35 %.
 
     Args:
         points: (n, 3) sparse points, plot frame.
@@ -54,5 +57,15 @@ def volume_of_interest(
             remedy="Give it with --bounds, in metres in the plot frame.",
         )
     lower, upper = np.quantile(chosen, [_TRIM, 1.0 - _TRIM], axis=0)
-    margin = _MARGIN * np.maximum(upper - lower, 0.05 * float(np.max(upper - lower)))
-    return Volume(tuple(lower - margin), tuple(upper + margin))
+    edges = np.maximum(upper - lower, 0.05 * float(np.max(upper - lower)))
+    return Volume(tuple(lower - _MARGIN * edges), tuple(upper + np.array([_MARGIN, _MARGIN, _TOP_MARGIN]) * edges))
+
+
+def cuts_plants(plants: NDArray[np.float64], volume: Volume, gsd_m: float) -> bool:
+    """Whether a plants' cloud (n, 3) goes on to the top of the volume, as plants do that are higher than it.
+
+    Args:
+        gsd_m: length that a pixel of the depth maps covers.
+    """
+    layer = max(_CUT_LAYER * (volume.upper[2] - volume.lower[2]), 2.0 * gsd_m)
+    return int(np.count_nonzero(plants[:, 2] > volume.upper[2] - layer)) >= _CUT_POINTS

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
 from fieldkit.reconstruction.dense import Settings as DenseSettings
-from fieldkit.reconstruction.interest import volume_of_interest
+from fieldkit.reconstruction.interest import cuts_plants, volume_of_interest
 from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
 from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
@@ -103,12 +103,16 @@ def reconstruct(
             path=capture.folder,
             remedy="Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
         )
+    gsd_m = _ground_sampling_distance(sparse, volume)
+    if cuts_plants(plants.points, volume, gsd_m):
+        sparse = replace(sparse, findings=(*sparse.findings, _cut(capture, volume)))
+        progress.note(sparse.findings[-1].message)
     return Reconstruction(
         sparse=sparse,
         volume=volume,
         plants=plants,
         scene=scene,
-        gsd_m=_ground_sampling_distance(sparse, volume),
+        gsd_m=gsd_m,
         backend=backend.name,
         fusion_rule=dense.rule(),
         times=timer.times(cached),
@@ -279,6 +283,14 @@ def _ground_sampling_distance(sparse: SparseResult, volume: Volume) -> float:
         for name, pose in sparse.poses.items()
     ]
     return float(np.median(values))
+
+
+def _cut(capture: Capture, volume: Volume) -> Finding:
+    message = (
+        f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off there; give a "
+        "higher one with --bounds"
+    )
+    return Finding(capture.folder.name, "volume-cuts-plants", message)
 
 
 def _require_masks(capture: Capture) -> None:

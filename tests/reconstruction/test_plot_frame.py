@@ -3,10 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.reconstruction.interest import volume_of_interest
+from fieldkit.reconstruction.interest import cuts_plants, volume_of_interest
 from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
 
 CAMERA = Intrinsics.pinhole(800, 600, 700.0)
@@ -65,6 +66,16 @@ def test_the_volume_holds_what_converging_cameras_share_and_not_the_background()
     volume = volume_of_interest(points, poses, dict.fromkeys(poses, CAMERA))
     assert volume.contains(_soil_and_plant()[3000:]).mean() > 0.97
     assert not volume.contains(background).any()
+
+
+def test_plants_that_go_on_to_the_top_of_the_volume_are_noticed() -> None:
+    rng = np.random.default_rng(4)
+    stem = rng.uniform([-0.01, -0.01, 0.0], [0.01, 0.01, 0.6], size=(6000, 3))
+    stray = np.array([[0.2, 0.1, 0.699], [0.0, 0.1, 0.6995]])
+    higher = Volume((-0.5, -0.5, -0.1), (0.5, 0.5, 0.7))
+    assert not cuts_plants(np.concatenate([stem, stray]), higher, gsd_m=0.001)
+    lower = Volume((-0.5, -0.5, -0.1), (0.5, 0.5, 0.5))
+    assert cuts_plants(stem[stem[:, 2] <= 0.5], lower, gsd_m=0.001)
 
 
 def test_too_few_points_leave_the_volume_to_the_person() -> None:
