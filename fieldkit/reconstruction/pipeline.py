@@ -287,8 +287,8 @@ def _ground_sampling_distance(sparse: SparseResult, volume: Volume) -> float:
 
 def _cut(capture: Capture, volume: Volume) -> Finding:
     message = (
-        f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off there; give a "
-        "higher one with --bounds"
+        f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off there; "
+        "give a higher one with --bounds"
     )
     return Finding(capture.folder.name, "volume-cuts-plants", message)
 
