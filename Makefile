@@ -17,13 +17,13 @@ $(STAMP): pyproject.toml constraints.txt scripts/make_venv.sh
 	@scripts/make_venv.sh .venv
 	@touch $@
 
-demo: $(STAMP) ## build and score a small rendered example in demo-output/
+demo: setup ## build and score a small rendered example in demo-output/
 	$(BIN)/fieldkit demo -o demo-output --overwrite
 
-test: $(STAMP) ## run the tests that take less than ten seconds each
+test: setup ## run the tests that take less than ten seconds each
 	$(BIN)/pytest -m "not slow" $(PYTEST_ARGS)
 
-test-all: $(STAMP) ## run all tests
+test-all: setup ## run all tests
 	$(BIN)/pytest $(PYTEST_ARGS)
 
 check: $(STAMP) ## lint, check the format and the types
@@ -31,7 +31,7 @@ check: $(STAMP) ## lint, check the format and the types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(STAMP) ## measure the engine's speed
+bench: setup ## measure the engine's speed
 	$(BIN)/fieldkit benchmark engine --overwrite
 
 clean: ## remove what the other targets wrote, except .venv
