@@ -27,7 +27,9 @@ class Action(StrEnum):
 
 
 def command(
-    action: Annotated[Action, typer.Argument(help="show sizes, prune what is old or too much, or clear all.")],
+    action: Annotated[
+        Action, typer.Argument(help="show sizes, prune what is old or too much, or clear all.")
+    ] = Action.SHOW,
     max_size: Annotated[
         str, typer.Option(metavar="SIZE", help="prune: the longest unused goes until this is left, e.g. 500M or 10G.")
     ] = "",

@@ -41,7 +41,7 @@ def test_show(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert shown["folder"] == str(root)
     assert shown["stages"]["features"]["entries"] == 4
     assert shown["bytes"] == sum(stage["bytes"] for stage in shown["stages"].values())
-    assert main(["cache", "show"]) == 0
+    assert main(["cache"]) == 0  # the same without a word
     people = capsys.readouterr()
     assert people.out == ""
     assert "features" in people.err
