@@ -81,7 +81,9 @@ def evaluate_captures(
     settings = settings or ReconstructionSettings()
     wall, cpu = time.perf_counter(), processor_seconds()
     with atomic_folder(output, overwrite=overwrite, marker=EVALUATION_FILE) as folder:
-        plots = find_plots(captures)
+        plots, empty = find_plots(captures)
+        if empty:
+            progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
         read = None if reference is None else Reference(reference)
         index = None if read is None else ReferenceIndex(read.cloud)
         scoring = _Scoring(read, index, refine, tuple(distances_m))

@@ -8,8 +8,10 @@ from fieldkit.captures.folder import list_folder, natural_key
 from fieldkit.errors import CaptureError
 
 
-def find_plots(captures: Path) -> list[tuple[str, Path]]:
-    """Names and folders of the plots: the folder itself where it holds photographs, else its subfolders.
+def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
+    """Names and folders of the plots, and the names of the subfolders that were passed over.
+
+    A folder that holds photographs is one plot; else its subfolders are the plots.
 
     Photographs in ``captures/images`` make ``captures`` one plot. Subfolders without any image file are passed over;
     one whose images cannot be used still counts, so that it is reported. So does the folder itself where no subfolder
@@ -22,19 +24,20 @@ def find_plots(captures: Path) -> list[tuple[str, Path]]:
     itself = [(captures.absolute().name, captures)]
     contents = list_folder(captures)
     if contents.candidates:
-        return itself
+        return itself, []
     folders = sorted((p for p in captures.iterdir() if p.is_dir() and not p.name.startswith(".")),
                      key=lambda p: natural_key(p.name))  # fmt: skip
     plots = [(folder.name, folder) for folder in folders if _holds_images(folder)]
     if not plots and any(finding.left_out for finding in contents.findings):
-        return itself  # reading it says what is wrong with each file
+        return itself, []  # reading it says what is wrong with each file
     if not plots:
         raise CaptureError(
             "there are no photographs in this folder, nor in its subfolders",
             path=captures,
             remedy="Give a folder of photographs, or a folder with one folder of photographs per plot.",
         )
-    return plots
+    names = {name for name, _ in plots}
+    return plots, [folder.name for folder in folders if folder.name not in names]
 
 
 def _holds_images(folder: Path) -> bool:

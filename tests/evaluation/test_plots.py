@@ -1,0 +1,39 @@
+"""Which folders are plots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fieldkit.errors import CaptureError
+from fieldkit.evaluation.plots import find_plots
+
+SMALL_PHOTOGRAPH = Path(__file__).parents[1] / "data" / "small_plot" / "IMG_0001.jpg"
+
+
+def photograph(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(SMALL_PHOTOGRAPH.read_bytes())
+
+
+def test_a_folder_of_photographs_is_one_plot(tmp_path: Path) -> None:
+    photograph(tmp_path / "field" / "a.jpg")
+    photograph(tmp_path / "field" / "later" / "b.jpg")
+    assert find_plots(tmp_path / "field") == ([("field", tmp_path / "field")], [])
+
+
+def test_subfolders_are_plots_in_natural_order_and_empty_ones_are_named(tmp_path: Path) -> None:
+    for name in ("plot 10", "plot 9"):
+        photograph(tmp_path / name / "images" / "a.jpg")
+    (tmp_path / "plot 2").mkdir()
+    (tmp_path / ".hidden").mkdir()
+    plots, passed_over = find_plots(tmp_path)
+    assert [name for name, _ in plots] == ["plot 9", "plot 10"]
+    assert passed_over == ["plot 2"]
+
+
+def test_no_photographs_at_all(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    with pytest.raises(CaptureError, match="nor in its subfolders"):
+        find_plots(tmp_path)
