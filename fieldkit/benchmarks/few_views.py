@@ -13,7 +13,7 @@ import numpy as np
 from fieldkit.benchmarks.result import ResultTable, StudyResult, spread
 from fieldkit.benchmarks.rigs import RigSet, load_rig, perturb, root_mean_square, uniform_subset
 from fieldkit.cache import StageCache
-from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.progress import Progress
@@ -70,7 +70,6 @@ class Plan:
 
 SUBSETS = {"basil_rig": (10, 13, 16, 20), "arabidopsis_rig": (13, 20)}
 GOALS = {"basil_rig": (10, 13), "arabidopsis_rig": (20,)}
-_AWAY = np.array([1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -188,12 +187,11 @@ def assess(poses: Mapping[str, Pose], rig: RigSet) -> Outcome:
     names = [name for name in rig.names if name in poses]
     if len(names) < 3:
         return Outcome(len(names), 0, None, None, None, None, None)
-    # COLMAP's robust Sim3 gives up where a coordinate is 0 for all, as the height of one rig is: judge 1 m away.
-    known = {n: KnownPose(rig.nominal[n].center + _AWAY, rig.accuracy_m, None, 0.0) for n in names}
-    aligned = align_to_positions({n: Pose(poses[n].rotation, poses[n].center + _AWAY) for n in names}, known, seed=0)
+    known = {n: KnownPose(rig.nominal[n].center, rig.accuracy_m, None, 0.0) for n in names}
+    aligned = align_to_positions({n: poses[n] for n in names}, known, seed=0)
     right = 0
     if aligned is not None:
-        right = sum(judge(_at(aligned, poses[n]), known[n]).right is True for n in names)
+        right = sum(judge(aligned.apply_pose(poses[n]), known[n]).right is True for n in names)
     centers = np.array([poses[n].center for n in names])
     rig_error = _residuals(centers, np.array([rig.nominal[n].center for n in names]))
     dense_centers = np.array([rig.dense[n].center for n in names])
@@ -238,10 +236,6 @@ def trial_tables(trials: Sequence[Trial], draws: int) -> list[ResultTable]:
             )  # fmt: skip
         tables.append(ResultTable(f"{rig}, phase {phase}{' (held out)' if phase else ''}", columns, tuple(rows)))
     return tables
-
-
-def _at(aligned: Similarity, pose: Pose) -> Pose:
-    return aligned.apply_pose(Pose(pose.rotation, pose.center + _AWAY))
 
 
 def _residuals(source: np.ndarray, target: np.ndarray) -> np.ndarray | None:

@@ -58,12 +58,18 @@ def align_to_positions(poses: Mapping[str, Pose], known: Mapping[str, KnownPose]
     options.max_error = float(np.median([known[n].bound_m for n in names]))
     options.random_seed = seed
     options.min_num_trials = 200
+    # COLMAP's minimal solver refuses points in one plane with the origin, as those of a rig at height zero are.
+    from_source, from_target = _off_origin(source), _off_origin(target)
     # pycolmap's stubs promise a Sim3d; what comes is a dict.
-    found = cast("dict[str, Any] | None", pycolmap.estimate_sim3d_robust(source, target, options))
+    found = cast(
+        "dict[str, Any] | None", pycolmap.estimate_sim3d_robust(source + from_source, target + from_target, options)
+    )
     if found is None:
         return None
     transform = found["tgt_from_src"]
-    similarity = Similarity(transform.scale, transform.rotation.matrix(), transform.translation)
+    rotation, scale = transform.rotation.matrix(), float(transform.scale)
+    shift = transform.translation + scale * rotation @ from_source - from_target
+    similarity = Similarity(scale, rotation, shift)
     for _ in range(5):
         residual = np.linalg.norm(similarity.apply(source) - target, axis=1)
         inliers = residual <= np.array([known[n].bound_m for n in names])
@@ -74,6 +80,14 @@ def align_to_positions(poses: Mapping[str, Pose], known: Mapping[str, KnownPose]
         except ValueError:
             return None
     return similarity
+
+
+def _off_origin(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A translation (3,) that puts points (n, 3) about their own extent away from the origin, across their plane."""
+    centered = points - points.mean(axis=0)
+    _, spread, axes = np.linalg.svd(centered, full_matrices=False)
+    across: NDArray[np.float64] = axes[2] * float(spread[0]) / np.sqrt(len(points)) - points.mean(axis=0)
+    return across
 
 
 def judge(pose: Pose, known: KnownPose | None) -> Agreement:

@@ -49,6 +49,22 @@ def test_alignment_finds_the_similarity_in_spite_of_wrong_images() -> None:
     assert right == set(poses) - {"3"}
 
 
+@pytest.mark.parametrize("height", [0.0, 0.4])
+@pytest.mark.parametrize("turned", [False, True])
+def test_positions_in_one_plane_align_wherever_the_plane_lies(height: float, turned: bool) -> None:
+    """A rig's circle about the origin of its own frame: COLMAP's solver alone finds nothing at height zero."""
+    angles = np.linspace(0.0, 2 * np.pi, 15, endpoint=False)
+    ring = np.stack([0.3 * np.cos(angles), 0.3 * np.sin(angles), np.full(15, height)], axis=1)
+    world = ring @ rotation_from_vector([0.7, 0.1, -0.4]).T if turned else ring
+    similarity = Similarity(2.5, rotation_from_vector([0.2, -0.5, 1.0]), np.array([1.0, 2.0, 3.0]))
+    inverse = similarity.inverse()
+    poses = {str(k): inverse.apply_pose(Pose(np.eye(3), c)) for k, c in enumerate(world)}
+    found = align_to_positions(poses, {str(k): _known(c) for k, c in enumerate(world)}, seed=0)
+    assert found is not None
+    assert found.scale == pytest.approx(2.5, rel=1e-6)
+    np.testing.assert_allclose(found.apply(inverse.apply(world)), world, atol=1e-9)
+
+
 @pytest.mark.parametrize("count", [0, 2])
 def test_fewer_than_three_positions_do_not_align(count: int) -> None:
     poses = {str(k): Pose(np.eye(3), np.array([k, 0.0, 0.0])) for k in range(5)}
