@@ -53,7 +53,8 @@ class Backend(StrEnum):
 
 
 MappingOption = Annotated[
-    Mapping, typer.Option("--mapping", help="How poses are found; auto: prior where positions are known, else global.")
+    Mapping,
+    typer.Option("--mapping", help="How poses are found; auto: prior where positions are known, else incremental."),
 ]
 FidelityOption = Annotated[
     Fidelity,

@@ -104,7 +104,7 @@ def _choose_method(run: _Run) -> str:
             )
         return run.settings.mapping
     enough = len(run.known.positioned) >= max(3, _SHARE_FOR_PRIOR * len(run.capture.photos))
-    return "prior" if enough else "global"
+    return "prior" if enough else "incremental"
 
 
 @dataclass
@@ -168,6 +168,14 @@ class _Run:
     def blindly(self, method: str) -> Mapped:
         pairs = self.pairs(calibrated=self.cameras.known)
         models = self.blind_models(method, pairs)
+        if not models and self.settings.mapping == "auto":
+            method = "global"
+            models = self.blind_models(method, pairs)
+            if models:
+                self.notes.append(
+                    "incremental mapping made no model; global mapping made this one, and on photographs so far apart "
+                    "it can be wrong without a sign of it: give positions (poses.csv, GPS) to have it checked"
+                )
         if not models:
             raise _no_model(self, pairs)
         model = models[0]
