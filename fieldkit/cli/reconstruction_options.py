@@ -54,7 +54,7 @@ class Backend(StrEnum):
 
 MappingOption = Annotated[
     Mapping,
-    typer.Option("--mapping", help="How poses are found; auto: prior where positions are known, else incremental."),
+    typer.Option("--mapping", help="How poses are found; auto: prior with known positions, else incremental."),
 ]
 FidelityOption = Annotated[
     Fidelity,
