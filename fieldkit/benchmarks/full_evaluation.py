@@ -80,7 +80,7 @@ class Side:
 
 
 def run_evaluation(data: Path | None, *, cache: StageCache, progress: Progress) -> StudyResult:
-    """Both sides on two rendered test scenes and, with the recorded sets, on ten views of basil_rig."""
+    """Both sides on two rendered test scenes and, with the recorded sets, on ten views of basil_rig, twice."""
     wall, cpu = time.perf_counter(), time.process_time()
     results: dict[str, tuple[Side, ...]] = {}
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
@@ -88,8 +88,8 @@ def run_evaluation(data: Path | None, *, cache: StageCache, progress: Progress) 
             case = rendered_case(Path(folder), index, progress)
             results[case.name] = compare(case, progress)
         if data is not None:
-            case = basil_case(Path(folder), data, cache, progress)
-            results[case.name] = compare(case, progress)
+            for case in basil_cases(Path(folder), data, cache, progress):
+                results[case.name] = compare(case, progress)
     notes = [
         "Both sides: the same photographs, calibrated camera, volume, plant mask, working size and fusion rule.",
         "One thread, nothing from the cache, one side after the other in one process.",
@@ -120,16 +120,23 @@ def rendered_case(folder: Path, index: int, progress: Progress) -> Case:
     return Case(f"rendered test scene {index}", target, plot.known(), plot.truth)
 
 
-def basil_case(folder: Path, data: Path, cache: StageCache, progress: Progress) -> Case:
-    """Ten views of basil_rig, to be scored against the reference of all its photographs."""
+def basil_cases(folder: Path, data: Path, cache: StageCache, progress: Progress) -> list[Case]:
+    """Ten views of basil_rig all around and ten close together, against the reference of all its photographs."""
     rig = load_rig(data, "basil_rig", cache=cache, progress=progress)
     reference = folder / "basil-reference"
     build_reference(data / "basil_rig" / "images", reference, cache=cache, progress=progress, scene=False)
     read = Reference(reference)
-    names = uniform_subset(rig.names, IMAGES)
     accuracy = float(np.hypot(NOISE_M, rig.accuracy_m))
-    rig_capture(folder / "basil", rig, names, perturb(rig.nominal, NOISE_M, NOISE_DEG, 0), accuracy)
-    return Case("basil_rig, 10 of 79 views", folder / "basil", read.known_plot(), read.cloud)
+    poses = perturb(rig.nominal, NOISE_M, NOISE_DEG, 0)
+    chosen = {
+        "basil_rig, 10 views 36° apart": uniform_subset(rig.names, IMAGES),
+        "basil_rig, 10 views 9° apart": rig.names[: 2 * IMAGES : 2],
+    }
+    cases = []
+    for number, (name, names) in enumerate(chosen.items()):
+        rig_capture(folder / f"basil-{number}", rig, names, poses, accuracy)
+        cases.append(Case(name, folder / f"basil-{number}", read.known_plot(), read.cloud))
+    return cases
 
 
 def compare(case: Case, progress: Progress) -> tuple[Side, ...]:
