@@ -8,22 +8,36 @@ from dataclasses import dataclass
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as ScipyRotation
 
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.colmap_model import transform_model
 
+_BOUND_3D = 4.03  # standard deviations: 99.9 % of a 3D normal error
+
 
 @dataclass(frozen=True, eq=False)
-class PositionPrior:
-    """Where an image was taken: position (3,) and its standard deviation per axis (3,), metres."""
+class CameraPrior:
+    """What is known of an image's pose.
+
+    Attributes:
+        position: (3,) metres.
+        sigma: (3,) its standard deviation per axis.
+        rotation: (3, 3) camera from world, or None.
+        angle_sigma_deg: its standard deviation.
+    """
 
     position: NDArray[np.float64]
     sigma: NDArray[np.float64]
+    rotation: NDArray[np.float64] | None = None
+    angle_sigma_deg: float = 0.0
 
 
 def adjust(
     model: pycolmap.Reconstruction,
-    priors: Mapping[int, PositionPrior],
+    priors: Mapping[int, CameraPrior],
     *,
     loss_px: float,
     refine_intrinsics: bool,
@@ -66,14 +80,15 @@ def adjust(
     _regauge(model, priors)
 
 
-def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, PositionPrior]) -> None:
+def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) -> None:
     """Put the model as a whole where its priors want it.
 
-    Reprojection errors do not see a similarity, and are so many that the solver moves along it in tiny steps.
+    Reprojection errors do not see a similarity, and are so many that the solver moves along it in tiny steps. Positions
+    fix it by least squares, and known orientations hold the rotation where positions on an arc leave it loose.
     """
     source = np.array([model.image(i).projection_center() for i in sorted(priors)])
     target = np.array([priors[i].position for i in sorted(priors)])
-    reach = 4.03 * np.array([np.linalg.norm(priors[i].sigma) / np.sqrt(3.0) for i in sorted(priors)])
+    reach = _BOUND_3D * np.array([np.linalg.norm(priors[i].sigma) / np.sqrt(3.0) for i in sorted(priors)])
     kept = np.ones(len(source), dtype=np.bool_)
     for _ in range(3):
         try:
@@ -84,6 +99,41 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, PositionPrior]
         if kept.sum() < max(3, len(source) // 2):
             kept = np.ones(len(source), dtype=np.bool_)
     transform_model(model, similarity)
+    known = {i: prior for k, (i, prior) in enumerate(sorted(priors.items())) if kept[k]}
+    transform_model(model, _tilt(model, known))
+
+
+def _tilt(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) -> Similarity:
+    """What known orientations change about a model that lies where its positions want it.
+
+    One Gauss-Newton step about the positions' optimum. All orientations together weigh as much as one, because what is
+    wrong with them, a mount's angle or a compass, is mostly common to all.
+    """
+    images = [i for i, prior in priors.items() if prior.rotation is not None and prior.angle_sigma_deg > 0]
+    if not images:
+        return Similarity.identity()
+    turns = np.array([_world_turn(model, i, priors[i]) for i in images])
+    sigmas = np.radians([priors[i].angle_sigma_deg for i in images])
+    near = np.linalg.norm(turns - np.median(turns, axis=0), axis=1) <= _BOUND_3D * sigmas
+    if near.sum() <= len(images) // 2:
+        return Similarity.identity()
+    weights = near / sigmas**2 / near.sum()
+    centers = np.array([model.image(i).projection_center() for i in priors])
+    trust = np.array([3.0 / float((prior.sigma**2).sum()) for prior in priors.values()])
+    middle = trust @ centers / trust.sum()
+    arms = centers - middle
+    # Of a small rotation w about the middle: Σ trust |w × arm|² + Σ weight |w − turn|².
+    stiffness = (trust * (arms**2).sum(axis=1)).sum() * np.eye(3) - (arms.T * trust) @ arms
+    rotation = rotation_from_vector(np.linalg.solve(stiffness + weights.sum() * np.eye(3), weights @ turns))
+    return Similarity(1.0, rotation, middle - rotation @ middle)
+
+
+def _world_turn(model: pycolmap.Reconstruction, image_id: int, prior: CameraPrior) -> NDArray[np.float64]:
+    """The rotation vector (3,) of the world, radians, that brings an image to its known orientation."""
+    assert prior.rotation is not None
+    found = np.array(model.image(image_id).cam_from_world().rotation.matrix())
+    turn: NDArray[np.float64] = ScipyRotation.from_matrix(prior.rotation.T @ found).as_rotvec()
+    return turn
 
 
 def filter_points(model: pycolmap.Reconstruction, max_error_px: float, min_angle_deg: float) -> int:
@@ -91,7 +141,7 @@ def filter_points(model: pycolmap.Reconstruction, max_error_px: float, min_angle
     return int(pycolmap.ObservationManager(model).filter_all_points3D(max_error_px, min_angle_deg))
 
 
-def _pose_prior(model: pycolmap.Reconstruction, image_id: int, prior: PositionPrior) -> pycolmap.PosePrior:
+def _pose_prior(model: pycolmap.Reconstruction, image_id: int, prior: CameraPrior) -> pycolmap.PosePrior:
     made = pycolmap.PosePrior()
     made.pose_prior_id = image_id
     made.corr_data_id = model.image(image_id).data_id

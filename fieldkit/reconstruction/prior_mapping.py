@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_angle_deg
-from fieldkit.reconstruction.bundle import PositionPrior, adjust, filter_points
+from fieldkit.reconstruction.bundle import CameraPrior, adjust, filter_points
 from fieldkit.reconstruction.colmap_model import (
     from_colmap_camera,
     model_points,
@@ -249,8 +249,11 @@ def _agrees_with_priors(found: TwoView, a: RoughPose, b: RoughPose) -> bool:
     return bool(turn <= _BOUND_2D * np.hypot(direction_sigma, b.angle_sigma_deg) + 2.0)
 
 
-def _position_priors(problem: _Problem) -> dict[int, PositionPrior]:
-    return {i + 1: PositionPrior(p.pose.center, p.position_sigma) for i, p in enumerate(problem.priors)}
+def _camera_priors(problem: _Problem) -> dict[int, CameraPrior]:
+    return {
+        i + 1: CameraPrior(p.pose.center, p.position_sigma, p.pose.rotation, p.angle_sigma_deg)
+        for i, p in enumerate(problem.priors)
+    }
 
 
 def _tracks_to_model(
@@ -277,7 +280,7 @@ def _first_model(problem: _Problem, matches: Matches, region: Region | None) -> 
     )  # fmt: skip
     model = _tracks_to_model(problem, poses, problem.cameras, matches, max(8.0, 4.0 * sigma))
     for loss in (max(2.0, sigma / 2), 8.0, 2.0):
-        adjust(model, _position_priors(problem), loss_px=loss, refine_intrinsics=False, seed=problem.seed)
+        adjust(model, _camera_priors(problem), loss_px=loss, refine_intrinsics=False, seed=problem.seed)
     return model
 
 
@@ -305,7 +308,7 @@ def _round(
         for i, j in pairs
     }
     model = _tracks_to_model(problem, poses, cameras, matches, 1.5 * band_px)
-    priors = _position_priors(problem)
+    priors = _camera_priors(problem)
     refine = last and not problem.fixed_intrinsics
     adjust(model, priors, loss_px=2.0 * settings.loss_px, refine_intrinsics=False, seed=problem.seed)
     filter_points(model, max(settings.max_error_px, band_px), settings.min_angle_deg)

@@ -9,7 +9,7 @@ import pytest
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.bundle import PositionPrior, adjust, filter_points
+from fieldkit.reconstruction.bundle import CameraPrior, adjust, filter_points
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_poses, new_model, triangulate_tracks
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, ring
 from tests.reconstruction.test_colmap_model import true_tracks
@@ -28,8 +28,8 @@ def started(scene: FeatureScene, poses: list[Pose], camera: Intrinsics | None = 
     return model
 
 
-def priors(poses: list[Pose], sigma_m: float) -> dict[int, PositionPrior]:
-    return {i + 1: PositionPrior(pose.center, np.full(3, sigma_m)) for i, pose in enumerate(poses)}
+def priors(poses: list[Pose], sigma_m: float) -> dict[int, CameraPrior]:
+    return {i + 1: CameraPrior(pose.center, np.full(3, sigma_m)) for i, pose in enumerate(poses)}
 
 
 def center_errors(model: pycolmap.Reconstruction, scene: FeatureScene) -> np.ndarray:
@@ -103,3 +103,37 @@ def test_the_same_seed_gives_the_same_bits(scene: FeatureScene) -> None:
         models.append(model)
     first, second = (np.array([p.center for p in model_poses(m).values()]) for m in models)
     assert first.tobytes() == second.tobytes()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_on_an_arc_orientations_hold_what_positions_leave_loose(seed: int) -> None:
+    """Ten cameras within 60°, positions off by 20 mm: by them alone the model turns about the arc's chord."""
+    arc = feature_scene(ring(60)[:10], points=150, clutter=10, pixel_noise=0.3, seed=3)
+    noisy = perturbed(arc.poses, 0.02, 1.0, seed=seed)
+    tilts = {}
+    for oriented in (False, True):
+        model = started(arc, arc.poses)
+        known = {
+            i + 1: CameraPrior(p.center, np.full(3, 0.02), p.rotation if oriented else None, 1.0)
+            for i, p in enumerate(noisy)
+        }
+        for _ in range(2):
+            adjust(model, known, loss_px=1.0, refine_intrinsics=False, seed=0)
+        found = model_poses(model)
+        tilts[oriented] = np.median(
+            [rotation_angle_deg(found[n].rotation, p.rotation) for n, p in zip(arc.names, arc.poses, strict=True)]
+        )
+    assert tilts[True] < 1.5
+    assert tilts[True] < 0.6 * tilts[False]
+
+
+def test_one_orientation_that_is_wrong_by_half_a_turn_changes_nothing(scene: FeatureScene) -> None:
+    found = []
+    for turned in (False, True):
+        known = {i + 1: CameraPrior(p.center, np.full(3, 0.01), p.rotation, 1.0) for i, p in enumerate(scene.poses)}
+        if turned:
+            known[3] = replace(known[3], rotation=np.diag([-1.0, -1.0, 1.0]) @ scene.poses[2].rotation)
+        model = started(scene, scene.poses)
+        adjust(model, known, loss_px=1.0, refine_intrinsics=False, seed=0)
+        found.append(np.array([pose.center for pose in model_poses(model).values()]))
+    assert np.abs(found[0] - found[1]).max() < 5e-4
