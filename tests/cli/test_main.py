@@ -88,7 +88,7 @@ class TestUsageErrors:
             (["doctr"], "Error: no such command: doctr\n  Did you mean `fieldkit doctor`?\n"),
             (["xyzzy"], "Error: no such command: xyzzy\n  `fieldkit --help` lists the commands.\n"),
             (["doctor", "--x"], "Error: no such option: --x\n  'fieldkit doctor --help' explains the command.\n"),
-            (["cache"], "Error: missing argument 'action'"),
+            (["evaluate", "-o", "x"], "Error: missing argument 'captures'"),
             (["cache", "burn"], "Error: invalid value for 'action': 'burn' is not one of 'show', 'prune', 'clear'\n"),
             (["cache", "show", "surplus"], "Error: got unexpected extra argument(s) (surplus)\n"),
             (["cache", "prune"], "Error: prune what?\n  Give --max-size or --older-than, or"),
