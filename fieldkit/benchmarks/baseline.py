@@ -7,8 +7,7 @@ calibrated camera instead of self-calibration.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 
 import pycolmap
@@ -84,15 +83,15 @@ class Baseline:
     def cloud(self, poses: Mapping[str, Pose]) -> Cloud:
         """SGBM's depth maps at the fidelity's size, masked like ours, through our fusion."""
         volume, settings = self._plot.volume, self._settings
-        with self._stage("Undistortion"):
+        with self._timer.stage("Undistortion"):
             views = [
                 prepare_view(photo.name, read_image(photo), self._intrinsics, poses[photo.name], settings.fidelity)
                 for photo in self._capture.photos
                 if photo.name in poses
             ]
-        with self._stage("Dense stereo"):
+        with self._timer.stage("Dense stereo"):
             maps = sgbm_depth_maps(views, volume, settings)
-        with self._stage("Fusion"):
+        with self._timer.stage("Fusion"):
             return fuse(views, maps, volume, settings)
 
     def _map(self, folder: Path) -> pycolmap.Reconstruction | None:
@@ -107,21 +106,16 @@ class Baseline:
         verification = pycolmap.TwoViewGeometryOptions()
         verification.ransac.random_seed = 0
         pycolmap.set_random_seed(0)
-        with self._stage("Features"):
+        with self._timer.stage("Features"):
             pycolmap.extract_features(
                 database, images, names, pycolmap.CameraMode.SINGLE, reader, extraction, pycolmap.Device.cpu
             )
-        with self._stage("Matching"):
+        with self._timer.stage("Matching"):
             pycolmap.match_exhaustive(database, matching, verification_options=verification, device=pycolmap.Device.cpu)
         options = pycolmap.IncrementalPipelineOptions()
         options.num_threads = options.mapper.num_threads = 1
         options.random_seed = options.mapper.random_seed = options.triangulation.random_seed = 0
         options.ba_refine_focal_length = options.ba_refine_extra_params = False
-        with self._stage("Mapping"):
+        with self._timer.stage("Mapping"):
             models = pycolmap.incremental_mapping(database, images, folder / "models", options)
         return max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()), default=None)
-
-    @contextmanager
-    def _stage(self, name: str) -> Iterator[None]:
-        with self._timer.stage(name):
-            yield

@@ -11,7 +11,7 @@ from fieldkit.benchmarks.rigs import RigSet
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.files import storage_errors
-from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry import Pose, Similarity
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
@@ -19,7 +19,7 @@ from fieldkit.scenes.benchmark import Split, benchmark_cameras, benchmark_scene
 from fieldkit.scenes.plot import build_scene, sample_plants
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.simulate import CaptureNoise, Sidecars, poses_table, simulate_capture
+from fieldkit.scenes.simulate import CaptureNoise, Sidecars, camera_toml, poses_table, simulate_capture
 
 LOWEST_M = 0.03
 """The rendered soil is bumpy: what lies lower is counted on neither side."""
@@ -79,11 +79,3 @@ def rig_capture(folder: Path, rig: RigSet, names: Sequence[str], poses: Mapping[
         table = poses_table(names, [poses[name] for name in names], accuracy_m=accuracy_m, roll=True)
         (folder / "poses.csv").write_text(table, encoding="utf-8")
         (folder / "camera.toml").write_text(camera_toml(rig.intrinsics), encoding="utf-8")
-
-
-def camera_toml(intrinsics: Intrinsics) -> str:
-    """The text of a camera.toml."""
-    params = ", ".join(repr(float(p)) for p in intrinsics.params)
-    return (
-        f'model = "{intrinsics.model}"\nwidth = {intrinsics.width}\nheight = {intrinsics.height}\nparams = [{params}]\n'
-    )

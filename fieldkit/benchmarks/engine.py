@@ -66,57 +66,61 @@ def _help(_: EngineOptions, progress: Progress) -> StudyResult:
     return run_startup(progress=progress)
 
 
-def _scaling(options: EngineOptions, progress: Progress) -> StudyResult:
-    if options.data is None:
-        return StudyResult("scaling", "Cost against the number of photographs", skipped=NO_DATA)
+def _scaling(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
     from fieldkit.benchmarks.scaling import run_scaling
 
-    return run_scaling(options.data, scene=options.scene, cache=options.cache, progress=progress)
+    return run_scaling(data, scene=options.scene, cache=options.cache, progress=progress)
 
 
-def _few_views(options: EngineOptions, progress: Progress) -> StudyResult:
-    if options.data is None:
-        return StudyResult("few-views", "Few views", skipped=NO_DATA)
+def _few_views(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
     from fieldkit.benchmarks.few_views import GOALS, SUBSETS, Plan, run_few_views
 
     plan = Plan(SUBSETS, GOALS, draws=options.draws, whole_grid=options.whole_grid)
-    return run_few_views(options.data, plan, cache=options.cache, progress=progress)
+    return run_few_views(data, plan, cache=options.cache, progress=progress)
 
 
-def _references(options: EngineOptions, progress: Progress) -> StudyResult:
-    if options.data is None:
-        return StudyResult("references", "References of the recorded sets", skipped=NO_DATA)
+def _references(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
     from fieldkit.benchmarks.references import run_references
 
-    return run_references(options.data, cache=options.cache, progress=progress)
+    return run_references(data, cache=options.cache, progress=progress)
 
 
-def _subset_scores(options: EngineOptions, progress: Progress) -> StudyResult:
-    if options.data is None:
-        return StudyResult("subset-scores", "Few views, scored", skipped=NO_DATA)
+def _subset_scores(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
     from fieldkit.benchmarks.subset_scores import run_subset_scores
 
-    return run_subset_scores(options.data, cache=options.cache, progress=progress)
+    return run_subset_scores(data, cache=options.cache, progress=progress)
 
 
-def _mappings(options: EngineOptions, progress: Progress) -> StudyResult:
-    if options.data is None:
-        return StudyResult("mappings", "Ways to map, all photographs", skipped=NO_DATA)
+def _mappings(data: Path, _: EngineOptions, progress: Progress) -> StudyResult:
     from fieldkit.benchmarks.mappings import run_mappings
 
-    return run_mappings(options.data, progress=progress)
+    return run_mappings(data, progress=progress)
 
 
-STUDIES: dict[str, Callable[[EngineOptions, Progress], StudyResult]] = {
+Run = Callable[[EngineOptions, Progress], StudyResult]
+
+
+def _on_data(name: str, title: str, run: Callable[[Path, EngineOptions, Progress], StudyResult]) -> Run:
+    """A study of the recorded sets, which says so where there are none."""
+
+    def study(options: EngineOptions, progress: Progress) -> StudyResult:
+        if options.data is None:
+            return StudyResult(name, title, skipped=NO_DATA)
+        return run(options.data, options, progress)
+
+    return study
+
+
+STUDIES: dict[str, Run] = {
     "help": _help,
     "clouds": _clouds,
     "dense": _dense,
     "evaluation": _evaluation,
-    "scaling": _scaling,
-    "few-views": _few_views,
-    "mappings": _mappings,
-    "references": _references,
-    "subset-scores": _subset_scores,
+    "scaling": _on_data("scaling", "Cost against the number of photographs", _scaling),
+    "few-views": _on_data("few-views", "Few views", _few_views),
+    "mappings": _on_data("mappings", "Ways to map, all photographs", _mappings),
+    "references": _on_data("references", "References of the recorded sets", _references),
+    "subset-scores": _on_data("subset-scores", "Few views, scored", _subset_scores),
 }
 SPEED = ("help", "clouds", "dense", "evaluation", "scaling")
 """The studies of speed, which run where nobody chooses; the others are about quality."""

@@ -152,7 +152,7 @@ def simulate_capture(
             stated = max(noise.position_m, 0.001) if sidecars.accuracy_m is None else sidecars.accuracy_m
             (partial / "poses.csv").write_text(poses_table(names, poses, accuracy_m=stated), encoding="utf-8")
         if sidecars.camera:
-            (partial / "camera.toml").write_text(_camera_toml(intrinsics), encoding="utf-8")
+            (partial / "camera.toml").write_text(camera_toml(intrinsics), encoding="utf-8")
     if truth is not None:
         write_atomic(truth, poses_table(names, true, roll=True))
     return true
@@ -203,7 +203,8 @@ def _geotag(pose: Pose, site: Site, noise: CaptureNoise, rng: np.random.Generato
     )
 
 
-def _camera_toml(intrinsics: Intrinsics) -> str:
+def camera_toml(intrinsics: Intrinsics) -> str:
+    """The text of a camera.toml."""
     params = ", ".join(repr(float(p)) for p in intrinsics.params)
     return (
         f'model = "{intrinsics.model}"\nwidth = {intrinsics.width}\nheight = {intrinsics.height}\nparams = [{params}]\n'

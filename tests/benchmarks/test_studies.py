@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from fieldkit.benchmarks import engine
-from fieldkit.benchmarks.captures import camera_toml
 from fieldkit.benchmarks.cloud_scores import leaves, run_clouds
 from fieldkit.benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
 from fieldkit.benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
@@ -33,6 +32,7 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.progress import Silent
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reporting.cost import Cost
+from fieldkit.scenes.simulate import camera_toml
 from tests.evaluation.examples import reconstruction
 from tests.reconstruction.dense.planes import SIZE, Plane, photograph, ring
 
