@@ -13,9 +13,8 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.similarity import fit_similarity
+from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.colmap_model import transform_model
-
-_BOUND_3D = 4.03  # standard deviations: 99.9 % of a 3D normal error
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +87,7 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) 
     """
     source = np.array([model.image(i).projection_center() for i in sorted(priors)])
     target = np.array([priors[i].position for i in sorted(priors)])
-    reach = _BOUND_3D * np.array([np.linalg.norm(priors[i].sigma) / np.sqrt(3.0) for i in sorted(priors)])
+    reach = POSITION_SIGMAS * np.array([np.linalg.norm(priors[i].sigma) / np.sqrt(3.0) for i in sorted(priors)])
     kept = np.ones(len(source), dtype=np.bool_)
     for _ in range(3):
         try:
@@ -114,7 +113,7 @@ def _tilt(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) -> 
         return Similarity.identity()
     turns = np.array([_world_turn(model, i, priors[i]) for i in images])
     sigmas = np.radians([priors[i].angle_sigma_deg for i in images])
-    near = np.linalg.norm(turns - np.median(turns, axis=0), axis=1) <= _BOUND_3D * sigmas
+    near = np.linalg.norm(turns - np.median(turns, axis=0), axis=1) <= POSITION_SIGMAS * sigmas
     if near.sum() <= len(images) // 2:
         return Similarity.identity()
     weights = near / sigmas**2 / near.sum()

@@ -222,9 +222,14 @@ class _Run:
             )
         result = self.prior_model(rough)
         contradicted: list[str] = []
+        by_pairs: dict[str, RoughPose] | None = None
         # Again after each correction: an image can hold on to wrong neighbours and fail once those are put right.
         for _ in range(_CORRECTION_ROUNDS):
-            corrected = self.corrected(rough, list(result.unregistered))
+            recorded = [name for name in result.unregistered if self.known.poses[name].rotation is not None]
+            if not recorded:
+                break
+            by_pairs = self.pair_poses(_MAX_BLIND_NEIGHBOURS) if by_pairs is None else by_pairs
+            corrected = {n: by_pairs[n] for n in recorded if n in by_pairs and contradict(by_pairs[n], rough[n])}
             if not corrected:
                 break
             contradicted += corrected
@@ -268,14 +273,6 @@ class _Run:
         return rough_from_pairs(
             self.names, self.known, self.pairs(calibrated=True, neighbours=neighbours), seed=self.settings.seed
         )
-
-    def corrected(self, rough: Mapping[str, RoughPose], failed: Sequence[str]) -> dict[str, RoughPose]:
-        """Other orientations for images that failed because the recorded ones contradict the photographs."""
-        recorded = [name for name in failed if self.known.poses[name].rotation is not None]
-        if not recorded:
-            return {}
-        found = self.pair_poses(_MAX_BLIND_NEIGHBOURS)
-        return {name: found[name] for name in recorded if name in found and contradict(found[name], rough[name])}
 
     def prior_model(self, rough: Mapping[str, RoughPose]) -> PriorMapping:
         chosen = [k for k, name in enumerate(self.names) if name in rough]
