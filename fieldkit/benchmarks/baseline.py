@@ -25,6 +25,9 @@ from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.stage_times import StageTimer
 
+LEAST_POSES = 3
+"""Fewer make no dense cloud: a depth counts where two other views agree."""
+
 
 class Baseline:
     """One run of the baseline; afterwards ``stages`` has the CPU seconds by stage.
@@ -49,19 +52,6 @@ class Baseline:
     def stages(self) -> dict[str, float]:
         """CPU seconds."""
         return {time.name: time.cpu_s for time in self._timer.times({})}
-
-    def run(self, lent: Mapping[str, Pose] | None = None) -> Cloud | None:
-        """The plants' cloud in the plot frame; None where fewer than three photographs register rightly.
-
-        Args:
-            lent: poses that take the place of those found, plot frame.
-        """
-        poses: Mapping[str, Pose] = self.poses()
-        if lent is not None:
-            poses = lent
-        if len(poses) < 3:
-            return None
-        return self.cloud(poses)
 
     def poses(self) -> dict[str, Pose]:
         """Poses in the plot frame of the photographs that agree with the known positions."""

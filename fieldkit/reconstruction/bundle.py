@@ -41,6 +41,7 @@ def adjust(
     loss_px: float,
     refine_intrinsics: bool,
     seed: int,
+    rough: bool = False,
 ) -> None:
     """Bundle-adjust all images of ``model`` in place, on one thread.
 
@@ -51,6 +52,8 @@ def adjust(
         loss_px: scale of the Cauchy loss on reprojection errors, pixels.
         refine_intrinsics: adjust focal lengths and distortion (never the principal point).
         seed: of the alignment to the priors.
+        rough: stop once a step lowers the cost by less than 1e-4 of it instead of 1e-6: enough before points are
+            filtered or matched again.
     """
     options = pycolmap.BundleAdjustmentOptions()
     options.print_summary = False
@@ -60,7 +63,7 @@ def adjust(
     options.ceres.loss_function_scale = loss_px
     options.ceres.solver_options.num_threads = 1
     options.ceres.solver_options.max_num_iterations = 50
-    options.ceres.solver_options.function_tolerance = 1e-6
+    options.ceres.solver_options.function_tolerance = 1e-4 if rough else 1e-6
     config = pycolmap.BundleAdjustmentConfig()
     for image_id in sorted(model.reg_image_ids()):
         config.add_image(image_id)

@@ -19,7 +19,7 @@ from fieldkit.reconstruction.epipolar import fundamental_matrix
 from fieldkit.reconstruction.features import Features
 
 Floats = NDArray[np.float64]
-_CELL_PX = 32.0
+_STRIP_PX, _CELL_PX = 128.0, 8.0
 
 
 @dataclass(frozen=True)
@@ -127,11 +127,7 @@ def match_guided(
     lines_in_b = _unit_lines(_homogeneous(a.points) @ fundamental.T)
     points_b = b.points + shift_px * _mean_normal(lines_in_b) if shift_px else b.points
     lines_in_a = _unit_lines(_homogeneous(points_b) @ fundamental)
-    grid = _Grid.of(points_b)
-    rows, columns = _best_in_band(
-        a.features.descriptors, b.features.descriptors, a.points, points_b, lines_in_b, lines_in_a, band_px,
-        settings.ratio, grid.left, grid.top, grid.columns, grid.rows, grid.order, grid.starts,
-    )  # fmt: skip
+    rows, columns = _best_in_band(a, b, points_b, lines_in_b, lines_in_a, band_px, settings.ratio)
     first = np.flatnonzero(rows >= 0)
     mutual = first[columns[rows[first]] == first]
     matches = np.stack([mutual, rows[mutual]], axis=1).astype(np.uint32)
@@ -223,85 +219,114 @@ def _mean_normal(lines: Floats) -> Floats:
     return direction
 
 
+def _best_in_band(
+    a: PosedFeatures,
+    b: PosedFeatures,
+    points_b: Floats,
+    lines_in_b: Floats,
+    lines_in_a: Floats,
+    band_px: float,
+    ratio: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Per feature of either image, the best partner within the band that passes the ratio test, else −1."""
+    of_a, of_b = _Best.none(len(a.features)), _Best.none(len(b.features))
+    flat = np.abs(lines_in_b[:, 1]) >= np.abs(lines_in_b[:, 0])
+    for index, axes in ((np.flatnonzero(flat), [0, 1]), (np.flatnonzero(~flat), [1, 0])):
+        if not len(index):
+            continue
+        points, line = points_b[:, axes], [*axes, 2]
+        strips = _Strips.of(points)
+        _compare(
+            index, a.features.descriptors, a.points[:, axes], lines_in_b[:, line],
+            b.features.descriptors[strips.order], points[strips.order], lines_in_a[strips.order][:, line], band_px,
+            strips.left, strips.top, strips.count, strips.cells, strips.order, strips.starts,
+            of_a.distance, of_a.second, of_a.index, of_b.distance, of_b.second, of_b.index,
+        )  # fmt: skip
+    return of_a.passing(ratio), of_b.passing(ratio)
+
+
 @dataclass(frozen=True, eq=False)
-class _Grid:
-    """Points sorted into square cells, columns first: `order[starts[k] : starts[k + 1]]` are those of cell k."""
+class _Best:
+    """Per feature the squared distances of the best and the second best partner and which the best is; filled in."""
+
+    distance: NDArray[np.int32]
+    second: NDArray[np.int32]
+    index: NDArray[np.int64]
+
+    @classmethod
+    def none(cls, count: int) -> _Best:
+        far = np.iinfo(np.int32).max
+        return cls(np.full(count, far, np.int32), np.full(count, far, np.int32), np.full(count, -1, np.int64))
+
+    def passing(self, ratio: float) -> NDArray[np.int64]:
+        """(n,) the best partner where it passes the ratio test, else −1."""
+        good = (self.distance <= ratio * ratio * self.second) & (self.second > 0)
+        return np.where(good, self.index, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Strips:
+    """Points sorted into strips across the first axis, and in each into cells along the second.
+
+    `order[starts[k] : starts[k + 1]]` are the points of cell k; those of a strip follow one another.
+    """
 
     left: float
     top: float
-    columns: int
-    rows: int
+    count: int
+    cells: int
     order: NDArray[np.int64]
     starts: NDArray[np.int64]
 
     @classmethod
-    def of(cls, points: Floats) -> _Grid:
+    def of(cls, points: Floats) -> _Strips:
         left, top = points.min(axis=0)
-        cells = np.floor((points - (left, top)) / _CELL_PX).astype(np.int64)
-        columns, rows = cells.max(axis=0) + 1
-        index = cells[:, 0] * rows + cells[:, 1]
+        place = np.floor((points - (left, top)) / (_STRIP_PX, _CELL_PX)).astype(np.int64)
+        count, cells = place.max(axis=0) + 1
+        index = place[:, 0] * cells + place[:, 1]
         order = np.argsort(index, kind="stable")
-        starts = np.searchsorted(index[order], np.arange(columns * rows + 1))
-        return cls(float(left), float(top), int(columns), int(rows), order, starts)
+        starts = np.searchsorted(index[order], np.arange(count * cells + 1))
+        return cls(float(left), float(top), int(count), int(cells), order, starts)
 
 
 @kernel
-def _best_in_band(  # type: ignore[no-untyped-def]
-    descriptors_a, descriptors_b, points_a, points_b, lines_in_b, lines_in_a, band, ratio,
-    left, top, columns, rows, order, starts,
+def _compare(  # type: ignore[no-untyped-def]
+    chosen, descriptors_a, points_a, lines_in_b, descriptors_b, points_b, lines_in_a, band,
+    left, top, strips, cells, order, starts, best_a, second_a, index_a, best_b, second_b, index_b,
 ):  # fmt: skip
-    """Per feature of either image, the best partner within the band that passes the ratio test, else −1."""
-    n, m = len(points_a), len(points_b)
-    far = 1 << 30
-    row_best, row_second = np.full(n, far, np.int64), np.full(n, far, np.int64)
-    column_best, column_second = np.full(m, far, np.int64), np.full(m, far, np.int64)
-    row_index, column_index = np.full(n, -1, np.int64), np.full(m, -1, np.int64)
-    for i in range(n):
+    """Compare the chosen features of a, whose lines are flat, with b's within the band; b is sorted by strips."""
+    for i in chosen:
         l0, l1, l2 = lines_in_b[i, 0], lines_in_b[i, 1], lines_in_b[i, 2]
-        x, y = points_a[i, 0], points_a[i, 1]
-        # Along the axis the line follows more closely, cell by cell; across it, the cells that the band meets.
-        flat = abs(l1) >= abs(l0)
-        across = l1 if flat else l0
-        along = l0 if flat else l1
-        if across == 0.0:
+        if l1 == 0.0:
             continue
-        for step in range(columns if flat else rows):
-            start = (left if flat else top) + step * _CELL_PX
-            first = -(along * start + l2) / across
-            last = -(along * (start + _CELL_PX) + l2) / across
-            margin = band / abs(across)
-            origin = top if flat else left
-            low = max(int(np.floor((min(first, last) - margin - origin) / _CELL_PX)), 0)
-            high = min(int(np.floor((max(first, last) + margin - origin) / _CELL_PX)), (rows if flat else columns) - 1)
-            for cell in range(low, high + 1):
-                k = step * rows + cell if flat else cell * rows + step
-                for position in range(starts[k], starts[k + 1]):
-                    j = order[position]
-                    if abs(l0 * points_b[j, 0] + l1 * points_b[j, 1] + l2) > band:
-                        continue
-                    if abs(lines_in_a[j, 0] * x + lines_in_a[j, 1] * y + lines_in_a[j, 2]) > band:
-                        continue
-                    distance = np.int64(0)
-                    for d in range(descriptors_a.shape[1]):
-                        difference = np.int32(descriptors_a[i, d]) - np.int32(descriptors_b[j, d])
-                        distance += difference * difference
-                    if distance < row_best[i]:
-                        row_second[i] = row_best[i]
-                        row_best[i] = distance
-                        row_index[i] = j
-                    elif distance < row_second[i]:
-                        row_second[i] = distance
-                    if distance < column_best[j]:
-                        column_second[j] = column_best[j]
-                        column_best[j] = distance
-                        column_index[j] = i
-                    elif distance < column_second[j]:
-                        column_second[j] = distance
-    squared = ratio * ratio
-    for i in range(n):
-        if row_best[i] > squared * row_second[i] or row_second[i] == 0:
-            row_index[i] = -1
-    for j in range(m):
-        if column_best[j] > squared * column_second[j] or column_second[j] == 0:
-            column_index[j] = -1
-    return row_index, column_index
+        x, y = points_a[i, 0], points_a[i, 1]
+        margin = band / abs(l1)
+        for strip in range(strips):
+            start = left + strip * _STRIP_PX
+            enters, leaves = -(l0 * start + l2) / l1, -(l0 * (start + _STRIP_PX) + l2) / l1
+            low = max(int(np.floor((min(enters, leaves) - margin - top) / _CELL_PX)), 0)
+            high = min(int(np.floor((max(enters, leaves) + margin - top) / _CELL_PX)), cells - 1)
+            if high < low:
+                continue
+            for k in range(starts[strip * cells + low], starts[strip * cells + high + 1]):
+                if abs(l0 * points_b[k, 0] + l1 * points_b[k, 1] + l2) > band:
+                    continue
+                if abs(lines_in_a[k, 0] * x + lines_in_a[k, 1] * y + lines_in_a[k, 2]) > band:
+                    continue
+                distance = np.int32(0)
+                for d in range(descriptors_a.shape[1]):
+                    difference = np.int32(np.int32(descriptors_a[i, d]) - np.int32(descriptors_b[k, d]))
+                    distance = np.int32(distance + np.int32(difference * difference))
+                j = order[k]
+                if distance < best_a[i]:
+                    second_a[i] = best_a[i]
+                    best_a[i] = distance
+                    index_a[i] = j
+                elif distance < second_a[i]:
+                    second_a[i] = distance
+                if distance < best_b[j]:
+                    second_b[j] = best_b[j]
+                    best_b[j] = distance
+                    index_b[j] = i
+                elif distance < second_b[j]:
+                    second_b[j] = distance

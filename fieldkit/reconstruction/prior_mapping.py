@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, POSITION_SIGMAS
 from fieldkit.reconstruction.bundle import CameraPrior, adjust, filter_points
 from fieldkit.reconstruction.colmap_model import (
     from_colmap_camera,
@@ -40,8 +41,7 @@ from fieldkit.reconstruction.verification import TwoView, VerificationSettings, 
 
 Matches = dict[tuple[int, int], NDArray[np.uint32]]
 
-# A 3D normal deviation stays within 4.03 σ per axis with 99.9 %, a 2D one within 3.72 σ (χ² distribution).
-_BOUND_3D, _BOUND_2D = 4.03, 3.72
+_DIRECTION_SIGMAS = 3.72  # 99.9 % of a 2D normal error (χ², 2 degrees of freedom)
 _POINTS_FOR_SLAB = 50
 _MIN_RESECTION = 8
 _SLAB_MARGIN = 0.3  # of the flying height above the scene, up and down
@@ -240,13 +240,13 @@ def _agrees_with_priors(found: TwoView, a: RoughPose, b: RoughPose) -> bool:
     baseline = float(np.linalg.norm(translation))
     angle_sigma = float(np.hypot(a.angle_sigma_deg, b.angle_sigma_deg))
     # Two more degrees: pairs with few matches fix the relative pose no better.
-    if rotation_angle_deg(found.rotation, rotation) > _BOUND_3D * angle_sigma + 2.0:
+    if rotation_angle_deg(found.rotation, rotation) > ANGLE_SIGMAS * angle_sigma + 2.0:
         return False
     shift = float(np.hypot(np.mean(a.position_sigma), np.mean(b.position_sigma)))
     direction_sigma = np.degrees(np.arctan2(shift, max(baseline, 1e-9)))
     cosine = float(found.translation @ translation) / max(baseline * float(np.linalg.norm(found.translation)), 1e-12)
     turn = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    return bool(turn <= _BOUND_2D * np.hypot(direction_sigma, b.angle_sigma_deg) + 2.0)
+    return bool(turn <= _DIRECTION_SIGMAS * np.hypot(direction_sigma, b.angle_sigma_deg) + 2.0)
 
 
 def _camera_priors(problem: _Problem) -> dict[int, CameraPrior]:
@@ -279,8 +279,9 @@ def _first_model(problem: _Problem, matches: Matches, region: Region | None) -> 
         for i, j in pairs
     )  # fmt: skip
     model = _tracks_to_model(problem, poses, problem.cameras, matches, max(8.0, 4.0 * sigma))
-    for loss in (max(2.0, sigma / 2), 8.0, 2.0):
-        adjust(model, _camera_priors(problem), loss_px=loss, refine_intrinsics=False, seed=problem.seed)
+    priors = _camera_priors(problem)
+    for loss, rough in ((max(2.0, sigma / 2), True), (8.0, True), (2.0, False)):
+        adjust(model, priors, loss_px=loss, refine_intrinsics=False, seed=problem.seed, rough=rough)
     return model
 
 
@@ -310,9 +311,9 @@ def _round(
     model = _tracks_to_model(problem, poses, cameras, matches, 1.5 * band_px)
     priors = _camera_priors(problem)
     refine = last and not problem.fixed_intrinsics
-    adjust(model, priors, loss_px=2.0 * settings.loss_px, refine_intrinsics=False, seed=problem.seed)
+    adjust(model, priors, loss_px=2.0 * settings.loss_px, refine_intrinsics=False, seed=problem.seed, rough=True)
     filter_points(model, max(settings.max_error_px, band_px), settings.min_angle_deg)
-    adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed)
+    adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed, rough=True)
     filter_points(model, settings.max_error_px, settings.min_angle_deg)
     adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed)
     return model
@@ -392,7 +393,7 @@ def _common_turn(poses: Sequence[Pose], priors: Sequence[RoughPose]) -> NDArray[
 def _left_bounds(pose: Pose, prior: RoughPose, turn: NDArray[np.float64]) -> bool:
     shift = float(np.linalg.norm((pose.center - prior.pose.center) / np.maximum(prior.position_sigma, 1e-9)))
     angle = rotation_angle_deg(pose.rotation @ turn, prior.pose.rotation)
-    return shift > _BOUND_3D or angle > _BOUND_3D * prior.angle_sigma_deg
+    return shift > POSITION_SIGMAS or angle > ANGLE_SIGMAS * prior.angle_sigma_deg
 
 
 def _slab(model: pycolmap.Reconstruction) -> Slab | None:
@@ -441,11 +442,12 @@ def _unsupported(
     posed = problem.posed(*_state(problem, model))
     support = np.zeros(len(posed))
     for i, j in pairs:
+        if min(support[i], support[j]) >= settings.min_observations:
+            continue
         found = match_guided(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
         chance = chance_matches(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
         # Pairs without overlap give as many matches as chance; only what is above it speaks for a pose.
-        surplus = max(0.0, len(found) - settings.chance_factor * chance)
-        support[[i, j]] += surplus
+        support[[i, j]] += max(0.0, len(found) - settings.chance_factor * chance)
     reasons = {}
     for index, name in enumerate(problem.names):
         if len(problem.features[index]) < settings.min_observations:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -34,14 +35,12 @@ def build_tracks(counts: list[int], matches: Mapping[tuple[int, int], NDArray[np
     graph = coo_matrix((np.ones(len(rows), np.int8), (rows, columns)), shape=(total, total))
     _, labels = connected_components(graph, directed=False)
     used = np.unique(np.concatenate([rows, columns]))
-    members = used[np.argsort(labels[used], kind="stable")]
-    boundaries = np.flatnonzero(np.diff(labels[members])) + 1
-    image_of = np.repeat(np.arange(len(counts)), counts)
-    tracks = []
-    for group in np.split(members, boundaries):
-        images = image_of[group]
-        unique, occurrences = np.unique(images, return_counts=True)
-        single = group[np.isin(images, unique[occurrences == 1])]
-        if len(single) >= 2:
-            tracks.append(tuple((int(image_of[g]), int(g - offsets[image_of[g]])) for g in np.sort(single)))
-    return sorted(tracks)
+    images = np.repeat(np.arange(len(counts)), counts)[used]
+    _, at, occurrences = np.unique(labels[used] * len(counts) + images, return_inverse=True, return_counts=True)
+    single = occurrences[at] == 1
+    used, images = used[single], images[single]
+    by_track = np.argsort(labels[used], kind="stable")
+    ends = np.flatnonzero(np.diff(labels[used[by_track]])) + 1
+    elements = list(zip(images[by_track].tolist(), (used - offsets[images])[by_track].tolist(), strict=True))
+    starts = [0, *ends.tolist(), len(elements)]
+    return sorted(tuple(elements[a:b]) for a, b in itertools.pairwise(starts) if b - a >= 2)
