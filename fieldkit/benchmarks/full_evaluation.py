@@ -131,7 +131,7 @@ def basil_cases(folder: Path, data: Path, cache: StageCache, progress: Progress)
     reference = folder / "basil-reference"
     build_reference(data / "basil_rig" / "images", reference, cache=cache, progress=progress, scene=False)
     read = Reference(reference)
-    plot = replace(read.known_plot(), volume=Volume.around(read.cloud.points, margin_m=_MARGIN_M))
+    plot = replace(read.known_plot(), volume=Volume.around(read.cloud.points, margin_m=_MARGIN_M, trim=0.001))
     accuracy = float(np.hypot(NOISE_M, rig.accuracy_m))
     poses = perturb(rig.nominal, NOISE_M, NOISE_DEG, 0)
     chosen = {
