@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds import Cloud
 from fieldkit.scenes.light import bake_light, visible_from
-from fieldkit.scenes.maize import MaizeDescription, build_maize
-from fieldkit.scenes.scene import Light, Mesh, Scene
+from fieldkit.scenes.maize import MaizeDescription, Stage, build_maize
+from fieldkit.scenes.neighbours import NeighboursDescription
+from fieldkit.scenes.scene import EffectsDescription, Light, Mesh, Scene
 from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
+from fieldkit.scenes.weeds import WeedsDescription
 
 Layout = Literal["row", "grid", "random"]
 _DIRECTIONS = 36
@@ -27,22 +29,34 @@ class PlotDescription:
         soil: the ground.
         light: sun and sky.
         extent_m: side of the square that belongs to the plot; everything in it casts shadows.
+        weeds: leafy ground cover and weeds between the plants; not part of the reference.
+        neighbours: rows of maize around the plot; not part of the reference.
+        effects: what of the light's behaviour is drawn.
     """
 
     plants: tuple[MaizeDescription, ...]
     soil: SoilDescription = field(default_factory=SoilDescription)
     light: Light = field(default_factory=Light)
     extent_m: float = 1.6
+    weeds: WeedsDescription = field(default_factory=WeedsDescription)
+    neighbours: NeighboursDescription = field(default_factory=NeighboursDescription)
+    effects: EffectsDescription = field(default_factory=EffectsDescription)
+
+    def __post_init__(self) -> None:
+        if not 0.2 <= self.extent_m <= 20.0:
+            raise ValueError(f"a plot's extent_m is 0.2 to 20, not {self.extent_m}")
 
 
 def plant_layout(
-    count: int, seed: int, *, layout: Layout = "row", spacing_m: float = 0.26, leaves: tuple[int, int] = (7, 9)
-) -> tuple[MaizeDescription, ...]:
+    count: int, seed: int, *, layout: Layout = "row", spacing_m: float = 0.26,
+    stages: tuple[Stage, ...] = ("V7", "V8", "V9"), leaves: tuple[int, int] | None = None,
+) -> tuple[MaizeDescription, ...]:  # fmt: skip
     """``count`` different plants about the origin.
 
     Args:
         layout: one row along x, two rows, or at random with at least ``spacing_m`` · 0.8 between plants.
-        leaves: fewest and most leaves of a plant.
+        stages: one of them is drawn for each plant.
+        leaves: instead of stages, fewest and most leaves of the benchmark's plain plants.
     """
     rng = np.random.default_rng([seed, 5])
     if layout == "row":
@@ -59,10 +73,16 @@ def plant_layout(
     return tuple(
         MaizeDescription(
             seed=int(rng.integers(1 << 30)), x_m=float(x), y_m=float(y), yaw_deg=float(rng.uniform(0, 360)),
-            scale=float(rng.uniform(0.9, 1.1)), leaves=int(rng.integers(leaves[0], leaves[1] + 1)),
+            scale=float(rng.uniform(0.9, 1.1)), **_form(rng, stages, leaves),
         )
         for x, y in places
     )  # fmt: skip
+
+
+def _form(rng: np.random.Generator, stages: tuple[Stage, ...], leaves: tuple[int, int] | None) -> dict[str, Any]:
+    if leaves is not None:
+        return {"leaves": int(rng.integers(leaves[0], leaves[1] + 1))}
+    return {"stage": stages[int(rng.integers(len(stages)))]}
 
 
 def _random_places(count: int, distance: float, rng: np.random.Generator) -> NDArray[np.float64]:

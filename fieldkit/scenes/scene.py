@@ -70,6 +70,23 @@ class Light:
     ground_color: tuple[float, float, float] = (0.18, 0.15, 0.12)
 
 
+@dataclass(frozen=True)
+class EffectsDescription:
+    """Switches of what makes a surface look different from elsewhere or under the sky.
+
+    Attributes:
+        gloss: the sun's and the sky's reflection on leaves, which moves with the camera.
+        translucency: sunlight through leaves.
+        shadows: cast by the sun.
+        sky_light: less of it where less of the sky is seen (ambient occlusion).
+    """
+
+    gloss: bool = True
+    translucency: bool = True
+    shadows: bool = True
+    sky_light: bool = True
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """Meshes under one light, in the plot frame (x east, y north, z up, metres, z = 0 on the ground)."""

@@ -1,4 +1,6 @@
-"""Procedural maize plants: stem, sheaths, arching and twisting blades, each leaf with its own texture.
+"""The plain plant of the engine's benchmark: stem, sheaths, arching and twisting blades, textured leaf by leaf.
+
+Kept as it was measured; plants at a growth stage are built by `fieldkit.scenes.maize.plant`.
 
 The forms follow published descriptions, the constants are ours, chosen by eye for vegetative plants of 0.4–0.9 m:
 leaf size along the stem is the skewed bell of Dwyer and Stewart (1986), the midrib an arc whose inclination falls
@@ -12,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.scenes.maize.description import MaizeDescription
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.scene import Mesh, vertex_normals
 
@@ -20,30 +23,6 @@ Array = NDArray[np.float64]
 _STRIP = 96  # texture rows per leaf
 _STEM_STRIP = 160
 _TEXTURE_WIDTH = 2048
-
-
-@dataclass(frozen=True)
-class MaizeDescription:
-    """One plant.
-
-    Attributes:
-        seed: of its individual form and colour.
-        x_m, y_m: where it stands, plot frame.
-        yaw_deg: direction of the plane its leaves stand in, clockwise from north.
-        scale: of all lengths.
-        leaves: number of leaves with a blade, 5 to 12.
-    """
-
-    seed: int
-    x_m: float = 0.0
-    y_m: float = 0.0
-    yaw_deg: float = 0.0
-    scale: float = 1.0
-    leaves: int = 9
-
-    def __post_init__(self) -> None:
-        if not 5 <= self.leaves <= 12:
-            raise ValueError(f"a maize plant here has 5 to 12 leaves, not {self.leaves}")
 
 
 @dataclass(frozen=True)
@@ -66,10 +45,10 @@ class _Leaf:
     seed: int
 
 
-def build_maize(plant: MaizeDescription, ground_m: float = 0.0) -> Mesh:
-    """The plant as one textured mesh with normals, unlit, standing at height ``ground_m``."""
+def build_compact_maize(plant: MaizeDescription, leaves_count: int, ground_m: float = 0.0) -> Mesh:
+    """A plant of ``leaves_count`` blades as one textured mesh with normals, unlit, standing at ``ground_m``."""
     rng = np.random.default_rng([plant.seed, 77])
-    stem_points, stem_radii, leaves = _architecture(plant, rng)
+    stem_points, stem_radii, leaves = _architecture(leaves_count, rng)
     rows = _STRIP * len(leaves) + _STEM_STRIP
     parts = [_stem(stem_points, stem_radii, rows)]
     parts += [_blade(leaf, _STEM_STRIP + i * _STRIP, rows) for i, leaf in enumerate(leaves)]
@@ -85,9 +64,8 @@ def build_maize(plant: MaizeDescription, ground_m: float = 0.0) -> Mesh:
     return Mesh(f"maize-{plant.seed}", placed, faces, vertex_normals(placed, faces), uv, texture, plant=True)
 
 
-def _architecture(plant: MaizeDescription, rng: np.random.Generator) -> tuple[Array, Array, list[_Leaf]]:
+def _architecture(n: int, rng: np.random.Generator) -> tuple[Array, Array, list[_Leaf]]:
     """Centre line (n, 3) and radii (n,) of the stem with its sheaths, and the leaves, lowest first."""
-    n = plant.leaves
     vigour = rng.uniform(0.88, 1.12)
     height = vigour * 0.050 * n**0.97
     lean = rng.normal(0, 0.05, 2)
