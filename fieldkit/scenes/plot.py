@@ -11,13 +11,20 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud
 from fieldkit.scenes.light import bake_light, visible_from
 from fieldkit.scenes.maize import MaizeDescription, Stage, build_maize
-from fieldkit.scenes.neighbours import NeighboursDescription
+from fieldkit.scenes.neighbours import NeighboursDescription, build_neighbours
 from fieldkit.scenes.scene import EffectsDescription, Light, Mesh, Scene
 from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
-from fieldkit.scenes.weeds import WeedsDescription
+from fieldkit.scenes.weeds import WeedsDescription, build_weeds
 
 Layout = Literal["row", "grid", "random"]
 _DIRECTIONS = 36
+
+Material = tuple[float, float]
+"""Translucency and gloss of a surface, both in [0, 1] and by eye."""
+
+_LEAF, _PLAIN_LEAF, _WEED = (0.45, 0.16), (0.45, 0.10), (0.40, 0.10)
+_GROUND: dict[str, Material] = {"soil": (0.0, 0.012), "stones": (0.0, 0.03), "residue": (0.1, 0.05)}
+_CRUMB: Material = (0.0, 0.012)
 
 
 @dataclass(frozen=True)
@@ -97,13 +104,28 @@ def _random_places(count: int, distance: float, rng: np.random.Generator) -> NDA
 
 def build_scene(plot: PlotDescription) -> Scene:
     """The plot's meshes with baked light, and the sky."""
-    plants = []
+
+    def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        return soil_height(plot.soil, x, y)
+
+    surfaces: list[tuple[Mesh, Material]] = []
     for i, plant in enumerate(plot.plants):
-        ground = soil_height(plot.soil, np.array([plant.x_m]), np.array([plant.y_m]))[0]
-        plants.append(replace(build_maize(plant, float(ground)), name=f"plant-{i + 1}"))
-    meshes = [*plants, *build_soil(plot.soil)]
-    materials = [(0.45, 0.10)] * len(plants) + [(0.0, 0.012), (0.0, 0.03), (0.1, 0.05)]
-    lit = bake_light(meshes, plot.light, gloss=materials, radius_m=0.5 * plot.extent_m + 0.6)
+        ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
+        leaf = _PLAIN_LEAF if plant.leaves is not None else _LEAF
+        surfaces.append((replace(build_maize(plant, ground), name=f"plant-{i + 1}"), leaf))
+    if plot.neighbours.rows:
+        x, y = [p.x_m for p in plot.plants] or [0.0], [p.y_m for p in plot.plants] or [0.0]
+        meshes = build_neighbours(plot.neighbours, (min(x), min(y)), (max(x), max(y)), height)
+        surfaces += [(mesh, _LEAF) for mesh in meshes]
+    surfaces += [(mesh, _GROUND.get(mesh.name, _CRUMB)) for mesh in build_soil(plot.soil)]
+    surfaces += [(mesh, _WEED) for mesh in build_weeds(plot.weeds, height)]
+    effects = plot.effects
+    gloss = [(t if effects.translucency else 0.0, g if effects.gloss else 0.0) for _, (t, g) in surfaces]
+    lit = bake_light(
+        [mesh for mesh, _ in surfaces], plot.light, gloss=gloss, radius_m=0.5 * plot.extent_m + 0.6,
+        shadows=effects.shadows, sky_light=effects.sky_light,
+        fine=plot.soil.kind != "printed",
+    )  # fmt: skip
     return Scene((*lit, _sky()), plot.light)
 
 
