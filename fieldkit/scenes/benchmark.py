@@ -8,6 +8,7 @@ from typing import Literal
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.plot import PlotDescription, plant_layout
 from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.scene import Light
 from fieldkit.scenes.soil import PRINTED
 
 Split = Literal["tuning", "test"]
@@ -30,7 +31,7 @@ def benchmark_scene(split: Split, index: int) -> PlotDescription:
     seed = _SEEDS[split][index]
     count = {("tuning", 0): 3, ("tuning", 1): 5, ("test", 0): 5, ("test", 1): 4}[split, index]
     plants = plant_layout(count, seed, layout="row" if index == 0 else "grid", leaves=(7, 9))
-    return PlotDescription(plants, replace(PRINTED, seed=seed))
+    return PlotDescription(plants, replace(PRINTED, seed=seed), Light())
 
 
 def benchmark_cameras(count: int = 10) -> tuple[list[Pose], Intrinsics]:

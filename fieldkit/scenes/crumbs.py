@@ -73,7 +73,7 @@ def build_crumbs(
     turn, sink = rng.uniform(0, 2 * np.pi, n), rng.uniform(-0.05, 0.55, n)
     stretch = rng.uniform((0.8, 0.65, 0.55), (1.25, 1.0, 0.95), (n, 3))
     tone = np.clip(rng.normal(1.0, 0.07, n), 0.75, 1.3)
-    grey = np.where(rng.random(n) < 0.3, rng.uniform(0.38, 0.55, n), rng.uniform(0.28, 0.40, n))
+    grey = np.where(rng.random(n) < 0.3, rng.uniform(0.26, 0.40, n), rng.uniform(0.18, 0.27, n))
     vertices, faces, colors, start = [], [], [], 0
     for stone, shapes in ((False, clods), (True, stones)):
         for i, (points, triangles) in enumerate(shapes):

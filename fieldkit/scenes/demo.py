@@ -11,6 +11,7 @@ from fieldkit.progress import Progress, Silent
 from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout, sample_plants
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.scene import Light
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
 from fieldkit.scenes.soil import PRINTED
 
@@ -37,7 +38,7 @@ class DemoCaptures:
 def make_demo_scene(seed: int = 0) -> PlotDescription:
     """Three young maize plants on soil a little coarser than the benchmark's, so that it is built in seconds."""
     soil = replace(PRINTED, seed=seed, spacing_m=0.007, texture_px=2048, stones=400, residues=200)
-    return PlotDescription(plant_layout(3, seed, spacing_m=0.24, leaves=(7, 8)), soil)
+    return PlotDescription(plant_layout(3, seed, spacing_m=0.24, leaves=(7, 8)), soil, Light())
 
 
 def demo_cameras() -> tuple[list[Pose], list[Pose], Intrinsics]:

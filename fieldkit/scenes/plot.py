@@ -12,7 +12,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.scenes.light import bake_light, visible_from
 from fieldkit.scenes.maize import MaizeDescription, Stage, build_maize
 from fieldkit.scenes.neighbours import NeighboursDescription, build_neighbours
-from fieldkit.scenes.scene import EffectsDescription, Light, Mesh, Scene
+from fieldkit.scenes.scene import HAZE, EffectsDescription, Light, Mesh, Scene
 from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
 from fieldkit.scenes.weeds import WeedsDescription, build_weeds
 
@@ -34,7 +34,7 @@ class PlotDescription:
     Attributes:
         plants: each with its seed and place.
         soil: the ground.
-        light: sun and sky.
+        light: sun and sky; a hazy day where not given.
         extent_m: side of the square that belongs to the plot; everything in it casts shadows.
         weeds: leafy ground cover and weeds between the plants; not part of the reference.
         neighbours: rows of maize around the plot; not part of the reference.
@@ -43,7 +43,7 @@ class PlotDescription:
 
     plants: tuple[MaizeDescription, ...]
     soil: SoilDescription = field(default_factory=SoilDescription)
-    light: Light = field(default_factory=Light)
+    light: Light = HAZE
     extent_m: float = 1.6
     weeds: WeedsDescription = field(default_factory=WeedsDescription)
     neighbours: NeighboursDescription = field(default_factory=NeighboursDescription)

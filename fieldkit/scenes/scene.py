@@ -75,6 +75,10 @@ class Light:
     ground_color: tuple[float, float, float] = (0.18, 0.15, 0.12)
 
 
+HAZE = Light(sun_color=(0.62, 0.60, 0.56), sky_color=(0.58, 0.62, 0.68))
+"""A hazy day, as one chooses to photograph plants: the sun through thin cloud, its shadows softened by the sky."""
+
+
 @dataclass(frozen=True)
 class EffectsDescription:
     """Switches of what makes a surface look different from elsewhere or under the sky.

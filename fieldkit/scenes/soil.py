@@ -65,7 +65,7 @@ def soil_height(soil: SoilDescription, x: Array, y: Array) -> Array:
 
 
 def _color(soil: SoilDescription, x: Array, y: Array, cell: Array | float = 0.0) -> Array:
-    """(…, 3) sRGB of the ground: a dull, slightly patchy brown. What contrast there is beyond it comes from relief.
+    """(…, 3) sRGB of the ground: moist loam, dark and slightly patchy. All other contrast comes from relief.
 
     ``cell`` is the grid's spacing in metres: what it cannot show is left out.
     """
@@ -74,8 +74,8 @@ def _color(soil: SoilDescription, x: Array, y: Array, cell: Array | float = 0.0)
     tone += 0.08 * medium * fractal_noise(x / 0.012, y / 0.012, soil.seed + 202, octaves=2)
     damp = np.clip(1.5 * fractal_noise(x / 0.12, y / 0.12, soil.seed + 204, octaves=3), 0.0, 0.6)
     tone = 1.0 + soil.contrast * (tone - 0.25 * medium * damp)
-    warmth = 0.02 * medium * fractal_noise(x / 0.05, y / 0.05, soil.seed + 205, octaves=3)
-    rgb = np.stack([0.37 + warmth, 0.32 + 0 * warmth, 0.27 - warmth], axis=-1) * tone[..., None]
+    warmth = 0.012 * medium * fractal_noise(x / 0.05, y / 0.05, soil.seed + 205, octaves=3)
+    rgb = np.stack([0.22 + warmth, 0.193 + 0 * warmth, 0.163 - warmth], axis=-1) * tone[..., None]
     return np.asarray(np.clip(rgb, 0.0, 1.0), dtype=np.float64)
 
 

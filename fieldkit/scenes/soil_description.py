@@ -32,8 +32,8 @@ class SoilDescription:
     spacing_m: float = 0.004
     texture_px: int = 2048
     clod_height_m: float = 0.030
-    stones: int = 500
-    residues: int = 320
+    stones: int = 250
+    residues: int = 100
     contrast: float = 0.5
     kind: SoilKind = "tilled"
 
@@ -48,5 +48,5 @@ class SoilDescription:
             raise ValueError("clod_height_m, stones, residues and contrast cannot be negative")
 
 
-PRINTED = SoilDescription(kind="printed", spacing_m=0.005, texture_px=4096, stones=700, contrast=1.0)
+PRINTED = SoilDescription(kind="printed", spacing_m=0.005, texture_px=4096, stones=700, residues=320, contrast=1.0)
 """The soil of the engine's benchmark; only its seed differs from scene to scene."""

@@ -123,8 +123,8 @@ def _rosettes(weeds: WeedsDescription, height: Height, rng: np.random.Generator)
 
 def _greens(hue: Array, rng: np.random.Generator) -> Array:
     tone = np.clip(rng.normal(1.0, 0.14, len(hue)), 0.6, 1.5)
-    yellow = 0.035 * hue + rng.normal(0, 0.02, len(hue))
-    rgb = np.stack([0.38 + yellow, 0.52 + 0.3 * yellow, 0.22 - 0.2 * yellow], axis=-1) * tone[:, None]
+    yellow = 0.022 * hue + rng.normal(0, 0.012, len(hue))
+    rgb = np.stack([0.22 + yellow, 0.31 + 0.3 * yellow, 0.14 - 0.2 * yellow], axis=-1) * tone[:, None]
     dead = rng.random(len(hue)) < 0.04
-    rgb[dead] = np.array([0.62, 0.52, 0.32]) * tone[dead, None]
+    rgb[dead] = np.array([0.44, 0.37, 0.24]) * tone[dead, None]
     return np.asarray(np.clip(rgb, 0.02, 1.0))

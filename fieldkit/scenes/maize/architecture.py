@@ -85,14 +85,15 @@ def grow(stage: Stage, rng: np.random.Generator) -> Architecture:
     collars, tips = leaf_number(stage, final)
     vigour = rng.uniform(0.90, 1.10)
     grown = np.array([np.clip((collars - k + 1.5) / 4.0, 0.0, 1.0) for k in range(1, final + 1)])
-    if collars == final:
+    mature = stage in ("VT", "R1")
+    if mature:
         grown[:] = 1.0
     lengths = vigour * np.array([internode_length(k, final) for k in range(1, final + 1)]) * grown
     nodes = np.cumsum(lengths * rng.uniform(0.93, 1.07, final))
     sheaths = vigour * (0.030 + 0.145 * np.clip((np.arange(final)) / 9.0, 0, 1)) * rng.uniform(0.93, 1.07, final)
     heights = np.maximum.accumulate(nodes + sheaths + 0.004 * np.arange(final))
     top = heights[collars - 1]
-    tassel = 0.36 * vigour if collars == final else 0.0
+    tassel = 0.36 * vigour if mature else 0.0
     end = top + (0.10 if tassel else 0.02 + 0.006 * collars)
     line, radii = _stem(end, heights[:collars], nodes[:collars], vigour, collars, rng)
     first = max(1, round(collars / 3.2) - 1) if collars > 6 else 1  # the lowest leaves are torn off as the stem widens

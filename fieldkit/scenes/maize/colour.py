@@ -30,7 +30,7 @@ def blade_texture(leaf: Leaf, height: int, width: int) -> NDArray[np.uint8]:
     s = t * leaf.length + 0 * q  # metres
     w = q * 0.5 * leaf.width + 0 * t  # metres at the widest place
     seed = leaf.seed
-    blotch = fractal_noise(s / 0.036, w / 0.016, seed + 1, octaves=4, gain=0.6)
+    blotch = fractal_noise(s / 0.055, w / 0.012, seed + 1, octaves=4, gain=0.6)
     # Parallel veins: noise drawn out along the blade.
     veins = fractal_noise(s / 0.20, w / 0.0034, seed + 2, octaves=2)
     veins += 0.6 * fractal_noise(s / 0.05, w / 0.0014, seed + 3, octaves=2)
@@ -39,7 +39,7 @@ def blade_texture(leaf: Leaf, height: int, width: int) -> NDArray[np.uint8]:
     green = np.array([0.40, 0.58, 0.22]) * (1 - leaf.age) + np.array([0.52, 0.56, 0.22]) * leaf.age
     # The tip of a blade is older than its base.
     green = green * (1.06 - 0.10 * t[..., None]) + 0.05 * t[..., None] * np.array([0.6, 0.3, -0.1])
-    tone = 1 + 0.42 * blotch + 0.24 * veins + 0.34 * grain + 0.15 * bands
+    tone = 1 + 0.38 * blotch + 0.24 * veins + 0.34 * grain + 0.15 * bands
     color = green * tone[..., None]
     color += 0.06 * np.clip(blotch, 0, 1)[..., None] * np.array([1.0, 0.8, -0.2])
     midrib = np.exp(-((w / (0.0013 + 0.0020 * (1 - t))) ** 2)) * (1 - 0.75 * t)

@@ -35,7 +35,7 @@ def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool 
     parts, flex, pictures = _stem(plant.seed, grown, strips, shrink)
     for leaf in grown.leaves:
         strip = strips.take(_BLADE_ROWS)
-        along, across = (32, 7) if coarse else (128, 21)
+        along, across = (32, 7) if coarse else (160, 19) if len(grown.leaves) <= 8 else (112, 17)
         part = blade(leaf, strip, along=along, across=across)
         parts.append(part)
         flex.append(np.repeat(np.linspace(0, leaf.length, along), across))
