@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,19 +49,24 @@ def soil_height(soil: SoilDescription, x: Array, y: Array) -> Array:
     """Height of the ground in metres at ``x``, ``y`` (any equal shape); its mean is about 0."""
     if soil.kind == "printed":
         return printed_height(soil, x, y)
+    return _height(soil, x, y, np.zeros(np.shape(x)))
+
+
+def _height(soil: SoilDescription, x: Array, y: Array, cell: Array) -> Array:
+    """`soil_height` on a grid of spacing ``cell`` in metres, level where the grid cannot show the lumps."""
     relief = _RELIEF[soil.kind]
-    height = 0.012 * fractal_noise(x / 0.45, y / 0.45, soil.seed, octaves=3).astype(np.float64)
+    grid = np.maximum(cell, 1e-6)
+    roll = np.clip(0.45 / grid - 0.5, 0.0, 1.0)
+    height = 0.012 * roll * fractal_noise(x / 0.45, y / 0.45, soil.seed, octaves=3).astype(np.float64)
     for i, (cell_m, share, density) in enumerate(relief.lumps):
         # Warped coordinates make the lumps angular instead of egg-shaped.
         wx = 0.35 * fractal_noise(x / cell_m * 1.7, y / cell_m * 1.7, soil.seed + 31 + i, octaves=2)
         wy = 0.35 * fractal_noise(x / cell_m * 1.7, y / cell_m * 1.7, soil.seed + 57 + i, octaves=2)
-        height += share * soil.clod_height_m * bumps(x / cell_m + wx, y / cell_m + wy, soil.seed + 11 * i,
-                                                     density=density)  # fmt: skip
+        lumps = bumps(x / cell_m + wx, y / cell_m + wy, soil.seed + 11 * i, density=density) - 0.27 * density
+        height += share * soil.clod_height_m * np.clip(1.2 * cell_m / grid - 0.4, 0.0, 1.0) * lumps
     if relief.crack_m:
         net = np.abs(fractal_noise(x / 0.09, y / 0.09, soil.seed + 91, octaves=3))
-        height -= relief.crack_m * np.exp(-((net / 0.035) ** 2))
-    mean = sum(share * density for _, share, density in relief.lumps) * 0.27
-    height -= mean * soil.clod_height_m
+        height -= relief.crack_m * np.clip(0.03 / grid - 0.5, 0.0, 1.0) * np.exp(-((net / 0.035) ** 2))
     return height
 
 
@@ -102,19 +108,20 @@ def _ground(soil: SoilDescription) -> list[Mesh]:
         edge = np.stack([axis, np.full(n + 1, soil.core_m / 2)], axis=-1) * sign @ turn
         half = (n + 1) // 2
         for part, columns in enumerate((slice(0, half + 1), slice(half, n + 1))):
-            ring = scale[..., None] * edge[None, columns]
-            shape = ring.shape[:2]
-            meshes.append(
-                _sheet(f"soil-{'nesw'[side]}{part}", soil, ring[..., 0], ring[..., 1], np.broadcast_to(cell, shape))
-            )
+            # In bands, so that a renderer can leave out what lies behind the camera.
+            for band, (start, end) in enumerate(
+                pairwise([0, *np.searchsorted(scale[:, 0], (1.8, 5.0)), len(scale) - 1])
+            ):
+                rows = slice(int(start), int(end) + 1)
+                ring = scale[rows, :, None] * edge[None, columns]
+                width = np.broadcast_to(cell[rows], ring.shape[:2])
+                meshes.append(_sheet(f"soil-{'nesw'[side]}{part}{band}", soil, ring[..., 0], ring[..., 1], width))
     return meshes
 
 
 def _sheet(name: str, soil: SoilDescription, x: Array, y: Array, cell: Array) -> Mesh:
     rows, columns = x.shape
-    # Far out the cells are larger than the clods: flatten what they cannot show.
-    flatten = np.clip(0.06 / np.maximum(cell, 1e-6), 0.0, 1.0)
-    vertices = np.stack([x, y, flatten * soil_height(soil, x, y)], axis=-1).reshape(-1, 3).astype(np.float32)
+    vertices = np.stack([x, y, _height(soil, x, y, cell)], axis=-1).reshape(-1, 3).astype(np.float32)
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
     faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
@@ -126,7 +133,7 @@ def _sheet(name: str, soil: SoilDescription, x: Array, y: Array, cell: Array) ->
 def _loose(soil: SoilDescription) -> list[Mesh]:
     relief = _RELIEF[soil.kind]
     stones = soil.stones / (2 * SCATTER_M) ** 2
-    size = min(1.0, 0.004 / soil.spacing_m)  # a coarse soil, as tests use it, has fewer crumbs as well
+    size = min(1.0, 0.005 / soil.spacing_m)  # a coarse soil, as tests use it, has fewer crumbs as well
     near, far = soil.core_m / 2 + 0.15, soil.core_m / 2 + 1.0
     classes = (
         Crumbs("crumbs", 0.0, near, 4500 * relief.crumbs * size, 0.0050, 0.014, 0),

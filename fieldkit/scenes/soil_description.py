@@ -29,7 +29,7 @@ class SoilDescription:
 
     seed: int = 0
     core_m: float = 1.2
-    spacing_m: float = 0.004
+    spacing_m: float = 0.005
     texture_px: int = 2048
     clod_height_m: float = 0.030
     stones: int = 250
