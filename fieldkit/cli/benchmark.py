@@ -32,6 +32,7 @@ class Study(StrEnum):
     MAPPINGS = "mappings"
     REFERENCES = "references"
     MATCH_DECAY = "match-decay"
+    BLIND_RINGS = "blind-rings"
     SUBSET_SCORES = "subset-scores"
 
 
@@ -58,8 +59,8 @@ def command(
     """Measure this machine's speed and accuracy, ours and the alternative's in the same run.
 
     The studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
-    match-decay and subset-scores (quality). FIELDKIT_DATA names the recorded image sets; what needs them is left out
-    without it. The result holds results.json, results.md and pictures.
+    subset-scores, match-decay and blind-rings (quality). FIELDKIT_DATA names the recorded image sets; what needs them
+    is left out without it. The result holds results.json, results.md and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
     """
