@@ -72,7 +72,7 @@ def build_crumbs(
     which = rng.integers(_SHAPES, size=n)
     turn, sink = rng.uniform(0, 2 * np.pi, n), rng.uniform(-0.05, 0.55, n)
     stretch = rng.uniform((0.8, 0.65, 0.55), (1.25, 1.0, 0.95), (n, 3))
-    tone = np.clip(rng.normal(1.0, 0.07, n), 0.75, 1.3)
+    tone = np.clip(rng.normal(1.0, 0.04, n), 0.75, 1.3)
     grey = np.where(rng.random(n) < 0.3, rng.uniform(0.26, 0.40, n), rng.uniform(0.18, 0.27, n))
     vertices, faces, colors, start = [], [], [], 0
     for stone, shapes in ((False, clods), (True, stones)):
@@ -91,7 +91,7 @@ def build_crumbs(
             own = color[chosen] * tone[chosen, None]
             if stone:
                 own = grey[chosen, None] * np.array([1.03, 1.0, 0.95])
-            speckle = 1.0 + rng.normal(0, 0.04, placed.shape[:2])
+            speckle = 1.0 + rng.normal(0, 0.02, placed.shape[:2])
             vertices.append(placed.reshape(-1, 3))
             colors.append(np.clip(own[:, None] * speckle[..., None], 0, 1).reshape(-1, 3))
             offset = start + len(points) * np.arange(len(chosen))

@@ -23,13 +23,13 @@ class _Field:
 
 _FIELDS = {
     "tuning": (
-        _Field(11, 3, "row", "tilled", 30.0, 3.0),
-        _Field(12, 5, "grid", "crumb", 25.0, 2.0),
+        _Field(11, 3, "row", "tilled", 20.0, 2.0),
+        _Field(12, 5, "grid", "crumb", 15.0, 2.0),
         _Field(13, 6, "random", "crusted", 10.0, 3.0, rows=1),
     ),
     "test": (
-        _Field(31, 3, "row", "crumb", 30.0, 2.0),
-        _Field(32, 5, "row", "tilled", 20.0, 2.0, rows=1),
+        _Field(31, 3, "row", "crumb", 20.0, 2.0),
+        _Field(32, 5, "row", "tilled", 15.0, 2.0, rows=1),
     ),
 }
 

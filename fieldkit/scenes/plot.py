@@ -22,7 +22,7 @@ _DIRECTIONS = 36
 Material = tuple[float, float]
 """Translucency and gloss of a surface, both in [0, 1] and by eye."""
 
-_LEAF, _PLAIN_LEAF, _WEED = (0.45, 0.16), (0.45, 0.10), (0.40, 0.10)
+_LEAF, _PLAIN_LEAF, _WEED = (0.45, 0.20), (0.45, 0.10), (0.40, 0.10)
 _GROUND: dict[str, Material] = {"soil": (0.0, 0.012), "stones": (0.0, 0.03), "residue": (0.1, 0.05)}
 _CRUMB: Material = (0.0, 0.012)
 

@@ -75,7 +75,7 @@ class Light:
     ground_color: tuple[float, float, float] = (0.18, 0.15, 0.12)
 
 
-HAZE = Light(sun_color=(0.62, 0.60, 0.56), sky_color=(0.58, 0.62, 0.68))
+HAZE = Light(sun_color=(0.45, 0.44, 0.41), sky_color=(0.68, 0.72, 0.78))
 """A hazy day, as one chooses to photograph plants: the sun through thin cloud, its shadows softened by the sky."""
 
 

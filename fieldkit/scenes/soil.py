@@ -77,7 +77,7 @@ def _color(soil: SoilDescription, x: Array, y: Array, cell: Array | float = 0.0)
     """
     medium = np.clip(0.04 / np.maximum(cell, 1e-6), 0.0, 1.0) ** 2
     tone = 0.10 * medium * fractal_noise(x / 0.25, y / 0.25, soil.seed + 201, octaves=3)
-    tone += 0.08 * medium * fractal_noise(x / 0.012, y / 0.012, soil.seed + 202, octaves=2)
+    tone += 0.05 * medium * fractal_noise(x / 0.012, y / 0.012, soil.seed + 202, octaves=2)
     damp = np.clip(1.5 * fractal_noise(x / 0.12, y / 0.12, soil.seed + 204, octaves=3), 0.0, 0.6)
     tone = 1.0 + soil.contrast * (tone - 0.25 * medium * damp)
     warmth = 0.012 * medium * fractal_noise(x / 0.05, y / 0.05, soil.seed + 205, octaves=3)

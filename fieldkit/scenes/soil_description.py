@@ -32,8 +32,8 @@ class SoilDescription:
     spacing_m: float = 0.005
     texture_px: int = 2048
     clod_height_m: float = 0.030
-    stones: int = 250
-    residues: int = 100
+    stones: int = 120
+    residues: int = 60
     contrast: float = 0.5
     kind: SoilKind = "tilled"
 
