@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from fieldkit.geometry import Intrinsics
+from fieldkit.scenes.benchmark import benchmark_scene
 from fieldkit.scenes.crumbs import Crumbs, build_crumbs, scatter_crumbs
 from fieldkit.scenes.fields import field_scene
 from fieldkit.scenes.maize import MaizeDescription
@@ -177,6 +179,12 @@ def test_field_scenes() -> None:
     assert all(3 <= len(plot.plants) <= 6 for plot in plots)
     with pytest.raises(ValueError, match="no field scene"):
         field_scene("test", 2)
+
+
+def test_descriptions_go_through_plain_values_and_back() -> None:
+    adapter = TypeAdapter(PlotDescription)
+    for plot in (field_scene("tuning", 2), benchmark_scene("test", 1)):
+        assert adapter.validate_python(adapter.dump_python(plot, mode="json")) == plot
 
 
 @pytest.mark.parametrize(
