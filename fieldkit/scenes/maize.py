@@ -8,6 +8,7 @@ along the blade as in Prévot, Aries and Monestiez (1991), leaves stand in two r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ class MaizeDescription:
         yaw_deg: direction of the plane its leaves stand in, clockwise from north.
         scale: of all lengths.
         leaves: number of leaves with a blade, 5 to 12.
+        kind: tells plants of different kinds apart in scene files.
     """
 
     seed: int
@@ -40,6 +42,7 @@ class MaizeDescription:
     yaw_deg: float = 0.0
     scale: float = 1.0
     leaves: int = 9
+    kind: Literal["maize"] = "maize"
 
     def __post_init__(self) -> None:
         if not 5 <= self.leaves <= 12:

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud
 from fieldkit.scenes.light import bake_light, visible_from
 from fieldkit.scenes.maize import MaizeDescription, build_maize
+from fieldkit.scenes.mesh_plant import MeshPlantDescription, build_mesh_plant
 from fieldkit.scenes.scene import Light, Mesh, Scene
 from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
 
 Layout = Literal["row", "grid", "random"]
+Plant = MaizeDescription | MeshPlantDescription
 _DIRECTIONS = 36
 
 
@@ -29,7 +31,7 @@ class PlotDescription:
         extent_m: side of the square that belongs to the plot; everything in it casts shadows.
     """
 
-    plants: tuple[MaizeDescription, ...]
+    plants: tuple[Plant, ...]
     soil: SoilDescription = field(default_factory=SoilDescription)
     light: Light = field(default_factory=Light)
     extent_m: float = 1.6
@@ -80,11 +82,17 @@ def build_scene(plot: PlotDescription) -> Scene:
     plants = []
     for i, plant in enumerate(plot.plants):
         ground = soil_height(plot.soil, np.array([plant.x_m]), np.array([plant.y_m]))[0]
-        plants.append(replace(build_maize(plant, float(ground)), name=f"plant-{i + 1}"))
+        plants.append(replace(_build_plant(plant, float(ground)), name=f"plant-{i + 1}"))
     meshes = [*plants, *build_soil(plot.soil)]
     materials = [(0.45, 0.10)] * len(plants) + [(0.0, 0.012), (0.0, 0.03), (0.1, 0.05)]
     lit = bake_light(meshes, plot.light, gloss=materials, radius_m=0.5 * plot.extent_m + 0.6)
     return Scene((*lit, _sky()), plot.light)
+
+
+def _build_plant(plant: Plant, ground_m: float) -> Mesh:
+    if isinstance(plant, MeshPlantDescription):
+        return build_mesh_plant(plant, ground_m)
+    return build_maize(plant, ground_m)
 
 
 def _sky() -> Mesh:

@@ -8,6 +8,7 @@ taken off the pixel's centre) and its clean-up (which ends every other context o
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -52,8 +53,10 @@ class Renderer:
         except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
             raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=_REMEDY) from error
         self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
+        self._nodes: dict[str, tuple[Mesh, Any]] = {}
         for index, mesh in enumerate(scene.meshes):
-            self._content.add(_upload(self._pyrender, mesh), name=f"{index:06d}")  # the order they are drawn in
+            # Named for the order they are drawn in.
+            self._nodes[mesh.name] = mesh, self._content.add(_upload(self._pyrender, mesh), name=f"{index:06d}")
         self._camera: Any = None
 
     def __enter__(self) -> Renderer:
@@ -100,6 +103,24 @@ class Renderer:
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """`photograph` and `depth` of the same view."""
         return self.photograph(pose, intrinsics, samples=samples), self.depth(pose, intrinsics)
+
+    def replace(self, meshes: Sequence[Mesh]) -> None:
+        """Draw these from now on instead of the meshes of the same names; ``scene`` stays what it was.
+
+        Raises:
+            KeyError: the scene has no mesh of such a name.
+        """
+        if self._platform is None:
+            raise RenderingError("the renderer is closed")
+        for mesh in meshes:
+            before, node = self._nodes[mesh.name]
+            if before is mesh:
+                continue
+            # A texture that stays the same is not uploaded again.
+            texture = node.mesh.primitives[0].material.baseColorTexture if mesh.texture is before.texture else None
+            uploaded = _upload(self._pyrender, mesh, texture)
+            self._content.remove_node(node)
+            self._nodes[mesh.name] = mesh, self._content.add(uploaded, name=node.name)
 
     def _aim(self, pose: Pose, intrinsics: Intrinsics) -> None:
         if self._platform is None:
@@ -168,12 +189,11 @@ def _end(platform: Any) -> None:
     platform._egl_display = None
 
 
-def _upload(pyrender: Any, mesh: Mesh) -> Any:
-    texture = None
-    if mesh.texture is not None:
+def _upload(pyrender: Any, mesh: Mesh, texture: Any = None) -> Any:
+    if texture is None and mesh.texture is not None:
         texture = pyrender.Texture(source=mesh.texture, source_channels="RGB")
     material = pyrender.MetallicRoughnessMaterial(
-        baseColorFactor=[1.0, 1.0, 1.0, 1.0], baseColorTexture=texture, doubleSided=True, alphaMode="OPAQUE"
+        baseColorFactor=[1.0, 1.0, 1.0, 1.0], baseColorTexture=texture, doubleSided=mesh.two_sided, alphaMode="OPAQUE"
     )
     colors = None
     if mesh.colors is not None:
