@@ -1,0 +1,38 @@
+"""fieldkit scene from-reference."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, emit_json, say
+
+
+def command(
+    reference: Annotated[Path, typer.Argument(help="What `fieldkit reference` wrote, with scene.ply.")],
+    output: OutputOption,
+    max_surfels: Annotated[
+        int, typer.Option("--max-surfels", min=1000, max=4_000_000, help="Of everything but the plants.")
+    ] = 1_000_000,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Make a scene of a reference's clouds, so that a real plot can be simulated and planned on.
+
+    Every point becomes a small square in its photographed colour. The result holds scene.toml, plants.ply and
+    ground.ply, and goes wherever a scene file does.
+
+    Example: fieldkit scene from-reference plot_7-reference -o plot_7-scene
+    """
+    from fieldkit.evaluation.proxy import make_proxy
+
+    made = make_proxy(reference, output, max_ground_surfels=max_surfels, overwrite=overwrite)
+    if as_json:
+        from dataclasses import asdict
+
+        emit_json({"output": output, **asdict(made)})
+    else:
+        say(f"{made.plant_surfels:,} surfels of plants and {made.ground_surfels:,} of the rest: {made.scene}")
