@@ -145,5 +145,5 @@ def files_of(description: SceneDescription) -> tuple[Path, ...]:
     """The mesh and cloud files that ``description`` names."""
     named = [Path(plant.file) for plant in description.plot.plants if isinstance(plant, MeshPlantDescription)]
     if description.recorded is not None:
-        named += [Path(description.recorded.plants), Path(description.recorded.ground)]
+        named += description.recorded.files.values()
     return tuple(named)

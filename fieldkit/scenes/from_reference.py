@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -17,14 +19,17 @@ from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import SceneError
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry import Intrinsics
+from fieldkit.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription
-from fieldkit.scenes.recorded import RecordedSurface
+from fieldkit.scenes.photo_texture import PosedPhotograph, photo_patches
+from fieldkit.scenes.recorded import RecordedSurface, pack_atlas
 from fieldkit.scenes.scene_file import write_scene
 
 SCENE_FILE = "scene.toml"
 PLANTS_FILE = "plants.ply"
 GROUND_FILE = "ground.ply"
+ATLAS_FILES = ("plants.png", "ground.png")
 MAX_GROUND_SURFELS = 1_000_000
 _OVERLAP = 1.8
 """Side of a surfel in median distances between neighbouring points."""
@@ -76,12 +81,14 @@ class RecordedScene:
 
 
 def scene_from_reference(
-    reference: ReferenceFiles, output: Path, *, max_ground_surfels: int = MAX_GROUND_SURFELS, overwrite: bool = False
-) -> RecordedScene:
+    reference: ReferenceFiles, output: Path, *, photographs: Sequence[PosedPhotograph] = (),
+    max_ground_surfels: int = MAX_GROUND_SURFELS, overwrite: bool = False, progress: Progress | None = None,
+) -> RecordedScene:  # fmt: skip
     """Write ``output``/scene.toml with the plants' and the other surfels beside it.
 
     The plants are the reference's cloud without its strays. Everything else is the scene's points, without strays,
-    that do not repeat a plant's, thinned to at most ``max_ground_surfels``.
+    that do not repeat a plant's, thinned to at most ``max_ground_surfels``. With ``photographs`` each surfel has a
+    patch of 4 × 4 pixels of the one that sees it best, else the colour of its point.
 
     Raises:
         SceneError: a cloud is empty or has no colours or normals.
@@ -109,6 +116,16 @@ def scene_from_reference(
             partial / PLANTS_FILE, partial / GROUND_FILE, plant_surfel_m=_surfel(plant_spacing),
             ground_surfel_m=_surfel(spacing(rest)), ground_color=_ground_color(rest, reference.ground_tolerance_m),
         )  # fmt: skip
+        if photographs:
+            # As read back, since a PLY's coordinates are rounded.
+            drawn = [
+                (read_cloud(partial / PLANTS_FILE), surface.plant_surfel_m),
+                (read_cloud(partial / GROUND_FILE), surface.ground_surfel_m),
+            ]
+            patches = photo_patches(drawn, photographs, texels=surface.texels, progress=progress)
+            for name, part in zip(ATLAS_FILES, patches, strict=True):
+                Image.fromarray(pack_atlas(part)).save(partial / name, compress_level=3)
+            surface = replace(surface, plant_atlas=partial / ATLAS_FILES[0], ground_atlas=partial / ATLAS_FILES[1])
         description = SceneDescription(
             name=reference.name, notes=f"Made from the reference {reference.name}.", bounds=reference.bounds,
             recorded=surface, reference=ReferenceSampling(points=max(len(plants), 1_000)),

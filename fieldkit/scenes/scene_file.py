@@ -192,10 +192,8 @@ def _with_files(description: SceneDescription, path: Path) -> SceneDescription:
         plants.append(kept)
     recorded = description.recorded
     if recorded is not None:
-        recorded = dataclasses.replace(
-            recorded, plants=_existing(Path(recorded.plants), path, "recorded.plants"),
-            ground=_existing(Path(recorded.ground), path, "recorded.ground"),
-        )  # fmt: skip
+        files: dict[str, Any] = {key: _existing(file, path, f"recorded.{key}") for key, file in recorded.files.items()}
+        recorded = dataclasses.replace(recorded, **files)
     return dataclasses.replace(
         description, plot=dataclasses.replace(description.plot, plants=tuple(plants)), recorded=recorded,
         name=description.name or path.stem,
