@@ -8,7 +8,8 @@ taken off the pixel's centre) and its clean-up (which ends every other context o
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -104,23 +105,34 @@ class Renderer:
         """`photograph` and `depth` of the same view."""
         return self.photograph(pose, intrinsics, samples=samples), self.depth(pose, intrinsics)
 
-    def replace(self, meshes: Sequence[Mesh]) -> None:
-        """Draw these from now on instead of the meshes of the same names; ``scene`` stays what it was.
+    def move(self, vertices: Mapping[str, NDArray[np.float32]]) -> None:
+        """Put the vertices of some meshes elsewhere, as wind does, until the next call or `rest`.
+
+        Args:
+            vertices: (n, 3) by mesh name, as many as the mesh has; meshes that are not named keep their place.
 
         Raises:
-            KeyError: the scene has no mesh of such a name.
+            RenderingError: the renderer is closed.
+            ValueError: there is no such mesh, or it has another number of vertices.
         """
         if self._platform is None:
             raise RenderingError("the renderer is closed")
-        for mesh in meshes:
-            before, node = self._nodes[mesh.name]
-            if before is mesh:
-                continue
-            # A texture that stays the same is not uploaded again.
-            texture = node.mesh.primitives[0].material.baseColorTexture if mesh.texture is before.texture else None
-            uploaded = _upload(self._pyrender, mesh, texture)
+        for name, points in vertices.items():
+            if name not in self._nodes:
+                raise ValueError(f"the scene has no mesh {name!r}")
+            mesh, node = self._nodes[name]
+            if points.shape != mesh.vertices.shape:
+                raise ValueError(f"{name} has {len(mesh.vertices)} vertices, not {points.shape}")
+            # The texture stays and is not uploaded again.
+            texture = node.mesh.primitives[0].material.baseColorTexture
+            moved = replace(mesh, vertices=np.ascontiguousarray(points, dtype=np.float32))
+            uploaded = _upload(self._pyrender, moved, texture)
             self._content.remove_node(node)
-            self._nodes[mesh.name] = mesh, self._content.add(uploaded, name=node.name)
+            self._nodes[name] = mesh, self._content.add(uploaded, name=node.name)
+
+    def rest(self) -> None:
+        """Put every mesh back where the scene has it."""
+        self.move({mesh.name: mesh.vertices for mesh in self.scene.plants})
 
     def _aim(self, pose: Pose, intrinsics: Intrinsics) -> None:
         if self._platform is None:

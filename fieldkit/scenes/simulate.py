@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -21,7 +21,7 @@ from fieldkit.progress import Progress, Silent
 from fieldkit.scenes.camera_effects import CameraEffects, photographed
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.scene import Mesh, Scene
+from fieldkit.scenes.scene import Scene
 
 _ANGLE_DECIMALS, _LENGTH_DECIMALS = 4, 5
 
@@ -83,11 +83,8 @@ class Sidecars:
 class Sway(Protocol):
     """Moves plants between photographs."""
 
-    def __call__(self, scene: Scene, photograph: int) -> Sequence[Mesh]:
-        """The meshes that differ from the scene's, by name, while photograph number ``photograph`` (from 0) is taken.
-
-        Their number of vertices and their textures stay the same.
-        """
+    def __call__(self, scene: Scene, photograph: int) -> Mapping[str, NDArray[np.float32]]:
+        """Vertices (n, 3) by mesh name, for `Renderer.move`, while photograph ``photograph`` (from 0) is taken."""
 
 
 def perturbed(poses: Sequence[Pose], noise: CaptureNoise, seed: int) -> list[Pose]:
@@ -162,7 +159,7 @@ def simulate_capture(
         for i, (name, pose) in enumerate(zip(names, true, strict=True)):
             rng = np.random.default_rng([seed, 2, i])
             if sway is not None:
-                renderer.replace(sway(renderer.scene, i))
+                renderer.move(sway(renderer.scene, i))
             image = _photograph(renderer, pose, intrinsics, effects, np.random.default_rng([seed, 3, i]))
             image = _sensor(image, noise.image_sigma, rng)
             tag = None if site is None else _geotag(_compass(pose, row_heading_deg), site, noise, rng)
@@ -177,7 +174,7 @@ def simulate_capture(
         if sidecars.camera:
             (partial / "camera.toml").write_text(camera_toml(intrinsics), encoding="utf-8")
     if sway is not None:
-        renderer.replace(renderer.scene.meshes)
+        renderer.rest()
     if truth is not None:
         write_atomic(truth, poses_table(names, true, roll=True))
     return true

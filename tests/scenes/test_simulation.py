@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 from fieldkit.captures import read_capture
@@ -20,7 +21,7 @@ from fieldkit.scenes.description import ReferenceSampling, SceneDescription
 from fieldkit.scenes.plot import PlotDescription
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
-from fieldkit.scenes.scene import Mesh, Scene
+from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Site, simulate_capture
 from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about, simulate, with_noise
 
@@ -102,10 +103,10 @@ def test_sway_moves_plants_between_photographs_only(tmp_path: Path, renderer: Re
     before = renderer.photograph(ring(4, 1.0, 0.8)[0], CAMERA)
     asked: list[int] = []
 
-    def sway(scene: Scene, photograph: int) -> Sequence[Mesh]:
+    def sway(scene: Scene, photograph: int) -> Mapping[str, NDArray[np.float32]]:
         asked.append(photograph)
         shift = np.array([0.05 * photograph, 0.0, 0.0], np.float32)
-        return [replace(mesh, vertices=mesh.vertices + shift) for mesh in scene.plants]
+        return {mesh.name: mesh.vertices + shift for mesh in scene.plants}
 
     pose = ring(4, 1.0, 0.8)[0]
     simulate_capture(tmp_path / "a", renderer, [pose] * 3, CAMERA, noise=EXACT, sway=sway, quality=95)
@@ -115,8 +116,10 @@ def test_sway_moves_plants_between_photographs_only(tmp_path: Path, renderer: Re
     assert np.abs(second - first).max() > 60
     assert np.abs(third - second).max() > 60
     np.testing.assert_array_equal(renderer.photograph(pose, CAMERA), before)
-    with pytest.raises(KeyError):
-        renderer.replace([replace(next(iter(renderer.scene.plants)), name="of another scene")])
+    with pytest.raises(ValueError, match="no mesh"):
+        renderer.move({"of another scene": np.zeros((3, 3), np.float32)})
+    with pytest.raises(ValueError, match="vertices"):
+        renderer.move({"plant-1": np.zeros((3, 3), np.float32)})
 
 
 def test_poses_need_a_direction(tmp_path: Path) -> None:
