@@ -39,15 +39,23 @@ def tuning_scenes() -> dict[str, SceneDescription]:
     """What parameters are chosen on: other layouts, sizes, soils and suns than the cases'."""
     notes = "For choosing parameters. {}"
     scenes = {
-        "tuning-1": new_scene(3, 201, notes=notes.format("One row of 3.")),
+        "tuning-1": new_scene(3, 201, soil="crumb", notes=notes.format("One row of 3.")),
         "tuning-2": new_scene(5, 202, layout="grid", spacing_m=0.30, notes=notes.format("5 on a wide grid.")),
-        "tuning-3": new_scene(4, 203, layout="random", spacing_m=0.35, notes=notes.format("4 at random.")),
-        "tuning-4": new_scene(6, 204, spacing_m=0.18, leaves=(5, 6), notes=notes.format("6 young plants.")),
-        "tuning-5": new_scene(2, 205, spacing_m=0.40, leaves=(10, 12), notes=notes.format("2 large plants.")),
-        "tuning-6": new_scene(7, 206, layout="random", notes=notes.format("7 at random on bare, even soil.")),
-    }
+        "tuning-3": new_scene(
+            4, 203, layout="random", spacing_m=0.35, neighbour_rows=1,
+            notes=notes.format("4 at random between neighbour rows."),
+        ),
+        "tuning-4": new_scene(6, 204, spacing_m=0.18, stages=("V5", "V6"), notes=notes.format("6 young plants.")),
+        "tuning-5": new_scene(
+            2, 205, spacing_m=0.40, stages=("V12",), soil="crumb", notes=notes.format("2 large plants.")
+        ),
+        "tuning-6": new_scene(
+            7, 206, layout="random", soil="crusted", cover_per_m2=0.0, weeds_per_m2=0.0,
+            notes=notes.format("7 at random on bare, crusted soil."),
+        ),
+    }  # fmt: skip
     bare = scenes["tuning-6"].plot
-    soil = replace(bare.soil, clod_height_m=0.018, stones=150, residues=20, contrast=0.5)
+    soil = replace(bare.soil, stones=20, residues=5, contrast=0.3)
     scenes["tuning-6"] = replace(scenes["tuning-6"], plot=replace(bare, soil=soil))
     return {name: replace(scene, name=name) for name, scene in scenes.items()}
 

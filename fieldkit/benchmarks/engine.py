@@ -97,6 +97,18 @@ def _mappings(data: Path, _: EngineOptions, progress: Progress) -> StudyResult:
     return run_mappings(data, progress=progress)
 
 
+def _match_decay(options: EngineOptions, progress: Progress) -> StudyResult:
+    from fieldkit.benchmarks.match_decay import run_match_decay
+
+    return run_match_decay(options.data, progress=progress)
+
+
+def _blind_rings(_: EngineOptions, progress: Progress) -> StudyResult:
+    from fieldkit.benchmarks.blind_rings import run_blind_rings
+
+    return run_blind_rings(progress=progress)
+
+
 Run = Callable[[EngineOptions, Progress], StudyResult]
 
 
@@ -120,6 +132,8 @@ STUDIES: dict[str, Run] = {
     "few-views": _on_data("few-views", "Few views", _few_views),
     "mappings": _on_data("mappings", "Ways to map, all photographs", _mappings),
     "references": _on_data("references", "References of the recorded sets", _references),
+    "match-decay": _match_decay,
+    "blind-rings": _blind_rings,
     "subset-scores": _on_data("subset-scores", "Few views, scored", _subset_scores),
 }
 SPEED = ("help", "clouds", "dense", "evaluation", "scaling")

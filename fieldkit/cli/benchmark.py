@@ -31,6 +31,8 @@ class Study(StrEnum):
     FEW_VIEWS = "few-views"
     MAPPINGS = "mappings"
     REFERENCES = "references"
+    MATCH_DECAY = "match-decay"
+    BLIND_RINGS = "blind-rings"
     SUBSET_SCORES = "subset-scores"
 
 
@@ -56,9 +58,9 @@ def command(
 ) -> None:
     """Measure this machine's speed and accuracy, ours and the alternative's in the same run.
 
-    The studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references and
-    subset-scores (quality). FIELDKIT_DATA names the recorded image sets; what needs them is left out without it. The
-    result holds results.json, results.md and pictures.
+    The studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
+    subset-scores, match-decay and blind-rings (quality). FIELDKIT_DATA names the recorded image sets; what needs them
+    is left out without it. The result holds results.json, results.md and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
     """

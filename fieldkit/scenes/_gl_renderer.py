@@ -35,6 +35,18 @@ class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
         result: NDArray[Any] = self.render(scene, RenderFlags.FLAT | RenderFlags.OFFSCREEN)
         return result
 
+    def move(self, primitive: Any, positions: NDArray[np.float32]) -> None:
+        """Replace a primitive's positions, in its vertex buffer too where it has been uploaded."""
+        primitive.positions = positions
+        if primitive._vaid is None:
+            return
+        # pyrender keeps all attributes of a vertex side by side in one buffer, in this order.
+        parts = [positions, primitive.normals, primitive.tangents, primitive.texcoord_0, primitive.color_0]
+        data = np.hstack([part for part in parts if part is not None]).astype(np.float32)
+        GL.glBindBuffer(GL.GL_ARRAY_BUFFER, primitive._buffers[0])
+        GL.glBufferData(GL.GL_ARRAY_BUFFER, data.nbytes, data, GL.GL_STATIC_DRAW)
+        GL.glBindBuffer(GL.GL_ARRAY_BUFFER, 0)
+
     def _sorted_mesh_nodes(self, scene: Any) -> list[Any]:
         # pyrender takes them from a set, so surfaces that touch would be drawn in another order in every process.
         return sorted(scene.mesh_nodes, key=lambda node: node.name)

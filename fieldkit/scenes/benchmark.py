@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.plot import PlotDescription, plant_layout
 from fieldkit.scenes.rigs import ring
-from fieldkit.scenes.soil import SoilDescription
+from fieldkit.scenes.scene import Light
+from fieldkit.scenes.soil import PRINTED
 
 Split = Literal["tuning", "test"]
 
@@ -28,8 +30,8 @@ def benchmark_scene(split: Split, index: int) -> PlotDescription:
         raise ValueError(f"there is no benchmark scene {split!r} {index}: it is tuning or test, 0 or 1")
     seed = _SEEDS[split][index]
     count = {("tuning", 0): 3, ("tuning", 1): 5, ("test", 0): 5, ("test", 1): 4}[split, index]
-    plants = plant_layout(count, seed, layout="row" if index == 0 else "grid")
-    return PlotDescription(plants, SoilDescription(seed=seed))
+    plants = plant_layout(count, seed, layout="row" if index == 0 else "grid", leaves=(7, 9))
+    return PlotDescription(plants, replace(PRINTED, seed=seed), Light())
 
 
 def benchmark_cameras(count: int = 10) -> tuple[list[Pose], Intrinsics]:

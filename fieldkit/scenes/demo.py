@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fieldkit.clouds import write_ply
@@ -11,8 +11,9 @@ from fieldkit.progress import Progress, Silent
 from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout, sample_plants
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.scene import Light
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
-from fieldkit.scenes.soil import SoilDescription
+from fieldkit.scenes.soil import PRINTED
 
 DENSE_NOISE = CaptureNoise(position_m=0.005, angle_deg=0.5)
 FEW_NOISE = CaptureNoise(position_m=0.010, angle_deg=1.0)
@@ -36,8 +37,8 @@ class DemoCaptures:
 
 def make_demo_scene(seed: int = 0) -> PlotDescription:
     """Three young maize plants on soil a little coarser than the benchmark's, so that it is built in seconds."""
-    soil = SoilDescription(seed=seed, spacing_m=0.007, texture_px=2048, stones=400, residues=200)
-    return PlotDescription(plant_layout(3, seed, spacing_m=0.24, leaves=(7, 8)), soil)
+    soil = replace(PRINTED, seed=seed, spacing_m=0.007, texture_px=2048, stones=400, residues=200)
+    return PlotDescription(plant_layout(3, seed, spacing_m=0.24, leaves=(7, 8)), soil, Light())
 
 
 def demo_cameras() -> tuple[list[Pose], list[Pose], Intrinsics]:

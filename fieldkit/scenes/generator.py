@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.description import Bounds, SceneDescription
-from fieldkit.scenes.maize import MaizeDescription
+from fieldkit.scenes.maize import MaizeDescription, Stage
+from fieldkit.scenes.neighbours import NeighboursDescription
 from fieldkit.scenes.plot import PlotDescription
-from fieldkit.scenes.scene import Light
-from fieldkit.scenes.soil import SoilDescription
+from fieldkit.scenes.scene import HAZE, Light
+from fieldkit.scenes.soil import SoilDescription, SoilKind
+from fieldkit.scenes.weeds import WeedsDescription
 
 Layout = Literal["rows", "grid", "random"]
 
@@ -26,7 +28,8 @@ _PURPOSE_PLACES, _PURPOSE_FORM, _PURPOSE_VARIATION, _PURPOSE_LIGHT = 21, 22, 23,
 
 def new_scene(
     plants: int, seed: int, *, layout: Layout = "rows", spacing_m: float = 0.22, row_spacing_m: float = 0.50,
-    leaves: tuple[int, int] = (7, 9), name: str = "", notes: str = "",
+    stages: tuple[Stage, ...] = ("V8", "V9", "V10"), soil: SoilKind = "tilled", cover_per_m2: float = 15.0,
+    weeds_per_m2: float = 2.0, neighbour_rows: int = 0, name: str = "", notes: str = "",
 ) -> SceneDescription:  # fmt: skip
     """A plot of ``plants`` different maize plants about the origin, on soil and under a sun of its own.
 
@@ -37,7 +40,10 @@ def new_scene(
             "random" with at least 0.8 · ``spacing_m`` between plants.
         spacing_m: between plants, 0.05 to 2.
         row_spacing_m: between rows, 0.05 to 3.
-        leaves: fewest and most leaves of a plant.
+        stages: one of them is drawn for each plant.
+        soil: kind of soil.
+        cover_per_m2, weeds_per_m2: small and larger weeds.
+        neighbour_rows: rows of maize on each side of the plot.
         name: of the scene.
         notes: for people.
 
@@ -55,13 +61,15 @@ def new_scene(
         MaizeDescription(
             seed=int(form.integers(1 << 30)), x_m=_rounded(x), y_m=_rounded(y),
             yaw_deg=_rounded(form.uniform(0, 360), 1), scale=_rounded(form.uniform(*SCALE_RANGE)),
-            leaves=int(form.integers(leaves[0], leaves[1] + 1)),
+            stage=stages[int(form.integers(len(stages)))],
         )
         for x, y in places
     )  # fmt: skip
     bounds = _bounds(described)
     plot = PlotDescription(
-        described, SoilDescription(seed=seed), _light(seed),
+        described, SoilDescription(seed=seed, kind=soil), _light(seed),
+        weeds=WeedsDescription(seed, cover_per_m2, weeds_per_m2),
+        neighbours=NeighboursDescription(seed, rows=neighbour_rows),
         extent_m=_rounded(2.0 * max(*bounds.upper_m[:2], *(-v for v in bounds.lower_m[:2])), 2),
     )  # fmt: skip
     return SceneDescription(plot, name=name, notes=notes, bounds=bounds)
@@ -137,7 +145,7 @@ def _light(seed: int) -> Light:
     rng = np.random.default_rng([seed, _PURPOSE_LIGHT])
     height, azimuth = np.radians(rng.uniform(35, 65)), np.radians(rng.uniform(120, 240))
     sun = (np.cos(height) * np.sin(azimuth), np.cos(height) * np.cos(azimuth), np.sin(height))
-    return Light(sun=(_rounded(sun[0], 4), _rounded(sun[1], 4), _rounded(sun[2], 4)))
+    return replace(HAZE, sun=(_rounded(sun[0], 4), _rounded(sun[1], 4), _rounded(sun[2], 4)))
 
 
 def _rounded(value: float, decimals: int = 3) -> float:

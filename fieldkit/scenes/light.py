@@ -17,7 +17,7 @@ from fieldkit.scenes.scene import Light, Mesh
 
 def bake_light(
     meshes: Sequence[Mesh], light: Light, *, gloss: Sequence[tuple[float, float]], radius_m: float,
-    sky_directions: int = 32,
+    sky_directions: int = 32, shadows: bool = True, sky_light: bool = True, fine: bool = False,
 ) -> list[Mesh]:  # fmt: skip
     """The meshes with their shading values filled in (see `Mesh`).
 
@@ -26,15 +26,23 @@ def bake_light(
         gloss: translucency and gloss of each mesh, both in [0, 1].
         radius_m: only what lies within this distance of the origin (in x and y) casts and receives shadows.
         sky_directions: directions the sky is sampled in, cosine-weighted about the zenith.
+        shadows: whether anything hides the sun, and
+        sky_light: the sky.
+        fine: resolve crumbs of millimetres.
     """
     points = np.concatenate([m.vertices for m in meshes]).astype(np.float64)
     triangles = _triangles(meshes, radius_m)
     sun = np.asarray(light.sun) / np.linalg.norm(light.sun)
-    seen_sun = visible_from(points, triangles, sun, radius_m, pixels=3072, bias_m=0.003, blur=2)
-    seen_sky = np.zeros(len(points))
-    for direction in _hemisphere(sky_directions):
-        seen_sky += visible_from(points, triangles, direction, radius_m, pixels=768, bias_m=0.006)
-    seen_sky /= sky_directions
+    seen_sun, seen_sky = np.ones(len(points)), np.ones(len(points))
+    if shadows:
+        pixels, bias = (4096, 0.0015) if fine else (3072, 0.003)
+        seen_sun = visible_from(points, triangles, sun, radius_m, pixels=pixels, bias_m=bias, blur=1 if fine else 2)
+    if sky_light:
+        pixels, bias = (1280, 0.003) if fine else (768, 0.006)
+        seen_sky[:] = 0.0
+        for direction in _hemisphere(sky_directions):
+            seen_sky += visible_from(points, triangles, direction, radius_m, pixels=pixels, bias_m=bias)
+        seen_sky /= sky_directions
     lit, start = [], 0
     for mesh, (translucency, strength) in zip(meshes, gloss, strict=True):
         part = slice(start, start + len(mesh.vertices))

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds import Cloud
 from fieldkit.scenes.light import bake_light, visible_from
-from fieldkit.scenes.maize import MaizeDescription, build_maize
+from fieldkit.scenes.maize import MaizeDescription, Stage, build_maize
 from fieldkit.scenes.mesh_plant import MeshPlantDescription, build_mesh_plant
-from fieldkit.scenes.scene import Light, Mesh, Scene
+from fieldkit.scenes.neighbours import NeighboursDescription, build_neighbours
+from fieldkit.scenes.scene import HAZE, EffectsDescription, Light, Mesh, Scene
 from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
+from fieldkit.scenes.weeds import WeedsDescription, build_weeds
 
 Layout = Literal["row", "grid", "random"]
 Plant = MaizeDescription | MeshPlantDescription
 _DIRECTIONS = 36
+
+Material = tuple[float, float]
+"""Translucency and gloss of a surface, both in [0, 1] and by eye."""
+
+_LEAF, _PLAIN_LEAF, _WEED = (0.45, 0.20), (0.45, 0.10), (0.40, 0.10)
+_GROUND: dict[str, Material] = {"soil": (0.0, 0.012), "stones": (0.0, 0.03), "residue": (0.1, 0.05)}
+_CRUMB: Material = (0.0, 0.012)
 
 
 @dataclass(frozen=True)
@@ -27,24 +36,36 @@ class PlotDescription:
     Attributes:
         plants: each with its seed and place.
         soil: the ground.
-        light: sun and sky.
+        light: sun and sky; a hazy day where not given.
         extent_m: side of the square that belongs to the plot; everything in it casts shadows.
+        weeds: leafy ground cover and weeds between the plants; not part of the reference.
+        neighbours: rows of maize around the plot; not part of the reference.
+        effects: what of the light's behaviour is drawn.
     """
 
     plants: tuple[Plant, ...]
     soil: SoilDescription = field(default_factory=SoilDescription)
-    light: Light = field(default_factory=Light)
+    light: Light = HAZE
     extent_m: float = 1.6
+    weeds: WeedsDescription = field(default_factory=WeedsDescription)
+    neighbours: NeighboursDescription = field(default_factory=NeighboursDescription)
+    effects: EffectsDescription = field(default_factory=EffectsDescription)
+
+    def __post_init__(self) -> None:
+        if not 0.2 <= self.extent_m <= 20.0:
+            raise ValueError(f"a plot's extent_m is 0.2 to 20, not {self.extent_m}")
 
 
 def plant_layout(
-    count: int, seed: int, *, layout: Layout = "row", spacing_m: float = 0.26, leaves: tuple[int, int] = (7, 9)
-) -> tuple[MaizeDescription, ...]:
+    count: int, seed: int, *, layout: Layout = "row", spacing_m: float = 0.26,
+    stages: tuple[Stage, ...] = ("V7", "V8", "V9"), leaves: tuple[int, int] | None = None,
+) -> tuple[MaizeDescription, ...]:  # fmt: skip
     """``count`` different plants about the origin.
 
     Args:
         layout: one row along x, two rows, or at random with at least ``spacing_m`` · 0.8 between plants.
-        leaves: fewest and most leaves of a plant.
+        stages: one of them is drawn for each plant.
+        leaves: instead of stages, fewest and most leaves of the benchmark's plain plants.
     """
     rng = np.random.default_rng([seed, 5])
     if layout == "row":
@@ -61,10 +82,16 @@ def plant_layout(
     return tuple(
         MaizeDescription(
             seed=int(rng.integers(1 << 30)), x_m=float(x), y_m=float(y), yaw_deg=float(rng.uniform(0, 360)),
-            scale=float(rng.uniform(0.9, 1.1)), leaves=int(rng.integers(leaves[0], leaves[1] + 1)),
+            scale=float(rng.uniform(0.9, 1.1)), **_form(rng, stages, leaves),
         )
         for x, y in places
     )  # fmt: skip
+
+
+def _form(rng: np.random.Generator, stages: tuple[Stage, ...], leaves: tuple[int, int] | None) -> dict[str, Any]:
+    if leaves is not None:
+        return {"leaves": int(rng.integers(leaves[0], leaves[1] + 1))}
+    return {"stage": stages[int(rng.integers(len(stages)))]}
 
 
 def _random_places(count: int, distance: float, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -79,13 +106,29 @@ def _random_places(count: int, distance: float, rng: np.random.Generator) -> NDA
 
 def build_scene(plot: PlotDescription) -> Scene:
     """The plot's meshes with baked light, and the sky."""
-    plants = []
+
+    def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        return soil_height(plot.soil, x, y)
+
+    surfaces: list[tuple[Mesh, Material]] = []
     for i, plant in enumerate(plot.plants):
-        ground = soil_height(plot.soil, np.array([plant.x_m]), np.array([plant.y_m]))[0]
-        plants.append(replace(_build_plant(plant, float(ground)), name=f"plant-{i + 1}"))
-    meshes = [*plants, *build_soil(plot.soil)]
-    materials = [(0.45, 0.10)] * len(plants) + [(0.0, 0.012), (0.0, 0.03), (0.1, 0.05)]
-    lit = bake_light(meshes, plot.light, gloss=materials, radius_m=0.5 * plot.extent_m + 0.6)
+        ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
+        plain = isinstance(plant, MaizeDescription) and plant.leaves is not None
+        leaf = _PLAIN_LEAF if plain else _LEAF
+        surfaces.append((replace(_build_plant(plant, ground), name=f"plant-{i + 1}"), leaf))
+    if plot.neighbours.rows:
+        x, y = [p.x_m for p in plot.plants] or [0.0], [p.y_m for p in plot.plants] or [0.0]
+        meshes = build_neighbours(plot.neighbours, (min(x), min(y)), (max(x), max(y)), height)
+        surfaces += [(mesh, _LEAF) for mesh in meshes]
+    surfaces += [(mesh, _GROUND.get(mesh.name, _CRUMB)) for mesh in build_soil(plot.soil)]
+    surfaces += [(mesh, _WEED) for mesh in build_weeds(plot.weeds, height)]
+    effects = plot.effects
+    gloss = [(t if effects.translucency else 0.0, g if effects.gloss else 0.0) for _, (t, g) in surfaces]
+    lit = bake_light(
+        [mesh for mesh, _ in surfaces], plot.light, gloss=gloss, radius_m=0.5 * plot.extent_m + 0.6,
+        shadows=effects.shadows, sky_light=effects.sky_light,
+        fine=plot.soil.kind != "printed",
+    )  # fmt: skip
     return Scene((*lit, _sky()), plot.light)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -54,10 +53,12 @@ class Renderer:
         except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
             raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=_REMEDY) from error
         self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
-        self._nodes: dict[str, tuple[Mesh, Any]] = {}
+        self._meshes: dict[str, Any] = {}
+        self._boxes: dict[str, NDArray[np.float64]] = {}
         for index, mesh in enumerate(scene.meshes):
-            # Named for the order they are drawn in.
-            self._nodes[mesh.name] = mesh, self._content.add(_upload(self._pyrender, mesh), name=f"{index:06d}")
+            uploaded = _upload(self._pyrender, mesh)
+            self._content.add(uploaded, name=f"{index:06d}")  # the order they are drawn in
+            self._meshes[mesh.name], self._boxes[mesh.name] = uploaded, _box(mesh.vertices)
         self._camera: Any = None
 
     def __enter__(self) -> Renderer:
@@ -76,6 +77,34 @@ class Renderer:
         self._gl.delete()
         _end(self._platform)
         self._platform = self._gl = None
+
+    def move(self, vertices: Mapping[str, NDArray[np.float32]]) -> None:
+        """Put the vertices of some meshes elsewhere, as wind does (`fieldkit.scenes.sway`), until the next call.
+
+        Normals, colours and baked light stay. Costs an upload of these meshes and nothing else.
+
+        Args:
+            vertices: (n, 3) by mesh name, as many as the mesh has; meshes that are not named keep their place.
+
+        Raises:
+            RenderingError: the renderer is closed.
+            ValueError: there is no such mesh, or it has another number of vertices.
+        """
+        if self._platform is None:
+            raise RenderingError("the renderer is closed")
+        self._platform.make_current()
+        for name, points in vertices.items():
+            if name not in self._meshes:
+                raise ValueError(f"the scene has no mesh {name!r}")
+            (primitive,) = self._meshes[name].primitives
+            if points.shape != primitive.positions.shape:
+                raise ValueError(f"{name} has {len(primitive.positions)} vertices, not {points.shape}")
+            self._gl.move(primitive, np.ascontiguousarray(points, dtype=np.float32))
+            self._boxes[name] = _box(points)
+
+    def rest(self) -> None:
+        """Put every mesh back where the scene has it."""
+        self.move({m.name: m.vertices for m in self.scene.meshes if m.plant or m.flex_m is not None})
 
     def photograph(self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4) -> NDArray[np.uint8]:
         """(height, width, 3) uint8 sRGB image with ``samples`` samples per pixel (0: no anti-aliasing).
@@ -105,35 +134,6 @@ class Renderer:
         """`photograph` and `depth` of the same view."""
         return self.photograph(pose, intrinsics, samples=samples), self.depth(pose, intrinsics)
 
-    def move(self, vertices: Mapping[str, NDArray[np.float32]]) -> None:
-        """Put the vertices of some meshes elsewhere, as wind does, until the next call or `rest`.
-
-        Args:
-            vertices: (n, 3) by mesh name, as many as the mesh has; meshes that are not named keep their place.
-
-        Raises:
-            RenderingError: the renderer is closed.
-            ValueError: there is no such mesh, or it has another number of vertices.
-        """
-        if self._platform is None:
-            raise RenderingError("the renderer is closed")
-        for name, points in vertices.items():
-            if name not in self._nodes:
-                raise ValueError(f"the scene has no mesh {name!r}")
-            mesh, node = self._nodes[name]
-            if points.shape != mesh.vertices.shape:
-                raise ValueError(f"{name} has {len(mesh.vertices)} vertices, not {points.shape}")
-            # The texture stays and is not uploaded again.
-            texture = node.mesh.primitives[0].material.baseColorTexture
-            moved = replace(mesh, vertices=np.ascontiguousarray(points, dtype=np.float32))
-            uploaded = _upload(self._pyrender, moved, texture)
-            self._content.remove_node(node)
-            self._nodes[name] = mesh, self._content.add(uploaded, name=node.name)
-
-    def rest(self) -> None:
-        """Put every mesh back where the scene has it."""
-        self.move({mesh.name: mesh.vertices for mesh in self.scene.plants})
-
     def _aim(self, pose: Pose, intrinsics: Intrinsics) -> None:
         if self._platform is None:
             raise RenderingError("the renderer is closed")
@@ -151,6 +151,8 @@ class Renderer:
         world_from_camera[:3, 3] = pose.center
         self._camera = self._content.add(camera, pose=world_from_camera)
         self._content.main_camera_node = self._camera
+        for name, mesh in self._meshes.items():
+            mesh.is_visible = _may_be_seen(self._boxes[name], pose, intrinsics, self._near)
         self._gl.viewport_width, self._gl.viewport_height = intrinsics.width, intrinsics.height
 
 
@@ -160,6 +162,24 @@ def render(
     """One photograph and depth map; for more than one keep a `Renderer`."""
     with Renderer(scene) as renderer:
         return renderer.render(pose, intrinsics, samples=samples)
+
+
+def _box(vertices: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(8, 3) corners of the axis-aligned box; (0, 3) where there are no vertices."""
+    if not len(vertices):
+        return np.zeros((0, 3))
+    low, high = vertices.min(0).astype(np.float64), vertices.max(0).astype(np.float64)
+    return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+
+
+def _may_be_seen(corners: NDArray[np.float64], pose: Pose, intrinsics: Intrinsics, near_m: float) -> bool:
+    """Whether a box may reach into the picture: False only where all corners lie beyond one side of it."""
+    if not len(corners):
+        return False
+    x, y, z = pose.to_camera(corners).T
+    u, v = intrinsics.fx * x + intrinsics.cx * z, intrinsics.fy * y + intrinsics.cy * z
+    outside = (z < near_m, u < 0, u > intrinsics.width * z, v < 0, v > intrinsics.height * z)
+    return not any(bool(side.all()) for side in outside)
 
 
 def _start(scene: Scene) -> tuple[Any, Any, Any]:
@@ -201,8 +221,9 @@ def _end(platform: Any) -> None:
     platform._egl_display = None
 
 
-def _upload(pyrender: Any, mesh: Mesh, texture: Any = None) -> Any:
-    if texture is None and mesh.texture is not None:
+def _upload(pyrender: Any, mesh: Mesh) -> Any:
+    texture = None
+    if mesh.texture is not None:
         texture = pyrender.Texture(source=mesh.texture, source_channels="RGB")
     material = pyrender.MetallicRoughnessMaterial(
         baseColorFactor=[1.0, 1.0, 1.0, 1.0], baseColorTexture=texture, doubleSided=mesh.two_sided, alphaMode="OPAQUE"

@@ -28,6 +28,8 @@ class Mesh:
             share of sunlight on the far side that shines through, strength of the gloss.
         plant: whether the mesh belongs to the reference (plants) or not (soil, stones, sky).
         two_sided: whether triangles are also drawn from behind, where their corners run clockwise.
+        flex_m: (n,) float32 distance along a leaf from where it is fixed, metres: how far wind can move a vertex; None
+            where it is not known.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Mesh:
     shading: NDArray[np.float32] | None = None
     plant: bool = False
     two_sided: bool = True
+    flex_m: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.vertices)
@@ -47,6 +50,8 @@ class Mesh:
             value = getattr(self, name)
             if value is not None and value.shape != (n, width):
                 raise ValueError(f"{self.name}: {name} must be ({n}, {width}), not {value.shape}")
+        if self.flex_m is not None and self.flex_m.shape != (n,):
+            raise ValueError(f"{self.name}: flex_m must be ({n},), not {self.flex_m.shape}")
         if self.shading is not None and self.normals is None:
             raise ValueError(f"{self.name}: a lit mesh needs normals")
         if (self.texture is None) != (self.uv is None):
@@ -70,6 +75,27 @@ class Light:
     sun_color: tuple[float, float, float] = (1.00, 0.95, 0.86)
     sky_color: tuple[float, float, float] = (0.42, 0.46, 0.53)
     ground_color: tuple[float, float, float] = (0.18, 0.15, 0.12)
+
+
+HAZE = Light(sun_color=(0.45, 0.44, 0.41), sky_color=(0.68, 0.72, 0.78))
+"""A hazy day, as one chooses to photograph plants: the sun through thin cloud, its shadows softened by the sky."""
+
+
+@dataclass(frozen=True)
+class EffectsDescription:
+    """Switches of what makes a surface look different from elsewhere or under the sky.
+
+    Attributes:
+        gloss: the sun's and the sky's reflection on leaves, which moves with the camera.
+        translucency: sunlight through leaves.
+        shadows: cast by the sun.
+        sky_light: less of it where less of the sky is seen (ambient occlusion).
+    """
+
+    gloss: bool = True
+    translucency: bool = True
+    shadows: bool = True
+    sky_light: bool = True
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.clouds import write_ply
@@ -19,6 +20,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import dense_rig, ring
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
+from fieldkit.scenes.sway import sway
 
 Stations = Callable[[Scene, Intrinsics], Sequence[Pose]]
 _RING_PITCH_DEG = 35.0
@@ -124,6 +126,16 @@ def with_noise(
     if gps is not None:
         noise = replace(noise, gps_horizontal_m=gps[0], gps_vertical_m=gps[1])
     return noise
+
+
+def wind_sway(strength_m: float, seed: int) -> Sway:
+    """Leaves bent by wind, another moment in each photograph (see `fieldkit.scenes.sway`)."""
+
+    def moved(scene: Scene, photograph: int) -> Mapping[str, NDArray[np.float32]]:
+        moment = int(np.random.default_rng([seed, 4, photograph]).integers(1 << 30))
+        return sway(scene, strength_m, moment)
+
+    return moved
 
 
 def ring_about(count: int, radius_m: float | None = None, height_m: float | None = None) -> Stations:

@@ -1,190 +1,172 @@
-"""Bare soil as real geometry: clods and crumbs as a height field, stones and crop residue on top."""
+"""Soil as real geometry: clods and crumbs that hide and shade themselves, stones and straw on top."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.scenes.crumbs import Crumbs, build_crumbs, scatter_crumbs
 from fieldkit.scenes.noise import bumps, fractal_noise
+from fieldkit.scenes.printed_soil import printed_ground, printed_height, printed_stones
+from fieldkit.scenes.residue import build_residue
 from fieldkit.scenes.scene import Mesh, vertex_normals
+from fieldkit.scenes.soil_description import PRINTED, SCATTER_M, SoilDescription, SoilKind
 
-SCATTER_M = 1.25
-"""Stones and residue lie in the square of twice this side about the origin, metres."""
+__all__ = ["PRINTED", "SCATTER_M", "SoilDescription", "SoilKind", "build_soil", "soil_height"]
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class SoilDescription:
-    """What the ground looks like.
+class _Relief:
+    """Lumps of a kind of soil: (cell in metres, height as a share of the clods', share of cells occupied)."""
 
-    Attributes:
-        seed: of everything random about it.
-        core_m: side of the square about the origin where the grid is finest.
-        spacing_m: grid spacing there; it widens outwards.
-        texture_px: side of the colour texture (0.6 mm per texel in the core at 4096 px).
-        clod_height_m: height of the largest clods.
-        stones, residues: how many lie within `SCATTER_M` of the origin.
-        contrast: of the colour, 1 as a dry tilled loam.
-    """
+    lumps: tuple[tuple[float, float, float], ...]
+    crumbs: float  # loose crumbs and clods, as shares of a tilled soil's
+    clods: float
+    crack_m: float = 0.0
 
-    seed: int = 0
-    core_m: float = 1.2
-    spacing_m: float = 0.005
-    texture_px: int = 4096
-    clod_height_m: float = 0.030
-    stones: int = 700
-    residues: int = 320
-    contrast: float = 1.0
+
+_RELIEF = {
+    "tilled": _Relief(((0.070, 1.0, 0.35), (0.033, 0.50, 0.60), (0.016, 0.30, 0.80), (0.009, 0.17, 0.90)), 1.0, 1.0),
+    "crumb": _Relief(((0.030, 0.25, 0.50), (0.016, 0.30, 0.80), (0.009, 0.22, 0.95)), 1.5, 0.25),
+    "crusted": _Relief(((0.060, 0.18, 0.40), (0.012, 0.05, 0.60)), 0.15, 0.10, crack_m=0.009),
+}
 
 
 def build_soil(soil: SoilDescription) -> list[Mesh]:
-    """The ground to some 45 m from the origin, its stones and its residue; unlit meshes with normals."""
-    return [_ground(soil), _stones(soil), _residue(soil)]
+    """The ground to some 45 m from the origin, what lies loose on it and its residue; unlit meshes with normals."""
+    residue = build_residue(soil, lambda x, y: soil_height(soil, x, y))
+    if soil.kind == "printed":
+        return [printed_ground(soil), printed_stones(soil), residue]
+    return [*_ground(soil), *_loose(soil), residue]
 
 
-def soil_height(soil: SoilDescription, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Height of the ground in metres at ``x``, ``y`` (any equal shape); its mean is about 0.
+def soil_height(soil: SoilDescription, x: Array, y: Array) -> Array:
+    """Height of the ground in metres at ``x``, ``y`` (any equal shape); its mean is about 0."""
+    if soil.kind == "printed":
+        return printed_height(soil, x, y)
+    return _height(soil, x, y, np.zeros(np.shape(x)))
 
-    Lumps of four sizes (65 to 8 mm), each piled on a gently rolling base, as sieve curves of a seedbed have them.
-    """
-    height = 0.012 * fractal_noise(x / 0.45, y / 0.45, soil.seed, octaves=3).astype(np.float64)
-    for i, (cell_m, share, density) in enumerate(
-        ((0.065, 1.0, 0.30), (0.030, 0.45, 0.55), (0.015, 0.24, 0.75), (0.008, 0.10, 0.85))
-    ):
+
+def _height(soil: SoilDescription, x: Array, y: Array, cell: Array) -> Array:
+    """`soil_height` on a grid of spacing ``cell`` in metres, level where the grid cannot show the lumps."""
+    relief = _RELIEF[soil.kind]
+    grid = np.maximum(cell, 1e-6)
+    roll = np.clip(0.45 / grid - 0.5, 0.0, 1.0)
+    height = 0.012 * roll * fractal_noise(x / 0.45, y / 0.45, soil.seed, octaves=3).astype(np.float64)
+    for i, (cell_m, share, density) in enumerate(relief.lumps):
         # Warped coordinates make the lumps angular instead of egg-shaped.
         wx = 0.35 * fractal_noise(x / cell_m * 1.7, y / cell_m * 1.7, soil.seed + 31 + i, octaves=2)
         wy = 0.35 * fractal_noise(x / cell_m * 1.7, y / cell_m * 1.7, soil.seed + 57 + i, octaves=2)
-        lumps = bumps(x / cell_m + wx, y / cell_m + wy, soil.seed + 11 * i, density=density)
-        height += share * soil.clod_height_m * lumps
-    return height - 0.35 * soil.clod_height_m
+        lumps = bumps(x / cell_m + wx, y / cell_m + wy, soil.seed + 11 * i, density=density) - 0.27 * density
+        height += share * soil.clod_height_m * np.clip(1.2 * cell_m / grid - 0.4, 0.0, 1.0) * lumps
+    if relief.crack_m:
+        net = np.abs(fractal_noise(x / 0.09, y / 0.09, soil.seed + 91, octaves=3))
+        height -= relief.crack_m * np.clip(0.03 / grid - 0.5, 0.0, 1.0) * np.exp(-((net / 0.035) ** 2))
+    return height
 
 
-def _axis(soil: SoilDescription) -> NDArray[np.float64]:
-    """Grid coordinates along one axis: even in the core, then ever wider to about 45 m."""
-    n = round(soil.core_m / soil.spacing_m / 2)
-    # 2.2 m in cells that grow by 1.8 % each, which a camera still sees well, then 24 by 20 %.
-    near = int(np.ceil(np.log1p(2.2 * 0.018 / soil.spacing_m) / np.log(1.018)))
-    growth = np.concatenate([np.full(near, 1.018), np.full(24, 1.2)])
-    core = np.arange(n + 1) * soil.spacing_m
-    half = np.concatenate([core, core[-1] + np.cumsum(soil.spacing_m * np.cumprod(growth))])
-    return np.concatenate([-half[:0:-1], half])
+def _color(soil: SoilDescription, x: Array, y: Array, cell: Array | float = 0.0) -> Array:
+    """(…, 3) sRGB of the ground: moist loam, dark and slightly patchy. All other contrast comes from relief.
+
+    ``cell`` is the grid's spacing in metres: what it cannot show is left out.
+    """
+    medium = np.clip(0.04 / np.maximum(cell, 1e-6), 0.0, 1.0) ** 2
+    tone = 0.10 * medium * fractal_noise(x / 0.25, y / 0.25, soil.seed + 201, octaves=3)
+    tone += 0.05 * medium * fractal_noise(x / 0.012, y / 0.012, soil.seed + 202, octaves=2)
+    damp = np.clip(1.5 * fractal_noise(x / 0.12, y / 0.12, soil.seed + 204, octaves=3), 0.0, 0.6)
+    tone = 1.0 + soil.contrast * (tone - 0.25 * medium * damp)
+    warmth = 0.012 * medium * fractal_noise(x / 0.05, y / 0.05, soil.seed + 205, octaves=3)
+    rgb = np.stack([0.22 + warmth, 0.193 + 0 * warmth, 0.163 - warmth], axis=-1) * tone[..., None]
+    return np.asarray(np.clip(rgb, 0.0, 1.0), dtype=np.float64)
 
 
-def _ground(soil: SoilDescription) -> Mesh:
-    axis = _axis(soil)
-    n = len(axis)
-    x, y = np.meshgrid(axis, axis)
-    # Far out the cells are larger than the clods: flatten what they cannot show.
-    spacing = np.gradient(axis)
-    flatten = np.clip(0.06 / np.maximum(*np.meshgrid(spacing, spacing)), 0.0, 1.0)
-    vertices = np.stack([x, y, flatten * soil_height(soil, x, y)], axis=-1).reshape(-1, 3).astype(np.float32)
-    index = np.arange(n * n, dtype=np.int32).reshape(n, n)
+def _ground(soil: SoilDescription) -> list[Mesh]:
+    """The height field: a square grid in the core in tiles, and square rings about it that widen to 45 m."""
+    n = max(2, round(soil.core_m / soil.spacing_m))
+    axis = (np.arange(n + 1) / n - 0.5) * soil.core_m
+    tiles = 4
+    cuts = [round(i * n / tiles) for i in range(tiles + 1)]
+    meshes = []
+    for i in range(tiles):
+        for j in range(tiles):
+            x, y = np.meshgrid(axis[cuts[j] : cuts[j + 1] + 1], axis[cuts[i] : cuts[i + 1] + 1])
+            meshes.append(_sheet(f"soil-{i}-{j}", soil, x, y, np.zeros(x.shape)))
+    # The rings, a side at a time: from the core's edge outwards the cells keep their angle and so grow with distance.
+    growth = 1.0 + 4.0 / n
+    near = int(np.ceil(np.log(max(3.0 / (soil.core_m / 2), 1.1)) / np.log(growth)))
+    radii = np.concatenate([np.full(near, growth), np.full(16, 1.2)]).cumprod()
+    scale = np.concatenate([[1.0], radii])[:, None]
+    cell = scale * soil.spacing_m * 2.0
+    for side in range(4):
+        turn = np.array([[0, 1], [-1, 0]]) if side % 2 else np.eye(2)
+        sign = 1.0 if side < 2 else -1.0
+        edge = np.stack([axis, np.full(n + 1, soil.core_m / 2)], axis=-1) * sign @ turn
+        half = (n + 1) // 2
+        for part, columns in enumerate((slice(0, half + 1), slice(half, n + 1))):
+            # In bands, so that a renderer can leave out what lies behind the camera.
+            for band, (start, end) in enumerate(
+                pairwise([0, *np.searchsorted(scale[:, 0], (1.8, 5.0)), len(scale) - 1])
+            ):
+                rows = slice(int(start), int(end) + 1)
+                ring = scale[rows, :, None] * edge[None, columns]
+                width = np.broadcast_to(cell[rows], ring.shape[:2])
+                meshes.append(_sheet(f"soil-{'nesw'[side]}{part}{band}", soil, ring[..., 0], ring[..., 1], width))
+    return meshes
+
+
+def _sheet(name: str, soil: SoilDescription, x: Array, y: Array, cell: Array) -> Mesh:
+    rows, columns = x.shape
+    vertices = np.stack([x, y, _height(soil, x, y, cell)], axis=-1).reshape(-1, 3).astype(np.float32)
+    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
     faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    step = np.linspace(0.0, 1.0, n, dtype=np.float32)
-    u, v = np.meshgrid(step, step)
-    return Mesh(
-        "soil", vertices, faces, vertex_normals(vertices, faces), np.stack([u, v], -1).reshape(-1, 2),
-        _soil_texture(soil, axis),
-    )  # fmt: skip
+    normals = vertex_normals(vertices, faces)
+    normals[normals[:, 2] < 0] *= -1.0
+    return Mesh(name, vertices, faces, normals, colors=_color(soil, x, y, cell).reshape(-1, 3).astype(np.float32))
 
 
-def _soil_texture(soil: SoilDescription, axis: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Colour of the ground in the grid's own (stretched) coordinates, so that detail is fine where it is needed."""
-    size = soil.texture_px
-    place = np.interp((np.arange(size) + 0.5) / size, np.linspace(0, 1, len(axis)), axis)
-    pitch = np.gradient(place)
-    texture = np.empty((size, size, 3), np.uint8)
-    for start in range(0, size, 256):  # in bands, to keep the memory small
-        rows = slice(start, min(start + 256, size))
-        x, y = np.meshgrid(place, place[::-1][rows])  # row 0 at the top: largest y
-        # Far out texels are long and narrow; detail finer than their length would be drawn as streaks.
-        coarse = np.maximum(*np.meshgrid(pitch, pitch[::-1][rows]))
-        fine, medium = (np.clip(scale / (3.0 * coarse), 0.0, 1.0) ** 2 for scale in (0.010, 0.080))
-        tone = 0.16 * medium * fractal_noise(x / 0.25, y / 0.25, soil.seed + 201, octaves=3)
-        tone += 0.15 * fine * fractal_noise(x / 0.012, y / 0.012, soil.seed + 202, octaves=4, gain=0.7)
-        grains = bumps(x / 0.0035, y / 0.0035, soil.seed + 203, density=0.8)
-        tone += 0.23 * fine * (grains - 0.45)
-        damp = np.clip(1.5 * fractal_noise(x / 0.12, y / 0.12, soil.seed + 204, octaves=3), 0.0, 0.6)
-        tone = soil.contrast * (tone - 0.30 * medium * damp)
-        warmth = 0.02 * fractal_noise(x / 0.02, y / 0.02, soil.seed + 205, octaves=3)
-        color = np.stack([0.55 + warmth, 0.48 + 0 * warmth, 0.41 - warmth], axis=-1) * (1.0 + tone)[..., None]
-        texture[rows] = np.clip(255.0 * color + 0.5, 0, 255).astype(np.uint8)
-    return texture
-
-
-def _scatter(soil: SoilDescription, count: int, seed: int) -> tuple[np.random.Generator, NDArray[np.float64]]:
-    """A generator and (count, 3) places on the ground, in the square ±`SCATTER_M`."""
-    rng = np.random.default_rng([soil.seed, seed])
-    xy = rng.uniform(-SCATTER_M, SCATTER_M, (count, 2))
-    return rng, np.column_stack([xy, soil_height(soil, xy[:, 0].copy(), xy[:, 1].copy())])
-
-
-def _stones(soil: SoilDescription) -> Mesh:
-    """Stones and loose clods of 4 to 45 mm, half sunk into the ground, with overhangs a height field lacks."""
-    import trimesh
-
-    spheres = [trimesh.creation.icosphere(subdivisions=n) for n in (1, 2, 3)]
-    rng, places = _scatter(soil, soil.stones, 1)
-    vertices, faces, colors = [], [], []
-    for place in places:
-        radius = float(np.clip(0.004 * np.exp(rng.exponential(0.75)), 0.004, 0.045)) / 2
-        seed = int(rng.integers(1 << 30))
-        sphere = spheres[0 if radius < 0.005 else 1 if radius < 0.014 else 2]
-        base, base_faces = np.asarray(sphere.vertices), np.asarray(sphere.faces, dtype=np.int32)
-        bumpiness = fractal_noise(base[:, 0] * 1.3 + base[:, 2], base[:, 1] * 1.3 - 0.7 * base[:, 2], seed, octaves=4)
-        shape = base * (1.0 + 0.32 * bumpiness)[:, None] * rng.uniform((0.8, 0.6, 0.45), (1.3, 1.0, 0.9))
-        turn = rng.uniform(0, 2 * np.pi)
-        spin = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-        vertices.append(radius * shape @ spin.T + place + (0, 0, 0.25 * radius))
-        faces.append(base_faces + sum(map(len, vertices[:-1])))
-        grey = rng.uniform(0.42, 0.66) if rng.random() < 0.2 else rng.uniform(0.36, 0.50)
-        tint = np.array([1.10, 0.98, 0.84]) if grey < 0.5 else np.array([1.02, 1.0, 0.94])
-        speckle = 0.22 * fractal_noise(base[:, 0] * 4, base[:, 1] * 4 + 3 * base[:, 2], seed + 1, octaves=3)
-        colors.append(np.clip(grey * tint * (1 + speckle)[:, None], 0, 1))
-    return _pile("stones", vertices, faces, colors)
-
-
-def _residue(soil: SoilDescription) -> Mesh:
-    """Straw: flat bent strips of 15 to 120 mm, leaning on the ground."""
-    rng, places = _scatter(soil, soil.residues, 2)
-    along, across = 16, 3
-    t = np.linspace(-0.5, 0.5, along)
-    s = np.linspace(-0.5, 0.5, across)
-    index = np.arange(along * across, dtype=np.int32).reshape(along, across)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    strip = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    vertices, faces, colors = [], [], []
-    for i, place in enumerate(places):
-        length, width = rng.uniform(0.015, 0.12) * rng.uniform(0.4, 1.0), rng.uniform(0.0012, 0.005)
-        heading, tilt, bend = rng.uniform(0, 2 * np.pi), rng.normal(0, 0.12), rng.normal(0, 0.5)
-        direction = heading + bend * t
-        step = length / along
-        x, y = np.cumsum(np.cos(direction)) * step, np.cumsum(np.sin(direction)) * step
-        x, y = x - x.mean(), y - y.mean()
-        lift = np.tan(tilt) * length * t + rng.uniform(0, 0.15) * length * (2 * t) ** 2
-        roll = rng.normal(0, 0.4)
-        side = np.stack([-np.sin(direction) * np.cos(roll), np.cos(direction) * np.cos(roll), np.sin(roll) + 0 * t], -1)
-        ground = soil_height(soil, place[0] + x, place[1] + y)
-        # It rests on the highest lumps below it.
-        z = np.maximum(lift + np.quantile(ground, 0.8), ground + 0.001)
-        line = np.stack([place[0] + x, place[1] + y, z], -1)
-        fold = 0.3 * width * (2 * s[None, :, None]) ** 2 * np.array([0.0, 0.0, 1.0])
-        vertices.append((line[:, None] + width * s[None, :, None] * side[:, None] + fold).reshape(-1, 3))
-        faces.append(strip + i * along * across)
-        tone = rng.uniform(0.55, 0.85) * (1 + 0.18 * fractal_noise(t * 40 * length / 0.1, t * 0 + i, 9, octaves=3))
-        color = tone[:, None] * np.array([1.0, 0.90, 0.68])
-        colors.append(np.clip(np.repeat(color, across, axis=0), 0, 1))
-    return _pile("residue", vertices, faces, colors)
-
-
-def _pile(name: str, vertices: list[NDArray[np.float64]], faces: list[NDArray[np.int32]],
-          colors: list[NDArray[np.float64]]) -> Mesh:  # fmt: skip
-    if not vertices:
-        empty = np.zeros((0, 3), np.float32)
-        return Mesh(name, empty, np.zeros((0, 3), np.int32), empty, colors=empty)
-    points, triangles = np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32)
-    return Mesh(
-        name, points, triangles, vertex_normals(points, triangles), colors=np.concatenate(colors).astype(np.float32)
+def _loose(soil: SoilDescription) -> list[Mesh]:
+    relief = _RELIEF[soil.kind]
+    stones = soil.stones / (2 * SCATTER_M) ** 2
+    size = min(1.0, 0.005 / soil.spacing_m)  # a coarse soil, as tests use it, has fewer crumbs as well
+    near, far = soil.core_m / 2 + 0.15, soil.core_m / 2 + 1.0
+    classes = (
+        Crumbs("crumbs", 0.0, near, 4500 * relief.crumbs * size, 0.0050, 0.014, 0),
+        Crumbs("crumbs-around", near, far, 700 * relief.crumbs * size, 0.010, 0.022, 0),
+        Crumbs("clods", 0.0, near, 260 * relief.clods * size, 0.014, 0.050, 1),
+        Crumbs("clods-around", near, far, 140 * relief.clods * size, 0.020, 0.060, 1),
+        Crumbs("clods-far", far, far + 2.0, 18 * relief.clods * size, 0.035, 0.080, 0),
+        Crumbs("stones", 0.0, SCATTER_M, stones, 0.005, 0.045, 1, stone=1.0),
     )
+    meshes = []
+    for i, crumbs in enumerate(classes):
+        seed = 10 * (soil.seed + 1) + i
+        xy, sizes = scatter_crumbs(crumbs, seed)
+        x, y = xy[:, 0].copy(), xy[:, 1].copy()
+        mesh = build_crumbs(crumbs, xy, sizes, soil_height(soil, x, y), _color(soil, x, y), seed)
+        meshes += _quarters(mesh)
+    return meshes
+
+
+def _quarters(mesh: Mesh) -> list[Mesh]:
+    """The mesh in four by quadrant, so that a renderer can leave out what a camera does not see."""
+    middle = mesh.vertices[mesh.faces[:, 0]] if len(mesh.faces) else np.zeros((0, 3))
+    quadrant = (middle[:, 0] > 0) * 1 + (middle[:, 1] > 0) * 2
+    parts = []
+    for q in range(4):
+        used, inverse = np.unique(mesh.faces[quadrant == q], return_inverse=True)
+        if len(used):
+            parts.append(
+                replace(
+                    mesh, name=f"{mesh.name}-{q}", vertices=mesh.vertices[used],
+                    faces=inverse.reshape(-1, 3).astype(np.int32),
+                    normals=None if mesh.normals is None else mesh.normals[used],
+                    colors=None if mesh.colors is None else mesh.colors[used],
+                )
+            )  # fmt: skip
+    return parts

@@ -7,21 +7,23 @@ They are kept in the repository, so that tests need no renderer and every machin
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.scene import Light
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
-from fieldkit.scenes.soil import SoilDescription
+from fieldkit.scenes.soil import PRINTED
 
 SEED = 3
 
 
 def main() -> None:
-    soil = SoilDescription(seed=SEED, spacing_m=0.012, texture_px=1024, stones=200, residues=100)
-    scene = build_scene(PlotDescription(plant_layout(1, SEED, spacing_m=0.24, leaves=(6, 7)), soil))
+    soil = replace(PRINTED, seed=SEED, spacing_m=0.012, texture_px=1024, stones=200, residues=100)
+    scene = build_scene(PlotDescription(plant_layout(1, SEED, spacing_m=0.24, leaves=(6, 7)), soil, Light()))
     with Renderer(scene) as renderer:
         simulate_capture(
             Path(__file__).parent / "small_plot",

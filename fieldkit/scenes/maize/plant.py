@@ -1,0 +1,97 @@
+"""A maize plant's mesh from its description."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.scenes.maize.architecture import Architecture, grow
+from fieldkit.scenes.maize.colour import blade_texture, plain_texture, stem_texture
+from fieldkit.scenes.maize.compact import build_compact_maize
+from fieldkit.scenes.maize.description import MaizeDescription
+from fieldkit.scenes.maize.flowers import ear, tassel
+from fieldkit.scenes.maize.organs import Part, Strip, blade, grid_faces
+from fieldkit.scenes.scene import Mesh, vertex_normals
+
+_BLADE_ROWS, _STEM_ROWS, _FLOWER_ROWS = 96, 128, 32
+
+
+def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool = False) -> Mesh:
+    """The plant as one textured mesh with normals, unlit, standing at height ``ground_m``.
+
+    ``flex_m`` of its vertices is the distance along the blade from the collar, 0 on the stem.
+
+    Args:
+        plant: what to build.
+        ground_m: height of the ground under it.
+        coarse: with about a tenth of the triangles and a sixteenth of the texture, for plants seen from afar.
+    """
+    if plant.leaves is not None:
+        return build_compact_maize(plant, plant.leaves, ground_m)
+    rng = np.random.default_rng([plant.seed, 78])
+    grown = grow(plant.stage, rng)
+    shrink = 4 if coarse else 1
+    strips = _Strips(shrink)
+    parts, flex, pictures = _stem(plant.seed, grown, strips, shrink)
+    for leaf in grown.leaves:
+        strip = strips.take(_BLADE_ROWS)
+        along, across = (32, 7) if coarse else (160, 19) if len(grown.leaves) <= 8 else (112, 17)
+        part = blade(leaf, strip, along=along, across=across)
+        parts.append(part)
+        flex.append(np.repeat(np.linspace(0, leaf.length, along), across))
+        pictures.append(blade_texture(leaf, strip.height, strip.width))
+    texture = np.concatenate(pictures[::-1])  # texture row 0 is at the top, uv's v = 0 at the bottom
+    vertices = np.concatenate([part[0] for part in parts])
+    offsets = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
+    faces = np.concatenate([part[1] + offset for part, offset in zip(parts, offsets, strict=True)]).astype(np.int32)
+    uv = np.concatenate([part[2] for part in parts]).astype(np.float32)
+    uv[:, 1] *= np.float32(1.0 / len(texture))
+    turn = np.radians(-plant.yaw_deg)
+    spin = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    placed = (plant.scale * vertices @ spin.T + (plant.x_m, plant.y_m, ground_m)).astype(np.float32)
+    return Mesh(
+        f"maize-{plant.seed}", placed, faces, vertex_normals(placed, faces), uv, texture, plant=True,
+        flex_m=(plant.scale * np.concatenate(flex)).astype(np.float32),
+    )  # fmt: skip
+
+
+class _Strips:
+    """Hands out strips of the plant's texture from the bottom up; v counts rows until the height is known."""
+
+    def __init__(self, shrink: int) -> None:
+        self._shrink, self._used = shrink, 0
+
+    def take(self, rows: int) -> Strip:
+        rows //= self._shrink
+        strip = Strip(self._used, rows, 1, 2048 // self._shrink)
+        self._used += rows
+        return strip
+
+
+def _stem(
+    seed: int, grown: Architecture, strips: _Strips, shrink: int
+) -> tuple[list[Part], list[NDArray[np.float64]], list[NDArray[np.uint8]]]:
+    """Stem with its sheaths, and tassel and ear where there are any."""
+    strip = strips.take(_STEM_ROWS)
+    line, radii = grown.line[::shrink], grown.radii[::shrink]
+    sides = 24 // min(shrink, 3) + 1  # the last repeats the first, for the texture's seam
+    angle = np.linspace(0, 2 * np.pi, sides)
+    ring = np.column_stack([1.10 * np.cos(angle), 0.92 * np.sin(angle), 0 * angle])  # a maize stem is oval
+    vertices = (line[:, None] + radii[:, None, None] * ring[None]).reshape(-1, 3)
+    foot, length = float(line[0, 2]), float(line[-1, 2] - line[0, 2])
+    u = 0.002 + 0.996 * (line[:, 2] - foot) / length
+    v = strip.first_row + 0.5 + (strip.height - 1) * np.linspace(0, 1, sides)
+    uv = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=-1).reshape(-1, 2)
+    parts: list[Part] = [(vertices, grid_faces(len(line), sides), uv)]
+    pictures = [stem_texture(seed, foot, length, grown.nodes, strip.height, strip.width)]
+    rng = np.random.default_rng([seed, 79])
+    if grown.tassel_m:
+        strip = strips.take(_FLOWER_ROWS)
+        parts += tassel(line[-1], grown.tassel_m, strip, rng)
+        pictures.append(plain_texture(seed, (0.68, 0.62, 0.38), strip.height, strip.width))
+    if grown.ear:
+        strip = strips.take(_FLOWER_ROWS)
+        leaf = grown.leaves[round(0.55 * len(grown.leaves))]
+        parts += ear(leaf.collar - np.array([0.0, 0.0, 0.12]), leaf.azimuth, strip, rng)
+        pictures.append(plain_texture(seed + 1, (0.58, 0.66, 0.36), strip.height, strip.width))
+    return parts, [np.zeros(len(part[0])) for part in parts], pictures

@@ -1,0 +1,94 @@
+"""Matches against the angle: its measures on small inputs, and that rendered plots lose matches."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from fieldkit.benchmarks.blind_rings import RingRun, ring_table
+from fieldkit.benchmarks.match_decay import (
+    FIELD_MAIZE,
+    PairCount,
+    allowed,
+    count_table,
+    green,
+    inliers,
+    share_table,
+    summarise,
+    verdict_table,
+    visible_plants,
+)
+from fieldkit.geometry import Intrinsics
+from fieldkit.reconstruction.features import FeatureSettings, extract_features
+from fieldkit.scenes.noise import fractal_noise
+from fieldkit.scenes.plot import build_scene
+from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.scene import Scene
+from tests.scenes.conftest import SMALL_PLOT
+
+
+def pairs(counts: list[int], on_plants: float = 0.5) -> list[PairCount]:
+    angles = (6.0, 12.0, 18.0, 27.0, 36.0, 48.0)
+    return [PairCount(a, 1000.0, c, round(on_plants * c)) for a, c in zip(angles, counts, strict=True)]
+
+
+def test_medians_and_shares() -> None:
+    found = summarise("x", [*pairs([100, 50, 20, 10, 5, 0]), *pairs([200, 150, 40, 20, 5, 0])])
+    assert found.inliers == (150.0, 100.0, 30.0, 15.0, 5.0, 0.0)
+    assert found.shares[1] == pytest.approx(2 / 3)
+    assert found.plant_shares[0] == pytest.approx(0.5)
+    assert found.plant_shares[5] is None
+    assert found.features == 1000
+
+
+def test_the_allowed_span_takes_field_maize_in() -> None:
+    real = [summarise("basil_rig", pairs([100, 50, 20, 10, 5, 2])), summarise("a", pairs([100, 60, 30, 20, 8, 4]))]
+    assert allowed(real, 1) == pytest.approx((FIELD_MAIZE[1] / 1.5, 0.9))  # type: ignore[operator]
+    assert allowed(real, 4) == pytest.approx((0.05 / 1.5, 0.12))
+    rendered = summarise("tuning 0", pairs([1000, 850, 800, 100, 50, 1]))
+    row = verdict_table([*real, rendered], real).rows[-1]
+    assert row == ("tuning 0", "within", "within", "above", "within", "within", "below")
+    assert count_table([rendered]).rows[1][2] == "1000 (50 %)"
+    assert share_table([rendered]).rows[1][4] == "0.100"
+
+
+def test_inliers_of_a_plane_seen_from_aside() -> None:
+    x, y = np.meshgrid(np.arange(600) / 9.0, np.arange(450) / 9.0)
+    image = np.clip(128 + 110 * fractal_noise(x, y, 5, octaves=4), 0, 255).astype(np.uint8)
+    turned = cv2.warpPerspective(image, np.array([[0.95, 0.05, 9], [-0.04, 0.97, 14], [1e-5, 2e-5, 1]]), (600, 450))
+    settings = FeatureSettings(contrast_threshold=0.04)
+    a, b = extract_features(image, settings), extract_features(turned.astype(np.uint8), settings)
+    assert len(inliers(a, b, 1.0)) > 0.3 * min(len(a), len(b))
+    other = np.random.default_rng(0).integers(0, 255, (450, 600), dtype=np.uint8)
+    assert len(inliers(a, extract_features(other, settings), 1.0)) < 30
+    nothing = extract_features(np.zeros((450, 600), np.uint8), settings)
+    assert len(inliers(a, nothing, 1.0)) == 0
+
+
+def test_green_is_excess_green() -> None:
+    image = np.full((40, 80, 3), 90, np.uint8)
+    image[:, 50:] = (60, 120, 50)
+    mask = green(image)
+    assert not mask[:, :44].any()
+    assert mask[:, 52:].all()
+
+
+def test_plants_that_are_hidden_do_not_count() -> None:
+    small_scene = build_scene(SMALL_PLOT)
+    camera, pose = Intrinsics.pinhole(200, 150, 170.0), ring(1, 1.3, 0.8)[0]
+    plants = Scene(tuple(small_scene.plants), small_scene.light)
+    with Renderer(small_scene) as whole, Renderer(plants) as only:
+        mask = visible_plants(whole, only, pose, camera)
+        assert 0.005 < mask.mean() < 0.5
+        below = ring(1, 1.3, -0.5)[0]  # from below the soil hides all but the feet
+        assert visible_plants(whole, only, below, camera).mean() < 0.3 * (only.depth(below, camera) > 0).mean()
+
+
+def test_table_of_rings() -> None:
+    runs = [RingRun("tuning 0", 10, s, 2 + s, (2 + s,), 0.002 * s if s else None) for s in range(3)]
+    table = ring_table([*runs, RingRun("tuning 0", 20, 0, 20, (20,), 0.001)])
+    assert table.columns == ("set", "ring of 10>", "ring of 20>")
+    assert table.rows[0] == ("basil_rig (recorded figures)", "3 of 10", "12 of 20")
+    assert table.rows[2] == ("tuning 0", "3 (2–4) of 10, 3.0 (2.0–4.0) mm", "20 of 20, 1.0 mm")

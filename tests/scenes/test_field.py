@@ -1,0 +1,197 @@
+"""Soil as geometry, weeds, neighbours, wind and the switches of light."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fieldkit.geometry import Intrinsics
+from fieldkit.scenes.crumbs import Crumbs, build_crumbs, scatter_crumbs
+from fieldkit.scenes.fields import field_scene
+from fieldkit.scenes.maize import MaizeDescription
+from fieldkit.scenes.neighbours import NeighboursDescription, neighbour_plants
+from fieldkit.scenes.plot import PlotDescription, build_scene
+from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.scene import EffectsDescription, Scene
+from fieldkit.scenes.soil import SoilDescription, SoilKind, build_soil, soil_height
+from fieldkit.scenes.sway import REFERENCE_M, sway
+from fieldkit.scenes.weeds import WeedsDescription, build_weeds
+
+COARSE = SoilDescription(seed=2, core_m=0.6, spacing_m=0.02, stones=20, residues=5)
+CAMERA = Intrinsics.pinhole(200, 150, 170.0)
+
+
+@pytest.fixture(scope="module")
+def field() -> PlotDescription:
+    return PlotDescription(
+        (MaizeDescription(seed=1, stage="V5"),), COARSE, weeds=WeedsDescription(1, 30, 3, radius_m=1.0),
+        neighbours=NeighboursDescription(rows=1, length_m=0.3, stage="V4"),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scene(field: PlotDescription) -> Scene:
+    return build_scene(field)
+
+
+@pytest.mark.parametrize("kind", ["tilled", "crumb", "crusted"])
+def test_soils_are_level_on_average_and_have_their_roughness(kind: SoilKind) -> None:
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 500), np.linspace(-0.5, 0.5, 500))
+    height = soil_height(SoilDescription(seed=1, kind=kind), x, y)
+    assert abs(float(height.mean())) < 0.010
+    assert {"tilled": 0.005, "crumb": 0.002, "crusted": 0.001}[kind] < float(height.std()) < 0.02
+    slope = float(np.quantile(np.abs(np.diff(height, axis=1) / np.diff(x, axis=1)), 0.9))
+    assert slope > {"tilled": 0.9, "crumb": 0.5, "crusted": 0.2}[kind]
+
+
+def test_soil_reaches_far_and_leaves_no_hole() -> None:
+    meshes = [mesh for mesh in build_soil(COARSE) if mesh.name.startswith("soil")]
+    assert max(float(mesh.vertices[:, 0].max()) for mesh in meshes) > 30
+    # The sheets cover the square of the rings exactly once, seen from above.
+    area = 0.0
+    for mesh in meshes:
+        a, b, c = (mesh.vertices[mesh.faces[:, i], :2].astype(np.float64) for i in range(3))
+        u, v = b - a, c - a
+        area += float(np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]).sum() / 2)
+    side = 2 * max(float(mesh.vertices[:, 0].max()) for mesh in meshes)
+    assert area == pytest.approx(side**2, rel=1e-3)
+    assert len({mesh.name for mesh in meshes}) == len(meshes)
+
+
+def test_crumbs_follow_a_power_law_and_stand_on_the_ground() -> None:
+    crumbs = Crumbs("c", 0.2, 1.0, 4000, 0.005, 0.04, 0)
+    places, sizes = scatter_crumbs(crumbs, 1)
+    assert np.abs(places).max(axis=1).min() >= 0.2
+    small, large = (sizes < 0.01).sum(), (sizes > 0.02).sum()
+    assert small / large == pytest.approx((0.005**-1.5 - 0.01**-1.5) / (0.02**-1.5 - 0.04**-1.5), rel=0.25)
+    mesh = build_crumbs(crumbs, places[:50], sizes[:50], np.full(50, 0.1), np.full((50, 3), 0.3), 1)
+    assert float(mesh.vertices[:, 2].min()) > 0.1 - 0.03
+    assert float(mesh.vertices[:, 2].max()) < 0.1 + 0.05
+
+
+def test_only_the_plots_own_plants_are_the_reference(scene: Scene) -> None:
+    assert [mesh.name for mesh in scene.plants] == ["plant-1"]
+    kinds = {mesh.name.split("-")[0] for mesh in scene.meshes}
+    assert {"neighbour", "cover", "weeds", "soil", "crumbs", "residue", "sky"} <= kinds
+    assert len({mesh.name for mesh in scene.meshes}) == len(scene.meshes)
+
+
+def test_weeds_and_cover_stay_low_and_within_their_radius() -> None:
+    meshes = build_weeds(WeedsDescription(3, 100, 10, radius_m=1.5), lambda x, _: 0.0 * x)
+    cover = [mesh for mesh in meshes if mesh.name.startswith("cover")]
+    assert max(float(mesh.vertices[:, 2].max()) for mesh in cover) < 0.06
+    assert max(float(np.linalg.norm(mesh.vertices[:, :2], axis=1).max()) for mesh in meshes) < 1.65
+    assert not build_weeds(WeedsDescription(3), lambda x, _: 0.0 * x)
+
+
+def test_neighbours_stand_in_rows_beside_the_plot() -> None:
+    east_west = NeighboursDescription(rows=2, row_spacing_m=0.75, heading_deg=90.0)
+    y = np.array([p.y_m for p in neighbour_plants(east_west, (-0.3, -0.1), (0.3, 0.1))])
+    assert np.allclose(np.unique(np.round(np.abs(y) / 0.75)), [1, 2])
+    assert np.abs(y).min() > 0.75
+    north_south = NeighboursDescription(rows=1, heading_deg=0.0)
+    assert min(abs(p.x_m) for p in neighbour_plants(north_south, (-0.3, -0.1), (0.3, 0.1))) > 0.9
+
+
+def test_switches_of_light(field: PlotDescription, scene: Scene) -> None:
+    dull = build_scene(replace(field, effects=EffectsDescription(False, False, False, False)))
+    for lit, flat in zip(scene.meshes, dull.meshes, strict=True):
+        if lit.shading is None or flat.shading is None:
+            continue
+        assert (flat.shading[:, :2] == 1).all()
+        assert (flat.shading[:, 2:] == 0).all()
+    ground = next(mesh.shading for mesh in scene.meshes if mesh.name == "soil-1-1")
+    assert ground is not None
+    assert float(ground[:, 1].min()) < 0.8
+
+
+class TestSway:
+    def test_stems_stand_and_tips_move_by_the_strength(self, scene: Scene) -> None:
+        (plant,) = scene.plants
+        assert plant.flex_m is not None
+        moves = np.stack([sway(scene, 0.01, seed)["plant-1"] - plant.vertices for seed in range(60)])
+        assert np.abs(moves[:, plant.flex_m == 0]).max() == 0
+        far = plant.flex_m > 0.7 * plant.flex_m.max()
+        expected = 0.01 * (plant.flex_m[far] / REFERENCE_M) ** 1.6
+        sideways = np.sqrt((moves[:, far, :2] ** 2).mean(axis=(0, 2)))
+        assert float(np.median(sideways / expected)) == pytest.approx(1.0, abs=0.3)
+
+    def test_the_same_seed_is_the_same_moment(self, scene: Scene) -> None:
+        a, b, c = (sway(scene, 0.01, seed)["plant-1"] for seed in (1, 1, 2))
+        assert np.array_equal(a, b)
+        assert not np.array_equal(a, c)
+        assert sway(scene, 0.0, 1) == {}
+        assert not any(name.startswith(("soil", "crumbs")) for name in sway(scene, 0.01, 1))
+
+    def test_leaves_keep_their_length(self, scene: Scene) -> None:
+        (plant,) = scene.plants
+        moved = sway(scene, 0.02, 5)["plant-1"]
+        edges = plant.faces[:, [0, 2]]
+        before = np.linalg.norm(plant.vertices[edges[:, 0]] - plant.vertices[edges[:, 1]], axis=1)
+        after = np.linalg.norm(moved[edges[:, 0]] - moved[edges[:, 1]], axis=1)
+        assert float(np.quantile(np.abs(after - before) / np.maximum(before, 1e-3), 0.95)) < 0.15
+
+    def test_negative_wind_is_refused(self, scene: Scene) -> None:
+        with pytest.raises(ValueError, match="at least 0"):
+            sway(scene, -0.1, 0)
+
+
+def test_moved_meshes_are_drawn_where_they_are(scene: Scene) -> None:
+    pose = ring(1, 1.0, 0.8)[0]
+    with Renderer(scene) as renderer:
+        still, depth = renderer.render(pose, CAMERA)
+        renderer.move(sway(scene, 0.03, 2))
+        moved, moved_depth = renderer.render(pose, CAMERA)
+        renderer.rest()
+        again, depth_again = renderer.render(pose, CAMERA)
+        with pytest.raises(ValueError, match="no mesh"):
+            renderer.move({"nothing": np.zeros((3, 3), np.float32)})
+        with pytest.raises(ValueError, match="vertices"):
+            renderer.move({"plant-1": np.zeros((3, 3), np.float32)})
+    assert np.array_equal(still, again)
+    assert np.array_equal(depth, depth_again)
+    changed = np.abs(moved.astype(int) - still).max(axis=2) > 20
+    assert 10 < changed.sum() < 0.5 * changed.size
+    assert (moved_depth != depth).any()
+    # A renderer that never drew before it was moved shows the same.
+    with Renderer(scene) as fresh:
+        fresh.move(sway(scene, 0.03, 2))
+        assert np.array_equal(fresh.photograph(pose, CAMERA), moved)
+
+
+def test_leaving_out_what_a_camera_does_not_see_changes_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    poses = [*ring(3, 1.0, 0.8), *ring(2, 0.4, 0.3, target=(1.0, 0.5, 0.0))]
+    with Renderer(scene) as renderer:
+        culled = [renderer.photograph(pose, CAMERA) for pose in poses]
+        monkeypatch.setattr("fieldkit.scenes.renderer._may_be_seen", lambda *_: True)
+        whole = [renderer.photograph(pose, CAMERA) for pose in poses]
+    assert all(np.array_equal(a, b) for a, b in zip(culled, whole, strict=True))
+
+
+def test_field_scenes() -> None:
+    plots = [field_scene("tuning", i) for i in range(3)] + [field_scene("test", i) for i in range(2)]
+    assert len({plot.soil.seed for plot in plots}) == 5
+    assert all(3 <= len(plot.plants) <= 6 for plot in plots)
+    with pytest.raises(ValueError, match="no field scene"):
+        field_scene("test", 2)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: SoilDescription(kind="sand"),  # type: ignore[arg-type]
+        lambda: SoilDescription(spacing_m=0.5),
+        lambda: SoilDescription(stones=-1),
+        lambda: WeedsDescription(cover_per_m2=-1.0),
+        lambda: WeedsDescription(patchiness=2.0),
+        lambda: NeighboursDescription(rows=9),
+        lambda: NeighboursDescription(stage="V40"),  # type: ignore[arg-type]
+        lambda: PlotDescription((), extent_m=0.0),
+    ],
+)
+def test_descriptions_that_make_no_sense_are_refused(make) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(ValueError):
+        make()

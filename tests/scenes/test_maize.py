@@ -1,0 +1,83 @@
+"""Plants by growth stage."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.scenes.maize import STAGES, MaizeDescription, Stage, build_maize
+from fieldkit.scenes.maize.architecture import grow, leaf_number, leaf_size
+
+
+@pytest.mark.parametrize(
+    ("stage", "low", "high", "triangles"),
+    [("V4", 0.2, 0.65, 30_000), ("V8", 0.5, 1.25, 30_000), ("V14", 1.1, 2.4, 50_000), ("VT", 1.9, 3.2, 60_000)],
+)
+def test_a_stage_has_its_height_and_detail(stage: Stage, low: float, high: float, triangles: int) -> None:
+    for seed in (1, 2):
+        mesh = build_maize(MaizeDescription(seed=seed, stage=stage))
+        assert low < float(mesh.vertices[:, 2].max()) < high
+        assert triangles < len(mesh.faces) < 200_000
+        assert mesh.uv is not None
+        assert mesh.texture is not None
+        assert 0.0 <= float(mesh.uv.min()) <= float(mesh.uv.max()) <= 1.0
+        assert max(mesh.texture.shape) <= 4096
+
+
+def test_the_same_seed_is_the_same_plant_and_no_two_leaves_are_alike() -> None:
+    one, again, other = (build_maize(MaizeDescription(seed=s)) for s in (1, 1, 2))
+    assert np.array_equal(one.vertices, again.vertices)
+    assert np.array_equal(one.texture, again.texture)
+    assert one.vertices.shape != other.vertices.shape or not np.allclose(one.vertices, other.vertices, atol=0.005)
+    leaves = grow("V10", np.random.default_rng(3)).leaves
+    assert len({leaf.seed for leaf in leaves}) == len(leaves)
+    assert len({round(leaf.length, 4) for leaf in leaves}) == len(leaves)
+
+
+@given(st.sampled_from(STAGES), st.integers(0, 10_000))
+@settings(max_examples=60, deadline=None)
+def test_architecture_at_every_stage(stage: Stage, seed: int) -> None:
+    plant = grow(stage, np.random.default_rng(seed))
+    heights = [leaf.collar[2] for leaf in plant.leaves]
+    assert heights == sorted(heights)
+    assert all(0.03 < leaf.length < 1.3 for leaf in plant.leaves)
+    assert all(0.004 < leaf.width < 0.14 for leaf in plant.leaves)
+    assert (plant.radii > 0).all()
+    assert (plant.tassel_m > 0) == (stage in ("VT", "R1"))
+    assert plant.ear == (stage == "R1")
+
+
+def test_plants_grow_from_stage_to_stage() -> None:
+    tops = [np.median([grow(s, np.random.default_rng(i)).line[-1, 2] for i in range(8)]) for s in STAGES]
+    assert all(b > a for a, b in pairwise(tops[:-1]))
+
+
+def test_leaf_areas_are_a_bell_with_its_top_at_two_thirds() -> None:
+    areas = [0.75 * np.prod(leaf_size(k, 18)) for k in range(1, 19)]
+    assert int(np.argmax(areas)) + 1 == 12
+    assert areas[0] < 0.15 * max(areas)
+    assert areas[-1] < 0.5 * max(areas)
+
+
+def test_collars_and_tips() -> None:
+    assert leaf_number("V8", 19) == (8, 11)
+    assert leaf_number("VT", 19) == (19, 19)
+    assert leaf_number("V18", 18) == (18, 18)
+
+
+def test_a_coarse_plant_is_the_same_plant_with_less_detail() -> None:
+    fine = build_maize(MaizeDescription(seed=4))
+    coarse = build_maize(MaizeDescription(seed=4), coarse=True)
+    assert len(coarse.faces) < 0.15 * len(fine.faces)
+    np.testing.assert_allclose(fine.vertices.max(0), coarse.vertices.max(0), atol=0.03)
+    np.testing.assert_allclose(fine.vertices.min(0), coarse.vertices.min(0), atol=0.03)
+
+
+@pytest.mark.parametrize("wrong", [{"leaves": 3}, {"stage": "V99"}, {"scale": 0.0}, {"x_m": float("nan")}])
+def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match=r"leaves|stage|scale|finite"):
+        MaizeDescription(seed=1, **wrong)  # type: ignore[arg-type]
