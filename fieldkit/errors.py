@@ -5,6 +5,7 @@ FieldkitError
 ├── InputError            3   a file or folder given cannot be used as it is
 │   ├── CaptureError      3   photographs
 │   ├── MetadataError     3   poses.csv, geo.txt, camera files, reference.json …
+│   ├── SceneError        3   scene files and what they name
 │   ├── CloudError        3   point-cloud files
 │   │   └── EmptyCloudError
 │   └── StorageError      3   no permission, no space left
@@ -59,6 +60,10 @@ class CaptureError(InputError):
 
 class MetadataError(InputError):
     """A sidecar or result file is missing, malformed or contradicts the photographs."""
+
+
+class SceneError(InputError):
+    """A scene file, or a mesh or cloud it names, is missing, malformed or does not fit."""
 
 
 class CloudError(InputError):

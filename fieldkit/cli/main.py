@@ -8,17 +8,22 @@ parse their options.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 
 from fieldkit import __version__
 from fieldkit.cli.boundary import Boundary
 from fieldkit.errors import EXIT_OK, UsageError
 
-# name: one line for `fieldkit --help`. The command is the function `command` in fieldkit/cli/<name>.py.
+# name: one line for `fieldkit --help`. The command is the function `command` in fieldkit/cli/<name>.py; a name may be
+# of two words, and its file is then <first>_<second>.py.
 COMMANDS = {
     "reference": "Build the reference cloud of a plot from a dense capture.",
     "evaluate": "Score new captures of one or many plots against a reference.",
+    "scene new": "Write a new scene file: plants, soil and light of a simulated plot.",
+    "scene show": "List the scenes that come with fieldkit, or draw one.",
+    "scene from-reference": "Make a scene of a reference's clouds, to plan on.",
+    "simulate": "Photograph a simulated plot as a drone would.",
     "demo": "Try fieldkit on a small rendered plot, in two to three minutes.",
     "benchmark": "Measure speed and accuracy against the alternatives.",
     "doctor": "Check this machine: packages, renderer, GPU, memory, cache.",
@@ -55,8 +60,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def overview() -> str:
     """What `fieldkit --help` prints."""
+    return _INTRODUCTION + _list(COMMANDS) + _CLOSING
+
+
+def module_name(command: str) -> str:
+    """The module in fieldkit.cli that holds a command."""
+    return command.replace("-", "_").replace(" ", "_")
+
+
+def _list(names: Iterable[str]) -> str:
     width = max(map(len, COMMANDS))
-    return _INTRODUCTION + "".join(f"  {name:{width}}  {line}\n" for name, line in COMMANDS.items()) + _CLOSING
+    return "".join(f"  {name:{width}}  {COMMANDS[name]}\n" for name in names)
 
 
 def _dispatch(arguments: list[str], boundary: Boundary) -> int:
@@ -64,24 +78,31 @@ def _dispatch(arguments: list[str], boundary: Boundary) -> int:
         case [] | ["-h" | "--help" | "help"]:
             sys.stdout.write(overview())
             return EXIT_OK
-        case ["help", name, *_]:
-            return _run(name, ["--help"], boundary)
+        case ["help", *name]:
+            return _run([*name, "--help"], boundary)
         case ["--version" | "-V", *_]:
             sys.stdout.write(f"fieldkit {__version__}\n")
             return EXIT_OK
-        case [name, *rest]:
-            return _run(name, rest, boundary)
-    raise AssertionError("unreachable")
+        case _:
+            return _run(arguments, boundary)
 
 
-def _run(name: str, arguments: list[str], boundary: Boundary) -> int:
-    if name not in COMMANDS:
-        raise UsageError(f"no such command: {name}", remedy=_suggestion(name))
+def _run(words: list[str], boundary: Boundary) -> int:
+    name, arguments = words[0], words[1:]
+    if arguments and f"{name} {arguments[0]}" in COMMANDS:
+        name, arguments = f"{name} {arguments[0]}", arguments[1:]
+    elif name not in COMMANDS:
+        group = [known for known in COMMANDS if known.startswith(f"{name} ")]
+        if group and arguments in ([], ["--help"], ["-h"]):
+            sys.stdout.write(_list(group) + f"\n'fieldkit {group[0]} --help' explains the first, and so on.\n")
+            return EXIT_OK
+        asked = " ".join([name, *arguments[:1]]) if group else name
+        raise UsageError(f"no such command: {asked}", remedy=_suggestion(asked))
     from fieldkit.threads import set_thread_environment
 
     set_thread_environment()  # before anything imports NumPy
     boundary.command = name
-    module = import_module(f"fieldkit.cli.{name.replace('-', '_')}")
+    module = import_module(f"fieldkit.cli.{module_name(name)}")
     boundary.resumable = "resume" in module.command.__annotations__
 
     import typer

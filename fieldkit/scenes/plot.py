@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud
 from fieldkit.scenes.light import bake_light, visible_from
 from fieldkit.scenes.maize import MaizeDescription, Stage, build_maize
+from fieldkit.scenes.mesh_plant import MeshPlantDescription, build_mesh_plant
 from fieldkit.scenes.neighbours import NeighboursDescription, build_neighbours
 from fieldkit.scenes.scene import HAZE, EffectsDescription, Light, Mesh, Scene
 from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
 from fieldkit.scenes.weeds import WeedsDescription, build_weeds
 
 Layout = Literal["row", "grid", "random"]
+Plant = MaizeDescription | MeshPlantDescription
 _DIRECTIONS = 36
 
 Material = tuple[float, float]
@@ -41,7 +43,7 @@ class PlotDescription:
         effects: what of the light's behaviour is drawn.
     """
 
-    plants: tuple[MaizeDescription, ...]
+    plants: tuple[Plant, ...]
     soil: SoilDescription = field(default_factory=SoilDescription)
     light: Light = HAZE
     extent_m: float = 1.6
@@ -111,8 +113,9 @@ def build_scene(plot: PlotDescription) -> Scene:
     surfaces: list[tuple[Mesh, Material]] = []
     for i, plant in enumerate(plot.plants):
         ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
-        leaf = _PLAIN_LEAF if plant.leaves is not None else _LEAF
-        surfaces.append((replace(build_maize(plant, ground), name=f"plant-{i + 1}"), leaf))
+        plain = isinstance(plant, MaizeDescription) and plant.leaves is not None
+        leaf = _PLAIN_LEAF if plain else _LEAF
+        surfaces.append((replace(_build_plant(plant, ground), name=f"plant-{i + 1}"), leaf))
     if plot.neighbours.rows:
         x, y = [p.x_m for p in plot.plants] or [0.0], [p.y_m for p in plot.plants] or [0.0]
         meshes = build_neighbours(plot.neighbours, (min(x), min(y)), (max(x), max(y)), height)
@@ -127,6 +130,12 @@ def build_scene(plot: PlotDescription) -> Scene:
         fine=plot.soil.kind != "printed",
     )  # fmt: skip
     return Scene((*lit, _sky()), plot.light)
+
+
+def _build_plant(plant: Plant, ground_m: float) -> Mesh:
+    if isinstance(plant, MeshPlantDescription):
+        return build_mesh_plant(plant, ground_m)
+    return build_maize(plant, ground_m)
 
 
 def _sky() -> Mesh:

@@ -226,7 +226,7 @@ def _upload(pyrender: Any, mesh: Mesh) -> Any:
     if mesh.texture is not None:
         texture = pyrender.Texture(source=mesh.texture, source_channels="RGB")
     material = pyrender.MetallicRoughnessMaterial(
-        baseColorFactor=[1.0, 1.0, 1.0, 1.0], baseColorTexture=texture, doubleSided=True, alphaMode="OPAQUE"
+        baseColorFactor=[1.0, 1.0, 1.0, 1.0], baseColorTexture=texture, doubleSided=mesh.two_sided, alphaMode="OPAQUE"
     )
     colors = None
     if mesh.colors is not None:

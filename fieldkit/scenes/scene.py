@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A two-sided triangle mesh in the plot frame.
+    """A triangle mesh in the plot frame.
 
     The colour of a surface point is texture × vertex colour (each white where absent), lit by the scene's light
     where ``shading`` is given and drawn as it is where not.
@@ -27,6 +27,7 @@ class Mesh:
         shading: (n, 4) float32 in [0, 1]: share of the sun's disc that is seen, share of the sky that is seen,
             share of sunlight on the far side that shines through, strength of the gloss.
         plant: whether the mesh belongs to the reference (plants) or not (soil, stones, sky).
+        two_sided: whether triangles are also drawn from behind, where their corners run clockwise.
         flex_m: (n,) float32 distance along a leaf from where it is fixed, metres: how far wind can move a vertex; None
             where it is not known.
     """
@@ -40,6 +41,7 @@ class Mesh:
     colors: NDArray[np.float32] | None = None
     shading: NDArray[np.float32] | None = None
     plant: bool = False
+    two_sided: bool = True
     flex_m: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:

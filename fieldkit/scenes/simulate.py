@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,10 @@ from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.progress import Progress, Silent
+from fieldkit.scenes.camera_effects import CameraEffects, photographed
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.scene import Scene
 
 _ANGLE_DECIMALS, _LENGTH_DECIMALS = 4, 5
 
@@ -52,7 +55,7 @@ class Site:
     """Where on Earth the plot frame stands and how the drone knows its position.
 
     Attributes:
-        origin: of the plot frame; its axes are east, north and up there.
+        origin: of the plot frame.
         rtk: whether geotags are marked as fixed RTK solutions.
         accuracy_m: horizontal and vertical standard deviation that the drone claims.
     """
@@ -77,6 +80,13 @@ class Sidecars:
     camera: bool = False
 
 
+class Sway(Protocol):
+    """Moves plants between photographs."""
+
+    def __call__(self, scene: Scene, photograph: int) -> Mapping[str, NDArray[np.float32]]:
+        """Vertices (n, 3) by mesh name, for `Renderer.move`, while photograph ``photograph`` (from 0) is taken."""
+
+
 def perturbed(poses: Sequence[Pose], noise: CaptureNoise, seed: int) -> list[Pose]:
     """The poses at which photographs are really taken when these are commanded."""
     rng = np.random.default_rng([seed, 1])
@@ -96,7 +106,10 @@ def simulate_capture(
     *,
     noise: CaptureNoise | None = None,
     seed: int = 0,
+    effects: CameraEffects | None = None,
+    sway: Sway | None = None,
     site: Site | None = None,
+    row_heading_deg: float = 90.0,
     sidecars: Sidecars | None = None,
     truth: Path | None = None,
     quality: int = 93,
@@ -113,7 +126,10 @@ def simulate_capture(
         intrinsics: without distortion.
         noise: exact poses and the default sensor, where not given.
         seed: of all noise; each photograph's depends on its number only.
+        effects: what the camera does beside the noise; its JPEG quality replaces ``quality``.
+        sway: moves the plants between photographs; the renderer has its scene back afterwards.
         site: no GPS and no XMP is written without one.
+        row_heading_deg: compass heading of the plot frame's x axis, for GPS positions and yaw angles.
         sidecars: none by default.
         truth: a CSV file for the true poses; it must lie outside ``folder``, where no reader finds it.
         quality: of the JPEGs.
@@ -132,6 +148,7 @@ def simulate_capture(
         raise UsageError("a capture needs at least one pose")
     if truth is not None and truth.absolute().is_relative_to(folder.absolute()):
         raise UsageError("the true poses must not lie in the capture's folder", path=truth)
+    quality = quality if effects is None else effects.jpeg_quality
     true = perturbed(poses, noise, seed)
     names = [f"IMG_{i + 1:04d}.jpg" for i in range(len(poses))]
     with (
@@ -141,8 +158,11 @@ def simulate_capture(
     ):
         for i, (name, pose) in enumerate(zip(names, true, strict=True)):
             rng = np.random.default_rng([seed, 2, i])
-            image = _sensor(renderer.photograph(pose, intrinsics), noise.image_sigma, rng)
-            tag = None if site is None else _geotag(pose, site, noise, rng)
+            if sway is not None:
+                renderer.move(sway(renderer.scene, i))
+            image = _photograph(renderer, pose, intrinsics, effects, np.random.default_rng([seed, 3, i]))
+            image = _sensor(image, noise.image_sigma, rng)
+            tag = None if site is None else _geotag(_compass(pose, row_heading_deg), site, noise, rng)
             taken_at = started_at + timedelta(seconds=4 * i)
             exif = exif_block(intrinsics, taken_at, tag)
             xmp = b"" if tag is None else xmp_packet(tag)
@@ -153,6 +173,8 @@ def simulate_capture(
             (partial / "poses.csv").write_text(poses_table(names, poses, accuracy_m=stated), encoding="utf-8")
         if sidecars.camera:
             (partial / "camera.toml").write_text(camera_toml(intrinsics), encoding="utf-8")
+    if sway is not None:
+        renderer.rest()
     if truth is not None:
         write_atomic(truth, poses_table(names, true, roll=True))
     return true
@@ -176,6 +198,23 @@ def poses_table(
         values += [f"{v:.{_ANGLE_DECIMALS}f}" for v in ([yaw, pitch, roll_deg] if roll else [yaw, pitch])]
         lines.append(",".join([name, *values, *tail]))
     return "\n".join(lines) + "\n"
+
+
+def _photograph(
+    renderer: Renderer, pose: Pose, intrinsics: Intrinsics, effects: CameraEffects | None, rng: np.random.Generator
+) -> NDArray[np.uint8]:
+    image = renderer.photograph(pose, intrinsics)
+    if effects is None or not effects.changes_pixels:
+        return image
+    depth = renderer.depth(pose, intrinsics) if effects.moves else None
+    return photographed(image, depth, intrinsics, effects, rng)
+
+
+def _compass(pose: Pose, row_heading_deg: float) -> Pose:
+    """A pose of the plot frame in east, north and up."""
+    turn = np.radians(90.0 - row_heading_deg)
+    east_north = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    return Pose(pose.rotation @ east_north.T, east_north @ pose.center)
 
 
 def _sensor(image: NDArray[np.uint8], sigma: float, rng: np.random.Generator) -> NDArray[np.uint8]:

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from fieldkit import __version__
-from fieldkit.cli.main import COMMANDS, main, overview
+from fieldkit.cli.main import COMMANDS, main, module_name, overview
 
 ROOT = Path(__file__).parents[2]
+HELP = [[*name.split(), "--help"] for name in COMMANDS]
 HEAVY = (
     "numpy", "scipy", "numba", "cv2", "PIL", "pycolmap", "torch", "pydantic", "trimesh", "pyrender", "OpenGL",
     "matplotlib", "rich", "psutil", "platformdirs", "laspy", "small_gicp",
@@ -26,7 +27,7 @@ def run(*arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
 
 
 class TestHelp:
-    @pytest.mark.parametrize("arguments", [["--help"], ["--version"], [], *([name, "--help"] for name in COMMANDS)])
+    @pytest.mark.parametrize("arguments", [["--help"], ["--version"], [], ["scene"], *HELP])
     def test_imports_nothing_heavy(self, arguments: list[str]) -> None:
         script = textwrap.dedent(f"""
             import sys
@@ -44,25 +45,25 @@ class TestHelp:
     def test_imports_only_that_command(self, name: str) -> None:
         script = textwrap.dedent(f"""
             import sys
-            from fieldkit.cli.main import COMMANDS, main
-            main([{name!r}, "--help"])
-            print([n for n in COMMANDS if "fieldkit.cli." + n.replace("-", "_") in sys.modules], file=sys.stderr)
+            from fieldkit.cli.main import COMMANDS, main, module_name
+            main([*{name!r}.split(), "--help"])
+            print([n for n in COMMANDS if "fieldkit.cli." + module_name(n) in sys.modules], file=sys.stderr)
         """)
         done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
         assert done.stderr.strip() == str([name])
 
     @pytest.mark.parametrize("name", COMMANDS)
     def test_every_command_has_common_options_and_a_page(self, name: str, capsys: pytest.CaptureFixture[str]) -> None:
-        assert main([name, "--help"]) == 0
+        assert main([*name.split(), "--help"]) == 0
         text = capsys.readouterr().out
         assert "--json" in text
         assert "--debug" in text
-        assert f"fieldkit {name}" in (ROOT / "docs" / "commands" / f"{name}.md").read_text()
+        assert f"fieldkit {name}" in (ROOT / "docs" / "commands" / f"{name.split()[0]}.md").read_text()
 
     def test_overview_lists_every_command_file(self) -> None:
         shared = {"__init__", "boundary", "common", "main", "progress", "reconstruction_options"}
         files = {path.stem for path in (ROOT / "fieldkit" / "cli").glob("*.py")} - shared
-        assert {name.replace("-", "_") for name in COMMANDS} == files
+        assert {module_name(name) for name in COMMANDS} == files
         for name in COMMANDS:
             assert f"  {name} " in overview()
         assert max(map(len, overview().splitlines())) <= 100
@@ -86,6 +87,7 @@ class TestUsageErrors:
         ("arguments", "message"),
         [
             (["doctr"], "Error: no such command: doctr\n  Did you mean `fieldkit doctor`?\n"),
+            (["scene", "nwe"], "Error: no such command: scene nwe\n  Did you mean `fieldkit scene new`?\n"),
             (["xyzzy"], "Error: no such command: xyzzy\n  `fieldkit --help` lists the commands.\n"),
             (["doctor", "--x"], "Error: no such option: --x\n  'fieldkit doctor --help' explains the command.\n"),
             (["evaluate", "-o", "x"], "Error: missing argument 'captures'"),

@@ -1,0 +1,45 @@
+"""fieldkit scene from-reference."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, emit_json, say
+
+
+def command(
+    reference: Annotated[Path, typer.Argument(help="What `fieldkit reference` wrote, with scene.ply.")],
+    output: OutputOption,
+    images: Annotated[
+        Path | None, typer.Option("--images", help="Its photographs: surfels take their pixels from them.")
+    ] = None,
+    max_surfels: Annotated[
+        int, typer.Option("--max-surfels", min=1000, max=4_000_000, help="Of everything but the plants.")
+    ] = 1_000_000,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Make a scene of a reference's clouds, so that a real plot can be simulated and planned on.
+
+    Every point becomes a small square in its photographed colour, with --images in the photographs' own resolution.
+    The result is a folder with scene.toml that goes wherever a scene file does.
+
+    Example: fieldkit scene from-reference plot_7-reference --images plot_7/ -o plot_7-scene
+    """
+    from fieldkit.cli.progress import open_progress
+    from fieldkit.evaluation.proxy import make_proxy
+
+    with open_progress(as_json=as_json) as progress:
+        made = make_proxy(
+            reference, output, images=images, max_ground_surfels=max_surfels, overwrite=overwrite, progress=progress
+        )
+    if as_json:
+        from dataclasses import asdict
+
+        emit_json({"output": output, **asdict(made)})
+    else:
+        say(f"{made.plant_surfels:,} surfels of plants and {made.ground_surfels:,} of the rest: {made.scene}")

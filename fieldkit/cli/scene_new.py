@@ -1,0 +1,67 @@
+"""fieldkit scene new."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, emit_json, say
+from fieldkit.errors import UsageError
+
+
+class Layout(StrEnum):
+    """How the plants stand."""
+
+    ROWS = "rows"
+    GRID = "grid"
+    RANDOM = "random"
+
+
+def command(
+    plants: Annotated[int, typer.Option("--plants", min=1, max=60, help="How many.")] = 3,
+    layout: Annotated[Layout, typer.Option("--layout", help="In rows along x, on a grid, or at random.")] = Layout.ROWS,
+    spacing: Annotated[float, typer.Option("--spacing", min=0.05, max=2.0, help="Between plants, metres.")] = 0.22,
+    row_spacing: Annotated[
+        float, typer.Option("--row-spacing", min=0.05, max=3.0, help="Between rows, metres.")
+    ] = 0.50,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The scene file. Without: the text goes to stdout.")
+    ] = None,
+    complete: Annotated[bool, typer.Option("--complete", help="Write every key, also those at their default.")] = False,
+    seed: SeedOption = 0,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write a new scene file: maize plants of their own forms, soil and sun, all from the seed.
+
+    Edit it as you like; sim/README.md explains every key.
+
+    Example: fieldkit scene new --plants 6 --seed 7 --layout rows -o plot.toml
+    """
+    if output is not None and output.is_dir():
+        raise UsageError("is a folder", path=output, remedy="Name a file, such as plot.toml.")
+    if output is not None and output.exists() and not overwrite:
+        raise UsageError("exists already", path=output, remedy="Give --overwrite to replace it, or another name.")
+    import sys
+
+    from fieldkit.scenes.generator import new_scene
+    from fieldkit.scenes.scene_file import scene_text, write_scene
+
+    name = f"plants-{plants}-seed-{seed}" if output is None else output.stem
+    scene = new_scene(
+        plants, seed, layout=layout.value, spacing_m=spacing, row_spacing_m=row_spacing, name=name,
+        notes=f"fieldkit scene new --plants {plants} --seed {seed} --layout {layout.value}",
+    )  # fmt: skip
+    text = scene_text(scene, complete=complete)
+    if output is not None:
+        write_scene(output, scene, complete=complete)
+    if as_json:
+        emit_json({"output": output, "name": name, "plants": plants, "seed": seed, "text": text})
+    elif output is None:
+        sys.stdout.write(text)
+    else:
+        say(f"{plants} plants in {output}")

@@ -1,0 +1,102 @@
+"""fieldkit scene show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, console, emit_json, say, table
+from fieldkit.errors import UsageError
+
+if TYPE_CHECKING:
+    from fieldkit.scenes.description import SceneDescription
+
+
+def command(
+    scene: Annotated[
+        Path | None, typer.Argument(help="Scene file, folder or name. Without: lists fieldkit's own scenes.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Draw the scene into this picture (PNG or JPEG).")
+    ] = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """List the scenes that come with fieldkit, or check a scene file and draw it.
+
+    Example: fieldkit scene show case-2 -o case-2.png
+    """
+    if scene is None:
+        if output is not None:
+            raise UsageError("which scene?", remedy="Name one: `fieldkit scene show case-1 -o case-1.png`.")
+        _show_all(as_json)
+        return
+    if output is not None and output.exists() and not overwrite:
+        raise UsageError("exists already", path=output, remedy="Give --overwrite to replace it, or another name.")
+    if output is not None and output.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise UsageError("is neither .png nor .jpg", path=output, remedy="Name a picture, such as scene.png.")
+    from fieldkit.scenes.library import find_scene
+    from fieldkit.scenes.scene_file import read_scene, scene_text
+
+    found = find_scene(scene)
+    description = read_scene(found)
+    facts: dict[str, object] = {"scene": found, **_facts(description)}
+    if output is not None:
+        facts |= {"output": output, **_draw(description, output)}
+    if as_json:
+        emit_json(facts)
+        return
+    if output is None:
+        import sys
+
+        sys.stdout.write(scene_text(description, complete=True))
+    else:
+        say(f"{facts['plants']} plants, {facts['triangles']:,} triangles: {output}")
+
+
+def _show_all(as_json: bool) -> None:
+    from fieldkit.scenes.library import find_scene, scene_names
+    from fieldkit.scenes.scene_file import read_scene
+
+    scenes = {name: read_scene(find_scene(name)) for name in scene_names()}
+    if as_json:
+        emit_json({"scenes": {name: _facts(scene) for name, scene in scenes.items()}})
+        return
+    rows = table("Scenes that come with fieldkit", "name", "plants>", "what it is")
+    for name, scene in scenes.items():
+        rows.add_row(name, str(len(scene.plot.plants)), scene.notes)
+    console().print(rows)
+
+
+def _facts(description: SceneDescription) -> dict[str, object]:
+    return {
+        "name": description.name,
+        "notes": description.notes,
+        "plants": len(description.plot.plants),
+        "lower_m": description.bounds.lower_m,
+        "upper_m": description.bounds.upper_m,
+    }
+
+
+def _draw(description: SceneDescription, output: Path) -> dict[str, object]:
+    from io import BytesIO
+
+    from PIL import Image
+
+    from fieldkit.files import write_atomic
+    from fieldkit.geometry import Intrinsics
+    from fieldkit.scenes.description import build, scene_digest
+    from fieldkit.scenes.renderer import Renderer
+    from fieldkit.scenes.simulation import ring_about
+
+    scene = build(description)
+    camera = Intrinsics.pinhole(1600, 1200, 1360.0)
+    with Renderer(scene) as renderer:
+        image = renderer.photograph(ring_about(16)(scene, camera)[7], camera)
+    file = BytesIO()
+    Image.fromarray(image).save(file, "PNG" if output.suffix.lower() == ".png" else "JPEG")
+    write_atomic(output, file.getvalue())
+    return {"triangles": scene.triangles, "digest": scene_digest(scene)}

@@ -1,0 +1,86 @@
+"""From a reference's folder to a scene that can be rendered and planned on."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from fieldkit.captures import read_capture
+from fieldkit.captures.decode import read_image
+from fieldkit.errors import MetadataError
+from fieldkit.evaluation.report_files import REFERENCE_FILE, check_file, load_reference_report
+from fieldkit.evaluation.schema import ReferenceReport
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.progress import Progress
+from fieldkit.scenes.description import Bounds
+from fieldkit.scenes.from_reference import MAX_GROUND_SURFELS, RecordedScene, ReferenceFiles, scene_from_reference
+from fieldkit.scenes.photo_texture import PosedPhotograph
+
+
+def make_proxy(
+    reference: Path, output: Path, *, images: Path | None = None, max_ground_surfels: int = MAX_GROUND_SURFELS,
+    overwrite: bool = False, progress: Progress | None = None,
+) -> RecordedScene:  # fmt: skip
+    """Write a scene of the reference's clouds.
+
+    Args:
+        reference: what `fieldkit reference` wrote.
+        output: folder for scene.toml, plants.ply and ground.ply, and plants.png and ground.png with ``images``.
+        images: the photographs the reference was built from, for finer surfels.
+        max_ground_surfels: everything but the plants is thinned to this.
+        overwrite: replace an existing scene.
+
+    Raises:
+        MetadataError: ``reference`` is no reference, has no metric scale, or was built with --no-scene; or ``images``
+            are not its photographs.
+        CaptureError: ``images`` cannot be read.
+        RenderingError: this machine cannot render, which ``images`` needs.
+        SceneError: its clouds cannot be drawn.
+        UsageError: ``output`` exists.
+        StorageError: the disk is full or not writable.
+    """
+    report = load_reference_report(reference)
+    folder = reference if reference.is_dir() else reference.parent
+    if not report.metric:
+        raise MetadataError(
+            "the reference has no metric scale, and a mission needs metres", path=folder / REFERENCE_FILE,
+            remedy="Give the photographs poses.csv, GPS or markers, and build it again.",
+        )  # fmt: skip
+    camera = max(report.cameras, key=lambda c: c.photos)
+    ground = report.frame.ground
+    files = ReferenceFiles(
+        plants=check_file(folder, report, "cloud.ply"),
+        scene=check_file(folder, report, "scene.ply"),
+        bounds=Bounds(report.volume.lower_m, report.volume.upper_m),
+        camera=Intrinsics(camera.model, camera.width, camera.height, camera.params),
+        ground_tolerance_m=0.005 if ground is None else ground.tolerance_m,
+        name=report.source,
+    )
+    photographs = [] if images is None else _photographs(report, images)
+    return scene_from_reference(
+        files, output, photographs=photographs, max_ground_surfels=max_ground_surfels, overwrite=overwrite,
+        progress=progress,
+    )  # fmt: skip
+
+
+def _photographs(report: ReferenceReport, images: Path) -> list[PosedPhotograph]:
+    """The photographs that the reference counts as right, with their poses."""
+    found = {photo.name: photo for photo in read_capture(images).photos}
+    cameras = [Intrinsics(c.model, c.width, c.height, c.params) for c in report.cameras]
+    photographs = []
+    for entry in report.image_reports:
+        photo = found.get(entry.name)
+        if not entry.right or photo is None or entry.center_m is None:
+            continue
+        if entry.yaw_deg is None or entry.pitch_deg is None or entry.roll_deg is None:
+            continue
+        camera = next((c for c in cameras if (c.width, c.height) == (photo.width, photo.height)), None)
+        if camera is not None:
+            pose = Pose.from_yaw_pitch(entry.center_m, entry.yaw_deg, entry.pitch_deg, entry.roll_deg)
+            photographs.append(PosedPhotograph(partial(read_image, photo), pose, camera))
+    if not photographs:
+        raise MetadataError(
+            "holds none of the photographs the reference was built from", path=images,
+            remedy="Give the folder that `fieldkit reference` read.",
+        )  # fmt: skip
+    return photographs

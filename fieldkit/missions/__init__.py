@@ -1,0 +1,1 @@
+"""Flying a plan: what plan.json holds."""

@@ -1,0 +1,115 @@
+"""What plan.json holds. Units are in the keys: _m metres, _deg degrees.
+
+Positions are in the plot frame, whose z = 0 is the fitted ground; that is the datum of all heights here.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from fieldkit.geometry import Intrinsics, Pose
+
+Vector = tuple[float, float, float]
+Count = Annotated[int, Field(ge=0)]
+Length = Annotated[float, Field(ge=0)]
+
+
+class Strict(BaseModel):
+    """Unknown keys, other types and numbers that are not finite are errors; values are never coerced."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class Station(Strict):
+    """Where one photograph is taken."""
+
+    position_m: Vector
+    """Plot frame."""
+    yaw_deg: Annotated[float, Field(ge=-360, le=360)]
+    """Of the optical axis, clockwise from the plot frame's y axis."""
+    pitch_deg: Annotated[float, Field(ge=-90, le=90)]
+    """Of the gimbal: 0 at the horizon, −90 straight down."""
+
+    @property
+    def pose(self) -> Pose:
+        """The commanded pose; its roll is 0."""
+        return Pose.from_yaw_pitch(self.position_m, self.yaw_deg, self.pitch_deg)
+
+
+class PlanCamera(Strict):
+    """The camera the stations were chosen for."""
+
+    model: str
+    """COLMAP's camera model."""
+    width: Annotated[int, Field(gt=0)]
+    height: Annotated[int, Field(gt=0)]
+    params: tuple[float, ...]
+    """In COLMAP's order; pixels where they are lengths."""
+
+    @model_validator(mode="after")
+    def _is_a_camera(self) -> PlanCamera:
+        Intrinsics(self.model, self.width, self.height, self.params)
+        return self
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The same as a value of the geometry layer."""
+        return Intrinsics(self.model, self.width, self.height, self.params)
+
+
+class PlanEnvelope(Strict):
+    """Where stations were allowed to be; null where a limit was not set."""
+
+    lower_m: Vector | None = None
+    """Lowest corner of the box, plot frame."""
+    upper_m: Vector | None = None
+    """Highest corner."""
+    plant_distance_m: Length | None = None
+    """Least distance from plants."""
+    station_distance_m: Length | None = None
+    """Least distance between stations."""
+    pitch_deg: tuple[float, float] | None = None
+    """Lowest and highest gimbal pitch."""
+
+
+class PlanSource(Strict):
+    """What the plan was made on."""
+
+    kind: Literal["reference", "scene", "captures"]
+    name: str
+    """Of the folder or file."""
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
+    """Of its reference.json or scene file."""
+
+
+class PlanMethod(Strict):
+    """How the stations were found."""
+
+    name: str
+    seed: Count | None = None
+    evaluations: Count | None = None
+    chamfer_m: Length | None = None
+    """The objective's value at these stations: mean over repeats."""
+    chamfer_spread_m: Length | None = None
+    """Standard deviation over repeats."""
+    repeats: Count | None = None
+
+
+class Plan(Strict):
+    """plan.json: the stations of a few-view capture."""
+
+    kind: Literal["plan"] = "plan"
+    version: Literal[1] = 1
+    fieldkit: str
+    """Version that wrote it."""
+    stations: Annotated[tuple[Station, ...], Field(min_length=1)]
+    camera: PlanCamera | None = None
+    row_heading_deg: Annotated[float, Field(ge=-360, le=360)] | None = None
+    """Compass heading of the plot frame's x axis."""
+    envelope: PlanEnvelope | None = None
+    source: PlanSource | None = None
+    method: PlanMethod | None = None

@@ -1,0 +1,202 @@
+"""What a camera does to light between the lens and the file, in that order: pure functions on images.
+
+Lens: defocus, fall-off to the corners. Shutter: motion blur, exposure. Sensor: photon and read noise, in linear light.
+Then the tone curve and eight bits. The renderer's tone curve is a square root (gamma 2.0), so linear light here is the
+square of the grey level; photon noise, whose variance grows with the light, is then equal at all grey levels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Intrinsics
+
+_MAX_TAPS = 15
+_MIDDLE_GREY = 128.0
+
+
+@dataclass(frozen=True)
+class CameraEffects:
+    """Strength of each effect; at 0 it is off.
+
+    Attributes:
+        exposure_s: exposure time. The camera moves meanwhile: this switches motion blur on.
+        drift_m_s: standard deviation of the camera's velocity per axis while it exposes.
+        turn_deg_s: standard deviation of its rate of turn about each of its axes.
+        defocus_px: standard deviation of the lens's blur, pixels.
+        vignetting: share of the light that is lost in the corners, growing with the distance's fourth power.
+        exposure_ev: standard deviation of a photograph's exposure, stops.
+        white_balance: standard deviation of a photograph's red and blue gains against green, relative.
+        photon_noise: standard deviation of photon noise, grey levels (the same at every level, see the module).
+        read_noise: standard deviation of read noise at grey level 128, grey levels; twice that at 64.
+        jpeg_quality: of the files, 1 to 100.
+    """
+
+    exposure_s: float = 0.0
+    drift_m_s: float = 0.15
+    turn_deg_s: float = 2.0
+    defocus_px: float = 0.0
+    vignetting: float = 0.0
+    exposure_ev: float = 0.0
+    white_balance: float = 0.0
+    photon_noise: float = 0.0
+    read_noise: float = 0.0
+    jpeg_quality: int = 93
+
+    def __post_init__(self) -> None:
+        numbers = {name: value for name, value in vars(self).items() if name != "jpeg_quality"}
+        for name, value in numbers.items():
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} cannot be {value}: it is 0 (off) or more")
+        if self.exposure_s > 1.0:
+            raise ValueError(f"exposure_s is at most 1 s, not {self.exposure_s}")
+        if self.vignetting >= 1.0:
+            raise ValueError(f"vignetting is a share below 1, not {self.vignetting}")
+        if not 1 <= self.jpeg_quality <= 100:
+            raise ValueError(f"jpeg_quality is 1 to 100, not {self.jpeg_quality}")
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is motion blur, so that `photographed` needs a depth map."""
+        return self.exposure_s > 0 and max(self.drift_m_s, self.turn_deg_s) > 0
+
+    @property
+    def changes_pixels(self) -> bool:
+        """Whether anything but the JPEG is on."""
+        return self.moves or any(
+            (self.defocus_px, self.vignetting, self.exposure_ev, self.white_balance, self.photon_noise, self.read_noise)
+        )
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the camera moves while it exposes, about the pose the photograph is drawn from (mid-exposure).
+
+    Attributes:
+        shift_m: (3,) from the shutter's opening to its closing, in the camera's axes.
+        turn_rad: (3,) rotation vector over the same time, in the camera's axes.
+    """
+
+    shift_m: tuple[float, float, float]
+    turn_rad: tuple[float, float, float]
+
+
+def draw_motion(effects: CameraEffects, rng: np.random.Generator) -> Motion:
+    """A random motion of the size that ``effects`` states."""
+    shift = rng.normal(size=3) * effects.drift_m_s * effects.exposure_s
+    turn = rng.normal(size=3) * np.radians(effects.turn_deg_s) * effects.exposure_s
+    return Motion((float(shift[0]), float(shift[1]), float(shift[2])), (float(turn[0]), float(turn[1]), float(turn[2])))
+
+
+def photographed(
+    image: NDArray[np.uint8], depth: NDArray[np.float32] | None, intrinsics: Intrinsics, effects: CameraEffects,
+    rng: np.random.Generator,
+) -> NDArray[np.uint8]:  # fmt: skip
+    """The image as the camera would deliver it, before JPEG.
+
+    Args:
+        image: (h, w, 3) as rendered.
+        depth: (h, w) metres along the optical axis, 0 where nothing is hit; needed where ``effects.moves``.
+        intrinsics: without distortion.
+        effects: which effects, how strong.
+        rng: of this photograph; every effect draws from it whether it is on or not, so that switching one off leaves
+            the others as they were.
+
+    Raises:
+        ValueError: there is motion but no depth map.
+    """
+    motion = draw_motion(effects, rng)
+    gain = 2.0 ** (rng.normal() * effects.exposure_ev)
+    balance = 1.0 + rng.normal(size=2) * effects.white_balance
+    if not effects.changes_pixels:
+        return image
+    light = _linear(image)
+    if effects.defocus_px > 0:
+        light = np.asarray(
+            cv2.GaussianBlur(light, (0, 0), effects.defocus_px, borderType=cv2.BORDER_REPLICATE), np.float32
+        )
+    if effects.vignetting > 0:
+        light *= vignette(intrinsics, effects.vignetting)[..., None]
+    if effects.moves:
+        if depth is None:
+            raise ValueError("motion blur needs the depth map")
+        light = motion_blurred(light, image_motion(depth, intrinsics, motion))
+    light *= np.array([gain * balance[0], gain, gain * balance[1]], np.float32)
+    return _developed(_sensed(light, effects, rng))
+
+
+def image_motion(depth: NDArray[np.float32], intrinsics: Intrinsics, motion: Motion) -> NDArray[np.float32]:
+    """(h, w, 2) pixels by which each pixel's point moves through the image during the exposure.
+
+    The instantaneous flow of a rigid scene (Longuet-Higgins and Prazdny 1980): the turn's part does not depend on
+    depth, the shift's part falls with it and is 0 where nothing is hit.
+    """
+    h, w = depth.shape
+    x = ((np.arange(w, dtype=np.float32) + 0.5 - intrinsics.cx) / intrinsics.fx)[None, :]
+    y = ((np.arange(h, dtype=np.float32) + 0.5 - intrinsics.cy) / intrinsics.fy)[:, None]
+    nearness = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)
+    (tx, ty, tz), (wx, wy, wz) = motion.shift_m, motion.turn_rad
+    flow = np.empty((h, w, 2), np.float32)
+    flow[..., 0] = intrinsics.fx * ((x * tz - tx) * nearness + wx * x * y - wy * (1.0 + x * x) + wz * y)
+    flow[..., 1] = intrinsics.fy * ((y * tz - ty) * nearness + wx * (1.0 + y * y) - wy * x * y - wz * x)
+    return flow
+
+
+def motion_blurred(light: NDArray[np.float32], flow: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Linear light (h, w, 3) averaged along each pixel's own motion (h, w, 2) in steps of at most a pixel.
+
+    One image and a depth map stand for the many exposures a true blur would need. What is wrong with it: a leaf's edge
+    that moves faster than what is behind it does not smear over that, nor does what it uncovers appear.
+    """
+    longest = float(np.sqrt((flow * flow).sum(axis=-1).max()))
+    taps = min(_MAX_TAPS, 2 * int(np.ceil(longest / 2.0)) + 1)
+    if longest < 0.05 or taps < 2:
+        return light
+    h, w = light.shape[:2]
+    x, y = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
+    total = np.zeros_like(light)
+    # The middles of equal parts of the exposure, so that the average stays where the photograph is.
+    for step in (np.arange(taps) + 0.5) / taps - 0.5:
+        s = np.float32(step)
+        total += cv2.remap(
+            light, x + s * flow[..., 0], y + s * flow[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+    return np.asarray(total / np.float32(taps), np.float32)
+
+
+@lru_cache(maxsize=4)
+def vignette(intrinsics: Intrinsics, loss: float) -> NDArray[np.float32]:
+    """(h, w) share of the light that arrives: 1 in the middle, 1 − ``loss`` in the farthest corner."""
+    x = np.arange(intrinsics.width) + 0.5 - intrinsics.cx
+    y = np.arange(intrinsics.height) + 0.5 - intrinsics.cy
+    squared = x[None, :] ** 2 + y[:, None] ** 2
+    share: NDArray[np.float32] = (1.0 - loss * (squared / squared.max()) ** 2).astype(np.float32)
+    share.setflags(write=False)
+    return share
+
+
+def _linear(image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    table = (np.arange(256, dtype=np.float32) / np.float32(255.0)) ** 2
+    light: NDArray[np.float32] = table[image]
+    return light
+
+
+def _sensed(light: NDArray[np.float32], effects: CameraEffects, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Light with the sensor's noise: variance a · light + b², Gaussian, each channel of its own."""
+    # d(grey) = 255 / (2 √light) d(light): what gives the stated grey levels after the tone curve.
+    a = (effects.photon_noise * 2.0 / 255.0) ** 2
+    b = effects.read_noise * 2.0 * (_MIDDLE_GREY / 255.0) / 255.0
+    if a == 0 and b == 0:
+        return light
+    sigma = np.sqrt(np.float32(a) * np.maximum(light, 0.0) + np.float32(b * b))
+    return np.asarray(light + sigma * rng.standard_normal(light.shape, dtype=np.float32), np.float32)
+
+
+def _developed(light: NDArray[np.float32]) -> NDArray[np.uint8]:
+    grey = np.sqrt(np.clip(light, 0.0, 1.0)) * np.float32(255.0)
+    return np.asarray(np.rint(grey), dtype=np.uint8)

@@ -1,0 +1,149 @@
+"""A simulated plot with all that belongs to it, as one value: what a scene file holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fieldkit.cache import digest
+from fieldkit.clouds import Cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Intrinsics
+from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.mesh_plant import MeshPlantDescription
+from fieldkit.scenes.plot import PlotDescription, build_scene, sample_plants
+from fieldkit.scenes.recorded import RecordedSurface, build_recorded, recorded_plants
+from fieldkit.scenes.scene import Scene
+from fieldkit.scenes.simulate import CaptureNoise, Site
+
+_OVERSAMPLING = 1.7
+"""Points drawn for each one wanted: about two in five lie where no view reaches."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The plot as a box, plot frame.
+
+    Attributes:
+        lower_m: lowest corner x, y, z.
+        upper_m: highest corner x, y, z.
+    """
+
+    lower_m: tuple[float, float, float] = (-0.8, -0.8, 0.0)
+    upper_m: tuple[float, float, float] = (0.8, 0.8, 1.5)
+
+    def __post_init__(self) -> None:
+        Volume(self.lower_m, self.upper_m)
+
+    @property
+    def volume(self) -> Volume:
+        """The same as a volume of interest."""
+        return Volume(self.lower_m, self.upper_m)
+
+
+@dataclass(frozen=True)
+class ReferenceSampling:
+    """How the reference cloud is sampled from the plants' surfaces.
+
+    Attributes:
+        points: visible points, spread evenly by area.
+        seed: of the choice.
+    """
+
+    points: int = 150_000
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 1_000 <= self.points <= 20_000_000:
+            raise ValueError(f"points is 1,000 to 20,000,000, not {self.points}")
+
+
+@dataclass(frozen=True)
+class SceneDescription:
+    """Everything there is to a simulated plot. The same description gives the same scene, bit for bit.
+
+    Attributes:
+        plot: plants, soil and light.
+        name: of the scene; the file's where it is empty.
+        notes: for people.
+        bounds: the plot as a box.
+        row_heading_deg: compass heading of the plot frame's x axis: 90 where it is east.
+        recorded: surfaces made from a reference; then nothing of ``plot`` is built, and it has no plants.
+        reference: how the truth is sampled.
+        camera: of photographs where nothing else is asked for; without distortion.
+        camera_effects: what the camera does to photographs.
+        noise: of poses, GPS and pixels.
+        site: where on Earth the plot lies.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+
+    plot: PlotDescription = field(default_factory=lambda: PlotDescription(()))
+    name: str = ""
+    notes: str = ""
+    bounds: Bounds = field(default_factory=Bounds)
+    row_heading_deg: float = 90.0
+    recorded: RecordedSurface | None = None
+    reference: ReferenceSampling = field(default_factory=ReferenceSampling)
+    camera: Intrinsics = field(default_factory=lambda: Intrinsics.pinhole(2000, 1500, 1700.0))
+    camera_effects: CameraEffects = field(default_factory=CameraEffects)
+    noise: CaptureNoise = field(default_factory=CaptureNoise)
+    site: Site = field(default_factory=Site)
+
+    def __post_init__(self) -> None:
+        if not -360.0 <= self.row_heading_deg <= 360.0:
+            raise ValueError(f"row_heading_deg is −360 to 360, not {self.row_heading_deg}")
+        if self.camera.distorted:
+            raise ValueError("photographs are rendered without distortion: set the camera's distortion to 0")
+        if self.recorded is not None and self.plot.plants:
+            raise ValueError("a scene is either made from a reference (recorded) or has plants of its own")
+
+
+def build(description: SceneDescription) -> Scene:
+    """The scene that ``description`` means.
+
+    Raises:
+        SceneError: a mesh or cloud file cannot be used.
+    """
+    if description.recorded is not None:
+        return build_recorded(description.recorded)
+    return build_scene(description.plot)
+
+
+def sample_reference(description: SceneDescription, scene: Scene) -> Cloud:
+    """PC_env of ``description``: points on the plants that can be seen, ground excluded, plot frame.
+
+    Args:
+        description: says how many.
+        scene: what `build` made of it.
+    """
+    wanted = description.reference
+    if description.recorded is not None:
+        cloud = recorded_plants(description.recorded)
+    else:
+        cloud = sample_plants(scene, round(_OVERSAMPLING * wanted.points), wanted.seed)
+    if len(cloud) <= wanted.points:
+        return cloud
+    rng = np.random.default_rng([wanted.seed, 12])
+    return cloud.select(np.sort(rng.choice(len(cloud), wanted.points, replace=False)))
+
+
+def scene_digest(scene: Scene) -> str:
+    """A digest of all that is drawn: every mesh's arrays, the light and the background."""
+    meshes = [
+        (m.name, m.plant, *(getattr(m, k) for k in ("vertices", "faces", "normals", "uv", "texture", "colors",
+                                                     "shading")))
+        for m in scene.meshes
+    ]  # fmt: skip
+    return digest(*[tuple(mesh) for mesh in meshes], scene.light, scene.background)
+
+
+def files_of(description: SceneDescription) -> tuple[Path, ...]:
+    """The mesh and cloud files that ``description`` names."""
+    named = [Path(plant.file) for plant in description.plot.plants if isinstance(plant, MeshPlantDescription)]
+    if description.recorded is not None:
+        named += description.recorded.files.values()
+    return tuple(named)

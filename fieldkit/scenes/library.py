@@ -1,0 +1,44 @@
+"""The scenes that come with fieldkit (sim/scenes), by name."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from pathlib import Path
+
+from fieldkit.errors import SceneError
+
+_SUFFIX = ".toml"
+
+
+def scenes_folder() -> Path:
+    """The folder of scene files: in the installed package, or in the repository it runs from."""
+    package = Path(__file__).parents[1]
+    installed = package / "sim" / "scenes"
+    return installed if installed.is_dir() else package.parent / "sim" / "scenes"
+
+
+def scene_names() -> list[str]:
+    """The names `find_scene` knows, sorted."""
+    return sorted(path.stem for path in scenes_folder().glob(f"*{_SUFFIX}"))
+
+
+def find_scene(name: str | Path) -> Path:
+    """The scene file that a person means: a path, a folder with scene.toml, or a name such as "case-1".
+
+    A file of that name in the current folder comes before a scene of fieldkit's own.
+
+    Raises:
+        SceneError: there is neither.
+    """
+    path = Path(name)
+    if path.is_dir() and (path / "scene.toml").is_file():
+        return path / "scene.toml"
+    if path.is_file():
+        return path
+    known = scene_names()
+    text = str(name).removesuffix(_SUFFIX)
+    if text in known:
+        return scenes_folder() / f"{text}{_SUFFIX}"
+    near = get_close_matches(text, known, n=1)
+    remedy = f"Did you mean {near[0]}?" if near else "`fieldkit scene show` lists the scenes that come with fieldkit."
+    raise SceneError("there is no such scene file", path=path, remedy=remedy)

@@ -1,0 +1,221 @@
+"""Plants from mesh files (OBJ, PLY, GLB, glTF, STL), with the file's colours or a leaf's."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import SceneError
+from fieldkit.scenes.noise import fractal_noise
+from fieldkit.scenes.scene import Mesh, vertex_normals
+
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+
+SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl")
+MAX_BYTES = 512 << 20
+MAX_TRIANGLES = 2_000_000
+_FINE_EDGE_M = 0.003
+_FINE_TRIANGLES = 200_000
+_CONVERT = "Open it in MeshLab or Blender and export it as binary PLY or GLB."
+
+
+@dataclass(frozen=True)
+class MeshPlantDescription:
+    """One plant from a mesh file.
+
+    Attributes:
+        file: OBJ, PLY, GLB, glTF or STL.
+        seed: of the procedural colour, where the file has none.
+        x_m, y_m: where its foot stands, plot frame: the middle of its lowest hundredth.
+        yaw_deg: turned about the vertical by this, clockwise from above.
+        scale: of all lengths, beside ``unit_m``.
+        unit_m: metres per unit of the file; 0.001 for millimetres.
+        up: the file's axis that points upwards; y in most GLB files.
+        color: "file" keeps the file's texture or colours where it has any, "leaf" paints over them (scans often hold
+            labels in their colours).
+        sha256: of the file; it is compared where given.
+        kind: tells plants of different kinds apart in scene files.
+    """
+
+    file: Path
+    seed: int = 0
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_deg: float = 0.0
+    scale: float = 1.0
+    unit_m: float = 1.0
+    up: Axis = "z"
+    color: Literal["file", "leaf"] = "file"
+    sha256: str = ""
+    kind: Literal["mesh"] = "mesh"
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.x_m, self.y_m, self.yaw_deg]).all():
+            raise ValueError("x_m, y_m and yaw_deg must be finite")
+        if not (np.isfinite([self.scale, self.unit_m]).all() and self.scale > 0 and self.unit_m > 0):
+            raise ValueError("scale and unit_m must be positive")
+
+
+def build_mesh_plant(plant: MeshPlantDescription, ground_m: float = 0.0) -> Mesh:
+    """The plant as one mesh with normals, unlit, its lowest point at height ``ground_m``.
+
+    The texture or the vertex or face colours of the file are kept. Where it has none the triangles are divided to
+    3 mm (up to 200,000 of them) and coloured as leaves: green, paler and yellower in flecks, browner at the foot.
+
+    Raises:
+        SceneError: the file is missing, broken, has no triangles or too many, or its size makes no sense for a plant.
+    """
+    path = Path(plant.file)
+    loaded = _load(path, plant.sha256)
+    vertices, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int64)
+    uv, texture, colors, corners = _appearance(loaded) if plant.color == "file" else (None, None, None, False)
+    if corners:  # one colour per face: its corners must not be shared
+        vertices, faces = vertices[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
+    if not np.isfinite(vertices).all():
+        raise SceneError("a vertex is not finite", path=path, remedy=_CONVERT)
+    vertices = plant.unit_m * plant.scale * vertices @ _upright(plant.up).T
+    height = float(np.ptp(vertices[:, 2]))
+    if not 0.005 <= max(height, float(np.ptp(vertices, axis=0).max())) <= 10.0:
+        raise SceneError(
+            f"the plant would be {height:.4g} m high", path=path,
+            remedy="Set unit_m to metres per unit of the file (0.001 for millimetres), and up to its upward axis.",
+        )  # fmt: skip
+    if colors is None and texture is None:
+        vertices, faces = _divided(vertices, faces)
+        colors = _leaf_colors(vertices, plant.seed)
+    placed = _placed(vertices, plant, ground_m).astype(np.float32)
+    triangles = faces.astype(np.int32)
+    return Mesh(
+        f"mesh-{path.stem}", placed, triangles, vertex_normals(placed, triangles), uv, texture,
+        colors, plant=True,
+    )  # fmt: skip
+
+
+def check_mesh_file(path: Path, sha256: str = "") -> None:
+    """Make sure that a mesh file is there, of a known kind, of a sensible size, and the one meant.
+
+    Raises:
+        SceneError: it is not.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise SceneError(
+            f"{path.suffix or 'a file without a suffix'} is not one of {', '.join(SUFFIXES)}", path=path,
+            remedy=_CONVERT,
+        )  # fmt: skip
+    if not path.is_file():
+        raise SceneError("there is no such mesh file", path=path, remedy="Check 'file' in the scene file.")
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise SceneError(
+            f"is {size >> 20} MiB; meshes are read up to {MAX_BYTES >> 20} MiB", path=path,
+            remedy="Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles.",
+        )  # fmt: skip
+    if sha256:
+        with path.open("rb") as file:
+            found = hashlib.file_digest(file, "sha256").hexdigest()
+        if found != sha256.lower():
+            raise SceneError(
+                "is not the file the scene was made with (SHA-256 differs)", path=path,
+                remedy="Put the right file there, or remove 'sha256' from the scene file.",
+            )  # fmt: skip
+
+
+def _load(path: Path, sha256: str) -> Any:
+    check_mesh_file(path, sha256)
+    import trimesh
+
+    try:
+        loaded = trimesh.load_scene(path)
+        counts = [len(g.faces) for g in loaded.geometry.values() if isinstance(g, trimesh.Trimesh)]
+        mesh = loaded.to_mesh() if sum(counts) else None
+    except Exception as error:  # trimesh's loaders raise anything, from KeyError to struct.error, on broken files
+        raise SceneError(f"cannot be read as a mesh ({error})", path=path, remedy=_CONVERT) from error
+    if mesh is None or not len(mesh.faces):
+        raise SceneError(
+            "has no triangles", path=path, remedy="A point cloud needs a surface first: mesh it in MeshLab, say."
+        )
+    if len(mesh.faces) > MAX_TRIANGLES:
+        raise SceneError(
+            f"has {len(mesh.faces):,} triangles; up to {MAX_TRIANGLES:,} are drawn", path=path,
+            remedy="Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles.",
+        )  # fmt: skip
+    return mesh
+
+
+def _appearance(
+    mesh: Any,
+) -> tuple[NDArray[np.float32] | None, NDArray[np.uint8] | None, NDArray[np.float32] | None, bool]:
+    """(uv, texture, vertex colours, whether colours are per face corner); all None where the file has no colour."""
+    visual = mesh.visual
+    if visual.kind == "texture" and visual.uv is not None:
+        material = visual.material
+        image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+        if image is not None:
+            texture = np.ascontiguousarray(np.asarray(image.convert("RGB"), np.uint8))
+            return np.asarray(visual.uv, np.float32)[:, :2].copy(), texture, None, False
+        color = np.asarray(material.main_color, np.float32)[:3] / 255.0
+        # trimesh's own grey stands for "no material"
+        if not np.allclose(color, 102 / 255.0, atol=0.01):
+            return None, None, np.tile(color, (len(mesh.vertices), 1)), False
+        return None, None, None, False
+    if visual.kind == "vertex":
+        return None, None, (np.asarray(visual.vertex_colors)[:, :3] / 255.0).astype(np.float32), False
+    if visual.kind == "face":
+        colors = (np.asarray(visual.face_colors)[:, :3] / 255.0).astype(np.float32)
+        return None, None, np.repeat(colors, 3, axis=0), True
+    return None, None, None, False
+
+
+def _upright(up: Axis) -> NDArray[np.float64]:
+    """(3, 3) rotation that takes the file's upward axis to z."""
+    sign, axis = (-1.0 if up.startswith("-") else 1.0), "xyz".index(up[-1])
+    z = np.zeros(3)
+    z[axis] = sign
+    x = np.zeros(3)
+    x[(axis + 1) % 3] = 1.0
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _placed(vertices: NDArray[np.float64], plant: MeshPlantDescription, ground_m: float) -> NDArray[np.float64]:
+    lowest = vertices[:, 2].min()
+    low = vertices[:, 2] <= lowest + 0.01 * np.ptp(vertices[:, 2])
+    foot = vertices[low, :2].mean(axis=0)
+    turn = np.radians(-plant.yaw_deg)
+    spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    xy = (vertices[:, :2] - foot) @ spin.T + (plant.x_m, plant.y_m)
+    return np.column_stack([xy, vertices[:, 2] - lowest + ground_m])
+
+
+def _divided(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The same surface in triangles fine enough to carry colour per vertex."""
+    import trimesh
+
+    while len(faces) * 4 <= _FINE_TRIANGLES:
+        edges = vertices[faces[:, [1, 2, 0]]] - vertices[faces]
+        if np.median(np.linalg.norm(edges, axis=-1)) <= _FINE_EDGE_M:
+            break
+        divided = trimesh.remesh.subdivide(vertices, faces)  # type: ignore[no-untyped-call]
+        vertices, faces = np.asarray(divided[0], np.float64), np.asarray(divided[1], np.int64)
+    return vertices, faces
+
+
+def _leaf_colors(vertices: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
+    """(n, 3) leaf colours in [0, 1] that vary with the place on the plant."""
+    x, y, z = vertices.T - vertices.min(axis=0)[:, None]
+    tone = sum(
+        weight * (fractal_noise(x / cell + 0.7 * z / cell, y / cell - 0.4 * z / cell, seed + k, octaves=3)
+                  + fractal_noise(z / cell, (x - y) / cell, seed + 10 + k, octaves=3))
+        for k, (cell, weight) in enumerate(((0.04, 0.10), (0.010, 0.12), (0.004, 0.14)))
+    )  # fmt: skip
+    fleck = fractal_noise(x / 0.012 + z / 0.02, y / 0.012, seed + 20, octaves=3)
+    color = np.array([0.40, 0.55, 0.25]) * (1.0 + np.asarray(tone))[:, None]
+    pale = 0.6 * np.clip((fleck - 0.35) * 4.0, 0.0, 1.0)[:, None]
+    color += (np.array([0.66, 0.68, 0.40]) - color) * pale
+    foot = 0.5 * np.clip(1.0 - z / 0.05, 0.0, 1.0)[:, None]
+    color += (np.array([0.45, 0.34, 0.26]) - color) * foot
+    return np.clip(color, 0.0, 1.0).astype(np.float32)

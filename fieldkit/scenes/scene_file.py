@@ -1,0 +1,294 @@
+"""Scene files: a `SceneDescription` as TOML. sim/README.md lists the keys.
+
+A file holds the description's fields as tables of their own names, so that what a description can say a file can say.
+What is left out has its default. Unknown keys, other types and numbers that are not finite are errors.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import TypeAdapter, ValidationError
+
+from fieldkit.errors import SceneError
+from fieldkit.files import write_atomic
+from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.mesh_plant import MeshPlantDescription, check_mesh_file
+from fieldkit.scenes.toml_text import toml_text
+
+FORMAT = 1
+_MAX_BYTES = 16 << 20
+_REMEDY = "sim/README.md lists the keys of a scene file."
+_ADAPTER = TypeAdapter(SceneDescription)
+_KINDS = {"maize": "MaizeDescription", "mesh": "MeshPlantDescription"}
+
+
+def read_scene(path: Path) -> SceneDescription:
+    """The scene that a file describes.
+
+    Mesh and cloud files it names are relative to it and lie in its folder or below; only an absolute path may lead
+    elsewhere. They become absolute paths and must exist.
+
+    Raises:
+        SceneError: missing, malformed, of another format version, an unknown key, a value that makes no sense, or a
+            file it names that is not there.
+    """
+    path = Path(path)
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise SceneError("is far too large for a scene file", path=path, remedy=_REMEDY)
+        text = path.read_bytes().decode("utf-8")
+    except FileNotFoundError as error:
+        remedy = "`fieldkit scene new` makes a scene file; `fieldkit scene show` lists those that come with fieldkit."
+        raise SceneError("there is no such scene file", path=path, remedy=remedy) from error
+    except OSError as error:
+        raise SceneError(f"cannot be read: {error.strerror}", path=path, remedy="Check its permissions.") from error
+    except UnicodeDecodeError as error:
+        raise SceneError("is not text in UTF-8", path=path, remedy="Save it as UTF-8.") from error
+    return parse_scene(text, path)
+
+
+def parse_scene(text: str, path: Path) -> SceneDescription:
+    """As `read_scene`, from text; ``path`` says where the files that it names lie."""
+    try:
+        document = tomllib.loads(text.removeprefix("\ufeff"))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise SceneError(f"is not TOML: {error}", path=path, remedy=_REMEDY) from error
+    _check_format(document.pop("format", None), path)
+    for place, plant in _plants(document):
+        kind = plant.setdefault("kind", "mesh" if "file" in plant else "maize")
+        if kind not in _KINDS:
+            raise SceneError(
+                f"{place}.kind: {kind!r} is no kind of plant", path=path, remedy=f"It is one of {', '.join(_KINDS)}."
+            )
+    try:
+        # From JSON, so that arrays may become tuples while everything else stays strict.
+        description = _ADAPTER.validate_json(json.dumps(document, default=str))
+    except ValidationError as error:
+        raise SceneError(_sentence(error, document), path=path, remedy=_REMEDY) from error
+    except (ValueError, RecursionError) as error:
+        raise SceneError(f"cannot be understood: {error}", path=path, remedy=_REMEDY) from error
+    return _with_files(description, path)
+
+
+def scene_text(description: SceneDescription, folder: Path | None = None, *, complete: bool = False) -> str:
+    """The canonical text of a scene file.
+
+    Args:
+        description: what it says.
+        folder: where the file will lie; files below it are named relative to it, others by their absolute path.
+        complete: also write what has its default.
+    """
+    document = _plain(description, folder, complete)
+    return toml_text({"format": FORMAT, **document})
+
+
+def write_scene(path: Path, description: SceneDescription, *, complete: bool = False) -> None:
+    """Write a scene file.
+
+    Raises:
+        StorageError: the place is full or not writable.
+    """
+    path = Path(path)
+    write_atomic(path, scene_text(description, Path(os.path.abspath(path.parent)), complete=complete))  # noqa: PTH100
+
+
+def scene_schema() -> str:
+    """JSON Schema (2020-12) of a scene file, as text that ends in a newline."""
+    schema = _ADAPTER.json_schema(mode="validation")
+    schema["properties"] = {"format": {"const": FORMAT, "type": "integer"}, **schema["properties"]}
+    schema["required"] = ["format", *schema.get("required", [])]
+    _describe(schema)
+    text = json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=2,
+                      ensure_ascii=False)  # fmt: skip
+    return text + "\n"
+
+
+def described_types() -> list[type]:
+    """The dataclasses that make up a scene file, each once, the outermost first."""
+    found: list[type] = []
+
+    def visit(kind: Any) -> None:
+        if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+            if kind not in found:
+                found.append(kind)
+                for hint in _hints(kind).values():
+                    visit(hint)
+            return
+        for part in getattr(kind, "__args__", ()):
+            visit(part)
+
+    visit(SceneDescription)
+    return found
+
+
+def key_docs(kind: type) -> dict[str, str]:
+    """What the docstring of a dataclass says of each field."""
+    docs: dict[str, str] = {}
+    body = (kind.__doc__ or "").partition("Attributes:")[2].split("\n\n")[0]
+    for entry in re.split(r"\n {8}(?=\w)", body):
+        names, _, text = entry.strip().partition(":")
+        for name in names.split(","):
+            docs[name.strip()] = " ".join(text.split())
+    return {field.name: docs[field.name] for field in dataclasses.fields(kind) if field.name in docs}
+
+
+def _hints(kind: type) -> dict[str, Any]:
+    import typing
+
+    return {k: v for k, v in typing.get_type_hints(kind).items() if k in {f.name for f in dataclasses.fields(kind)}}
+
+
+def _describe(schema: dict[str, Any]) -> None:
+    for kind in described_types():
+        part = schema if kind is SceneDescription else schema["$defs"].get(kind.__name__)
+        if part is None:
+            continue
+        part["description"] = (kind.__doc__ or "").strip().split("\n\n")[0]
+        for name, text in key_docs(kind).items():
+            part["properties"][name].setdefault("description", text)
+
+
+def _check_format(found: Any, path: Path) -> None:
+    if found is None:
+        raise SceneError("has no 'format'", path=path, remedy=f"Put 'format = {FORMAT}' on its first line.")
+    if found != FORMAT or isinstance(found, bool):
+        newer = isinstance(found, int) and found > FORMAT
+        remedy = "Install a newer fieldkit." if newer else f"Put 'format = {FORMAT}' on its first line."
+        raise SceneError(f"has format {found!r}; this fieldkit reads {FORMAT}", path=path, remedy=remedy)
+
+
+def _plants(document: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    plot = document.get("plot")
+    plants = plot.get("plants") if isinstance(plot, dict) else None
+    for i, plant in enumerate(plants if isinstance(plants, list) else [], 1):
+        if isinstance(plant, dict):
+            yield f"plot.plants {i}", plant
+    if isinstance(plot, dict):
+        plot.setdefault("plants", [])
+
+
+def _with_files(description: SceneDescription, path: Path) -> SceneDescription:
+    """The description with absolute paths that exist."""
+    plants = []
+    for i, plant in enumerate(description.plot.plants, 1):
+        kept: Any = plant
+        if isinstance(plant, MeshPlantDescription):
+            file = _resolved(Path(plant.file), path, f"plot.plants {i}.file")
+            try:
+                check_mesh_file(file, plant.sha256)
+            except SceneError as error:
+                raise SceneError(
+                    f"plot.plants {i}.file ({file}): {error.message}", path=path, remedy=error.remedy
+                ) from error
+            kept = dataclasses.replace(plant, file=file)
+        plants.append(kept)
+    recorded = description.recorded
+    if recorded is not None:
+        files: dict[str, Any] = {key: _existing(file, path, f"recorded.{key}") for key, file in recorded.files.items()}
+        recorded = dataclasses.replace(recorded, **files)
+    return dataclasses.replace(
+        description, plot=dataclasses.replace(description.plot, plants=tuple(plants)), recorded=recorded,
+        name=description.name or path.stem,
+    )  # fmt: skip
+
+
+def _existing(file: Path, scene: Path, key: str) -> Path:
+    found = _resolved(file, scene, key)
+    if not found.is_file():
+        raise SceneError(f"{key}: there is no {found}", path=scene, remedy="Put the file there, or correct the path.")
+    return found
+
+
+def _resolved(file: Path, scene: Path, key: str) -> Path:
+    if "\0" in str(file):
+        raise SceneError(f"{key}: not a path", path=scene, remedy="Name a file beside the scene file.")
+    if file.is_absolute():
+        return file
+    folder = scene.absolute().parent.resolve()
+    try:
+        found = (folder / file).resolve()
+    except (OSError, RuntimeError) as error:  # links in a circle
+        raise SceneError(f"{key}: {file} cannot be followed", path=scene, remedy="Check the links there.") from error
+    if not found.is_relative_to(folder):
+        raise SceneError(
+            f"{key}: {file} leads out of the scene's folder", path=scene,
+            remedy="Copy the file beside the scene file, or give its absolute path.",
+        )  # fmt: skip
+    return found
+
+
+def _plain(value: Any, folder: Path | None, complete: bool) -> dict[str, Any]:
+    """A dataclass as plain values for TOML, without what has its default."""
+    hints = _hints(type(value))
+    table: dict[str, Any] = {}
+    for field in sorted(dataclasses.fields(value), key=lambda f: f.name != "kind"):
+        item = getattr(value, field.name)
+        if not complete and field.name != "kind" and _has_default(field, item):
+            continue
+        table[field.name] = _plain_value(item, hints[field.name], folder, complete)
+    if complete:
+        return table
+    return {key: item for key, item in table.items() if item != {}}
+
+
+def _plain_value(item: Any, hint: Any, folder: Path | None, complete: bool) -> Any:
+    if dataclasses.is_dataclass(item):
+        return _plain(item, folder, complete)
+    if isinstance(item, Path):
+        inside = folder is not None and item.is_absolute() and item.is_relative_to(folder.resolve())
+        return (item.relative_to(cast(Path, folder).resolve()) if inside else item).as_posix()
+    if isinstance(item, list | tuple):
+        part = next(iter(getattr(hint, "__args__", ())), None)
+        return [_plain_value(each, part, folder, complete) for each in item]
+    if hint is float:
+        return float(item)
+    return item
+
+
+def _has_default(field: dataclasses.Field[Any], item: Any) -> bool:
+    if field.default is not dataclasses.MISSING:
+        return bool(item == field.default)
+    if field.default_factory is not dataclasses.MISSING:
+        return bool(item == field.default_factory())
+    return False
+
+
+def _sentence(error: ValidationError, document: dict[str, Any]) -> str:
+    """The first problem as ``key: what is wrong``, and how many more there are."""
+    problems = [p for p in error.errors(include_url=False, include_context=False) if not _other_kind(p, document)]
+    first = problems[0]
+    key = ""
+    for part in first["loc"]:
+        if isinstance(part, int):
+            key += f" {part + 1}"
+        elif part not in _KINDS.values():
+            key += f".{part}" if key else str(part)
+    match first["type"]:
+        case "missing":
+            problem = "is missing"
+        case "unexpected_keyword_argument" | "extra_forbidden":
+            problem = "is not a key of this format"
+        case "dataclass_type" | "dataclass_exact_type":
+            problem = "should be a table"
+        case _:
+            problem = first["msg"].removeprefix("Value error, ")
+            problem = problem[:1].lower() + problem[1:]
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"{key or 'the scene'}: {problem}{more}"
+
+
+def _other_kind(problem: Any, document: dict[str, Any]) -> bool:
+    """Whether a problem only says that a plant of one kind is none of another kind."""
+    location = problem["loc"]
+    if len(location) < 4 or location[:2] != ("plot", "plants") or location[3] not in _KINDS.values():
+        return False
+    plant = document["plot"]["plants"][location[2]]
+    return isinstance(plant, dict) and _KINDS[plant["kind"]] != location[3]

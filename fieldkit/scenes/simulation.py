@@ -1,0 +1,192 @@
+"""The simulate command as a function: a scene, stations, and what is not exact → a folder of photographs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.captures.poses_csv import read_poses_csv
+from fieldkit.clouds import write_ply
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.progress import Progress, Silent
+from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.description import SceneDescription, build, sample_reference
+from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.rigs import dense_rig, ring
+from fieldkit.scenes.scene import Scene
+from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
+from fieldkit.scenes.sway import sway
+
+Stations = Callable[[Scene, Intrinsics], Sequence[Pose]]
+_RING_PITCH_DEG = 35.0
+_DENSE_PITCHES_DEG = (18.0, 38.0, 60.0)
+_FILL = 1.05
+"""The plants' sphere fills the smaller side of the image but for this."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What `simulate` wrote.
+
+    Attributes:
+        photographs: how many.
+        truth: the file with the true poses.
+        position_error_m: root mean square of true minus commanded positions.
+        triangles: of the scene.
+    """
+
+    photographs: int
+    truth: Path
+    position_error_m: float
+    triangles: int
+
+
+def simulate(
+    description: SceneDescription, stations: Stations | Sequence[Pose], output: Path, *,
+    intrinsics: Intrinsics | None = None, noise: CaptureNoise | None = None, effects: CameraEffects | None = None,
+    sway: Sway | None = None, seed: int = 0, poses_csv: bool = True, gps: bool = True, truth: Path | None = None,
+    truth_cloud: Path | None = None, overwrite: bool = False, progress: Progress | None = None,
+) -> Simulation:  # fmt: skip
+    """Photograph a described scene as a drone would.
+
+    Args:
+        description: the scene; what is not given here is taken from it.
+        stations: commanded poses in the plot frame, or what makes them from the scene and the camera (`ring_about`,
+            `dense_about`).
+        output: the capture's folder: JPEGs, and poses.csv (commanded) and camera.toml with ``poses_csv``.
+        intrinsics: without distortion.
+        noise: of poses, GPS and pixels.
+        effects: of the camera.
+        sway: moves the plants between photographs.
+        seed: of all noise.
+        poses_csv: whether commanded poses and intrinsics are written beside the photographs.
+        gps: whether EXIF and XMP have positions and angles.
+        truth: CSV of the true poses, outside ``output``; ``output``.truth.csv where not given.
+        truth_cloud: PLY for the plants' true surfaces; not written where not given.
+        overwrite: replace an existing capture.
+        progress: told about the scene and each photograph.
+
+    Raises:
+        SceneError: a file of the scene cannot be used.
+        RenderingError: this machine cannot render.
+        UsageError: ``output`` exists, or a truth file lies in it.
+        StorageError: the disk is full or not writable.
+    """
+    progress = progress or Silent()
+    camera = (intrinsics or description.camera).without_distortion()
+    noise, effects = noise or description.noise, effects or description.camera_effects
+    truth = default_truth(output) if truth is None else truth
+    for file in (truth, truth_cloud):
+        if file is not None and file.absolute().is_relative_to(output.absolute()):
+            raise UsageError("the truth must not lie in the capture's folder", path=file)
+    with progress.stage("scene") as advance:
+        scene = build(description)
+        poses = list(stations(scene, camera) if callable(stations) else stations)
+        advance(1)
+    with Renderer(scene) as renderer:
+        true = simulate_capture(
+            output, renderer, poses, camera, noise=noise, seed=seed, effects=effects, sway=sway,
+            site=description.site if gps else None, row_heading_deg=description.row_heading_deg,
+            sidecars=Sidecars(poses=poses_csv, camera=poses_csv), truth=truth, overwrite=overwrite, progress=progress,
+        )  # fmt: skip
+    if truth_cloud is not None:
+        with progress.stage("truth") as advance:
+            write_ply(truth_cloud, sample_reference(description, scene))
+            advance(1)
+    errors = np.array([t.center - p.center for t, p in zip(true, poses, strict=True)])
+    return Simulation(len(true), truth, float(np.sqrt((errors**2).sum(axis=1).mean())), scene.triangles)
+
+
+def default_truth(output: Path) -> Path:
+    """Where the true poses of a capture go: beside its folder, under its name."""
+    return output.parent / f"{output.name}.truth.csv"
+
+
+def with_noise(
+    noise: CaptureNoise, *, pose: tuple[float, float] | None = None, image: float | None = None,
+    gps: tuple[float, float] | None = None,
+) -> CaptureNoise:  # fmt: skip
+    """``noise`` with what is given instead of its own.
+
+    Args:
+        noise: the scene's.
+        pose: position (m) and angle (deg).
+        image: grey levels.
+        gps: horizontal and vertical (m).
+    """
+    if pose is not None:
+        noise = replace(noise, position_m=pose[0], angle_deg=pose[1])
+    if image is not None:
+        noise = replace(noise, image_sigma=image)
+    if gps is not None:
+        noise = replace(noise, gps_horizontal_m=gps[0], gps_vertical_m=gps[1])
+    return noise
+
+
+def wind_sway(strength_m: float, seed: int) -> Sway:
+    """Leaves bent by wind, another moment in each photograph (see `fieldkit.scenes.sway`)."""
+
+    def moved(scene: Scene, photograph: int) -> Mapping[str, NDArray[np.float32]]:
+        moment = int(np.random.default_rng([seed, 4, photograph]).integers(1 << 30))
+        return sway(scene, strength_m, moment)
+
+    return moved
+
+
+def ring_about(count: int, radius_m: float | None = None, height_m: float | None = None) -> Stations:
+    """``count`` stations on a circle about the plants, looking at their middle.
+
+    Where no radius or height is given, 35° above the horizon and so far away that the plants fill the image.
+    """
+
+    def stations(scene: Scene, intrinsics: Intrinsics) -> list[Pose]:
+        target, distance = _view(scene, intrinsics)
+        pitch = np.radians(_RING_PITCH_DEG)
+        radius = distance * float(np.cos(pitch)) if radius_m is None else radius_m
+        height = float(target[2]) + distance * float(np.sin(pitch)) if height_m is None else height_m
+        return ring(count, radius, height, target)
+
+    return stations
+
+
+def dense_about(count: int) -> Stations:
+    """``count`` stations on three circles about the plants, for a reference: 18°, 38° and 60° above the horizon."""
+
+    def stations(scene: Scene, intrinsics: Intrinsics) -> list[Pose]:
+        target, distance = _view(scene, intrinsics)
+        heights = tuple(float(target[2] + distance * np.sin(np.radians(pitch))) for pitch in _DENSE_PITCHES_DEG)
+        radius = distance * float(np.cos(np.radians(_DENSE_PITCHES_DEG[1])))
+        return dense_rig(count, target, radius_m=radius, heights_m=heights)
+
+    return stations
+
+
+def poses_from_csv(path: Path) -> list[Pose]:
+    """Commanded poses of a poses.csv in the plot frame; it needs yaw and pitch.
+
+    Raises:
+        MetadataError: malformed, or an angle is missing.
+    """
+    rows, _ = read_poses_csv(path)
+    poses = []
+    for row in rows:
+        if row.yaw_deg is None or row.pitch_deg is None:
+            raise MetadataError(
+                f"{row.image} has no yaw or pitch", path=path,
+                remedy="Add the columns yaw_deg and pitch_deg: a photograph needs a direction.",
+            )  # fmt: skip
+        poses.append(Pose.from_yaw_pitch(row.position, row.yaw_deg, row.pitch_deg, row.roll_deg or 0.0))
+    return poses
+
+
+def _view(scene: Scene, intrinsics: Intrinsics) -> tuple[np.ndarray, float]:
+    """The middle of the plants (3,), and the distance from which the sphere about them fills the image."""
+    lower, upper = scene.bounds(plants_only=True)
+    radius = 0.5 * float(np.linalg.norm(upper - lower))
+    half_angle = min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy) / 2.0
+    return 0.5 * (lower + upper), _FILL * radius / half_angle

@@ -1,0 +1,122 @@
+"""Write sim/scenes (the paper's cases and test cases, the tuning scenes), the JSON schemas of scene files and plans,
+and the tables of keys in sim/README.md.
+"""
+
+from __future__ import annotations
+
+import typing
+from dataclasses import MISSING, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from fieldkit.missions.plan_file import plan_schema
+from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.generator import new_scene, varied, without_plant
+from fieldkit.scenes.scene_file import described_types, key_docs, scene_schema, write_scene
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "sim" / "scenes"
+GUIDE = ROOT / "sim" / "README.md"
+_MARK = "<!-- keys: written by scripts/make_scenes.py -->"
+
+
+def scenes() -> dict[str, SceneDescription]:
+    """Every scene by name."""
+    found: dict[str, SceneDescription] = {}
+    for name, plants, seed in (("case-1", 3, 101), ("case-2", 5, 102), ("case-3", 6, 103)):
+        found[name] = new_scene(plants, seed, name=name, notes=f"BOSfM's {name.replace('-', ' ')}: {plants} plants.")
+    for number, seed in ((1, 301), (2, 302), (3, 303)):
+        name, base = f"test-case-{number}", f"case-{number}"
+        found[name] = varied(found[base], seed, name=name, notes=f"{base} with its plants re-scaled and re-rotated.")
+    for number, base, plant in ((4, "case-1", 2), (5, "case-3", 5)):
+        name = f"test-case-{number}"
+        found[name] = without_plant(found[base], plant, name=name, notes=f"{base} without its plant {plant}.")
+    found |= tuning_scenes()
+    return found
+
+
+def tuning_scenes() -> dict[str, SceneDescription]:
+    """What parameters are chosen on: other layouts, sizes, soils and suns than the cases'."""
+    notes = "For choosing parameters. {}"
+    scenes = {
+        "tuning-1": new_scene(3, 201, soil="crumb", notes=notes.format("One row of 3.")),
+        "tuning-2": new_scene(5, 202, layout="grid", spacing_m=0.30, notes=notes.format("5 on a wide grid.")),
+        "tuning-3": new_scene(
+            4, 203, layout="random", spacing_m=0.35, neighbour_rows=1,
+            notes=notes.format("4 at random between neighbour rows."),
+        ),
+        "tuning-4": new_scene(6, 204, spacing_m=0.18, stages=("V5", "V6"), notes=notes.format("6 young plants.")),
+        "tuning-5": new_scene(
+            2, 205, spacing_m=0.40, stages=("V12",), soil="crumb", notes=notes.format("2 large plants.")
+        ),
+        "tuning-6": new_scene(
+            7, 206, layout="random", soil="crusted", cover_per_m2=0.0, weeds_per_m2=0.0,
+            notes=notes.format("7 at random on bare, crusted soil."),
+        ),
+    }  # fmt: skip
+    bare = scenes["tuning-6"].plot
+    soil = replace(bare.soil, stones=20, residues=5, contrast=0.3)
+    scenes["tuning-6"] = replace(scenes["tuning-6"], plot=replace(bare, soil=soil))
+    return {name: replace(scene, name=name) for name, scene in scenes.items()}
+
+
+def key_tables() -> str:
+    """A table for each table of a scene file: key, default, meaning."""
+    places = _places(SceneDescription, "", {})
+    parts = []
+    for kind in described_types():
+        docs, hints = key_docs(kind), typing.get_type_hints(kind)
+        lines = [f"### {places[kind] or 'At the top'}", "", "| Key | Default | Meaning |", "| --- | --- | --- |"]
+        lines += [f"| `{f.name}` | {_default(f, hints[f.name])} | {docs[f.name]} |" for f in fields(kind)]
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts)
+
+
+def guide_with_tables(text: str) -> str:
+    """sim/README.md with the tables between its two marks."""
+    before, _, after = text.split(_MARK)
+    return f"{before}{_MARK}\n\n{key_tables()}\n\n{_MARK}{after}"
+
+
+def _places(kind: Any, place: str, found: dict[Any, str]) -> dict[Any, str]:
+    """The heading of each dataclass's table."""
+    if kind in found:
+        return found
+    found[kind] = f"`[{place}]`" if place else ""
+    for name, hint in typing.get_type_hints(kind).items():
+        inner = f"{place}.{name}".strip(".")
+        for part in _kinds(hint):
+            _places(part, inner, found)
+            if typing.get_origin(hint) is tuple:
+                found[part] = f"`[[{inner}]]`{_of_kind(part)}"
+    return found
+
+
+def _of_kind(part: type) -> str:
+    kind = next((field.default for field in fields(part) if field.name == "kind"), None)
+    return f' with `kind = "{kind}"`' if isinstance(kind, str) else ""
+
+
+def _kinds(hint: Any) -> list[type]:
+    if is_dataclass(hint) and isinstance(hint, type):
+        return [hint]
+    return [kind for part in typing.get_args(hint) for kind in _kinds(part)]
+
+
+def _default(field: Any, hint: Any) -> str:
+    if _kinds(hint):
+        return "none" if field.default is None else "see below"
+    if field.default is MISSING:
+        return "needed"
+    if isinstance(field.default, tuple):
+        return str(list(field.default))
+    return f'`"{field.default}"`' if isinstance(field.default, str) else str(field.default).lower()
+
+
+if __name__ == "__main__":
+    for name, scene in scenes().items():
+        write_scene(FOLDER / f"{name}.toml", scene)
+        print(FOLDER / f"{name}.toml")
+    (ROOT / "docs" / "schemas" / "scene.schema.json").write_text(scene_schema(), encoding="utf-8")
+    (ROOT / "docs" / "schemas" / "plan.schema.json").write_text(plan_schema(), encoding="utf-8")
+    GUIDE.write_text(guide_with_tables(GUIDE.read_text(encoding="utf-8")), encoding="utf-8")

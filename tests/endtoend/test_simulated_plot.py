@@ -1,0 +1,74 @@
+"""Scene file → photographs → reference → scores, by the command line only, as with a real plot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.endtoend.commands import DRAFT, CommandLine
+
+SCENE = """\
+format = 1
+[plot]
+extent_m = 0.8
+[plot.soil]
+seed = 5
+core_m = 0.6
+spacing_m = {spacing}
+texture_px = {texture}
+stones = 300
+residues = 150
+[[plot.plants]]
+seed = 41
+leaves = 6
+scale = 0.7
+[camera]
+model = "PINHOLE"
+width = 800
+height = 600
+params = [680, 680, 400, 300]
+"""
+
+
+def run(line: CommandLine, *arguments: str) -> dict[str, object]:
+    done = line.run(*arguments, "--json")
+    assert done.code == 0, done.err
+    return done.json
+
+
+def write_scene(folder: Path, *, spacing: float, texture: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "plot.toml").write_text(SCENE.format(spacing=spacing, texture=texture))
+
+
+def test_a_small_capture_is_scored(line: CommandLine) -> None:
+    """Eight photographs of 320 × 240: enough to see that every file fits its reader."""
+    write_scene(line.folder, spacing=0.02, texture=512)
+    run(line, "simulate", "plot.toml", "--ring", "8,0.8,0.6", "--size", "320x240", "--pose-noise", "0.005,0.5",
+        "-o", "flight")  # fmt: skip
+    report = run(line, "evaluate", "flight", *DRAFT, "-o", "scores")
+    (plot,) = report["plots"]  # type: ignore[misc]
+    assert plot["images"] == 8
+    assert plot["metric_source"] == "poses.csv"
+    assert plot["right"] >= 6
+    assert plot["points"] > 200
+
+
+@pytest.mark.slow
+def test_dense_capture_to_reference_to_scores_to_a_proxy(line: CommandLine) -> None:
+    write_scene(line.folder, spacing=0.006, texture=2048)
+    run(line, "simulate", "plot.toml", "--dense", "30", "--pose-noise", "0.005,0.5", "--truth-cloud", "truth.ply",
+        "-o", "dense")  # fmt: skip
+    reference = run(line, "reference", "dense", *DRAFT, "-o", "ref")
+    assert reference["right"] == 30
+    for name, scene in (("few", "plot.toml"), ("proxy", "ref-scene")):
+        if name == "proxy":
+            made = run(line, "scene", "from-reference", "ref", "-o", "ref-scene")
+            assert made["plant_surfels"] > 2_000  # type: ignore[operator]
+        run(line, "simulate", scene, "--ring", "12", "--size", "800x600", "--pose-noise", "0.01,1", "--seed", "2",
+            "--blur", "0.002", "-o", name)  # fmt: skip
+        report = run(line, "evaluate", name, "--reference", "ref", *DRAFT, "-o", f"{name}-scores")
+        (plot,) = report["plots"]  # type: ignore[misc]
+        assert plot["right"] >= 10, name
+        assert plot["chamfer_m"] < 0.05, name

@@ -1,0 +1,134 @@
+"""The scenes that come with fieldkit are what the paper says."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from fieldkit.errors import SceneError
+from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.generator import Layout, new_scene, varied, without_plant
+from fieldkit.scenes.library import find_scene, scene_names, scenes_folder
+from fieldkit.scenes.scene_file import read_scene, scene_text
+
+ROOT = Path(__file__).parents[2]
+CASES = {"case-1": 3, "case-2": 5, "case-3": 6}
+
+
+def scene(name: str) -> SceneDescription:
+    return read_scene(find_scene(name))
+
+
+def test_the_papers_cases() -> None:
+    assert {name: len(scene(name).plot.plants) for name in CASES} == CASES
+    for name in CASES:
+        assert all(0.9 <= plant.scale <= 1.1 for plant in scene(name).plot.plants)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_test_cases_1_to_3_are_re_scaled_and_re_rotated(number: int) -> None:
+    base, test = scene(f"case-{number}"), scene(f"test-case-{number}")
+    assert replace(test.plot, plants=()) == replace(base.plot, plants=())
+    for a, b in zip(base.plot.plants, test.plot.plants, strict=True):
+        assert replace(b, yaw_deg=a.yaw_deg, scale=a.scale) == a
+        assert b.yaw_deg != a.yaw_deg
+        assert b.scale != a.scale
+        assert 0.9 <= b.scale <= 1.1
+
+
+@pytest.mark.parametrize(("number", "base"), [(4, "case-1"), (5, "case-3")])
+def test_test_cases_4_and_5_lack_a_plant(number: int, base: str) -> None:
+    whole, test = scene(base).plot, scene(f"test-case-{number}").plot
+    assert len(test.plants) == len(whole.plants) - 1
+    assert set(test.plants) < set(whole.plants)
+    assert replace(test, plants=()) == replace(whole, plants=())
+
+
+def test_tuning_scenes_are_others() -> None:
+    tuning = [name for name in scene_names() if name.startswith("tuning-")]
+    assert len(tuning) >= 6
+    seeds = {name: {plant.seed for plant in scene(name).plot.plants} for name in scene_names()}
+    for name in tuning:
+        assert all(not seeds[name] & other for key, other in seeds.items() if key != name)
+
+
+def test_files_are_canonical_and_in_the_package() -> None:
+    for name in scene_names():
+        file = find_scene(name)
+        assert file.read_text() == scene_text(read_scene(file))
+        assert read_scene(file).name == name
+    assert '"sim/scenes" = "fieldkit/sim/scenes"' in (ROOT / "pyproject.toml").read_text()
+
+
+@pytest.fixture(scope="module")
+def script() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_scenes", ROOT / "scripts" / "make_scenes.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_files_are_what_the_script_writes(script: ModuleType) -> None:
+    written: dict[str, SceneDescription] = script.scenes()
+    assert sorted(written) == scene_names()
+    for name, description in written.items():
+        assert scene_text(description) == (scenes_folder() / f"{name}.toml").read_text()
+
+
+def test_the_guides_tables_are_what_the_script_writes(script: ModuleType) -> None:
+    guide = (ROOT / "sim" / "README.md").read_text()
+    assert script.guide_with_tables(guide) == guide
+
+
+def test_names_paths_and_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert find_scene("case-1") == find_scene("case-1.toml") == scenes_folder() / "case-1.toml"
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "scene.toml").write_text("format = 1\n")
+    assert find_scene(tmp_path / "mine") == tmp_path / "mine" / "scene.toml"
+    monkeypatch.chdir(tmp_path)
+    Path("case-1.toml").write_text("format = 1\n")
+    assert find_scene("case-1.toml") == Path("case-1.toml")
+    with pytest.raises(SceneError) as caught:
+        find_scene("cas-2")
+    assert caught.value.remedy == "Did you mean case-2?"
+
+
+@pytest.mark.parametrize("layout", ["rows", "grid", "random"])
+@pytest.mark.parametrize("count", [1, 4, 7, 13])
+def test_new_scenes(layout: Layout, count: int) -> None:
+    made = new_scene(count, 5, layout=layout)
+    assert made == new_scene(count, 5, layout=layout)
+    assert made != new_scene(count, 6, layout=layout)
+    places = np.array([(p.x_m, p.y_m) for p in made.plot.plants])
+    assert len({p.seed for p in made.plot.plants}) == count
+    assert (places > np.array(made.bounds.lower_m[:2]) + 0.5).all()
+    assert (places < np.array(made.bounds.upper_m[:2]) - 0.5).all()
+    if count > 1:
+        apart = np.linalg.norm(places[:, None] - places[None], axis=2)[~np.eye(count, dtype=bool)]
+        assert apart.min() > 0.1
+    assert made.plot.light.sun[1] < 0  # in the south
+    assert np.linalg.norm(made.plot.light.sun) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [lambda: new_scene(0, 1), lambda: new_scene(61, 1), lambda: new_scene(3, 1, spacing_m=0.0),
+     lambda: without_plant(new_scene(2, 1), 3)],
+)  # fmt: skip
+def test_out_of_range(call: Callable[[], object]) -> None:
+    with pytest.raises(ValueError):
+        call()
+
+
+def test_variation_depends_on_its_seed() -> None:
+    base = new_scene(3, 1)
+    assert varied(base, 1) == varied(base, 1)
+    assert varied(base, 1).plot.plants != varied(base, 2).plot.plants

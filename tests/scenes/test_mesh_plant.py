@@ -1,0 +1,152 @@
+"""Plants from mesh files."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from fieldkit.errors import SceneError
+from fieldkit.scenes import mesh_plant
+from fieldkit.scenes.mesh_plant import MeshPlantDescription, build_mesh_plant
+from fieldkit.scenes.plot import PlotDescription, build_scene, sample_plants
+from fieldkit.scenes.soil import SoilDescription
+
+
+def stick(height: float = 0.6, **options: object) -> trimesh.Trimesh:
+    """A cone that stands on the origin, z up."""
+    mesh = trimesh.creation.cone(radius=0.1 * height, height=height, sections=24)
+    for name, value in options.items():
+        setattr(mesh.visual, name, value)
+    return mesh
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "glb", "stl"])
+def test_every_format_gives_the_same_plant(tmp_path: Path, suffix: str) -> None:
+    stick().export(tmp_path / f"a.{suffix}")
+    # a trap for readers of GLB, whose own convention is y up: trimesh writes the coordinates as they are
+    mesh = build_mesh_plant(MeshPlantDescription(tmp_path / f"a.{suffix}", x_m=0.3, y_m=-0.2, scale=0.5), 0.04)
+    assert mesh.plant
+    lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    np.testing.assert_allclose((lower + upper)[:2] / 2, (0.3, -0.2), atol=0.002)
+    assert lower[2] == pytest.approx(0.04, abs=1e-5)
+    assert upper[2] == pytest.approx(0.34, abs=1e-5)
+    assert mesh.colors is not None
+    assert (mesh.colors[:, 1] > mesh.colors[:, 2]).mean() > 0.95  # a leaf's green
+    assert mesh.colors.std(axis=0).min() > 0.01
+    assert len(mesh.faces) > 10_000  # fine enough to carry it
+
+
+def test_up_and_unit(tmp_path: Path) -> None:
+    for up, turn in (("y", [1, 0, 0]), ("x", [0, -1, 0])):
+        lying = stick(600.0)
+        lying.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, turn))
+        lying.export(tmp_path / f"{up}.ply")
+        plant = MeshPlantDescription(tmp_path / f"{up}.ply", up=up, unit_m=0.001)  # type: ignore[arg-type]
+        mesh = build_mesh_plant(plant)
+        assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(0.6, abs=1e-4)
+        top = mesh.vertices[mesh.vertices[:, 2].argmax()]
+        np.testing.assert_allclose(top[:2], 0, atol=0.002)
+        fine = build_mesh_plant(MeshPlantDescription(tmp_path / f"{up}.ply", up=up, unit_m=0.001, yaw_deg=90))  # type: ignore[arg-type]
+        np.testing.assert_allclose(fine.vertices[:, 0], mesh.vertices[:, 1], atol=1e-5)
+
+
+def test_the_files_colours_are_kept(tmp_path: Path) -> None:
+    mesh = stick()
+    mesh.visual.vertex_colors = np.tile([200, 10, 30, 255], (len(mesh.vertices), 1)).astype(np.uint8)
+    mesh.export(tmp_path / "a.ply")
+    kept = build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply"))
+    assert kept.colors is not None
+    np.testing.assert_allclose(kept.colors, np.tile(np.array([200, 10, 30]) / 255, (len(kept.colors), 1)), atol=0.01)
+    painted = build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply", color="leaf"))
+    assert painted.colors is not None
+    assert painted.colors[:, 1].mean() > painted.colors[:, 0].mean()
+
+
+def test_face_colours_are_not_smeared(tmp_path: Path) -> None:
+    box = trimesh.creation.box((0.2, 0.2, 0.4))
+    colors = np.tile([0, 200, 0, 255], (len(box.faces), 1)).astype(np.uint8)
+    colors[0] = (250, 0, 0, 255)
+    box.visual.face_colors = colors
+    box.export(tmp_path / "a.ply")
+    mesh = build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply"))
+    assert mesh.colors is not None
+    assert {tuple(np.round(c * 255).astype(int)) for c in mesh.colors} == {(0, 200, 0), (250, 0, 0)}
+
+
+def test_a_texture_is_kept(tmp_path: Path) -> None:
+    quad = trimesh.Trimesh([(0, 0, 0), (0.3, 0, 0), (0.3, 0, 0.3), (0, 0, 0.3)], [(0, 1, 2), (0, 2, 3)], process=False)
+    image = Image.new("RGB", (8, 8), (10, 120, 40))
+    image.putpixel((0, 0), (255, 0, 0))  # the upper left corner: u = 0, v = 1
+    quad.visual = trimesh.visual.TextureVisuals(uv=[(0, 0), (1, 0), (1, 1), (0, 1)], image=image)
+    quad.export(tmp_path / "a.glb")
+    mesh = build_mesh_plant(MeshPlantDescription(tmp_path / "a.glb"))
+    assert mesh.texture is not None
+    assert mesh.uv is not None
+    corner = mesh.uv[(mesh.vertices[:, 2] > 0.29) & (mesh.vertices[:, 0] < mesh.vertices[:, 0].min() + 0.01)][0]
+    np.testing.assert_allclose(corner, (0, 1), atol=1e-6)
+    assert tuple(mesh.texture[0, 0]) == (255, 0, 0)
+
+
+def test_several_parts_are_one_plant(tmp_path: Path) -> None:
+    scene = trimesh.Scene([stick(0.4), trimesh.creation.box((0.1, 0.1, 0.1))])
+    scene.export(tmp_path / "a.glb")
+    mesh = build_mesh_plant(MeshPlantDescription(tmp_path / "a.glb"))
+    assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(0.45, abs=1e-4)
+
+
+class TestErrors:
+    def test_broken_files(self, tmp_path: Path) -> None:
+        for suffix in ("ply", "glb", "stl", "obj"):
+            stick().export(tmp_path / f"a.{suffix}")
+            whole = (tmp_path / f"a.{suffix}").read_bytes()
+            for content in (b"", b"\x00" * 200, whole[:60], b"ply\nformat ascii 1.0\nelement vertex 99999999999\n"):
+                (tmp_path / f"a.{suffix}").write_bytes(content)
+                with pytest.raises(SceneError) as caught:
+                    build_mesh_plant(MeshPlantDescription(tmp_path / f"a.{suffix}"))
+                assert caught.value.path == tmp_path / f"a.{suffix}"
+                assert caught.value.remedy
+
+    def test_a_cloud_is_no_mesh(self, tmp_path: Path) -> None:
+        trimesh.PointCloud(np.random.default_rng(0).random((50, 3))).export(tmp_path / "a.ply")
+        with pytest.raises(SceneError, match="no triangles"):
+            build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply"))
+
+    def test_not_metres(self, tmp_path: Path) -> None:
+        stick(600.0).export(tmp_path / "a.ply")
+        with pytest.raises(SceneError, match="600 m high") as caught:
+            build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply"))
+        assert "unit_m" in caught.value.remedy
+
+    def test_too_many_triangles(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        stick().export(tmp_path / "a.ply")
+        monkeypatch.setattr(mesh_plant, "MAX_TRIANGLES", 10)
+        with pytest.raises(SceneError, match="triangles; up to 10 are drawn"):
+            build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply"))
+        monkeypatch.setattr(mesh_plant, "MAX_BYTES", 10)
+        with pytest.raises(SceneError, match="MiB"):
+            build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply"))
+
+    def test_values(self) -> None:
+        for bad in ({"scale": 0.0}, {"unit_m": -1.0}, {"x_m": float("nan")}):
+            with pytest.raises(ValueError):
+                MeshPlantDescription(Path("a.ply"), **bad)  # type: ignore[arg-type]
+
+
+def test_a_real_sorghum_plant(data_folder: Path) -> None:
+    file = data_folder / "meshes" / "sorghum_mccormick2_mesh.ply"
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    plant = MeshPlantDescription(file, unit_m=0.001, color="leaf", sha256=digest)
+    mesh = build_mesh_plant(plant)
+    assert len(mesh.faces) == 63_742
+    assert np.ptp(mesh.vertices[:, 2]) == pytest.approx(0.7326, abs=0.001)
+    soil = SoilDescription(core_m=0.5, spacing_m=0.02, texture_px=256, stones=10, residues=5)
+    scene = build_scene(PlotDescription((plant,), soil))
+    truth = sample_plants(scene, 20_000)
+    assert len(truth) > 8_000
+    with pytest.raises(SceneError, match="SHA-256"):
+        build_mesh_plant(MeshPlantDescription(file, unit_m=0.001, sha256="0" * 64))

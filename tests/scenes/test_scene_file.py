@@ -1,0 +1,236 @@
+"""Scene files say all that a description can, and nothing else."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.errors import SceneError
+from fieldkit.geometry import Intrinsics
+from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription, build, scene_digest
+from fieldkit.scenes.maize import MaizeDescription
+from fieldkit.scenes.mesh_plant import MeshPlantDescription
+from fieldkit.scenes.plot import PlotDescription
+from fieldkit.scenes.recorded import RecordedSurface
+from fieldkit.scenes.scene import Light
+from fieldkit.scenes.scene_file import (
+    described_types,
+    key_docs,
+    parse_scene,
+    read_scene,
+    scene_schema,
+    scene_text,
+    write_scene,
+)
+from fieldkit.scenes.simulate import CaptureNoise, Site
+from fieldkit.scenes.soil import SoilDescription
+from fieldkit.scenes.toml_text import toml_text
+
+ROOT = Path(__file__).parents[2]
+HERE = Path("here.toml")
+
+small = st.floats(-2, 2)
+positive = st.floats(0.1, 3)
+texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+maize = st.builds(
+    MaizeDescription, seed=st.integers(0, 2**31), x_m=small, y_m=small, yaw_deg=st.floats(-360, 360),
+    scale=st.floats(0.5, 2), leaves=st.integers(5, 12),
+)  # fmt: skip
+scenes = st.builds(
+    SceneDescription,
+    plot=st.builds(
+        PlotDescription, st.lists(maize, max_size=4).map(tuple),
+        st.builds(SoilDescription, seed=st.integers(0, 99), contrast=st.floats(0, 1)),
+        st.builds(Light, sun_color=st.tuples(positive, positive, positive)), st.floats(0.5, 4),
+    ),
+    name=texts.filter(bool), notes=texts, row_heading_deg=st.floats(-360, 360),
+    bounds=st.builds(
+        Bounds, st.tuples(st.floats(-9, -1), st.floats(-9, -1), st.just(0.0)), st.tuples(positive, positive, positive)
+    ),
+    reference=st.builds(ReferenceSampling, st.integers(1000, 10**6)),
+    camera=st.builds(Intrinsics.pinhole, st.integers(1, 9000), st.integers(1, 9000), st.floats(1, 9000)),
+    camera_effects=st.builds(CameraEffects, defocus_px=st.floats(0, 4), jpeg_quality=st.integers(1, 100)),
+    noise=st.builds(CaptureNoise, position_m=st.floats(0, 1), image_sigma=st.integers(0, 9)),
+)  # fmt: skip
+
+
+@given(scene=scenes, complete=st.booleans())
+def test_round_trip(scene: SceneDescription, complete: bool) -> None:
+    text = scene_text(scene, complete=complete)
+    assert parse_scene(text, HERE) == scene
+    assert scene_text(parse_scene(text, HERE), complete=complete) == text
+
+
+json_like = st.recursive(
+    st.one_of(texts, st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(allow_nan=False, allow_infinity=False)),
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(texts, inner, max_size=3)),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(texts, st.one_of(texts, st.lists(st.floats(-1, 1)), st.dictionaries(texts, st.integers(0, 9)))))
+def test_toml_text_reads_back(table: dict[str, object]) -> None:
+    assert tomllib.loads(toml_text(table)) == table
+
+
+@settings(max_examples=200)
+@given(st.dictionaries(st.sampled_from([*(f.name for f in fields(SceneDescription)), "x"]), json_like))
+def test_anything_else_is_an_error_for_people(document: dict[str, object]) -> None:
+    try:
+        text = "format = 1\n" + toml_text(document)
+    except (TypeError, ValueError):
+        return
+    try:
+        parse_scene(text, HERE)
+    except SceneError as caught:
+        error = caught
+    else:
+        return
+    assert error.exit_code == 3
+    assert error.path == HERE
+    assert error.remedy
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "has no 'format'"),
+        ("format = 2", "has format 2; this fieldkit reads 1"),
+        ("format = true", "has format True"),
+        ("format = [", "is not TOML"),
+        ("format = 1\nx = 1", "x: is not a key of this format"),
+        ("format = 1\n[plot]\nextent = 2", "plot.extent: is not a key of this format"),
+        ("format = 1\n[[plot.plants]]\nscale = 1.0", "plot.plants 1.seed: is missing"),
+        ("format = 1\n[[plot.plants]]\nseed = 1\n[[plot.plants]]\nseed = 'a'", "plot.plants 2.seed: input should be a"),
+        ("format = 1\n[[plot.plants]]\nkind = 'rye'", "plot.plants 1.kind: 'rye' is no kind of plant"),
+        ("format = 1\n[[plot.plants]]\nseed = 1\nleaves = 40", "5 to 12 leaves, not 40"),
+        ("format = 1\n[camera_effects]\njpeg_quality = 0", "camera_effects: jpeg_quality is 1 to 100, not 0"),
+        ("format = 1\n[plot.soil]\ncore_m = nan", "plot.soil.core_m: input should be a finite number"),
+        ("format = 1\n[plot.soil]\nseed = 1979-05-27", "plot.soil.seed: input should be a valid integer"),
+        ("format = 1\n[bounds]\nlower_m = [9, 9, 9]", "bounds: the lower corner"),
+        ("format = 1\nplot = 3", "plot: should be a table"),
+    ],
+)
+def test_errors_name_the_key(text: str, message: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(message)) as caught:
+        parse_scene(text, HERE)
+    assert "pydantic" not in str(caught.value)
+
+
+def test_missing_and_unreadable_files(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="no such scene file"):
+        read_scene(tmp_path / "x.toml")
+    with pytest.raises(SceneError, match="cannot be read"):
+        read_scene(tmp_path)
+    (tmp_path / "x.toml").write_bytes(b"\xff\xfe\xfd")
+    with pytest.raises(SceneError, match="UTF-8"):
+        read_scene(tmp_path / "x.toml")
+
+
+class TestPaths:
+    """Files that a scene names."""
+
+    def scene(self, folder: Path, named: str) -> SceneDescription:
+        (folder / "scene.toml").write_text(f"format = 1\n[[plot.plants]]\nfile = '{named}'\n")
+        return read_scene(folder / "scene.toml")
+
+    @pytest.fixture
+    def folder(self, tmp_path: Path) -> Path:
+        (tmp_path / "inside" / "meshes").mkdir(parents=True)
+        for place in ("inside/meshes/a.ply", "outside.ply"):
+            (tmp_path / place).write_text("ply")
+        return tmp_path / "inside"
+
+    def test_beside_the_scene(self, folder: Path) -> None:
+        plant = self.scene(folder, "meshes/a.ply").plot.plants[0]
+        assert isinstance(plant, MeshPlantDescription)
+        assert plant.file == folder.resolve() / "meshes" / "a.ply"
+
+    def test_an_absolute_path_may_lead_elsewhere(self, folder: Path) -> None:
+        plant = self.scene(folder, str(folder.parent / "outside.ply")).plot.plants[0]
+        assert isinstance(plant, MeshPlantDescription)
+        assert plant.file == folder.parent / "outside.ply"
+
+    def test_out_of_the_folder(self, folder: Path) -> None:
+        (folder / "link.ply").symlink_to(folder.parent / "outside.ply")
+        (folder / "circle.ply").symlink_to(folder / "circle.ply")
+        for named in ("../outside.ply", "link.ply", "meshes/../../outside.ply"):
+            with pytest.raises(SceneError, match="leads out of the scene's folder") as caught:
+                self.scene(folder, named)
+            assert "plot.plants 1.file" in str(caught.value)
+        with pytest.raises(SceneError):
+            self.scene(folder, "circle.ply")
+
+    def test_what_is_not_there(self, folder: Path) -> None:
+        for named, message in (("b.ply", "no such mesh file"), ("scene.toml", "is not one of .obj")):
+            with pytest.raises(SceneError, match=message) as caught:
+                self.scene(folder, named)
+            assert caught.value.path == folder / "scene.toml"
+
+    def test_written_relative_where_it_lies_below(self, folder: Path) -> None:
+        scene = self.scene(folder, "meshes/a.ply")
+        write_scene(folder / "other.toml", scene)
+        assert 'file = "meshes/a.ply"' in (folder / "other.toml").read_text()
+        assert read_scene(folder / "other.toml").plot == scene.plot
+        write_scene(folder.parent / "out" / "scene.toml", scene)
+        assert read_scene(folder.parent / "out" / "scene.toml").plot == scene.plot
+
+    def test_another_file_than_the_one_meant(self, folder: Path) -> None:
+        (folder / "scene.toml").write_text(f"format = 1\n[[plot.plants]]\nfile = 'meshes/a.ply'\nsha256 = '{64 * '0'}'")
+        with pytest.raises(SceneError, match="SHA-256"):
+            read_scene(folder / "scene.toml")
+
+
+def test_the_name_is_the_files(tmp_path: Path) -> None:
+    (tmp_path / "plot 7.toml").write_text("format = 1\n")
+    assert read_scene(tmp_path / "plot 7.toml").name == "plot 7"
+
+
+def test_a_scene_is_recorded_or_grown() -> None:
+    surface = RecordedSurface(Path("a.ply"), Path("b.ply"), 0.001, 0.001)
+    with pytest.raises(ValueError, match="either"):
+        SceneDescription(PlotDescription((MaizeDescription(1),)), recorded=surface)
+
+
+def test_the_same_file_is_the_same_scene_in_another_process(tmp_path: Path, small_plot: PlotDescription) -> None:
+    plants = (*small_plot.plants[:1],)
+    file = tmp_path / "scene.toml"
+    write_scene(file, SceneDescription(replace(small_plot, plants=plants)))
+    script = (
+        "import sys; from pathlib import Path; from fieldkit.scenes.scene_file import read_scene; "
+        "from fieldkit.scenes.description import build, scene_digest; "
+        "print(scene_digest(build(read_scene(Path(sys.argv[1])))))"
+    )
+    found = [
+        subprocess.run([sys.executable, "-c", script, str(file)], capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    ]
+    assert found[0] == found[1] == scene_digest(build(read_scene(file))) + "\n"
+    other = replace(small_plot, plants=(replace(plants[0], yaw_deg=1.0),))
+    assert scene_digest(build(SceneDescription(other))) + "\n" != found[0]
+
+
+def test_every_key_is_documented() -> None:
+    guide = (ROOT / "sim" / "README.md").read_text()
+    for kind in described_types():
+        docs = key_docs(kind)
+        for field in fields(kind):
+            assert field.name in docs, f"{kind.__name__}.{field.name}"
+            assert f"`{field.name}`" in guide, f"sim/README.md lacks {kind.__name__}.{field.name}"
+
+
+def test_the_schema_is_the_one_in_the_documentation() -> None:
+    assert (ROOT / "docs" / "schemas" / "scene.schema.json").read_text() == scene_schema()
+
+
+def test_site_and_noise_have_defaults() -> None:
+    assert parse_scene("format = 1", HERE).site == Site()
