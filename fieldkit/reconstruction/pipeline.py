@@ -26,7 +26,7 @@ from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_p
 from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
 from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
-from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
+from fieldkit.reconstruction.result import MappedError, MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
 from fieldkit.reconstruction.sparse import Mapped, map_capture
 from fieldkit.reconstruction.stage_times import StageTimer
@@ -98,8 +98,10 @@ def reconstruct(
     if ground is not None:
         plants = plants.select(ground.heights(plants.points) > clearance(ground))
     if len(plants) == 0:
-        raise ReconstructionError(
+        raise MappedError(
             "no plant was reconstructed: no two views agree on a depth of anything green above the ground",
+            images=sparse.images,
+            model_sizes=sparse.model_sizes,
             path=capture.folder,
             remedy="Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
         )
@@ -133,7 +135,7 @@ def place(
     cameras = cameras_of(capture, known_plot.calibrated if known_plot is not None else None)
     mapped = map_capture(capture, cameras, known, settings, cache=cache, progress=progress, workers=workers)
     if known_plot is not None and not mapped.metric:
-        raise _not_in_frame(capture)
+        raise _not_in_frame(capture, mapped)
     scale = None
     if not mapped.metric and capture.markers is not None:
         with progress.stage("Markers", len(capture.photos)) as advance:
@@ -309,20 +311,24 @@ def _too_few(sparse: SparseResult) -> ReconstructionError:
     wrong = sparse.registered - sparse.right
     said = f"; {wrong} more registered with poses that contradict what is known" if wrong else ""
     reasons = sorted({image.reason for image in sparse.images if image.reason})
-    return ReconstructionError(
+    return MappedError(
         f"only {sparse.right} of {len(sparse.images)} photographs have a usable pose{said} ({'; '.join(reasons[:3])})",
+        images=sparse.images,
+        model_sizes=sparse.model_sizes,
         path=sparse.capture.folder,
         remedy="Take views closer together, or give their rough poses in poses.csv so that prior mapping can be used.",
     )
 
 
-def _not_in_frame(capture: Capture) -> ReconstructionError:
+def _not_in_frame(capture: Capture, mapped: Mapped) -> ReconstructionError:
     if any(p.position is not None for p in capture.priors.values()):
         why = "their reconstructed positions contradict the known ones"
     else:
         why = "they carry no positions (no poses.csv, no GPS)"
-    return ReconstructionError(
+    return MappedError(
         f"the photographs cannot be placed in the reference's frame: {why}",
+        images=mapped.images,
+        model_sizes=mapped.model_sizes,
         path=capture.folder,
         remedy="Put a poses.csv with their positions in the reference's metric frame beside them.",
     )
