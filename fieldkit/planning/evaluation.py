@@ -66,7 +66,20 @@ class Evaluation:
     def broken(cls, images: int, reason: str, worst_m: float) -> Evaluation:
         """An evaluation that broke twice and tells nothing of z."""
         return cls(
-            worst_m, None, None, None, dict.fromkeys(DISTANCES_M, 0.0), images, 0, 0, 0, 0, "", (), reason, measured=False
+            worst_m,
+            None,
+            None,
+            None,
+            dict.fromkeys(DISTANCES_M, 0.0),
+            images,
+            0,
+            0,
+            0,
+            0,
+            "",
+            (),
+            reason,
+            measured=False,
         )
 
     def figures(self) -> dict[str, Any]:
