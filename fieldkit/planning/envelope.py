@@ -193,7 +193,8 @@ class Envelope:
     def _plants(self, positions: Array) -> Array:
         if self._index is None:
             return np.full(len(positions), -np.inf)
-        lacking: Array = self.clearance_m - self._index.nearest(positions)[0]
+        distances, _ = self._index.nearest(positions)
+        lacking: Array = self.clearance_m - distances
         return lacking
 
 
@@ -218,5 +219,5 @@ def _nearest_other(positions: Array) -> Array:
         return np.full(len(positions), np.inf)
     distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
     np.fill_diagonal(distances, np.inf)
-    nearest: Array = distances.min(axis=1)
+    nearest: Array = np.asarray(distances.min(axis=1))
     return nearest

@@ -1,4 +1,4 @@
-"""r(z): what real structure from motion makes of a set of cameras, as one number (BOSfM's eq. `r_func`)."""
+"""The objective r(z): what real structure from motion makes of a set of cameras, as one number (BOSfM's eq. `r_func`)."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Objective:
         self.source.close()
 
     def evaluate(self, cameras: Cameras, *, seed: int | None = None) -> Evaluation:
-        """r of a set of cameras.
+        """What a set of cameras is worth.
 
         Args:
             cameras: as commanded, plot frame.

@@ -32,9 +32,9 @@ def project(cameras: Cameras, envelope: Envelope) -> Cameras:
     positions = cameras.positions.copy()
     alone = envelope.position_violation(positions) <= 0.0
     placed: list[int] = []
-    for i in np.flatnonzero(alone):
-        if distance_to(positions[i : i + 1], positions[placed])[0] >= envelope.separation_m:
-            placed.append(int(i))
+    for i in range(len(positions)):
+        if alone[i] and distance_to(positions[i : i + 1], positions[placed])[0] >= envelope.separation_m:
+            placed.append(i)
     for i in range(len(positions)):
         if i not in placed:
             positions[i] = _nearest_free(positions[i], positions[placed], envelope, len(placed) + 1)
@@ -43,7 +43,7 @@ def project(cameras: Cameras, envelope: Envelope) -> Cameras:
 
 
 def _nearest_free(wanted: Array, others: Array, envelope: Envelope, number: int) -> Array:
-    start = _clipped(wanted[None], envelope)[0]
+    start: Array = _clipped(wanted[None], envelope)[0]
     if _free(start[None], others, envelope)[0]:
         return start
     reach = float(np.linalg.norm([np.ptp(envelope.x_m), np.ptp(envelope.y_m), np.ptp(envelope.height_m)])) + 0.1

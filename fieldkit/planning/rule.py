@@ -37,7 +37,7 @@ class Rule:
 
 
 def value_m(to_estimate: ArrayLike, to_reference: ArrayLike, rule: Rule) -> float:
-    """r of a cloud as a cost, metres: small is good.
+    """What a cloud is worth as a cost in metres: small is good.
 
     With every distance d capped at c, completeness C = mean(d of reference points), accuracy A = mean(d of the
     cloud's points) and the share reached s = 1 − C / c,
