@@ -176,7 +176,7 @@ class Envelope:
             drawn[:, 2] += self.ground_m(drawn)
             free = (self.position_violation(drawn) <= 0.0) & (distance_to(drawn, others) >= self.separation_m)
             if free.any():
-                return drawn[int(np.argmax(free))][None]
+                return np.asarray(drawn[int(np.argmax(free))])[None]
         raise no_room(len(others) + 1)
 
     def _bounds(self, positions: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The objective r(z): what real structure from motion makes of a set of cameras, as one number (BOSfM's eq. `r_func`)."""
+"""The objective r(z), BOSfM's eq. `r_func`: what real structure from motion makes of a set of cameras."""
 
 from __future__ import annotations
 

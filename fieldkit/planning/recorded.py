@@ -91,6 +91,22 @@ def assign(cameras: Cameras, views: Sequence[RecordedView], distance_m: float) -
     return chosen
 
 
+class InputsCache(StageCache):
+    """A cache of what evaluations share: features, matches and undistorted views.
+
+    Models and depth maps of one set of views are of no use to another, and a search would fill the disk with them.
+    """
+
+    STAGES = frozenset({"features", "matches", "pairs", "views"})
+
+    def get(self, stage: str, key: str) -> dict[str, np.ndarray] | None:
+        return super().get(stage, key) if stage in self.STAGES else None
+
+    def put(self, stage: str, key: str, arrays: dict[str, np.ndarray]) -> None:
+        if stage in self.STAGES:
+            super().put(stage, key, arrays)
+
+
 class RecordedSource:
     """Answers cameras with photographs of a recorded set; see `PhotoSource`.
 
@@ -119,7 +135,7 @@ class RecordedSource:
         self.views = recorded_views(capture, plot)
         # Everything is turned into the plot frame here, whatever frame the capture's positions are in.
         self._plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()))
-        self._cache = cache
+        self._cache = InputsCache(cache.root)
         self._reference: ReferenceIndex | None = None
         centers = np.array([view.pose.center for view in self.views])
         self.distance_m = float(np.median(np.linalg.norm(centers - plot.volume.center, axis=1)))

@@ -55,7 +55,7 @@ def work(connection: Connection, objective: Objective, parent: int) -> None:
             job: Job | None = connection.recv()
             if job is None:
                 break
-            answer = _evaluated(objective, job)
+            answer = evaluate_job(objective, job)
             connection.send(answer)
 
 
@@ -67,7 +67,8 @@ def _prepared(objective: Objective) -> Answer:
     return Answer("ready")
 
 
-def _evaluated(objective: Objective, job: Job) -> Answer:
+def evaluate_job(objective: Objective, job: Job) -> Answer:
+    """The answer to one job; whatever is raised on the way becomes part of it."""
     try:
         return Answer("done", objective.evaluate(job.cameras, seed=job.seed))
     except FieldkitError as error:

@@ -7,20 +7,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fieldkit.cache import StageCache
+from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Finding, assess_quality, find_mask, quality_findings, read_image
 from fieldkit.captures.markers_file import MarkersFile
-from fieldkit.captures.model import Capture
+from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
-from fieldkit.geometry import Intrinsics, Similarity
+from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
 from fieldkit.reconstruction.dense import Settings as DenseSettings
+from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.interest import cuts_plants, volume_of_interest
 from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
 from fieldkit.reconstruction.marker_detection import detect_markers
@@ -33,6 +34,8 @@ from fieldkit.reconstruction.stage_times import StageTimer
 
 _MIN_DENSE_VIEWS = 2
 _CLEARANCE_RMS = 3.0
+_CALIBRATIONS = ("camera.toml", "camera.json", "reference")
+_VIEWS_VERSION = 1  # part of the views' keys: raised when preparing them changes its results
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,13 +272,26 @@ class _Dense:
             pose = self.sparse.poses.get(photo.name)
             if pose is None:
                 continue
-            intrinsics = self.sparse.intrinsics[photo.name]
-            image = read_image(photo)
-            mask_path = find_mask(photo.path) if mask == "file" else None
-            mask_image = None if mask_path is None else read_image(mask_path, gray=True)
-            views.append(prepare_view(photo.name, image, intrinsics, pose, self.settings.fidelity, mask, mask_image))
+            views.append(self._view(photo, pose, mask))
             advance(1)
         return views
+
+    def _view(self, photo: Photo, pose: Pose, mask: MaskKind) -> View:
+        intrinsics, fidelity = self.sparse.intrinsics[photo.name], self.settings.fidelity
+        # Where a calibration is held, the same photograph gives the same view in every capture it is part of.
+        source = self.sparse.intrinsics_source[self.sparse.capture.group_of(photo.name).key]
+        kept = mask != "file" and source in _CALIBRATIONS
+        key = digest("view", _VIEWS_VERSION, photo.sha256, intrinsics, fidelity, mask)
+        arrays = self.cache.get("views", key) if kept else None
+        if arrays is not None:
+            camera = view_camera(intrinsics, photo.width, photo.height, fidelity)
+            return View(photo.name, arrays["image"], camera, pose, arrays.get("mask"))
+        mask_path = find_mask(photo.path) if mask == "file" else None
+        mask_image = None if mask_path is None else read_image(mask_path, gray=True)
+        view = prepare_view(photo.name, read_image(photo), intrinsics, pose, fidelity, mask, mask_image)
+        if kept:
+            self.cache.put("views", key, {"image": view.image} | ({} if view.mask is None else {"mask": view.mask}))
+        return view
 
 
 def _ground_sampling_distance(sparse: SparseResult, volume: Volume) -> float:
