@@ -82,9 +82,9 @@ def run_recorded(
         title="The objective on a recorded set",
         tables=(summary_table(fair, whole), subset_table(fair)),
         notes=(
-            f"{subsets} random subsets of {VIEWS} of {len(names)} views of {RIG}, {fidelity}, mapped with the rig's poses.",
-            f"Truth of a subset: points of the full reference that {LEAST_WITNESSES} views outside it saw at their depth.",
-            "So no view is its own judge.",
+            f"{subsets} random subsets of {VIEWS} of {len(names)} views of {RIG}, {fidelity}, with the rig's poses.",
+            f"Truth: the full reference's points that {LEAST_WITNESSES} views outside the subset saw at their depth;",
+            "so no view is its own judge.",
             "CPU seconds of an evaluation with features and undistorted views in the cache.",
         ),
         figures={

@@ -68,8 +68,9 @@ def command(
     """Measure this machine's speed and accuracy, ours and the alternative's in the same run.
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references and
-    subset-scores (quality); the objective's are cost (speed), throughput, ranks, noise and recorded. FIELDKIT_DATA names the recorded image sets; what needs them is left out without it. The
-    result holds results.json, results.md and pictures.
+    subset-scores (quality); the objective's are cost (speed), throughput, ranks, noise and recorded. FIELDKIT_DATA
+    names the recorded image sets; what needs them is left out without it. The result holds results.json, results.md
+    and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
     """
