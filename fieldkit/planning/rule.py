@@ -24,7 +24,7 @@ class Rule:
     """
 
     cap_m: float = 0.10
-    support: float = 0.05
+    support: float = 0.25
 
     def __post_init__(self) -> None:
         if not (self.cap_m > 0 and 0 < self.support <= 1):

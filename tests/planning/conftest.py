@@ -14,11 +14,13 @@ from fieldkit.scenes.renderer import RenderingError
 from fieldkit.scenes.rigs import ring
 from tests.scenes.conftest import SMALL_PLOT
 
+CAMERA = Intrinsics.pinhole(640, 480, 560.0)
+
 
 @pytest.fixture(scope="session")
 def proxy() -> Proxy:
     """Two plants on coarse soil, 640 × 480 pixels."""
-    return Proxy.of(build_scene(SMALL_PLOT), Intrinsics.pinhole(640, 480, 560.0), points=20_000)
+    return Proxy.of(build_scene(SMALL_PLOT), CAMERA, points=20_000)
 
 
 @pytest.fixture(scope="session")
