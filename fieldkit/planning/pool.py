@@ -36,7 +36,7 @@ class Limits:
         seconds: of wall time, then the worker is killed.
         start_seconds: for a worker to come up (the libraries, the scene's upload).
         memory_bytes: resident memory of the worker, polled five times a second, then it is killed. Not an address
-            space limit, since graphics drivers and compiled kernels reserve far more than they use.
+            space limit, since graphics drivers and compiled kernels reserve more than they use.
     """
 
     seconds: float = 600.0
