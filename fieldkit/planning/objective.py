@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from fieldkit.cache import digest
 from fieldkit.clouds.cloud import Cloud
@@ -16,7 +16,6 @@ from fieldkit.planning.rule import Rule, value_m
 from fieldkit.planning.source import PhotoSource, Shot
 from fieldkit.progress import Silent
 from fieldkit.reconstruction.pipeline import reconstruct
-from fieldkit.reconstruction.result import ImageReport, MappedError
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 
@@ -46,6 +45,14 @@ class ObjectiveSettings:
             raise UsageError(
                 f"there is no fidelity {self.fidelity!r}", remedy=f"Choose one of {', '.join(FIDELITIES)}."
             )
+
+
+class _Mapped(NamedTuple):
+    """How many photographs registered, how many rightly, in how many models."""
+
+    registered: int
+    right: int
+    models: int
 
 
 class Objective:
@@ -106,28 +113,19 @@ class Objective:
             seed=self.seed,
         )
         noise_seed = self.seed if seed is None else seed
-        cloud, failure = Cloud.empty(), ""
         with self.source.photograph(cameras, fidelity, noise_seed, timer) as shot:
             try:
                 found = reconstruct(
                     shot.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot
                 )
-                cloud, images, models = found.plants, found.sparse.images, len(found.sparse.model_sizes)
-            except MappedError as error:
-                failure, images, models = error.message, error.images, len(error.model_sizes)
             except ReconstructionError as error:
-                failure, images, models = error.message, (), 0
-        return self._scored(shot, cloud, images, models, failure, timer)
+                mapped = _Mapped(error.registered, error.right, error.models)
+                return self._scored(shot, Cloud.empty(), mapped, error.message, timer)
+        sparse = found.sparse
+        mapped = _Mapped(sparse.registered, sparse.right, len(sparse.model_sizes))
+        return self._scored(shot, found.plants, mapped, "", timer)
 
-    def _scored(
-        self,
-        shot: Shot,
-        cloud: Cloud,
-        images: tuple[ImageReport, ...],
-        models: int,
-        failure: str,
-        timer: StageTimer,
-    ) -> Evaluation:
+    def _scored(self, shot: Shot, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
         value, score = self.settings.rule.worst_m, None
         if len(cloud):
             with timer.stage("Scoring"):
@@ -141,9 +139,9 @@ class Objective:
             completeness_m=None if score is None else score.chamfer.completeness_m,
             f_scores={d: 0.0 if score is None else score.f_scores[d].f_score for d in DISTANCES_M},
             images=len(shot.views),
-            registered=sum(image.registered for image in images),
-            right=sum(image.counts for image in images) if score is not None else sum(bool(i.right) for i in images),
-            models=models,
+            registered=mapped.registered,
+            right=mapped.right,
+            models=mapped.models,
             points=len(cloud),
             cloud_digest=digest(cloud.points),
             views=shot.views,

@@ -27,7 +27,7 @@ from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_p
 from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
 from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
-from fieldkit.reconstruction.result import MappedError, MetricFrame, Reconstruction, SparseResult
+from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
 from fieldkit.reconstruction.sparse import Mapped, map_capture
 from fieldkit.reconstruction.stage_times import StageTimer
@@ -101,10 +101,11 @@ def reconstruct(
     if ground is not None:
         plants = plants.select(ground.heights(plants.points) > clearance(ground))
     if len(plants) == 0:
-        raise MappedError(
+        raise ReconstructionError(
             "no plant was reconstructed: no two views agree on a depth of anything green above the ground",
-            images=sparse.images,
-            model_sizes=sparse.model_sizes,
+            registered=sparse.registered,
+            right=sparse.right,
+            models=len(sparse.model_sizes),
             path=capture.folder,
             remedy="Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
         )
@@ -327,10 +328,11 @@ def _too_few(sparse: SparseResult) -> ReconstructionError:
     wrong = sparse.registered - sparse.right
     said = f"; {wrong} more registered with poses that contradict what is known" if wrong else ""
     reasons = sorted({image.reason for image in sparse.images if image.reason})
-    return MappedError(
+    return ReconstructionError(
         f"only {sparse.right} of {len(sparse.images)} photographs have a usable pose{said} ({'; '.join(reasons[:3])})",
-        images=sparse.images,
-        model_sizes=sparse.model_sizes,
+        registered=sparse.registered,
+        right=sparse.right,
+        models=len(sparse.model_sizes),
         path=sparse.capture.folder,
         remedy="Take views closer together, or give their rough poses in poses.csv so that prior mapping can be used.",
     )
@@ -341,10 +343,10 @@ def _not_in_frame(capture: Capture, mapped: Mapped) -> ReconstructionError:
         why = "their reconstructed positions contradict the known ones"
     else:
         why = "they carry no positions (no poses.csv, no GPS)"
-    return MappedError(
+    return ReconstructionError(
         f"the photographs cannot be placed in the reference's frame: {why}",
-        images=mapped.images,
-        model_sizes=mapped.model_sizes,
+        registered=sum(image.registered for image in mapped.images),
+        models=len(mapped.model_sizes),
         path=capture.folder,
         remedy="Put a poses.csv with their positions in the reference's metric frame beside them.",
     )

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import pycolmap
 
@@ -12,7 +11,6 @@ from fieldkit.captures.model import Capture, Finding
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
-from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 
@@ -47,31 +45,6 @@ class ImageReport:
     def counts(self) -> bool:
         """Registered, and not known to be wrong."""
         return self.registered and self.right is not False
-
-
-class MappedError(ReconstructionError):
-    """Photographs were mapped, but nothing usable came of it.
-
-    Args:
-        message: see `FieldkitError`.
-        images: what became of each photograph.
-        model_sizes: registered images of every model, largest first.
-        path: see `FieldkitError`.
-        remedy: see `FieldkitError`.
-    """
-
-    def __init__(
-        self,
-        message: str,
-        *,
-        images: Sequence[ImageReport],
-        model_sizes: Sequence[int],
-        path: Path | str | None = None,
-        remedy: str = "",
-    ) -> None:
-        super().__init__(message, path=path, remedy=remedy)
-        self.images = tuple(images)
-        self.model_sizes = tuple(model_sizes)
 
 
 @dataclass(frozen=True, eq=False)
