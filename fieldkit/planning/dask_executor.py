@@ -11,17 +11,20 @@ from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.planning.evaluation import Evaluation
 from fieldkit.planning.executor import Job
 from fieldkit.planning.objective import Objective
-from fieldkit.planning.worker import evaluate_job
+from fieldkit.planning.worker import Answer, evaluate_job
+from fieldkit.threads import limit_threads
 
 _ATTEMPTS = 2
 _POLL_S = 0.5
+_TRIED_BY_SCHEDULER = "KilledWorker"
 
 
 class DaskExecutor:
     """Evaluations on a Dask scheduler's workers; see `Executor`.
 
-    The objective is sent to every worker once and keeps its renderer there. A worker that dies gives its evaluation
-    back to the scheduler; after two deaths, or one after the time-out, it is recorded as failed. Start the workers with
+    The objective is sent to every worker once and keeps its renderer there. The scheduler gives the evaluation of a
+    worker that dies to another one, as often as `distributed.scheduler.allowed-failures` says; set it to 1 for one
+    retry, as the other executors have. After that, or a second time-out or exception, it is recorded as failed. Start the workers with
     one thread each (``dask worker tcp://… --nthreads 1``), for evaluations are deterministic on one thread only; the
     memory limit is the worker's own (``--memory-limit``).
 
@@ -42,7 +45,7 @@ class DaskExecutor:
                 remedy="Start them with `dask worker SCHEDULER --nthreads 1 --nworkers N`.",
             )
         self._objective, self._client, self._seconds = objective, client, seconds
-        self._sent = client.scatter(objective, broadcast=True, hash=False)
+        self._sent = self._scattered()
         self._futures: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
@@ -74,12 +77,12 @@ class DaskExecutor:
                     found, reason = _outcome(self._futures.pop(number))
                     if found is not None:
                         finished[number] = found
-                    elif attempts[number] < _ATTEMPTS:
+                    elif attempts[number] < _ATTEMPTS and not reason.startswith(_TRIED_BY_SCHEDULER):
                         self._submit(number, listed[number], attempts)
                     else:
                         worst = self._objective.settings.rule.worst_m
                         count = len(listed[number].cameras)
-                        finished[number] = Evaluation.broken(count, f"broke twice: {reason}", worst)
+                        finished[number] = Evaluation.broken(count, f"broke again and again: {reason}", worst)
                 while due in finished:
                     yield finished.pop(due)
                     due += 1
@@ -94,10 +97,15 @@ class DaskExecutor:
             self._client.cancel(list(self._futures.values()), force=True)
             self._futures = {}
 
+    def _scattered(self) -> Any:
+        return self._client.scatter(self._objective, broadcast=True, hash=False)
+
     def _submit(self, number: int, job: Job, attempts: dict[int, int]) -> None:
         attempts[number] += 1
+        if self._sent.status != "finished":  # the only worker that had it died
+            self._sent = self._scattered()
         # Not pure: a repeat is asked for on purpose and must not come from the scheduler's memory.
-        self._futures[number] = self._client.submit(evaluate_job, self._sent, job, pure=False)
+        self._futures[number] = self._client.submit(_evaluated, self._sent, job, pure=False)
 
     def _watch_clock(self, since: dict[int, float]) -> None:
         """Restart the workers of evaluations that have run too long; their futures then fail or run again."""
@@ -115,6 +123,12 @@ class DaskExecutor:
                 del since[number]
                 self._futures[number].cancel(force=True)
                 self._client.restart_workers([worker])
+
+
+def _evaluated(objective: Objective, job: Job) -> Answer:
+    """Runs on the worker, whose libraries may be set to more threads than one."""
+    limit_threads(1)
+    return evaluate_job(objective, job)
 
 
 def _outcome(future: Any) -> tuple[Evaluation | None, str]:
