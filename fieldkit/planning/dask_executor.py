@@ -24,9 +24,9 @@ class DaskExecutor:
 
     The objective is sent to every worker once and keeps its renderer there. The scheduler gives the evaluation of a
     worker that dies to another one, as often as `distributed.scheduler.allowed-failures` says; set it to 1 for one
-    retry, as the other executors have. After that, or a second time-out or exception, it is recorded as failed. Start the workers with
-    one thread each (``dask worker tcp://… --nthreads 1``), for evaluations are deterministic on one thread only; the
-    memory limit is the worker's own (``--memory-limit``).
+    retry, as the other executors have. After that, or a second time-out or exception, it is recorded as failed. Start
+    the workers with one thread each (``dask worker tcp://… --nthreads 1``), for evaluations are deterministic on one
+    thread only; the memory limit is the worker's own (``--memory-limit``).
 
     Args:
         objective: picklable.
