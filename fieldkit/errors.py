@@ -79,6 +79,28 @@ class StorageError(InputError):
 
 
 class ReconstructionError(FieldkitError):
-    """The photographs were read, but no usable model came out of them."""
+    """The photographs were read, but no usable model came out of them.
+
+    Args:
+        message: see `FieldkitError`.
+        path: see `FieldkitError`.
+        remedy: see `FieldkitError`.
+        registered: photographs that a mapper gave a pose all the same.
+        right: of these, not in contradiction to what is known of their poses.
+        models: that the mapper made.
+    """
 
     exit_code = 4
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        path: Path | str | None = None,
+        remedy: str = "",
+        registered: int = 0,
+        right: int = 0,
+        models: int = 0,
+    ) -> None:
+        super().__init__(message, path=path, remedy=remedy)
+        self.registered, self.right, self.models = registered, right, models

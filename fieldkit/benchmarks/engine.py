@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from functools import partial
 from pathlib import Path
-from typing import Any
 
-from fieldkit import __version__
 from fieldkit.benchmarks.result import StudyResult
+from fieldkit.benchmarks.suite import choose, run_studies
 from fieldkit.cache import StageCache
-from fieldkit.errors import UsageError
-from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.machine import this_machine
 from fieldkit.progress import Progress
 
-RESULT_FILE, TABLES_FILE = "results.json", "results.md"
-_LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pycolmap", "point-cloud-utils")
 NO_DATA = "FIELDKIT_DATA is unset; it names the folder with the recorded image sets."
 
 
@@ -160,43 +152,6 @@ def run_engine(
     Raises:
         UsageError: there is no such study, or ``output`` exists.
     """
-    chosen = list(dict.fromkeys(names)) or list(SPEED)
-    unknown = [name for name in chosen if name not in STUDIES]
-    if unknown:
-        raise UsageError(f"there is no study {unknown[0]!r}", remedy=f"Choose of {', '.join(STUDIES)}.")
-    with atomic_folder(output, overwrite=overwrite, marker=RESULT_FILE) as folder:
-        results = []
-        for name in chosen:
-            result = STUDIES[name](options, progress)
-            if result.skipped:
-                progress.note(f"{name}: {result.skipped}")
-            for picture, data in result.pictures.items():
-                write_atomic(folder / picture, data)
-            results.append(result)
-        write_atomic(folder / RESULT_FILE, json.dumps(report(results), indent=1, ensure_ascii=False) + "\n")
-        write_atomic(folder / TABLES_FILE, "\n".join(result.markdown() for result in results))
-    return results
-
-
-def report(results: Sequence[StudyResult]) -> dict[str, Any]:
-    """The content of results.json."""
-    machine = this_machine()
-    return {
-        "fieldkit": __version__,
-        "machine": {
-            "cores": machine.cores,
-            "memory_bytes": machine.memory_bytes,
-            "architecture": platform.machine(),
-            "system": platform.system(),
-            "python": platform.python_version(),
-        },
-        "libraries": {name: found for name in _LIBRARIES if (found := _version(name)) is not None},
-        "studies": {result.name: result.plain() for result in results},
-    }
-
-
-def _version(name: str) -> str | None:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
+    chosen = choose(names, STUDIES, SPEED)
+    studies = {name: partial(STUDIES[name], options) for name in chosen}
+    return run_studies(output, studies, progress=progress, overwrite=overwrite)

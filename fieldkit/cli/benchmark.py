@@ -18,6 +18,7 @@ class Suite(StrEnum):
     """What is measured."""
 
     ENGINE = "engine"
+    OBJECTIVE = "objective"
 
 
 class Study(StrEnum):
@@ -34,23 +35,33 @@ class Study(StrEnum):
     MATCH_DECAY = "match-decay"
     BLIND_RINGS = "blind-rings"
     SUBSET_SCORES = "subset-scores"
+    COST = "cost"
+    THROUGHPUT = "throughput"
+    RANKS = "ranks"
+    NOISE = "noise"
+    RECORDED = "recorded"
 
 
 def command(
-    suite: Annotated[Suite, typer.Argument(help="engine: photographs to scores.")],
+    suite: Annotated[Suite, typer.Argument(help="engine: photographs to scores; objective: what planning minimises.")],
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
     ] = Path("benchmark-results"),
     only: Annotated[
         list[Study] | None,
-        typer.Option(
-            "--only", metavar="STUDY", help="Repeatable; help, clouds, dense, evaluation and scaling where not given."
-        ),
+        typer.Option("--only", metavar="STUDY", help="Repeatable; the studies of speed where not given."),
     ] = None,
     draws: Annotated[int, typer.Option("--draws", min=1, help="In few-views: seeds and draws of the noise.")] = 5,
     whole_grid: Annotated[
         bool, typer.Option("--whole-grid", help="In few-views: every accuracy of the priors on every subset.")
     ] = False,
+    evaluations: Annotated[int, typer.Option("--evaluations", min=2, help="In throughput: how many.")] = 100,
+    configurations: Annotated[
+        int, typer.Option("--configurations", min=5, help="In ranks, per scene; in recorded: subsets.")
+    ] = 20,
+    scenes: Annotated[int, typer.Option("--scenes", min=1, max=3, help="In ranks.")] = 3,
+    seeds: Annotated[int, typer.Option("--seeds", min=2, help="In ranks and noise.")] = 5,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of ranks and noise.")] = 1,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="In scaling: plants only, in half the time.")] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -58,21 +69,27 @@ def command(
 ) -> None:
     """Measure this machine's speed and accuracy, ours and the alternative's in the same run.
 
-    The studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
-    subset-scores, match-decay and blind-rings (quality). FIELDKIT_DATA names the recorded image sets; what needs them
-    is left out without it. The result holds results.json, results.md and pictures.
+    The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
+    subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise
+    and recorded. FIELDKIT_DATA names the recorded image sets; what needs them is left out without it. The result
+    holds results.json, results.md and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
     """
     cache = open_cache(no_cache=False, resume=False)
-    from fieldkit.benchmarks.engine import EngineOptions, report, run_engine
+    from fieldkit.benchmarks.engine import EngineOptions, run_engine
+    from fieldkit.benchmarks.objective import ObjectiveOptions, run_objective
+    from fieldkit.benchmarks.suite import report
 
-    data = os.environ.get("FIELDKIT_DATA")
-    options = EngineOptions(Path(data) if data else None, cache, draws=draws, scene=not no_scene, whole_grid=whole_grid)
+    data = Path(os.environ["FIELDKIT_DATA"]) if os.environ.get("FIELDKIT_DATA") else None
+    names = [study.value for study in only or []]
     with run_context(as_json=as_json) as progress:
-        results = run_engine(
-            output, [study.value for study in only or []], options, progress=progress, overwrite=overwrite
-        )
+        if suite is Suite.ENGINE:
+            engine = EngineOptions(data, cache, draws=draws, scene=not no_scene, whole_grid=whole_grid)
+            results = run_engine(output, names, engine, progress=progress, overwrite=overwrite)
+        else:
+            objective = ObjectiveOptions(data, cache, evaluations, configurations, scenes, seeds, workers)
+            results = run_objective(output, names, objective, progress=progress, overwrite=overwrite)
     if as_json:
         emit_json({"output": output, **report(results)})
         return

@@ -14,7 +14,9 @@ from fieldkit.clouds.metrics import (
     ReferenceIndex,
     chamfer_distance,
     f_scores,
+    nearest_distances,
     score,
+    score_distances,
 )
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.outliers import remove_outliers
@@ -42,6 +44,7 @@ __all__ = [
     "f_scores",
     "fit_ground_plane",
     "icp",
+    "nearest_distances",
     "pooled_depth_error",
     "read_cloud",
     "read_las",
@@ -49,6 +52,7 @@ __all__ = [
     "remove_ground",
     "remove_outliers",
     "score",
+    "score_distances",
     "voxel_thin",
     "write_cloud",
     "write_las",

@@ -94,15 +94,30 @@ def score(reference: Cloud | ReferenceIndex, estimate: Cloud, distances_m: Seque
             reconstruction is worth is for the caller's written rule to say, not for this function.
         ValueError: a distance is not a positive number.
     """
+    return score_distances(*nearest_distances(reference, estimate), distances_m)
+
+
+def score_distances(
+    to_reference: NDArray[np.float64], to_estimate: NDArray[np.float64], distances_m: Sequence[float] = DISTANCES_M
+) -> CloudScore:
+    """`score` from what `nearest_distances` gave.
+
+    Args:
+        to_reference: (m,) metres, m ≥ 1.
+        to_estimate: (n,) metres, n ≥ 1.
+        distances_m: positive thresholds for the F-scores.
+
+    Raises:
+        ValueError: a distance is not a positive number.
+    """
     thresholds = sorted({float(d) for d in distances_m})
     if not all(np.isfinite(d) and d > 0 for d in thresholds):
         raise ValueError(f"distances must be positive numbers of metres, not {list(distances_m)}")
-    to_reference, to_estimate = _distances(reference, estimate)
     return CloudScore(
         chamfer=_chamfer(to_reference, to_estimate),
         f_scores={d: _f_score(to_reference, to_estimate, d) for d in thresholds},
-        reference_points=len(reference),
-        estimate_points=len(estimate),
+        reference_points=len(to_estimate),
+        estimate_points=len(to_reference),
     )
 
 
@@ -112,7 +127,7 @@ def chamfer_distance(reference: Cloud | ReferenceIndex, estimate: Cloud) -> Cham
     Raises:
         EmptyCloudError: either cloud has no points.
     """
-    return _chamfer(*_distances(reference, estimate))
+    return _chamfer(*nearest_distances(reference, estimate))
 
 
 def f_scores(
@@ -136,8 +151,14 @@ def _index(cloud: Cloud, name: str) -> PointIndex:
     return PointIndex(cloud.points)
 
 
-def _distances(reference: Cloud | ReferenceIndex, estimate: Cloud) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Estimate → reference (m,) and reference → estimate (n,), each in its own cloud's Z-order."""
+def nearest_distances(
+    reference: Cloud | ReferenceIndex, estimate: Cloud
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distances estimate → reference (m,) and reference → estimate (n,), metres, each in its own cloud's Z-order.
+
+    Raises:
+        EmptyCloudError: either cloud has no points.
+    """
     kept = reference if isinstance(reference, ReferenceIndex) else ReferenceIndex(reference)
     own = _index(estimate, "estimated")
     return kept.index.distances_from(own), own.distances_from(kept.index)

@@ -7,20 +7,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fieldkit.cache import StageCache
+from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Finding, assess_quality, find_mask, quality_findings, read_image
 from fieldkit.captures.markers_file import MarkersFile
-from fieldkit.captures.model import Capture
+from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
-from fieldkit.geometry import Intrinsics, Similarity
+from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
 from fieldkit.reconstruction.dense import Settings as DenseSettings
+from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.interest import cuts_plants, volume_of_interest
 from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
 from fieldkit.reconstruction.marker_detection import detect_markers
@@ -33,6 +34,8 @@ from fieldkit.reconstruction.stage_times import StageTimer
 
 _MIN_DENSE_VIEWS = 2
 _CLEARANCE_RMS = 3.0
+_CALIBRATIONS = ("camera.toml", "camera.json", "reference")
+_VIEWS_VERSION = 1  # part of the views' keys: raised when preparing them changes its results
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +103,9 @@ def reconstruct(
     if len(plants) == 0:
         raise ReconstructionError(
             "no plant was reconstructed: no two views agree on a depth of anything green above the ground",
+            registered=sparse.registered,
+            right=sparse.right,
+            models=len(sparse.model_sizes),
             path=capture.folder,
             remedy="Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
         )
@@ -133,7 +139,7 @@ def place(
     cameras = cameras_of(capture, known_plot.calibrated if known_plot is not None else None)
     mapped = map_capture(capture, cameras, known, settings, cache=cache, progress=progress, workers=workers)
     if known_plot is not None and not mapped.metric:
-        raise _not_in_frame(capture)
+        raise _not_in_frame(capture, mapped)
     scale = None
     if not mapped.metric and capture.markers is not None:
         with progress.stage("Markers", len(capture.photos)) as advance:
@@ -267,13 +273,26 @@ class _Dense:
             pose = self.sparse.poses.get(photo.name)
             if pose is None:
                 continue
-            intrinsics = self.sparse.intrinsics[photo.name]
-            image = read_image(photo)
-            mask_path = find_mask(photo.path) if mask == "file" else None
-            mask_image = None if mask_path is None else read_image(mask_path, gray=True)
-            views.append(prepare_view(photo.name, image, intrinsics, pose, self.settings.fidelity, mask, mask_image))
+            views.append(self._view(photo, pose, mask))
             advance(1)
         return views
+
+    def _view(self, photo: Photo, pose: Pose, mask: MaskKind) -> View:
+        intrinsics, fidelity = self.sparse.intrinsics[photo.name], self.settings.fidelity
+        # Where a calibration is held, the same photograph gives the same view in every capture it is part of.
+        source = self.sparse.intrinsics_source[self.sparse.capture.group_of(photo.name).key]
+        kept = mask != "file" and source in _CALIBRATIONS
+        key = digest("view", _VIEWS_VERSION, photo.sha256, intrinsics, fidelity, mask)
+        arrays = self.cache.get("views", key) if kept else None
+        if arrays is not None:
+            camera = view_camera(intrinsics, photo.width, photo.height, fidelity)
+            return View(photo.name, arrays["image"], camera, pose, arrays.get("mask"))
+        mask_path = find_mask(photo.path) if mask == "file" else None
+        mask_image = None if mask_path is None else read_image(mask_path, gray=True)
+        view = prepare_view(photo.name, read_image(photo), intrinsics, pose, fidelity, mask, mask_image)
+        if kept:
+            self.cache.put("views", key, {"image": view.image} | ({} if view.mask is None else {"mask": view.mask}))
+        return view
 
 
 def _ground_sampling_distance(sparse: SparseResult, volume: Volume) -> float:
@@ -311,18 +330,23 @@ def _too_few(sparse: SparseResult) -> ReconstructionError:
     reasons = sorted({image.reason for image in sparse.images if image.reason})
     return ReconstructionError(
         f"only {sparse.right} of {len(sparse.images)} photographs have a usable pose{said} ({'; '.join(reasons[:3])})",
+        registered=sparse.registered,
+        right=sparse.right,
+        models=len(sparse.model_sizes),
         path=sparse.capture.folder,
         remedy="Take views closer together, or give their rough poses in poses.csv so that prior mapping can be used.",
     )
 
 
-def _not_in_frame(capture: Capture) -> ReconstructionError:
+def _not_in_frame(capture: Capture, mapped: Mapped) -> ReconstructionError:
     if any(p.position is not None for p in capture.priors.values()):
         why = "their reconstructed positions contradict the known ones"
     else:
         why = "they carry no positions (no poses.csv, no GPS)"
     return ReconstructionError(
         f"the photographs cannot be placed in the reference's frame: {why}",
+        registered=sum(image.registered for image in mapped.images),
+        models=len(mapped.model_sizes),
         path=capture.folder,
         remedy="Put a poses.csv with their positions in the reference's metric frame beside them.",
     )

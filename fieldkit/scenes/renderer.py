@@ -8,6 +8,7 @@ taken off the pixel's centre) and its clean-up (which ends every other context o
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -69,9 +70,14 @@ class Renderer:
     ) -> None:
         self.close()
 
+    def __del__(self) -> None:
+        # One that was forgotten must not leave its clean-up to pyrender, which ends all other contexts.
+        if not sys.is_finalizing():
+            self.close()
+
     def close(self) -> None:
         """Free the OpenGL context. A second call does nothing."""
-        if self._platform is None:
+        if getattr(self, "_platform", None) is None:
             return
         self._platform.make_current()
         self._gl.delete()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
@@ -201,3 +202,9 @@ def test_a_machine_that_cannot_render_gets_a_remedy(broken: dict[str, str]) -> N
     assert result.returncode == 0, result.stderr
     assert "cannot start" in result.stdout
     assert "libegl1" in result.stdout
+
+
+def test_a_forgotten_renderer_takes_no_other_with_it(small_scene: Scene, renderer: Renderer) -> None:
+    Renderer(small_scene).photograph(POSE, CAMERA)
+    gc.collect()
+    assert renderer.photograph(POSE, CAMERA).shape == (CAMERA.height, CAMERA.width, 3)

@@ -126,6 +126,11 @@ def prepare_view(
     return View(name, image, pinhole, pose, mask)
 
 
+def view_camera(intrinsics: Intrinsics, width: int, height: int, fidelity: Fidelity) -> Intrinsics:
+    """The camera of the view that `prepare_view` makes of a photograph of this size."""
+    return _resized(intrinsics, *working_size(width, height, fidelity)).without_distortion()
+
+
 def undistortion_grid(camera: Intrinsics) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Where each pixel of the undistorted view lies in the distorted one.
 

@@ -1,0 +1,89 @@
+"""Running studies one after the other, and what is written of them."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Callable, Collection, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from fieldkit import __version__
+from fieldkit.benchmarks.result import StudyResult
+from fieldkit.errors import UsageError
+from fieldkit.files import atomic_folder, write_atomic
+from fieldkit.machine import this_machine
+from fieldkit.progress import Progress
+
+RESULT_FILE, TABLES_FILE = "results.json", "results.md"
+_LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pycolmap", "point-cloud-utils")
+
+
+def choose(names: Sequence[str], known: Collection[str], default: Sequence[str]) -> list[str]:
+    """The names without repeats, or the default.
+
+    Raises:
+        UsageError: there is no such study.
+    """
+    chosen = list(dict.fromkeys(names)) or list(default)
+    unknown = [name for name in chosen if name not in known]
+    if unknown:
+        raise UsageError(f"there is no study {unknown[0]!r}", remedy=f"Choose of {', '.join(known)}.")
+    return chosen
+
+
+def run_studies(
+    output: Path,
+    studies: Mapping[str, Callable[[Progress], StudyResult]],
+    *,
+    progress: Progress,
+    overwrite: bool = False,
+) -> list[StudyResult]:
+    """Run studies in order and write results.json, results.md and their pictures.
+
+    Args:
+        output: folder of the result.
+        studies: by name.
+        progress: told of stages.
+        overwrite: replace an earlier result in ``output``.
+
+    Raises:
+        UsageError: ``output`` exists.
+    """
+    with atomic_folder(output, overwrite=overwrite, marker=RESULT_FILE) as folder:
+        results = []
+        for name, study in studies.items():
+            result = study(progress)
+            if result.skipped:
+                progress.note(f"{name}: {result.skipped}")
+            for picture, data in result.pictures.items():
+                write_atomic(folder / picture, data)
+            results.append(result)
+        write_atomic(folder / RESULT_FILE, json.dumps(report(results), indent=1, ensure_ascii=False) + "\n")
+        write_atomic(folder / TABLES_FILE, "\n".join(result.markdown() for result in results))
+    return results
+
+
+def report(results: Sequence[StudyResult]) -> dict[str, Any]:
+    """The content of results.json."""
+    machine = this_machine()
+    return {
+        "fieldkit": __version__,
+        "machine": {
+            "cores": machine.cores,
+            "memory_bytes": machine.memory_bytes,
+            "architecture": platform.machine(),
+            "system": platform.system(),
+            "python": platform.python_version(),
+        },
+        "libraries": {name: found for name in _LIBRARIES if (found := _version(name)) is not None},
+        "studies": {result.name: result.plain() for result in results},
+    }
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,1 @@
+"""Planning: where the cameras go, and what a set of them is worth."""

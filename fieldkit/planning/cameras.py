@@ -1,0 +1,115 @@
+"""A set of cameras as planning handles it: the vector z of BOSfM's eq. `opt_r`, without roll."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fieldkit.geometry import Pose
+
+Array = NDArray[np.float64]
+PER_CAMERA = 5
+"""Entries of z per camera: x, y, z in metres, yaw and pitch in degrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cameras:
+    """N commanded cameras in the plot frame; the arrays are read-only.
+
+    Attributes:
+        positions: (n, 3) projection centres, metres.
+        yaw_deg: (n,) headings, clockwise from north; kept in [−180, 180).
+        pitch_deg: (n,) elevations of the optical axes; 0 at the horizon, −90 straight down.
+
+    Raises:
+        ValueError: shapes that do not fit, a value that is not finite, or a pitch beyond ±90°.
+    """
+
+    positions: Array
+    yaw_deg: Array
+    pitch_deg: Array
+
+    def __post_init__(self) -> None:
+        positions = np.array(self.positions, dtype=np.float64)
+        yaw, pitch = (np.array(a, dtype=np.float64) for a in (self.yaw_deg, self.pitch_deg))
+        if positions.ndim != 2 or positions.shape[1] != 3 or yaw.shape != pitch.shape or yaw.shape != (len(positions),):
+            raise ValueError("cameras need positions (n, 3), yaws (n,) and pitches (n,)")
+        if not (np.isfinite(positions).all() and np.isfinite(yaw).all() and np.isfinite(pitch).all()):
+            raise ValueError("positions and angles must be finite")
+        if (np.abs(pitch) > 90.0).any():
+            raise ValueError("a pitch lies between −90° and 90°")
+        # A yaw that is in range is kept bit for bit, so that what was written is what is read.
+        outside = (yaw < -180.0) | (yaw >= 180.0)
+        yaw[outside] = (yaw[outside] + 180.0) % 360.0 - 180.0
+        yaw[yaw >= 180.0] = -180.0
+        for name, value in (("positions", positions), ("yaw_deg", yaw), ("pitch_deg", pitch)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Cameras) and bool(np.array_equal(self.vector(), other.vector()))
+
+    def __hash__(self) -> int:
+        return hash(self.vector().tobytes())
+
+    @classmethod
+    def from_vector(cls, z: ArrayLike) -> Cameras:
+        """From z (5n,): x, y, z, yaw, pitch per camera.
+
+        Raises:
+            ValueError: the length is no multiple of 5, or a value is out of range.
+        """
+        flat = np.asarray(z, dtype=np.float64).reshape(-1)
+        if len(flat) % PER_CAMERA:
+            raise ValueError(f"z has {len(flat)} entries, which is no multiple of {PER_CAMERA}")
+        table = flat.reshape(-1, PER_CAMERA)
+        return cls(table[:, :3], table[:, 3], table[:, 4])
+
+    @classmethod
+    def from_poses(cls, poses: Iterable[Pose]) -> Cameras:
+        """From poses; their roll is dropped."""
+        listed = list(poses)
+        angles = np.array([pose.yaw_pitch_roll_deg() for pose in listed]).reshape(-1, 3)
+        return cls(np.array([pose.center for pose in listed]).reshape(-1, 3), angles[:, 0], angles[:, 1])
+
+    @classmethod
+    def aimed(cls, positions: ArrayLike, targets: ArrayLike) -> Cameras:
+        """Cameras at positions (n, 3) that look at targets (n, 3), or all at one target (3,), metres.
+
+        A camera right above or below its target has yaw 0; one in its target looks north.
+        """
+        p = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
+        d = np.broadcast_to(np.asarray(targets, dtype=np.float64), p.shape) - p
+        yaw = np.degrees(np.arctan2(d[:, 0], d[:, 1]))
+        pitch = np.degrees(np.arctan2(d[:, 2], np.hypot(d[:, 0], d[:, 1])))
+        return cls(p, yaw, pitch)
+
+    @property
+    def forward(self) -> Array:
+        """(n, 3) unit vectors of the optical axes."""
+        yaw, pitch = np.radians(self.yaw_deg), np.radians(self.pitch_deg)
+        axes: Array = np.stack([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)], axis=1)
+        return axes
+
+    def vector(self) -> Array:
+        """Z (5n,): x, y, z, yaw, pitch per camera."""
+        z: Array = np.column_stack([self.positions, self.yaw_deg, self.pitch_deg]).reshape(-1)
+        return z
+
+    def poses(self) -> list[Pose]:
+        """Level poses."""
+        return [
+            Pose.from_yaw_pitch(center, float(yaw), float(pitch))
+            for center, yaw, pitch in zip(self.positions, self.yaw_deg, self.pitch_deg, strict=True)
+        ]
+
+    def select(self, index: Sequence[int] | NDArray[np.int64]) -> Cameras:
+        """The cameras of those indices, in that order."""
+        chosen = np.asarray(index, dtype=np.int64)
+        return Cameras(self.positions[chosen], self.yaw_deg[chosen], self.pitch_deg[chosen])

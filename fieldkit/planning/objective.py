@@ -1,0 +1,150 @@
+"""The objective r(z), BOSfM's eq. `r_func`: what real structure from motion makes of a set of cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+from fieldkit.cache import digest
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.metrics import DISTANCES_M, nearest_distances, score_distances
+from fieldkit.errors import ReconstructionError, UsageError
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.evaluation import Evaluation, StageCost
+from fieldkit.planning.fidelity import FIDELITIES, FidelityName
+from fieldkit.planning.rule import Rule, value_m
+from fieldkit.planning.source import PhotoSource, Shot
+from fieldkit.progress import Silent
+from fieldkit.reconstruction.pipeline import reconstruct
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.stage_times import StageTimer
+
+Mapping = Literal["prior", "incremental", "global"]
+_LEAST_CAMERAS = 2
+
+
+@dataclass(frozen=True)
+class ObjectiveSettings:
+    """Every choice about r but the plot and the seed.
+
+    Attributes:
+        fidelity: ``"draft"``, ``"standard"`` or ``"fine"``.
+        mapping: ``"prior"`` starts from the commanded poses, as in the field; ``"incremental"`` is the paper's.
+            Either is real SfM from the photographs: camera poses are never taken as known.
+        rule: for what a poor cloud is worth.
+        min_agreeing_views: of the fusion.
+    """
+
+    fidelity: FidelityName = "standard"
+    mapping: Mapping = "prior"
+    rule: Rule = field(default_factory=Rule)
+    min_agreeing_views: int = 2
+
+    def __post_init__(self) -> None:
+        if self.fidelity not in FIDELITIES:
+            raise UsageError(
+                f"there is no fidelity {self.fidelity!r}", remedy=f"Choose one of {', '.join(FIDELITIES)}."
+            )
+
+
+class _Mapped(NamedTuple):
+    """How many photographs registered, how many rightly, in how many models."""
+
+    registered: int
+    right: int
+    models: int
+
+
+class Objective:
+    """Evaluates sets of cameras: photographs → features → matches → mapping → dense stereo → chamfer distance.
+
+    The model is placed by the commanded camera centres (not the true ones, which the field does not know either), the
+    cloud is cropped to the plot's volume of interest. On one thread the same source, cameras and seed give the same
+    evaluation in every process.
+
+    Args:
+        source: of photographs; simulated or recorded.
+        settings: choices.
+        seed: of the mapping, the dense stereo and, where `evaluate` is not given another, of the photographs' noise.
+
+    Example:
+        >>> objective = Objective(SimulatedSource(proxy), ObjectiveSettings("draft"))
+        >>> objective.evaluate(Cameras.from_poses(ring(10, 1.4, 1.1))).value_m
+    """
+
+    def __init__(self, source: PhotoSource, settings: ObjectiveSettings | None = None, *, seed: int = 0) -> None:
+        self.source = source
+        self.settings = settings or ObjectiveSettings()
+        self.seed = seed
+
+    def prepare(self) -> None:
+        """Do now what the first evaluation would do once. Raises what the source raises."""
+        self.source.prepare()
+
+    def close(self) -> None:
+        """Free the source's renderer."""
+        self.source.close()
+
+    def evaluate(self, cameras: Cameras, *, seed: int | None = None) -> Evaluation:
+        """What a set of cameras is worth.
+
+        Args:
+            cameras: as commanded, plot frame.
+            seed: of the photographs' noise, for repeats; the objective's own by default.
+
+        Returns:
+            The evaluation. Photographs that do not reconstruct are an answer and not an error: their value follows
+            from the rule.
+
+        Raises:
+            UsageError: fewer than two cameras, or the source cannot serve them.
+            InputError: this machine cannot render, or the recorded photographs cannot be read.
+        """
+        if len(cameras) < _LEAST_CAMERAS:
+            raise UsageError(f"an evaluation needs at least two cameras, not {len(cameras)}")
+        timer = StageTimer(Silent())
+        fidelity = FIDELITIES[self.settings.fidelity]
+        wanted = ReconstructionSettings(
+            features=fidelity.features,
+            mapping=self.settings.mapping,
+            fidelity=fidelity.dense,
+            backend="cpu",
+            min_agreeing_views=self.settings.min_agreeing_views,
+            seed=self.seed,
+        )
+        noise_seed = self.seed if seed is None else seed
+        with self.source.photograph(cameras, fidelity, noise_seed, timer) as shot:
+            try:
+                found = reconstruct(
+                    shot.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot
+                )
+            except ReconstructionError as error:
+                mapped = _Mapped(error.registered, error.right, error.models)
+                return self._scored(shot, Cloud.empty(), mapped, error.message, timer)
+        sparse = found.sparse
+        mapped = _Mapped(sparse.registered, sparse.right, len(sparse.model_sizes))
+        return self._scored(shot, found.plants, mapped, "", timer)
+
+    def _scored(self, shot: Shot, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
+        value, score = self.settings.rule.worst_m, None
+        if len(cloud):
+            with timer.stage("Scoring"):
+                to_reference, to_cloud = nearest_distances(self.source.reference, cloud)
+                score = score_distances(to_reference, to_cloud, DISTANCES_M)
+                value = value_m(to_cloud, to_reference, self.settings.rule)
+        return Evaluation(
+            value_m=value,
+            chamfer_m=None if score is None else score.chamfer.chamfer_m,
+            accuracy_m=None if score is None else score.chamfer.accuracy_m,
+            completeness_m=None if score is None else score.chamfer.completeness_m,
+            f_scores={d: 0.0 if score is None else score.f_scores[d].f_score for d in DISTANCES_M},
+            images=len(shot.views),
+            registered=mapped.registered,
+            right=mapped.right,
+            models=mapped.models,
+            points=len(cloud),
+            cloud_digest=digest(cloud.points),
+            views=shot.views,
+            failure=failure,
+            times=tuple(StageCost(t.name, t.cpu_s, t.wall_s) for t in timer.times({})),
+        )

@@ -1,0 +1,211 @@
+"""The recorded back end: cameras are matched to photographs that were really taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from fieldkit.cache import StageCache
+from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.metrics import ReferenceIndex
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.planning.cameras import Array, Cameras
+from fieldkit.planning.fidelity import Fidelity
+from fieldkit.planning.source import Shot
+from fieldkit.progress import Progress
+from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.scenes.simulate import CaptureNoise, perturbed
+
+EXACT = CaptureNoise(position_m=0.0, angle_deg=0.0, image_sigma=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedView:
+    """One photograph of a recorded set with its commanded pose in the plot frame, and how good that is."""
+
+    name: str
+    pose: Pose
+    position_sigma_m: float
+    angle_sigma_deg: float
+
+
+def recorded_views(capture: Capture, plot: KnownPlot) -> tuple[RecordedView, ...]:
+    """The photographs of a capture whose positions and orientations are known, in the plot frame.
+
+    Args:
+        capture: as read.
+        plot: of the reference.
+
+    Raises:
+        MetadataError: fewer than three poses are known.
+        ReconstructionError: the capture's positions and the reference's have no frame in common.
+    """
+    known = known_poses(capture, plot.source)
+    views = [
+        RecordedView(name, Pose(k.rotation, k.position), k.position_sigma_m, k.angle_sigma_deg)
+        for name, k in known.poses.items()
+        if k.position is not None and k.rotation is not None
+    ]
+    if len(views) < 3:
+        raise MetadataError(
+            f"positions and orientations are known of {len(views)} photographs only",
+            path=capture.folder,
+            remedy="Put a poses.csv with x_m, y_m, z_m, yaw_deg and pitch_deg beside the photographs.",
+        )
+    order = {name: k for k, name in enumerate(capture.names)}
+    return tuple(sorted(views, key=lambda view: order[view.name]))
+
+
+def assign(cameras: Cameras, views: Sequence[RecordedView], distance_m: float) -> NDArray[np.int64]:
+    """The recorded view (n,) that stands for each camera; no view stands for two.
+
+    Of all ways to choose, the one whose costs ‖Δposition‖ + ``distance_m`` · Δangle (of the optical axes, radians)
+    have the smallest sum (linear assignment, Crouse 2016).
+
+    Args:
+        cameras: n, plot frame.
+        views: m ≥ n.
+        distance_m: at which an angle counts as the length it spans: about that from the cameras to the plants.
+
+    Raises:
+        UsageError: there are more cameras than views.
+    """
+    if len(cameras) > len(views):
+        raise UsageError(
+            f"{len(cameras)} cameras are asked of a set of {len(views)} photographs", remedy="Ask for fewer cameras."
+        )
+    centers = np.array([view.pose.center for view in views])
+    axes = np.array([view.pose.forward for view in views])
+    angle = np.arccos(np.clip(cameras.forward @ axes.T, -1.0, 1.0))
+    cost = np.linalg.norm(cameras.positions[:, None] - centers[None], axis=2) + distance_m * angle
+    chosen: NDArray[np.int64] = linear_sum_assignment(cost)[1].astype(np.int64)
+    return chosen
+
+
+class InputsCache(StageCache):
+    """A cache of what evaluations share: features, matches and undistorted views.
+
+    Models and depth maps of one set of views are of no use to another, and a search would fill the disk with them.
+    """
+
+    STAGES = frozenset({"features", "matches", "pairs", "views"})
+
+    def get(self, stage: str, key: str) -> dict[str, np.ndarray] | None:
+        return super().get(stage, key) if stage in self.STAGES else None
+
+    def put(self, stage: str, key: str, arrays: dict[str, np.ndarray]) -> None:
+        if stage in self.STAGES:
+            super().put(stage, key, arrays)
+
+
+class RecordedSource:
+    """Answers cameras with photographs of a recorded set; see `PhotoSource`.
+
+    Features, matches and undistorted views are kept in the cache, so that an evaluation costs mapping and dense stereo
+    only.
+
+    Args:
+        capture: with known poses (poses.csv).
+        plot: of a reference of the same plot.
+        reference: PC_env, plot frame.
+        cache: shared by all evaluations.
+        noise: added to the known poses, as a command that was flown worse; images stay as they are.
+
+    Raises:
+        MetadataError: fewer than three poses are known.
+        ReconstructionError: the capture's positions and the reference's have no frame in common.
+        UsageError: image noise is asked for.
+    """
+
+    def __init__(
+        self, capture: Capture, plot: KnownPlot, reference: Cloud, *, cache: StageCache, noise: CaptureNoise = EXACT
+    ) -> None:
+        if noise.image_sigma > 0:
+            raise UsageError("recorded photographs are taken as they are: image noise is for simulated ones")
+        self.capture, self.cloud, self.noise = capture, reference, noise
+        self.views = recorded_views(capture, plot)
+        # Everything is turned into the plot frame here, whatever frame the capture's positions are in.
+        self._plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()))
+        self._cache = InputsCache(cache.root)
+        self._reference: ReferenceIndex | None = None
+        centers = np.array([view.pose.center for view in self.views])
+        self.distance_m = float(np.median(np.linalg.norm(centers - plot.volume.center, axis=1)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_reference": None}
+
+    @property
+    def plot(self) -> KnownPlot:
+        return self._plot
+
+    @property
+    def reference(self) -> ReferenceIndex:
+        if self._reference is None:
+            self._reference = ReferenceIndex(self.cloud)
+        return self._reference
+
+    @property
+    def cache(self) -> StageCache:
+        return self._cache
+
+    def prepare(self) -> None:
+        assert self.reference is not None
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def cameras(self, index: Sequence[int] | NDArray[np.int64] | None = None) -> Cameras:
+        """The recorded cameras of those indices (all by default): they project onto themselves."""
+        chosen = range(len(self.views)) if index is None else index
+        return Cameras.from_poses(self.views[int(k)].pose for k in chosen)
+
+    def project(self, cameras: Cameras) -> NDArray[np.int64]:
+        """Which distinct recorded views (n,) stand for the cameras; see `assign`."""
+        return assign(cameras, self.views, self.distance_m)
+
+    @contextmanager
+    def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[Shot]:
+        """The recorded photographs that stand for the cameras, each with its own commanded pose."""
+        chosen = self.project(cameras)
+        yield Shot(self._subset(chosen, seed), tuple(self.views[int(k)].name for k in chosen))
+
+    def _subset(self, chosen: Array | NDArray[np.int64], seed: int) -> Capture:
+        # In the set's order and with noise by the view's own number: the same views in another order are the same.
+        noisy = perturbed([view.pose for view in self.views], self.noise, seed)
+        picked = {self.views[int(k)].name: _prior(self.views[int(k)], noisy[int(k)], self.noise) for k in chosen}
+        groups = [replace(g, photos=tuple(n for n in g.photos if n in picked)) for g in self.capture.groups]
+        return replace(
+            self.capture,
+            photos=tuple(photo for photo in self.capture.photos if photo.name in picked),
+            groups=tuple(group for group in groups if group.photos),
+            findings=(),
+            priors=picked,
+            metric_source="poses.csv",
+            origin=None,
+            height_source=None,
+            crs_epsg=None,
+            markers=None,
+        )
+
+
+def _prior(view: RecordedView, pose: Pose, noise: CaptureNoise) -> PosePrior:
+    yaw, pitch, roll = pose.yaw_pitch_roll_deg()
+    x, y, z = (float(v) for v in pose.center)
+    return PosePrior(
+        position=(x, y, z),
+        position_accuracy_m=float(np.hypot(view.position_sigma_m, noise.position_m)),
+        yaw_deg=yaw,
+        pitch_deg=pitch,
+        roll_deg=roll,
+        angle_accuracy_deg=float(np.hypot(view.angle_sigma_deg, noise.angle_deg)),
+        source="poses.csv",
+    )

@@ -1,0 +1,91 @@
+"""Figures about the objective: values against noise, two fidelities against each other, recorded subsets."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from fieldkit.reporting.panels import DPI, INK, PAPER, drawable
+
+_COLORS = ("#1f5fa8", "#c0262d", "#3f7d20", "#d98300", "#7a6fb0", "#5b5b5b")
+Curve = Mapping[float, Sequence[float]]
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as a PNG file's bytes, the same for the same figure."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def draw_bands(panels: Mapping[str, Curve], label: str) -> Figure:
+    """Values (metres) against something, a panel each: the mean as a line, ± one standard deviation as a band.
+
+    Args:
+        panels: by the x axis' name; values of all repeats by x.
+        label: of the y axis, drawn in millimetres.
+    """
+    figure, row = _panels(len(panels))
+    for axes, (name, curve), color in zip(row, panels.items(), _COLORS, strict=False):
+        x = sorted(curve)
+        mean = np.array([1000.0 * np.mean(curve[v]) for v in x])
+        spread = np.array([1000.0 * np.std(curve[v], ddof=1) if len(curve[v]) > 1 else 0.0 for v in x])
+        axes.fill_between(x, mean - spread, mean + spread, color=color, alpha=0.2, linewidth=0)
+        axes.plot(x, mean, "o-", color=color, markersize=4)
+        for v in x:
+            axes.plot([v] * len(curve[v]), [1000.0 * y for y in curve[v]], ".", color=color, markersize=2, alpha=0.6)
+        _dress(axes, name, f"{label}, mm")
+        axes.set_ylim(bottom=0)
+    return figure
+
+
+def draw_agreement(panels: Mapping[str, tuple[Sequence[float], Sequence[float]]], labels: tuple[str, str]) -> Figure:
+    """Values (metres) of one way against another, a panel each, drawn in millimetres."""
+    figure, row = _panels(len(panels))
+    for axes, (name, (x, y)), color in zip(row, panels.items(), _COLORS * len(panels), strict=False):
+        axes.plot(1000.0 * np.asarray(x), 1000.0 * np.asarray(y), "o", color=color, markersize=4)
+        _dress(axes, f"{labels[0]}, mm", f"{labels[1]}, mm")
+        axes.set_title(drawable(name), size=10, color=INK, loc="left")
+    return figure
+
+
+def draw_subsets(
+    centers: NDArray[np.float64], best: Sequence[int], worst: Sequence[int], values: Sequence[float]
+) -> Figure:
+    """A recorded set from above with its best and its worst subset, and how all subsets scored.
+
+    Args:
+        centers: (n, 3) of all views, metres.
+        best, worst: indices of the views.
+        values: metres, of every subset.
+    """
+    figure, row = _panels(3)
+    for axes, chosen, name, color in zip(row, (best, worst), ("best subset", "worst subset"), _COLORS, strict=False):
+        axes.plot(centers[:, 0], centers[:, 1], ".", color="#b9b4a6", markersize=4)
+        axes.plot(centers[list(chosen), 0], centers[list(chosen), 1], "o", color=color, markersize=6)
+        _dress(axes, "x, m", "y, m")
+        axes.set_aspect("equal")
+        axes.set_title(name, size=10, color=INK, loc="left")
+    row[2].plot(range(1, len(values) + 1), 1000.0 * np.sort(np.asarray(values)), "o-", color=_COLORS[2], markersize=4)
+    _dress(row[2], "subset, best first", "value, mm")
+    return figure
+
+
+def _panels(count: int) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(3.6 * count, 3.2), dpi=DPI, facecolor=PAPER, layout="constrained")
+    return figure, list(np.atleast_1d(figure.subplots(1, count)))
+
+
+def _dress(axes: Axes, x: str, y: str) -> None:
+    axes.set_facecolor("white")
+    axes.set_xlabel(drawable(x), size=9, color=INK)
+    axes.set_ylabel(drawable(y), size=9, color=INK)
+    axes.grid(color="#e6e3da", linewidth=0.8)
+    axes.tick_params(labelsize=8, colors=INK, length=2)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)

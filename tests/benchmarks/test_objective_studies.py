@@ -1,0 +1,125 @@
+"""The objective's studies on a tiny plot: their structure and that their measures are right."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.benchmarks.objective import STUDIES, ObjectiveOptions, run_objective
+from fieldkit.benchmarks.objective_cost import cost_table, run_cost, run_throughput
+from fieldkit.benchmarks.objective_noise import run_noise
+from fieldkit.benchmarks.objective_ranks import Ranks, rank_table, run_ranks
+from fieldkit.benchmarks.objective_scenes import TuningPlot, tuning_description
+from fieldkit.benchmarks.recorded_scores import largest_gap_deg, summary_table
+from fieldkit.cache import StageCache
+from fieldkit.errors import UsageError
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.evaluation import Evaluation, StageCost
+from fieldkit.planning.simulated import Proxy
+from fieldkit.progress import Silent
+from fieldkit.scenes.plot import build_scene
+from fieldkit.scenes.renderer import Renderer, RenderingError
+from fieldkit.scenes.rigs import ring
+from tests.planning.conftest import CAMERA
+from tests.scenes.conftest import SMALL_PLOT
+
+NOTHING = ObjectiveOptions(None, StageCache(None))
+
+
+def evaluation(value: float, cpu_s: float) -> Evaluation:
+    times = (StageCost("Mapping", cpu_s - 1.0, 0.0), StageCost("Scoring", 1.0, 0.0))
+    return Evaluation(value, value, 0.5 * value, 0.5 * value, {}, 13, 13, 12, 1, 100, "", (), times=times)
+
+
+@pytest.fixture(scope="module")
+def plot() -> TuningPlot:
+    proxy = Proxy.of(build_scene(SMALL_PLOT), CAMERA, points=20_000)
+    try:
+        Renderer(proxy.scene).close()
+    except RenderingError as error:
+        pytest.skip(f"no picture can be rendered here: {error}")
+    envelope = Envelope.around(proxy.reference, proxy.volume, margin_m=0.7, height_m=(0.8, 1.2), clearance_m=0.3)
+    return TuningPlot("small", proxy, envelope, Cameras.from_poses(ring(30, 1.1, 0.9, (0.15, 0.0, 0.2))[:5]))
+
+
+def test_the_cost_table_has_medians() -> None:
+    table = cost_table({"draft": [evaluation(0.1, 5.0), evaluation(0.1, 7.0), evaluation(0.1, 6.0)]})
+    assert table.rows == (
+        ("Mapping", "5.00"), ("Scoring", "1.00"), ("everything", "6.00"), ("allowed", "12"),
+    )  # fmt: skip
+
+
+def test_ranks_are_correlated() -> None:
+    ranks = Ranks("s", (0.01, 0.02, 0.03), (0.02, 0.01, 0.03), ((0.01, 0.012), (0.02, 0.022)), (1.0, 2.0))
+    assert ranks.spearman == pytest.approx(0.5)
+    assert ranks.noise == pytest.approx(np.sqrt(0.002**2 / 2))
+    assert ranks.spread == pytest.approx(0.01)
+    (row,) = rank_table([ranks], ("draft", "fine")).rows
+    assert row[:3] == ("s", "0.50", "10.0–30.0")
+    assert row[6] == "0.14"
+
+
+def test_recorded_summary() -> None:
+    (row,) = summary_table([evaluation(0.002, 4.0), evaluation(0.004, 5.0)], [0.9, 1.0]).rows
+    assert row == (2, "3.00 (2.00–4.00)", "1.00", "12.0 of 13", "95.0 %", "4.5 (4.0–5.0)", "5")
+
+
+def test_the_widest_gap() -> None:
+    angles = np.radians([0, 30, 100, 350])
+    points = np.stack([np.cos(angles), np.sin(angles), np.zeros(4)], axis=1)
+    circle = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    assert largest_gap_deg(points, circle) == pytest.approx(250.0)
+
+
+def test_tuning_scenes_are_three_and_differ() -> None:
+    assert [len(tuning_description(k).plants) for k in range(3)] == [3, 5, 6]
+    with pytest.raises(ValueError, match="0, 1 or 2"):
+        tuning_description(3)
+
+
+def test_studies_that_cannot_run_say_so(tmp_path: Path) -> None:
+    (result,) = run_objective(tmp_path / "out", ["recorded"], NOTHING, progress=Silent())
+    assert "FIELDKIT_DATA" in result.skipped
+    assert json.loads((tmp_path / "out" / "results.json").read_text())["studies"]["recorded"]["skipped"]
+    with pytest.raises(UsageError, match="no study 'dense'") as caught:
+        run_objective(tmp_path / "other", ["dense"], NOTHING, progress=Silent())
+    assert all(name in caught.value.remedy for name in STUDIES)
+
+
+@pytest.mark.slow
+def test_cost(plot: TuningPlot) -> None:
+    result = run_cost(plot, ("draft",), repeats=1, progress=Silent())
+    assert 0 < result.figures["cpu_s"]["draft"] < 60
+    assert {row[0] for row in result.tables[0].rows} >= {"Rendering", "Mapping", "Scoring", "everything"}
+
+
+@pytest.mark.slow
+def test_throughput_gives_the_same_results_with_both_counts(plot: TuningPlot) -> None:
+    result = run_throughput(plot, evaluations=2, progress=Silent())
+    assert result.figures["equal"]
+    assert [row[0] for row in result.tables[0].rows] == [1, 2]
+
+
+@pytest.mark.slow
+def test_ranks(plot: TuningPlot) -> None:
+    result = run_ranks([plot], configurations=3, seeds=2, fidelities=("draft", "standard"), progress=Silent())
+    figures = result.figures["small"]
+    assert len(figures["draft"]) == len(figures["fine"]) == 3
+    assert [len(values) for values in figures["repeats"]] == [2, 2, 2]
+    assert result.pictures["ranks.png"].startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+def test_noise(plot: TuningPlot) -> None:
+    result = run_noise(
+        plot, "draft", positions_m=(0.0, 0.05), angles_deg=(0.0,), grey_levels=(40.0,), seeds=2, progress=Silent()
+    )
+    rows = {(row[0], row[1]): row for row in result.tables[0].rows}
+    assert len(rows) == 4
+    values = {name: [e["value_m"] for e in es] for name, es in result.figures["position noise, mm"].items()}
+    assert np.mean(values["50"]) > np.mean(values["0"])
+    assert result.pictures["noise.png"].startswith(b"\x89PNG")

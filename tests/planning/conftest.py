@@ -1,0 +1,41 @@
+"""A small proxy whose evaluations take seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from fieldkit.geometry import Intrinsics
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.simulated import Proxy, SimulatedSource
+from fieldkit.scenes.plot import build_scene
+from fieldkit.scenes.renderer import RenderingError
+from fieldkit.scenes.rigs import ring
+from tests.scenes.conftest import SMALL_PLOT
+
+CAMERA = Intrinsics.pinhole(640, 480, 560.0)
+
+
+@pytest.fixture(scope="session")
+def proxy() -> Proxy:
+    """Two plants on coarse soil, 640 × 480 pixels."""
+    return Proxy.of(build_scene(SMALL_PLOT), CAMERA, points=20_000)
+
+
+@pytest.fixture(scope="session")
+def source(proxy: Proxy) -> Iterator[SimulatedSource]:
+    """A source of `proxy`, kept."""
+    made = SimulatedSource(proxy)
+    try:
+        made.prepare()
+    except RenderingError as error:
+        pytest.skip(f"no picture can be rendered here: {error}")
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="session")
+def arc() -> Cameras:
+    """Six cameras 12° apart."""
+    return Cameras.from_poses(ring(30, 1.1, 0.9, (0.15, 0.0, 0.2))[:6])
