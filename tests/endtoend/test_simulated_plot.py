@@ -13,6 +13,7 @@ format = 1
 [plot]
 extent_m = 0.8
 [plot.soil]
+kind = "printed"
 seed = 5
 core_m = 0.6
 spacing_m = {spacing}
@@ -43,16 +44,16 @@ def write_scene(folder: Path, *, spacing: float, texture: int) -> None:
 
 
 def test_a_small_capture_is_scored(line: CommandLine) -> None:
-    """Eight photographs of 320 × 240: enough to see that every file fits its reader."""
+    """Ten photographs of 480 × 360 over printed soil: enough to see that every file fits its reader."""
     write_scene(line.folder, spacing=0.02, texture=512)
-    run(line, "simulate", "plot.toml", "--ring", "8,0.8,0.6", "--size", "320x240", "--pose-noise", "0.005,0.5",
+    run(line, "simulate", "plot.toml", "--ring", "10,0.8,0.6", "--size", "480x360", "--pose-noise", "0.005,0.5",
         "-o", "flight")  # fmt: skip
     report = run(line, "evaluate", "flight", *DRAFT, "-o", "scores")
     (plot,) = report["plots"]  # type: ignore[misc]
-    assert plot["images"] == 8
+    assert plot["images"] == 10
     assert plot["metric_source"] == "poses.csv"
-    assert plot["right"] >= 6
-    assert plot["points"] > 200
+    assert plot["right"] >= 8
+    assert plot["points"] > 1000
 
 
 @pytest.mark.slow
