@@ -28,6 +28,7 @@ from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
 
 FIELD_NOISE = CaptureNoise(position_m=0.010, angle_deg=1.0)
 """What a copter with RTK leaves of a command, and an ordinary sensor."""
+_CLAIMED_M = 0.010
 _REFERENCE_POINTS = 200_000
 _LOWEST_M = 0.03
 _MARGIN_M = 0.03
@@ -77,11 +78,13 @@ class SimulatedSource:
 
     Args:
         proxy: the scene and its truth.
-        noise: of poses and images.
+        noise: of poses and images; by default the sensor's only, as in the paper.
+        claimed_m: the accuracy that the commanded positions are said to have, where the noise is not larger. Mapping
+            then knows no more than in the field, also where the poses are in truth exact.
     """
 
-    def __init__(self, proxy: Proxy, noise: CaptureNoise = FIELD_NOISE) -> None:
-        self.proxy, self.noise = proxy, noise
+    def __init__(self, proxy: Proxy, noise: CaptureNoise | None = None, *, claimed_m: float = _CLAIMED_M) -> None:
+        self.proxy, self.noise, self.claimed_m = proxy, noise or CaptureNoise(), claimed_m
         self._renderer: Renderer | None = None
         self._reference: ReferenceIndex | None = None
         self._cache = StageCache(None)  # no two renderings are the same
@@ -118,12 +121,14 @@ class SimulatedSource:
         """JPEGs in a temporary folder, with the commanded poses and the camera beside them."""
         self.prepare()
         assert self._renderer is not None
+        claimed = max(self.noise.position_m, self.claimed_m)
+        sidecars = Sidecars(poses=True, accuracy_m=claimed, camera=True)
         with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
             folder = Path(temporary) / "capture"
             with progress.stage("Rendering"):
                 simulate_capture(
                     folder, self._renderer, cameras.poses(), fidelity.camera(self.proxy.camera), noise=self.noise,
-                    seed=seed, sidecars=Sidecars(poses=True, camera=True),
+                    seed=seed, sidecars=sidecars,
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
                 capture = read_capture(folder)
