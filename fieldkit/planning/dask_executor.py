@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import uuid
 from collections.abc import Iterable, Iterator
 from types import TracebackType
 from typing import Any, Self
@@ -45,8 +46,9 @@ class DaskExecutor:
                 remedy="Start them with `dask worker SCHEDULER --nthreads 1 --nworkers N`.",
             )
         self._objective, self._client, self._seconds = objective, client, seconds
-        self._sent = self._scattered()
+        self._name = f"fieldkit-{uuid.uuid4().hex}"
         self._futures: dict[int, Any] = {}
+        client.register_plugin(_keeper(objective, self._name))
 
     def __enter__(self) -> Self:
         return self
@@ -55,6 +57,7 @@ class DaskExecutor:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+        self._client.unregister_worker_plugin(self._name)
 
     def run(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
         """See `Executor.run`.
@@ -97,15 +100,10 @@ class DaskExecutor:
             self._client.cancel(list(self._futures.values()), force=True)
             self._futures = {}
 
-    def _scattered(self) -> Any:
-        return self._client.scatter(self._objective, broadcast=True, hash=False)
-
     def _submit(self, number: int, job: Job, attempts: dict[int, int]) -> None:
         attempts[number] += 1
-        if self._sent.status != "finished":  # the only worker that had it died
-            self._sent = self._scattered()
         # Not pure: a repeat is asked for on purpose and must not come from the scheduler's memory.
-        self._futures[number] = self._client.submit(_evaluated, self._sent, job, pure=False)
+        self._futures[number] = self._client.submit(_evaluated, self._name, job, pure=False)
 
     def _watch_clock(self, since: dict[int, float]) -> None:
         """Restart the workers of evaluations that have run too long; their futures then fail or run again."""
@@ -125,10 +123,21 @@ class DaskExecutor:
                 self._client.restart_workers([worker])
 
 
-def _evaluated(objective: Objective, job: Job) -> Answer:
+def _keeper(objective: Objective, plugin_name: str) -> Any:
+    """Holds the objective on every worker, also on those that start later: scattered data die with their workers."""
+    import distributed
+
+    members = {"name": plugin_name, "objective": objective}
+    return type("Keeper", (distributed.WorkerPlugin,), members)()
+
+
+def _evaluated(plugin_name: str, job: Job) -> Answer:
     """Runs on the worker, whose libraries may be set to more threads than one."""
+    import distributed
+
     limit_threads(1)
-    return evaluate_job(objective, job)
+    worker: Any = distributed.get_worker()
+    return evaluate_job(worker.plugins[plugin_name].objective, job)
 
 
 def _outcome(future: Any) -> tuple[Evaluation | None, str]:
