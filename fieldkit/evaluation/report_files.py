@@ -6,10 +6,11 @@ import hashlib
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from fieldkit.documents import read_json_object, schema_text
 from fieldkit.errors import MetadataError
 from fieldkit.evaluation.schema import EvaluationReport, FileEntry, ReferenceReport
 from fieldkit.files import write_atomic
@@ -85,9 +86,7 @@ def check_file(folder: Path, report: ReferenceReport | EvaluationReport, name: s
 
 def json_schema(model: type[BaseModel]) -> str:
     """JSON Schema (2020-12) of a report, as text that ends in a newline."""
-    schema: dict[str, Any] = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    schema.update(model.model_json_schema(mode="validation"))
-    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+    return schema_text(model.model_json_schema(mode="validation"))
 
 
 def write_schemas(folder: Path) -> None:
@@ -101,7 +100,7 @@ def _load(path: Path, name: str, model: type[_Report], kind: str) -> _Report:
     file = path / name if path.is_dir() else path
     command = "fieldkit reference" if kind == "reference" else "fieldkit evaluate"
     again = f"Give the folder that `{command}` wrote, or run it again."
-    document = _read_object(file, again)
+    document = read_json_object(file, again, noun="report", max_bytes=_MAX_BYTES)
     found = document.get("kind")
     if found != kind:
         was = f'its "kind" is {found!r}' if "kind" in document else 'it has no "kind"'
@@ -120,26 +119,6 @@ def _load(path: Path, name: str, model: type[_Report], kind: str) -> _Report:
         return model.model_validate_json(json.dumps(document))
     except ValidationError as error:
         raise MetadataError(_sentence(error), path=file, remedy=again) from error
-
-
-def _read_object(file: Path, remedy: str) -> dict[str, Any]:
-    try:
-        if file.stat().st_size > _MAX_BYTES:
-            raise MetadataError("is far too large for a report", path=file, remedy=remedy)
-        document = json.loads(file.read_bytes())
-    except FileNotFoundError as error:
-        raise MetadataError("there is no such file", path=file, remedy=remedy) from error
-    except OSError as error:
-        raise MetadataError(f"cannot be read: {error.strerror}", path=file, remedy=remedy) from error
-    except UnicodeDecodeError as error:
-        raise MetadataError("is not text in UTF-8", path=file, remedy=remedy) from error
-    except json.JSONDecodeError as error:
-        raise MetadataError(f"is not JSON: line {error.lineno}: {error.msg}", path=file, remedy=remedy) from error
-    except (RecursionError, ValueError) as error:  # brackets without end; integers with thousands of digits
-        raise MetadataError("is not JSON that a report could hold", path=file, remedy=remedy) from error
-    if not isinstance(document, dict):
-        raise MetadataError("is not a JSON object", path=file, remedy=remedy)
-    return document
 
 
 def _sentence(error: ValidationError) -> str:

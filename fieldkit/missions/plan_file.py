@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from fieldkit import __version__
+from fieldkit.documents import read_json_object, schema_text
 from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
@@ -58,7 +59,7 @@ def load_plan(path: Path) -> Plan:
     """
     path = Path(path)
     file = path / PLAN_FILE if path.is_dir() else path
-    document = _read_object(file)
+    document = read_json_object(file, _AGAIN, noun="plan", max_bytes=_MAX_BYTES)
     if document.get("kind") != "plan":
         raise MetadataError(f'is not a plan: its "kind" is {document.get("kind")!r}', path=file, remedy=_AGAIN)
     version = document.get("version")
@@ -77,21 +78,4 @@ def load_plan(path: Path) -> Plan:
 
 def plan_schema() -> str:
     """JSON Schema (2020-12) of plan.json, as text that ends in a newline."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **Plan.model_json_schema(mode="validation")}
-    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
-
-
-def _read_object(file: Path) -> dict[str, Any]:
-    try:
-        if file.stat().st_size > _MAX_BYTES:
-            raise MetadataError("is far too large for a plan", path=file, remedy=_AGAIN)
-        document = json.loads(file.read_bytes())
-    except FileNotFoundError as error:
-        raise MetadataError("there is no such file", path=file, remedy=_AGAIN) from error
-    except OSError as error:
-        raise MetadataError(f"cannot be read: {error.strerror}", path=file, remedy=_AGAIN) from error
-    except (RecursionError, ValueError) as error:
-        raise MetadataError(f"is not JSON: {error}", path=file, remedy=_AGAIN) from error
-    if not isinstance(document, dict):
-        raise MetadataError("is not a JSON object", path=file, remedy=_AGAIN)
-    return document
+    return schema_text(Plan.model_json_schema(mode="validation"))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fieldkit.scenes.description import Bounds, SceneDescription
 from fieldkit.scenes.maize import MaizeDescription, Stage
 from fieldkit.scenes.neighbours import NeighboursDescription
-from fieldkit.scenes.plot import PlotDescription
+from fieldkit.scenes.plot import PlotDescription, random_places
 from fieldkit.scenes.scene import HAZE, Light
 from fieldkit.scenes.soil import SoilDescription, SoilKind
 from fieldkit.scenes.weeds import WeedsDescription
@@ -106,7 +106,7 @@ def _places(
 ) -> NDArray[np.float64]:
     """(count, 2) metres about the origin."""
     if layout == "random":
-        places = _random_places(count, 0.8 * spacing_m, rng)
+        places = random_places(count, 0.8 * spacing_m, rng)
         return np.asarray(places - places.mean(axis=0))
     if layout == "rows":
         rows, across = (1 if count <= 4 else 2 if count <= 12 else 3), row_spacing_m
@@ -120,16 +120,6 @@ def _places(
         ]
     )
     return np.asarray(places + rng.normal(0.0, _JITTER_M, places.shape))
-
-
-def _random_places(count: int, distance: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    half, places = 0.65 * distance * np.sqrt(count), np.zeros((0, 2))
-    while len(places) < count:
-        place = rng.uniform(-half, half, (1, 2))
-        if not len(places) or np.linalg.norm(places - place, axis=1).min() >= distance:
-            places = np.vstack([places, place])
-        half *= 1.002  # a full square grows until everything fits
-    return places
 
 
 def _bounds(plants: tuple[MaizeDescription, ...]) -> Bounds:

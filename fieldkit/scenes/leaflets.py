@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.scene import Mesh, vertex_normals
+from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
 
 Array = NDArray[np.float64]
 
@@ -60,9 +60,7 @@ def leaf_mesh(name: str, leaves: Leaves, *, rows: int = 5) -> Mesh:
         across = q * half * np.cos(leaves.fold)[:, None]
         lift = abs(q) * half * np.sin(leaves.fold)[:, None]
         vertices[:, :, column] = spine + np.stack([-sa * across, ca * across, lift], axis=-1)
-    index = np.arange(rows * 3, dtype=np.int32).reshape(rows, 3)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    strip = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    strip = grid_faces(rows, 3)
     faces = (strip[None] + (rows * 3 * np.arange(n, dtype=np.int32))[:, None, None]).reshape(-1, 3).astype(np.int32)
     points = vertices.reshape(-1, 3)
     mottle = 1.0 + 0.16 * fractal_noise(points[:, 0] / 0.006, points[:, 1] / 0.006, 71, octaves=2)

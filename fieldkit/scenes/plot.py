@@ -13,7 +13,7 @@ from fieldkit.scenes.light import bake_light, visible_from
 from fieldkit.scenes.maize import MaizeDescription, Stage, build_maize
 from fieldkit.scenes.mesh_plant import MeshPlantDescription, build_mesh_plant
 from fieldkit.scenes.neighbours import NeighboursDescription, build_neighbours
-from fieldkit.scenes.scene import HAZE, EffectsDescription, Light, Mesh, Scene
+from fieldkit.scenes.scene import HAZE, EffectsDescription, Light, Mesh, Scene, grid_faces
 from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
 from fieldkit.scenes.weeds import WeedsDescription, build_weeds
 
@@ -77,7 +77,7 @@ def plant_layout(
             [(i % columns - (columns - 1) / 2) * spacing_m, (i // columns - 0.5) * 1.6 * spacing_m]
         )
     else:
-        places = _random_places(count, 0.8 * spacing_m, rng)
+        places = random_places(count, 0.8 * spacing_m, rng)
     places = places + rng.normal(0, 0.02, places.shape)
     return tuple(
         MaizeDescription(
@@ -94,7 +94,8 @@ def _form(rng: np.random.Generator, stages: tuple[Stage, ...], leaves: tuple[int
     return {"stage": stages[int(rng.integers(len(stages)))]}
 
 
-def _random_places(count: int, distance: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def random_places(count: int, distance: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(count, 2) places about the origin, no two nearer than ``distance``, in metres."""
     half, places = 0.5 * distance * np.sqrt(count) * 1.3, np.zeros((0, 2))
     while len(places) < count:
         place = rng.uniform(-half, half, (1, 2))
@@ -146,9 +147,7 @@ def _sky() -> Mesh:
     up = np.clip(np.sin(e), 0, 1)[..., None] ** 0.6
     colors = (1 - up) * np.array([0.80, 0.85, 0.88]) + up * np.array([0.38, 0.56, 0.83])
     colors[e < -1e-9] = (0.52, 0.50, 0.40)
-    index = np.arange(vertices.shape[0] * vertices.shape[1], dtype=np.int32).reshape(vertices.shape[:2])
-    p, q, r, s = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([p, q, r], -1).reshape(-1, 3), np.stack([p, r, s], -1).reshape(-1, 3)])
+    faces = grid_faces(*vertices.shape[:2])
     return Mesh(
         "sky", vertices.reshape(-1, 3).astype(np.float32), faces, colors=colors.reshape(-1, 3).astype(np.float32)
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.scatter import pile, places
-from fieldkit.scenes.scene import Mesh, vertex_normals
+from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
 from fieldkit.scenes.soil_description import SoilDescription
 
 
@@ -52,9 +52,7 @@ def printed_ground(soil: SoilDescription) -> Mesh:
     spacing = np.gradient(axis)
     flatten = np.clip(0.06 / np.maximum(*np.meshgrid(spacing, spacing)), 0.0, 1.0)
     vertices = np.stack([x, y, flatten * printed_height(soil, x, y)], axis=-1).reshape(-1, 3).astype(np.float32)
-    index = np.arange(n * n, dtype=np.int32).reshape(n, n)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    faces = grid_faces(n, n)
     step = np.linspace(0.0, 1.0, n, dtype=np.float32)
     u, v = np.meshgrid(step, step)
     return Mesh(

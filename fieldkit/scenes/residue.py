@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.scatter import pile, places
-from fieldkit.scenes.scene import Mesh
+from fieldkit.scenes.scene import Mesh, grid_faces
 from fieldkit.scenes.soil_description import SoilDescription
 
 Height = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
@@ -21,9 +21,7 @@ def build_residue(soil: SoilDescription, height: Height) -> Mesh:
     along, across = 16, 3
     t = np.linspace(-0.5, 0.5, along)
     s = np.linspace(-0.5, 0.5, across)
-    index = np.arange(along * across, dtype=np.int32).reshape(along, across)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    strip = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    strip = grid_faces(along, across)
     vertices, faces, colors = [], [], []
     for i, place in enumerate(spots):
         length, width = rng.uniform(0.015, 0.12) * rng.uniform(0.4, 1.0), rng.uniform(0.0012, 0.005)

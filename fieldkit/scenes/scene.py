@@ -125,6 +125,13 @@ class Scene:
         return lower.astype(np.float64), upper.astype(np.float64)
 
 
+def grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
+    """Two triangles per cell of a grid whose points are numbered row by row."""
+    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+
+
 def vertex_normals(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.float32]:
     """(n, 3) unit normals, each the area-weighted mean of the adjacent triangles' normals."""
     points = np.asarray(vertices, dtype=np.float64)

@@ -17,6 +17,7 @@ from typing import Any, cast
 
 from pydantic import TypeAdapter, ValidationError
 
+from fieldkit.documents import schema_text
 from fieldkit.errors import SceneError
 from fieldkit.files import write_atomic
 from fieldkit.scenes.description import SceneDescription
@@ -106,9 +107,7 @@ def scene_schema() -> str:
     schema["properties"] = {"format": {"const": FORMAT, "type": "integer"}, **schema["properties"]}
     schema["required"] = ["format", *schema.get("required", [])]
     _describe(schema)
-    text = json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=2,
-                      ensure_ascii=False)  # fmt: skip
-    return text + "\n"
+    return schema_text(schema)
 
 
 def described_types() -> list[type]:

@@ -12,7 +12,7 @@ from fieldkit.scenes.crumbs import Crumbs, build_crumbs, scatter_crumbs
 from fieldkit.scenes.noise import bumps, fractal_noise
 from fieldkit.scenes.printed_soil import printed_ground, printed_height, printed_stones
 from fieldkit.scenes.residue import build_residue
-from fieldkit.scenes.scene import Mesh, vertex_normals
+from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
 from fieldkit.scenes.soil_description import PRINTED, SCATTER_M, SoilDescription, SoilKind
 
 __all__ = ["PRINTED", "SCATTER_M", "SoilDescription", "SoilKind", "build_soil", "soil_height"]
@@ -122,9 +122,7 @@ def _ground(soil: SoilDescription) -> list[Mesh]:
 def _sheet(name: str, soil: SoilDescription, x: Array, y: Array, cell: Array) -> Mesh:
     rows, columns = x.shape
     vertices = np.stack([x, y, _height(soil, x, y, cell)], axis=-1).reshape(-1, 3).astype(np.float32)
-    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    faces = grid_faces(rows, columns)
     normals = vertex_normals(vertices, faces)
     normals[normals[:, 2] < 0] *= -1.0
     return Mesh(name, vertices, faces, normals, colors=_color(soil, x, y, cell).reshape(-1, 3).astype(np.float32))

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from fieldkit.scenes.maize.colour import mix, to_bytes
 from fieldkit.scenes.maize.description import MaizeDescription
-from fieldkit.scenes.maize.organs import Leaf, Strip, blade, grid_faces
+from fieldkit.scenes.maize.organs import Leaf, Strip, blade
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.scene import Mesh, vertex_normals
+from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import fractal_noise
+from fieldkit.scenes.scene import grid_faces
 
 Array = NDArray[np.float64]
 Part = tuple[Array, NDArray[np.int32], Array]
@@ -43,13 +44,6 @@ class Strip:
     height: int
     rows: int
     width: int
-
-
-def grid_faces(rows: int, columns: int) -> NDArray[np.int32]:
-    """Two triangles per cell of a grid whose points are numbered row by row."""
-    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
 
 
 def blade(leaf: Leaf, strip: Strip, *, along: int = 96, across: int = 17) -> tuple[Array, NDArray[np.int32], Array]:

@@ -10,8 +10,8 @@ from fieldkit.scenes.maize.colour import blade_texture, plain_texture, stem_text
 from fieldkit.scenes.maize.compact import build_compact_maize
 from fieldkit.scenes.maize.description import MaizeDescription
 from fieldkit.scenes.maize.flowers import ear, tassel
-from fieldkit.scenes.maize.organs import Part, Strip, blade, grid_faces
-from fieldkit.scenes.scene import Mesh, vertex_normals
+from fieldkit.scenes.maize.organs import Part, Strip, blade
+from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
 
 _BLADE_ROWS, _STEM_ROWS, _FLOWER_ROWS = 96, 128, 32
 

@@ -1,0 +1,46 @@
+"""JSON files that fieldkit writes and reads back, and the text of their schemas."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from fieldkit.errors import MetadataError
+
+
+def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> dict[str, Any]:
+    """The JSON object that a file holds.
+
+    Args:
+        file: to read.
+        remedy: of every error.
+        noun: what the file is, for its errors: "report", "plan".
+        max_bytes: a larger file is refused unread.
+
+    Raises:
+        MetadataError: it is missing, unreadable, too large, not JSON, or no object.
+    """
+    try:
+        if file.stat().st_size > max_bytes:
+            raise MetadataError(f"is far too large for a {noun}", path=file, remedy=remedy)
+        document = json.loads(file.read_bytes())
+    except FileNotFoundError as error:
+        raise MetadataError("there is no such file", path=file, remedy=remedy) from error
+    except OSError as error:
+        raise MetadataError(f"cannot be read: {error.strerror}", path=file, remedy=remedy) from error
+    except UnicodeDecodeError as error:
+        raise MetadataError("is not text in UTF-8", path=file, remedy=remedy) from error
+    except json.JSONDecodeError as error:
+        raise MetadataError(f"is not JSON: line {error.lineno}: {error.msg}", path=file, remedy=remedy) from error
+    except (RecursionError, ValueError) as error:  # brackets without end; integers with thousands of digits
+        raise MetadataError(f"is not JSON that a {noun} could hold", path=file, remedy=remedy) from error
+    if not isinstance(document, dict):
+        raise MetadataError("is not a JSON object", path=file, remedy=remedy)
+    return document
+
+
+def schema_text(schema: dict[str, Any]) -> str:
+    """A JSON Schema (2020-12) as text that ends in a newline."""
+    document = {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
