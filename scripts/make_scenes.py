@@ -9,6 +9,7 @@ from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from fieldkit.geometry import Intrinsics
 from fieldkit.missions.plan_file import plan_schema
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.generator import new_scene, varied, without_plant
@@ -32,7 +33,18 @@ def scenes() -> dict[str, SceneDescription]:
         name = f"test-case-{number}"
         found[name] = without_plant(found[base], plant, name=name, notes=f"{base} without its plant {plant}.")
     found |= tuning_scenes()
+    found["demo"] = demo_scene()
     return found
+
+
+def demo_scene() -> SceneDescription:
+    """Three young plants on a soil a little coarser than the others', so that it is built and drawn in seconds."""
+    scene = new_scene(
+        3, 401, spacing_m=0.24, stages=("V6", "V7"), soil="crumb", cover_per_m2=0.0, weeds_per_m2=0.0, name="demo",
+        notes="The demo's three young plants.",
+    )  # fmt: skip
+    soil = replace(scene.plot.soil, spacing_m=0.008)
+    return replace(scene, plot=replace(scene.plot, soil=soil), camera=Intrinsics.pinhole(1000, 750, 850.0))
 
 
 def tuning_scenes() -> dict[str, SceneDescription]:

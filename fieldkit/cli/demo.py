@@ -34,8 +34,9 @@ def command(
 ) -> None:
     """Try fieldkit without photographs: render a small maize plot, build its reference, score a few-view capture.
 
-    The two captures are rendered as a drone would take them, 30 photographs and 10, with poses.csv. Then the same runs
-    as `fieldkit reference captures/dense` and `fieldkit evaluate captures/few`. Takes two to three minutes.
+    The two captures of the scene "demo" are rendered as a drone would take them, 30 photographs and 10, with poses.csv.
+    Then the same runs as `fieldkit reference captures/dense` and `fieldkit evaluate captures/few`. Takes one to two
+    minutes.
 
     Example: fieldkit demo -o demo-output
     """

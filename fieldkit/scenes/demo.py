@@ -1,23 +1,25 @@
-"""The demo's plot and its two captures, rendered in seconds."""
+"""The demo's plot (sim/scenes/demo.toml) and its two captures, rendered in seconds."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.clouds import write_ply
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.progress import Progress, Silent
-from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout, sample_plants
+from fieldkit.scenes.description import SceneDescription, build, sample_reference
+from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import Renderer
-from fieldkit.scenes.rigs import ring
-from fieldkit.scenes.scene import Light
-from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
-from fieldkit.scenes.soil import PRINTED
+from fieldkit.scenes.scene import Scene
+from fieldkit.scenes.scene_file import read_scene
+from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
+from fieldkit.scenes.simulation import dense_about, ring_about, with_noise
 
-DENSE_NOISE = CaptureNoise(position_m=0.005, angle_deg=0.5)
-FEW_NOISE = CaptureNoise(position_m=0.010, angle_deg=1.0)
-_TARGET = (0.0, 0.0, 0.22)
+SCENE = "demo"
+DENSE_VIEWS, FEW_VIEWS = 30, 10
+DENSE_NOISE, FEW_NOISE = (0.005, 0.5), (0.010, 1.0)
+"""Of poses: metres and degrees."""
 
 
 @dataclass(frozen=True)
@@ -35,16 +37,18 @@ class DemoCaptures:
     truth: Path
 
 
-def make_demo_scene(seed: int = 0) -> PlotDescription:
-    """Three young maize plants on soil a little coarser than the benchmark's, so that it is built in seconds."""
-    soil = replace(PRINTED, seed=seed, spacing_m=0.007, texture_px=2048, stones=400, residues=200)
-    return PlotDescription(plant_layout(3, seed, spacing_m=0.24, leaves=(7, 8)), soil, Light())
+def demo_scene() -> SceneDescription:
+    """Three young maize plants, small photographs.
+
+    Raises:
+        SceneError: the scene file that belongs to fieldkit is missing or was changed into something invalid.
+    """
+    return read_scene(find_scene(SCENE))
 
 
-def demo_cameras() -> tuple[list[Pose], list[Pose], Intrinsics]:
-    """Commanded poses of the dense and of the few capture, and their camera."""
-    dense = [*ring(18, 1.35, 0.95, _TARGET), *ring(12, 0.90, 1.55, _TARGET, start_deg=10.0)]
-    return dense, ring(10, 1.35, 1.05, _TARGET, start_deg=5.0), Intrinsics.pinhole(1000, 750, 850.0)
+def demo_cameras(scene: Scene, camera: Intrinsics) -> tuple[list[Pose], list[Pose]]:
+    """Commanded poses of the dense and of the few capture."""
+    return list(dense_about(DENSE_VIEWS)(scene, camera)), list(ring_about(FEW_VIEWS)(scene, camera))
 
 
 def write_demo_captures(folder: Path, seed: int = 0, *, progress: Progress | None = None) -> DemoCaptures:
@@ -52,35 +56,37 @@ def write_demo_captures(folder: Path, seed: int = 0, *, progress: Progress | Non
 
     Both captures carry poses.csv with their commanded poses and camera.toml.
 
+    Args:
+        folder: of the three.
+        seed: of the captures' noise.
+        progress: told of the scene and each photograph.
+
     Raises:
+        SceneError: as `demo_scene`.
         RenderingError: this machine cannot render.
         UsageError: one of the folders exists.
         StorageError: the disk is full or not writable.
     """
     progress = progress or Silent()
     captures = DemoCaptures(folder / "dense", folder / "few", folder / "truth")
+    description = demo_scene()
     with progress.stage("scene", 2) as advance:
-        scene = build_scene(make_demo_scene(seed))
+        scene = build(description)
         advance(1)
-        reference = sample_plants(scene, 120_000, seed)
+        reference = sample_reference(description, scene)
         advance(1)
-    dense, few, intrinsics = demo_cameras()
+    dense, few = demo_cameras(scene, description.camera)
     with Renderer(scene) as renderer:
-        for target, poses, noise, offset in (
+        for target, poses, pose_noise, offset in (
             (captures.dense, dense, DENSE_NOISE, 1),
             (captures.few, few, FEW_NOISE, 2),
         ):
+            noise: CaptureNoise = with_noise(description.noise, pose=pose_noise)
             simulate_capture(
-                target,
-                renderer,
-                poses,
-                intrinsics,
-                noise=noise,
-                seed=seed * 1000 + offset,
-                site=Site(),
-                sidecars=Sidecars(poses=True, camera=True),
-                truth=captures.truth / f"{target.name}-poses.csv",
-                progress=progress,
-            )
+                target, renderer, poses, description.camera, noise=noise, seed=seed * 1000 + offset,
+                effects=description.camera_effects, site=description.site,
+                row_heading_deg=description.row_heading_deg, sidecars=Sidecars(poses=True, camera=True),
+                truth=captures.truth / f"{target.name}-poses.csv", progress=progress,
+            )  # fmt: skip
     write_ply(captures.truth / "reference.ply", reference)
     return captures

@@ -45,7 +45,7 @@ def test_figures(demo: tuple[Path, dict]) -> None:
     assert reference["pose_rms_m"] < 0.012
     assert (plot["images"], plot["right"], plot["error"]) == (10, 10, None)
     assert list(plot["f_score"]) == ["0.002", "0.005", "0.010", "0.020"]
-    assert plot["f_score"]["0.010"] > 0.85
+    assert plot["f_score"]["0.010"] > 0.75
     assert plot["chamfer_m"] == pytest.approx(plot["accuracy_m"] + plot["completeness_m"])
     assert found["truth"]["chamfer_m"] < 0.008
     assert found["truth"]["f_score"]["0.010"] > 0.95

@@ -9,23 +9,17 @@ import pytest
 
 from fieldkit.captures import read_capture
 from fieldkit.clouds import read_cloud
-from fieldkit.scenes.demo import demo_cameras, make_demo_scene, write_demo_captures
-
-
-def test_the_demos_plot_depends_on_its_seed() -> None:
-    assert make_demo_scene(1) == make_demo_scene(1)
-    assert make_demo_scene(1) != make_demo_scene(2)
+from fieldkit.scenes.demo import DENSE_VIEWS, FEW_VIEWS, demo_scene, write_demo_captures
 
 
 @pytest.mark.slow
 def test_demo_captures_are_complete(tmp_path: Path) -> None:
     captures = write_demo_captures(tmp_path, seed=0)
-    dense, few, intrinsics = demo_cameras()
-    for folder, poses in ((captures.dense, dense), (captures.few, few)):
+    for folder, views in ((captures.dense, DENSE_VIEWS), (captures.few, FEW_VIEWS)):
         capture = read_capture(folder)
-        assert len(capture.photos) == len(poses)
+        assert len(capture.photos) == views
         assert capture.metric_source == "poses.csv"
-        assert capture.groups[0].intrinsics == intrinsics
+        assert capture.groups[0].intrinsics == demo_scene().camera
         assert not capture.findings
     reference = read_cloud(captures.truth / "reference.ply")
     assert len(reference) > 100_000
