@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.volume import Volume
+from fieldkit.errors import SceneError
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.fidelity import Fidelity
@@ -21,10 +22,15 @@ from fieldkit.planning.source import Shot
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.plot import sample_plants
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
+from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
+
+SwayOf = Callable[[int], Sway]
+"""The plants' motion by the seed of an evaluation, for instance ``partial(wind_sway, 0.01)``; it has to pickle."""
 
 FIELD_NOISE = CaptureNoise(position_m=0.010, angle_deg=1.0)
 """What a copter with RTK leaves of a command, and an ordinary sensor."""
@@ -64,8 +70,43 @@ class Proxy:
             lowest_m: what lies lower is counted on neither side, for the soil is bumpy.
             seed: of the sampling.
         """
-        visible = sample_plants(scene, points, seed)
+        return cls._above(scene, sample_plants(scene, points, seed), lowest_m, camera)
+
+    @classmethod
+    def from_description(cls, description: SceneDescription, camera: Intrinsics | None = None) -> Proxy:
+        """A proxy of all that a scene file can hold: maize, mesh plants, or a scene made from a reference.
+
+        PC_env is `sample_reference` of the description. What plants have below 3 cm is counted on neither side, for the
+        soil is bumpy; a scene made from a reference keeps that one's volume, down to its lowest plant point.
+
+        Args:
+            description: of the scene.
+            camera: of the photographs; the description's own where not given.
+
+        Raises:
+            SceneError: the scene has no plants, or one of its files cannot be used.
+        """
+        if description.recorded is None and not description.plot.plants:
+            raise SceneError("the scene has no plants to plan for", remedy="Add [[plants]] to the scene file.")
+        scene = build(description)
+        camera, reference = camera or description.camera, sample_reference(description, scene)
+        if description.recorded is None:
+            return cls._above(scene, reference, _LOWEST_M, camera)
+        bounds = description.bounds.volume
+        reference = reference.select(bounds.contains(reference.points))
+        if not len(reference):
+            raise SceneError("no plant lies in the scene's bounds", remedy="Make the scene again from its reference.")
+        lowest = max(bounds.lower[2], float(reference.points[:, 2].min()))
+        return cls(scene, reference, Volume((bounds.lower[0], bounds.lower[1], lowest), bounds.upper), camera)
+
+    @classmethod
+    def _above(cls, scene: Scene, visible: Cloud, lowest_m: float, camera: Intrinsics) -> Proxy:
         reference = visible.select(visible.points[:, 2] > lowest_m)
+        if not len(reference):
+            raise SceneError(
+                f"nothing of the plants is seen above {1000 * lowest_m:.0f} mm",
+                remedy="Let the plants stand on the ground and be higher than that.",
+            )
         around = Volume.around(reference.points, margin_m=_MARGIN_M)
         return cls(scene, reference, Volume((around.lower[0], around.lower[1], lowest_m), around.upper), camera)
 
@@ -79,12 +120,18 @@ class SimulatedSource:
     Args:
         proxy: the scene and its truth.
         noise: of poses and images; by default the sensor's only, as in the paper.
+        effects: what the camera does to photographs, stated for the proxy's camera at full size; none by default.
+        sway: moves the plants between photographs, by the evaluation's seed and the photograph's number.
         claimed_m: the accuracy that the commanded positions are said to have, where the noise is not larger. Mapping
             then knows no more than in the field, also where the poses are in truth exact.
     """
 
-    def __init__(self, proxy: Proxy, noise: CaptureNoise | None = None, *, claimed_m: float = _CLAIMED_M) -> None:
+    def __init__(
+        self, proxy: Proxy, noise: CaptureNoise | None = None, *, effects: CameraEffects | None = None,
+        sway: SwayOf | None = None, claimed_m: float = _CLAIMED_M,
+    ) -> None:  # fmt: skip
         self.proxy, self.noise, self.claimed_m = proxy, noise or CaptureNoise(), claimed_m
+        self.effects, self.sway = effects, sway
         self._renderer: Renderer | None = None
         self._reference: ReferenceIndex | None = None
         self._cache = StageCache(None)  # no two renderings are the same
@@ -128,7 +175,8 @@ class SimulatedSource:
             with progress.stage("Rendering"):
                 simulate_capture(
                     folder, self._renderer, cameras.poses(), fidelity.camera(self.proxy.camera), noise=self.noise,
-                    seed=seed, sidecars=sidecars,
+                    seed=seed, effects=_reduced(self.effects, fidelity.render_scale),
+                    sway=None if self.sway is None else self.sway(seed), sidecars=sidecars,
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
                 capture = read_capture(folder)
@@ -138,3 +186,8 @@ class SimulatedSource:
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+
+def _reduced(effects: CameraEffects | None, scale: float) -> CameraEffects | None:
+    """The effects in an image ``scale`` times as large: what is stated in pixels goes with its size."""
+    return None if effects is None else replace(effects, defocus_px=effects.defocus_px * scale)

@@ -1,0 +1,102 @@
+"""Proxies of whatever a scene file can hold, and what a simulated source does with effects and wind."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.captures import read_image
+from fieldkit.clouds import Cloud, write_ply
+from fieldkit.errors import SceneError
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.fidelity import FIDELITIES
+from fieldkit.planning.simulated import Proxy, SimulatedSource
+from fieldkit.progress import Silent
+from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription
+from fieldkit.scenes.mesh_plant import MeshPlantDescription
+from fieldkit.scenes.plot import PlotDescription
+from fieldkit.scenes.recorded import RecordedSurface
+from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.scenes.simulation import wind_sway
+from tests.planning.conftest import CAMERA
+from tests.scenes.conftest import SMALL_PLOT, SMALL_SOIL
+
+SCENE = SceneDescription(SMALL_PLOT, camera=CAMERA, reference=ReferenceSampling(points=10_000))
+
+
+def sheet(z: float, half: float, color: tuple[int, int, int]) -> Cloud:
+    """A level square of points that face upwards."""
+    axis = np.arange(-half, half, 0.004)
+    x, y = (v.ravel() for v in np.meshgrid(axis, axis))
+    points = np.column_stack([x, y, np.full(len(x), z)])
+    return Cloud(points, np.tile(np.uint8(color), (len(points), 1)), np.tile(np.float32([0, 0, 1]), (len(points), 1)))
+
+
+def pixels(source: SimulatedSource, cameras: Cameras, seed: int) -> list[np.ndarray]:
+    with source.photograph(cameras, FIDELITIES["draft"], seed, Silent()) as shot:
+        return [read_image(photo).astype(int) for photo in shot.capture.photos]
+
+
+def test_a_proxy_of_maize_has_the_descriptions_camera_and_truth() -> None:
+    proxy = Proxy.from_description(SCENE)
+    assert proxy.camera == CAMERA
+    assert 7_000 <= len(proxy.reference) <= 10_000
+    assert proxy.reference.points[:, 2].min() > 0.03 == proxy.volume.lower[2]
+    assert proxy.volume.contains(proxy.reference.points).all()
+    half = CAMERA.scaled(320, 240)
+    assert Proxy.from_description(SCENE, half).camera == half
+
+
+def test_a_proxy_of_a_mesh(tmp_path: Path) -> None:
+    corners = "".join(f"v {x} {y} {z}\n" for z in (0.02, 0.4) for x, y in ((0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)))
+    sides = "f 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\nf 5 6 7 8\n"
+    (tmp_path / "box.obj").write_text(corners + sides)
+    plant = MeshPlantDescription(file=tmp_path / "box.obj")
+    description = SceneDescription(PlotDescription((plant,), SMALL_SOIL), reference=ReferenceSampling(points=2_000))
+    proxy = Proxy.from_description(description)
+    assert 1_000 < len(proxy.reference) <= 2_000
+    assert proxy.reference.points[:, 2].max() > 0.2
+
+
+def test_a_proxy_of_a_reference_keeps_its_volume(tmp_path: Path) -> None:
+    write_ply(tmp_path / "plants.ply", sheet(0.012, 0.1, (60, 160, 50)))
+    write_ply(tmp_path / "ground.ply", sheet(0.0, 0.3, (120, 100, 80)))
+    surface = RecordedSurface(tmp_path / "plants.ply", tmp_path / "ground.ply", 0.008, 0.008)
+    bounds = Bounds((-0.2, -0.2, -0.05), (0.2, 0.2, 0.6))
+    description = SceneDescription(recorded=surface, bounds=bounds, camera=CAMERA)
+    proxy = Proxy.from_description(description)
+    assert len(proxy.reference) == 2500  # nothing is cut off at 3 cm: the table is flat
+    assert proxy.volume.lower == pytest.approx((-0.2, -0.2, 0.012))
+    assert proxy.volume.upper == (0.2, 0.2, 0.6)
+    with pytest.raises(SceneError, match="bounds"):
+        Proxy.from_description(replace(description, bounds=Bounds((1.0, 1.0, 0.0), (2.0, 2.0, 1.0))))
+
+
+def test_a_scene_without_plants_is_refused() -> None:
+    with pytest.raises(SceneError, match="no plants"):
+        Proxy.from_description(SceneDescription())
+
+
+def test_effects_and_wind_depend_on_seed_and_photograph_only(source: SimulatedSource, arc: Cameras) -> None:
+    noise = CaptureNoise(image_sigma=0.0)
+    plain = SimulatedSource(source.proxy, noise)
+    windy = SimulatedSource(
+        source.proxy, noise, effects=CameraEffects(exposure_ev=0.3, defocus_px=2.0), sway=partial(wind_sway, 0.02)
+    )
+    pickle.loads(pickle.dumps(windy))
+    still = pixels(plain, arc.select([0, 1]), 3)
+    first, second = pixels(windy, arc.select([0, 1]), 3), pixels(windy, arc.select([0, 2, 3]), 3)
+    np.testing.assert_array_equal(first[0], second[0])  # the same camera at the same number
+    assert np.abs(first[0] - still[0]).mean() > 1.0
+    other = pixels(windy, arc.select([0, 1]), 4)
+    assert np.abs(first[0] - other[0]).mean() > 1.0
+    repeated = pixels(SimulatedSource(source.proxy, noise, sway=partial(wind_sway, 0.02)), arc.select([0, 0]), 3)
+    assert np.abs(repeated[0] - repeated[1]).mean() > 0.2  # leaves move from photograph to photograph
+    for each in (plain, windy):
+        each.close()
