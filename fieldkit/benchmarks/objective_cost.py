@@ -14,7 +14,6 @@ from fieldkit.planning.executor import Job
 from fieldkit.planning.fidelity import FIDELITIES, FidelityName
 from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.pool import WorkerPool
-from fieldkit.planning.simulated import SimulatedSource
 from fieldkit.progress import Progress
 
 LIMITS_S: dict[str, float] = {"draft": 12.0, "standard": 25.0}
@@ -29,19 +28,18 @@ def run_cost(
 ) -> StudyResult:
     """CPU seconds of an evaluation at each fidelity, medians; renderer and compiled kernels warm."""
     wall, cpu = time.perf_counter(), time.process_time()
-    plot = plot or tuning_plot(0)
-    source = SimulatedSource(plot.proxy)
+    plot = plot or tuning_plot()
     measured: dict[str, list[Evaluation]] = {}
     for name in fidelities:
-        objective = Objective(source, ObjectiveSettings(name))
+        objective = Objective(plot.source, ObjectiveSettings(name))
         with progress.stage(f"{name}: {repeats} evaluations", repeats + 1) as advance:
             objective.evaluate(plot.ring)
             advance(1)
             for _ in range(repeats):
                 measured.setdefault(name, []).append(objective.evaluate(plot.ring))
                 advance(1)
-    source.close()
-    camera, scale = plot.proxy.camera, FIDELITIES["draft"].render_scale
+    plot.source.close()
+    camera, scale = plot.source.proxy.camera, FIDELITIES["draft"].render_scale
     return StudyResult(
         name="cost",
         title="One evaluation of the objective",
@@ -83,8 +81,8 @@ def run_throughput(
 ) -> StudyResult:
     """Evaluations per minute of one and of two worker processes, the same sets of cameras for both."""
     wall, cpu = time.perf_counter(), time.process_time()
-    plot = plot or tuning_plot(0)
-    objective = Objective(SimulatedSource(plot.proxy), ObjectiveSettings(fidelity))
+    plot = plot or tuning_plot()
+    objective = Objective(plot.source, ObjectiveSettings(fidelity))
     sets = [plot.envelope.sample(VIEWS, seed) for seed in range(evaluations)]
     seconds: dict[int, float] = {}
     results: dict[int, list[Evaluation]] = {}

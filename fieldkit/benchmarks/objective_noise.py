@@ -16,7 +16,6 @@ from fieldkit.planning.executor import Job
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.pool import WorkerPool
-from fieldkit.planning.simulated import SimulatedSource
 from fieldkit.progress import Progress
 from fieldkit.reporting.objective_plots import draw_bands, png
 from fieldkit.scenes.simulate import CaptureNoise
@@ -40,7 +39,7 @@ def run_noise(
 ) -> StudyResult:
     """One configuration (the ring of ten) under each noise alone, over seeds."""
     wall, cpu = time.perf_counter(), time.process_time()
-    plot = plot or tuning_plot(0)
+    plot = plot or tuning_plot()
     series: dict[str, dict[float, CaptureNoise]] = {
         "position noise, mm": {1000.0 * v: replace(QUIET, position_m=v) for v in positions_m},
         "angle noise, °": {v: replace(QUIET, angle_deg=v) for v in angles_deg},
@@ -52,7 +51,7 @@ def run_noise(
         for noise in levels:
             if noise in done:
                 continue
-            objective = Objective(SimulatedSource(plot.proxy, noise), ObjectiveSettings(fidelity))
+            objective = Objective(plot.source.with_noise(noise), ObjectiveSettings(fidelity))
             with WorkerPool(objective, workers=workers) as pool:
                 done[noise] = []
                 for evaluation in pool.run(Job(plot.ring, seed) for seed in range(seeds)):

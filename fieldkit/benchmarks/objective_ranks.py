@@ -62,7 +62,7 @@ def run_ranks(
     *,
     configurations: int = 20,
     seeds: int = 5,
-    scenes: int = SCENES,
+    scenes: int = len(SCENES),
     workers: int = 1,
     fidelities: tuple[FidelityName, FidelityName] = ("draft", "fine"),
     progress: Progress,
@@ -71,7 +71,7 @@ def run_ranks(
     wall, cpu = time.perf_counter(), time.process_time()
     found = []
     for index in range(len(plots) if plots is not None else scenes):
-        plot = plots[index] if plots is not None else tuning_plot(index)
+        plot = plots[index] if plots is not None else tuning_plot(SCENES[index])
         found.append(compare(plot, fidelities, configurations, seeds, workers, progress))
     return StudyResult(
         name="ranks",
@@ -106,14 +106,13 @@ def compare(
 ) -> Ranks:
     """One scene at both fidelities."""
     sets = [plot.envelope.sample(VIEWS, seed) for seed in range(configurations)]
-    source = SimulatedSource(plot.proxy)
     values: list[list[Evaluation]] = []
     for name in fidelities:
         jobs = [Job(cameras) for cameras in sets]
-        values.append(_evaluated(f"{plot.name}, {name}", source, name, jobs, workers, progress))
+        values.append(_evaluated(f"{plot.name}, {name}", plot.source, name, jobs, workers, progress))
     again = sets[:_NOISE_SETS]
     repeats = _evaluated(
-        f"{plot.name}, seeds", source, fidelities[0], _repeated(again, range(1, seeds)), workers, progress
+        f"{plot.name}, seeds", plot.source, fidelities[0], _repeated(again, range(1, seeds)), workers, progress
     )
     by_set = [
         (values[0][k].value_m, *(e.value_m for e in repeats[k * (seeds - 1) : (k + 1) * (seeds - 1)]))

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fieldkit.geometry import Intrinsics
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.envelope import Envelope
-from fieldkit.planning.simulated import Proxy
-from fieldkit.scenes.benchmark import benchmark_scene
-from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout
-from fieldkit.scenes.rigs import ring
-from fieldkit.scenes.soil import SoilDescription
+from fieldkit.planning.simulated import SimulatedSource
+from fieldkit.scenes.library import find_scene
+from fieldkit.scenes.scene_file import read_scene
+from fieldkit.scenes.simulation import ring_about
 
-SCENES = 3
-CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
+SCENES = ("tuning-1", "tuning-2", "tuning-3")
+"""A row of three plants, five on a grid, and four at random between neighbour rows."""
 VIEWS = 10
-_RADIUS_M, _HEIGHT_M = 1.45, 1.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,34 +22,25 @@ class TuningPlot:
 
     Attributes:
         name: of the scene.
-        proxy: the scene and its truth.
+        source: of its photographs.
         envelope: its feasible set.
-        ring: ten cameras on a circle, the plain plan.
+        ring: ten cameras on a circle that the plants fill, the plain plan.
     """
 
     name: str
-    proxy: Proxy
+    source: SimulatedSource
     envelope: Envelope
     ring: Cameras
 
 
-def tuning_description(index: int) -> PlotDescription:
-    """One of three plots that parameters may be chosen on: a row of 3 plants, two rows of 5, and 6 at random.
+def tuning_plot(name: str = SCENES[0]) -> TuningPlot:
+    """A scene that comes with fieldkit, built.
 
     Raises:
-        ValueError: no such scene.
+        SceneError: there is none of this name.
     """
-    if index in (0, 1):
-        return benchmark_scene("tuning", index)
-    if index == 2:
-        return PlotDescription(plant_layout(6, 13, layout="random"), SoilDescription(seed=13))
-    raise ValueError(f"there is no tuning scene {index}: it is 0, 1 or 2")
-
-
-def tuning_plot(index: int, camera: Intrinsics = CAMERA, description: PlotDescription | None = None) -> TuningPlot:
-    """A tuning scene, built (or another one by its description)."""
-    proxy = Proxy.of(build_scene(description or tuning_description(index)), camera)
+    source = SimulatedSource.from_description(read_scene(find_scene(name)))
+    proxy = source.proxy
     envelope = Envelope.around(proxy.reference, proxy.volume)
-    target = proxy.volume.center
-    circle = Cameras.from_poses(ring(VIEWS, _RADIUS_M, _HEIGHT_M, (target[0], target[1], 0.25)))
-    return TuningPlot(f"tuning {index}", proxy, envelope, circle)
+    circle = Cameras.from_poses(ring_about(VIEWS)(proxy.scene, proxy.camera))
+    return TuningPlot(name, source, envelope, circle)

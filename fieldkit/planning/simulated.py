@@ -136,6 +136,27 @@ class SimulatedSource:
         self._reference: ReferenceIndex | None = None
         self._cache = StageCache(None)  # no two renderings are the same
 
+    @classmethod
+    def from_description(
+        cls, description: SceneDescription, noise: CaptureNoise | None = None, *, camera: Intrinsics | None = None
+    ) -> SimulatedSource:
+        """Photographs of a scene file's scene as the file has them taken: its camera, noise and camera effects.
+
+        Args:
+            description: of the scene.
+            noise: of poses and images instead of the description's.
+            camera: instead of the description's.
+
+        Raises:
+            SceneError: as `Proxy.from_description`.
+        """
+        proxy = Proxy.from_description(description, camera)
+        return cls(proxy, noise or description.noise, effects=description.camera_effects)
+
+    def with_noise(self, noise: CaptureNoise) -> SimulatedSource:
+        """The same plot and camera under another noise of poses and images; the renderer is not shared."""
+        return SimulatedSource(self.proxy, noise, effects=self.effects, sway=self.sway, claimed_m=self.claimed_m)
+
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_renderer": None, "_reference": None}
 

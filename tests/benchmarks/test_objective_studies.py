@@ -12,18 +12,20 @@ from fieldkit.benchmarks.objective import STUDIES, ObjectiveOptions, run_objecti
 from fieldkit.benchmarks.objective_cost import cost_table, run_cost, run_throughput
 from fieldkit.benchmarks.objective_noise import run_noise
 from fieldkit.benchmarks.objective_ranks import Ranks, rank_table, run_ranks
-from fieldkit.benchmarks.objective_scenes import TuningPlot, tuning_description
+from fieldkit.benchmarks.objective_scenes import SCENES, TuningPlot, tuning_plot
 from fieldkit.benchmarks.recorded_scores import largest_gap_deg, summary_table
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.evaluation import Evaluation, StageCost
-from fieldkit.planning.simulated import Proxy
+from fieldkit.planning.simulated import Proxy, SimulatedSource
 from fieldkit.progress import Silent
+from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.plot import build_scene
 from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.scene_file import read_scene
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT
 
@@ -43,7 +45,9 @@ def plot() -> TuningPlot:
     except RenderingError as error:
         pytest.skip(f"no picture can be rendered here: {error}")
     envelope = Envelope.around(proxy.reference, proxy.volume, margin_m=0.7, height_m=(0.8, 1.2), clearance_m=0.3)
-    return TuningPlot("small", proxy, envelope, Cameras.from_poses(ring(30, 1.1, 0.9, (0.15, 0.0, 0.2))[:5]))
+    return TuningPlot(
+        "small", SimulatedSource(proxy), envelope, Cameras.from_poses(ring(30, 1.1, 0.9, (0.15, 0.0, 0.2))[:5])
+    )
 
 
 def test_the_cost_table_has_medians() -> None:
@@ -75,10 +79,18 @@ def test_the_widest_gap() -> None:
     assert largest_gap_deg(points, circle) == pytest.approx(250.0)
 
 
-def test_tuning_scenes_are_three_and_differ() -> None:
-    assert [len(tuning_description(k).plants) for k in range(3)] == [3, 5, 6]
-    with pytest.raises(ValueError, match="0, 1 or 2"):
-        tuning_description(3)
+def test_the_scenes_measured_on_are_tuning_scenes() -> None:
+    assert all(name.startswith("tuning-") for name in SCENES)
+    assert all(find_scene(name).is_file() for name in SCENES)
+
+
+@pytest.mark.slow
+def test_a_tuning_plot_is_as_its_scene_file_says() -> None:
+    plot = tuning_plot("tuning-4")
+    described = read_scene(find_scene("tuning-4"))
+    assert plot.source.proxy.camera == described.camera
+    assert (plot.source.noise, plot.source.effects) == (described.noise, described.camera_effects)
+    assert plot.envelope.contains(plot.ring)
 
 
 def test_studies_that_cannot_run_say_so(tmp_path: Path) -> None:
