@@ -128,7 +128,7 @@ class SimulatedSource:
             with progress.stage("Rendering"):
                 simulate_capture(
                     folder, self._renderer, cameras.poses(), fidelity.camera(self.proxy.camera), noise=self.noise,
-                    seed=seed, sidecars=sidecars,
+                    seed=seed, sidecars=sidecars, economy=fidelity.economy,
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
                 capture = read_capture(folder)
