@@ -19,12 +19,14 @@ class Fidelity:
     Attributes:
         name: ``"draft"``, ``"standard"`` or ``"fine"``.
         render_scale: of the camera's image size; recorded photographs keep theirs.
+        economy: render as `simulate_capture`'s ``economy`` says: half the cost.
         features: detection.
         dense: working size of dense stereo.
     """
 
     name: FidelityName
     render_scale: float = 1.0
+    economy: bool = True
     features: FeatureSettings = field(default_factory=FeatureSettings)
     dense: DenseFidelity = "standard"
 
@@ -36,7 +38,7 @@ class Fidelity:
 
 
 FIDELITIES: dict[FidelityName, Fidelity] = {
-    "draft": Fidelity("draft", 0.5, FeatureSettings(working_side=1000, max_features=3072), "draft"),
+    "draft": Fidelity("draft", 0.5, features=FeatureSettings(working_side=1000, max_features=3072), dense="draft"),
     "standard": Fidelity("standard"),
     "fine": Fidelity("fine", dense="fine"),
 }

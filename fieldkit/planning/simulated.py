@@ -197,7 +197,7 @@ class SimulatedSource:
                 simulate_capture(
                     folder, self._renderer, cameras.poses(), fidelity.camera(self.proxy.camera), noise=self.noise,
                     seed=seed, effects=_reduced(self.effects, fidelity.render_scale),
-                    sway=None if self.sway is None else self.sway(seed), sidecars=sidecars,
+                    sway=None if self.sway is None else self.sway(seed), sidecars=sidecars, economy=fidelity.economy,
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
                 capture = read_capture(folder)

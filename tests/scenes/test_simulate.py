@@ -185,3 +185,14 @@ def test_pose_tables_read_back() -> None:
     assert [r.image for r in rows] == ["a.jpg", "b.jpg"]
     assert rows[0].accuracy_m == 0.02
     assert rows[0].roll_deg is None
+
+
+def test_an_economical_capture_looks_the_same(tmp_path: Path, renderer: Renderer) -> None:
+    for name, economy in (("plain", False), ("cheap", True), ("again", True)):
+        simulate_capture(tmp_path / name, renderer, POSES, CAMERA, seed=3, economy=economy)
+    assert digests(tmp_path / "cheap") == digests(tmp_path / "again")
+    assert digests(tmp_path / "cheap") != digests(tmp_path / "plain")
+    for file in sorted((tmp_path / "plain").iterdir()):
+        plain, cheap = (np.asarray(Image.open(tmp_path / n / file.name), np.float64) for n in ("plain", "cheap"))
+        assert cheap.mean() == pytest.approx(plain.mean(), abs=0.3)
+        assert np.sqrt(((cheap - plain) ** 2).mean()) < 8.0

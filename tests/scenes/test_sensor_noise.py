@@ -1,0 +1,42 @@
+"""The sensor's noise has the strength it states, drawn one way or the other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from fieldkit.scenes.sensor_noise import with_noise, with_tabled_noise
+
+GREY = np.full((300, 400, 3), 120, np.uint8)
+
+
+@pytest.mark.parametrize("sigma", [0.5, 2.0, 10.0])
+def test_tabled_noise_is_rounded_normal_noise(sigma: float) -> None:
+    noise = with_tabled_noise(GREY, sigma, np.random.default_rng(5)).astype(int) - 120
+    levels = np.arange(noise.min(), noise.max() + 1)
+    expected = norm.cdf((levels + 0.5) / sigma) - norm.cdf((levels - 0.5) / sigma)
+    found = np.array([(noise == level).mean() for level in levels])
+    np.testing.assert_allclose(found, expected, atol=4 * np.sqrt(0.25 / noise.size))
+    exact = with_noise(GREY, sigma, np.random.default_rng(5)).astype(int) - 120
+    assert noise.std() == pytest.approx(exact.std(), rel=0.01)
+    assert noise.mean() == pytest.approx(0.0, abs=0.02 * max(sigma, 1.0))
+
+
+def test_tabled_noise_is_the_same_for_a_seed_and_independent() -> None:
+    first, again, other = (with_tabled_noise(GREY, 2.0, np.random.default_rng(s)) for s in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).mean() > 0.5
+    noise = first.astype(float) - 120
+    assert abs(np.corrcoef(noise[:, 1:, 0].ravel(), noise[:, :-1, 0].ravel())[0, 1]) < 0.02
+    assert abs(np.corrcoef(noise[..., 0].ravel(), noise[..., 1].ravel())[0, 1]) < 0.02
+
+
+@pytest.mark.parametrize("draw", [with_noise, with_tabled_noise])
+def test_noise_stops_at_black_and_white(draw) -> None:  # type: ignore[no-untyped-def]
+    ends = np.zeros((40, 40, 3), np.uint8)
+    ends[:20] = 255
+    noisy = draw(ends, 3.0, np.random.default_rng(0))
+    assert noisy[:20].min() > 200
+    assert noisy[20:].max() < 55
+    assert draw(ends, 0.0, np.random.default_rng(0)) is ends
