@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +21,13 @@ from fieldkit.planning.source import Shot
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.description import SceneDescription, build
 from fieldkit.scenes.plot import sample_plants
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
+from fieldkit.scenes.simulation import wind_sway
 
 FIELD_NOISE = CaptureNoise(position_m=0.010, angle_deg=1.0)
 """What a copter with RTK leaves of a command, and an ordinary sensor."""
@@ -43,12 +46,27 @@ class Proxy:
         reference: PC_env, points on the plants, plot frame.
         volume: of interest, plot frame; its floor lies above the soil's bumps.
         camera: without distortion, at full size.
+        effects: of the camera; none where not given.
+        wind_m: how far leaves sway between photographs.
     """
 
     scene: Scene
     reference: Cloud
     volume: Volume
     camera: Intrinsics
+    effects: CameraEffects = field(default_factory=CameraEffects)
+    wind_m: float = 0.0
+
+    @classmethod
+    def described(cls, description: SceneDescription, scene: Scene | None = None) -> Proxy:
+        """A proxy of a scene file, photographed with its own camera, effects and wind.
+
+        Args:
+            description: of the scene.
+            scene: what `fieldkit.scenes.description.build` made of it, where it is at hand.
+        """
+        built = cls.of(build(description) if scene is None else scene, description.camera)
+        return replace(built, effects=description.camera_effects, wind_m=description.wind_m)
 
     @classmethod
     def of(
@@ -123,12 +141,14 @@ class SimulatedSource:
         assert self._renderer is not None
         claimed = max(self.noise.position_m, self.claimed_m)
         sidecars = Sidecars(poses=True, accuracy_m=claimed, camera=True)
+        # The lens blurs by an angle: a draft's larger pixels see less of it.
+        effects = replace(self.proxy.effects, defocus_px=self.proxy.effects.defocus_px * fidelity.render_scale)
         with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
             folder = Path(temporary) / "capture"
             with progress.stage("Rendering"):
                 simulate_capture(
                     folder, self._renderer, cameras.poses(), fidelity.camera(self.proxy.camera), noise=self.noise,
-                    seed=seed, sidecars=sidecars,
+                    seed=seed, effects=effects, sway=wind_sway(self.proxy.wind_m, seed), sidecars=sidecars,
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
                 capture = read_capture(folder)
