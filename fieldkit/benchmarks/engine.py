@@ -23,6 +23,8 @@ class EngineOptions:
         data: folder of the recorded sets, or None.
         draws: of the priors' noise and of the blind mappers' seeds.
         scene: in `scaling`, also build the scene with the ground.
+        scenes: of `match-decay` and `blind-rings`: names or files, "all" for every one of fieldkit's own; the tuning
+            scenes where empty.
         whole_grid: in `few-views`, try every noise on every subset.
         cache: for what is not measured (the dense models, the reference).
     """
@@ -32,6 +34,7 @@ class EngineOptions:
     draws: int = 5
     scene: bool = True
     whole_grid: bool = False
+    scenes: tuple[str, ...] = ()
 
 
 def _dense(_: EngineOptions, progress: Progress) -> StudyResult:
@@ -92,13 +95,13 @@ def _mappings(data: Path, _: EngineOptions, progress: Progress) -> StudyResult:
 def _match_decay(options: EngineOptions, progress: Progress) -> StudyResult:
     from fieldkit.benchmarks.match_decay import run_match_decay
 
-    return run_match_decay(options.data, progress=progress)
+    return run_match_decay(options.data, options.scenes, progress=progress)
 
 
-def _blind_rings(_: EngineOptions, progress: Progress) -> StudyResult:
+def _blind_rings(options: EngineOptions, progress: Progress) -> StudyResult:
     from fieldkit.benchmarks.blind_rings import run_blind_rings
 
-    return run_blind_rings(progress=progress)
+    return run_blind_rings(options.data, options.scenes, progress=progress)
 
 
 Run = Callable[[EngineOptions, Progress], StudyResult]

@@ -59,6 +59,15 @@ def command(
     configurations: Annotated[
         int, typer.Option("--configurations", min=5, help="In ranks, per scene; in recorded: subsets.")
     ] = 20,
+    scene: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--scene",
+            metavar="SCENE",
+            help="Repeatable; in match-decay and blind-rings: a name or file, all for every one of fieldkit's. "
+            "The tuning scenes where not given.",
+        ),
+    ] = None,
     scenes: Annotated[int, typer.Option("--scenes", min=1, max=3, help="In ranks.")] = 3,
     seeds: Annotated[int, typer.Option("--seeds", min=2, help="In ranks and noise.")] = 5,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of ranks and noise.")] = 1,
@@ -85,7 +94,9 @@ def command(
     names = [study.value for study in only or []]
     with run_context(as_json=as_json) as progress:
         if suite is Suite.ENGINE:
-            engine = EngineOptions(data, cache, draws=draws, scene=not no_scene, whole_grid=whole_grid)
+            engine = EngineOptions(
+                data, cache, draws=draws, scene=not no_scene, whole_grid=whole_grid, scenes=tuple(scene or ())
+            )
             results = run_engine(output, names, engine, progress=progress, overwrite=overwrite)
         else:
             objective = ObjectiveOptions(data, cache, evaluations, configurations, scenes, seeds, workers)

@@ -54,8 +54,11 @@ def command(
         float | None, typer.Option("--blur", metavar="S", help="Exposure time: the drone drifts meanwhile.")
     ] = None,
     wind: Annotated[
-        float, typer.Option("--wind", metavar="M", min=0.0, max=0.2, help="Leaves sway by this, half a metre out.")
-    ] = 0.0,
+        float | None,
+        typer.Option(
+            "--wind", metavar="M", min=0.0, max=0.2, help="Leaves sway by this, half a metre out; 0 for none."
+        ),
+    ] = None,
     no_poses: Annotated[bool, typer.Option("--no-poses", help="Leave out poses.csv and camera.toml.")] = False,
     no_gps: Annotated[bool, typer.Option("--no-gps", help="Leave out GPS and gimbal angles.")] = False,
     truth_cloud: Annotated[
@@ -69,8 +72,8 @@ def command(
     """Photograph a simulated plot as a drone would.
 
     Writes JPEGs with EXIF, GPS and gimbal angles, poses.csv with the commanded poses and camera.toml: a folder that
-    `fieldkit reference` and `fieldkit evaluate` take. The true poses go to CAPTURES.truth.csv beside the folder. Noise
-    and camera effects that are not given are the scene file's.
+    `fieldkit reference` and `fieldkit evaluate` take. The true poses go to CAPTURES.truth.csv beside the folder. Noise,
+    camera effects and wind that are not given are the scene file's.
 
     Example: fieldkit simulate case-1 --dense 45 -o case-1-dense
     """
@@ -93,7 +96,7 @@ def command(
     from fieldkit.cli.progress import open_progress
     from fieldkit.scenes.library import find_scene
     from fieldkit.scenes.scene_file import read_scene
-    from fieldkit.scenes.simulation import simulate, wind_sway, with_noise
+    from fieldkit.scenes.simulation import simulate, with_noise
 
     description = read_scene(find_scene(scene))
     stations, camera = _stations(plan, poses, ring_numbers, dense)
@@ -110,7 +113,7 @@ def command(
     with open_progress(as_json=as_json) as progress:
         done = simulate(
             description, stations, output, intrinsics=camera, noise=noise, effects=effects, seed=seed,
-            sway=wind_sway(wind, seed) if wind else None, poses_csv=not no_poses, gps=not no_gps,
+            wind_m=wind, poses_csv=not no_poses, gps=not no_gps,
             truth_cloud=truth_cloud, overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if as_json:

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,9 @@ from fieldkit.scenes.plot import sample_plants
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
+from fieldkit.scenes.simulation import wind_sway
 
-SwayOf = Callable[[int], Sway]
+SwayOf = Callable[[int], Sway | None]
 """The plants' motion by the seed of an evaluation, for instance ``partial(wind_sway, 0.01)``; it has to pickle."""
 
 FIELD_NOISE = CaptureNoise(position_m=0.010, angle_deg=1.0)
@@ -140,7 +142,7 @@ class SimulatedSource:
     def from_description(
         cls, description: SceneDescription, noise: CaptureNoise | None = None, *, camera: Intrinsics | None = None
     ) -> SimulatedSource:
-        """Photographs of a scene file's scene as the file has them taken: its camera, noise and camera effects.
+        """Photographs of a scene file's scene as the file has them taken: its camera, effects, noise and wind.
 
         Args:
             description: of the scene.
@@ -151,7 +153,8 @@ class SimulatedSource:
             SceneError: as `Proxy.from_description`.
         """
         proxy = Proxy.from_description(description, camera)
-        return cls(proxy, noise or description.noise, effects=description.camera_effects)
+        sway = partial(wind_sway, description.wind_m)
+        return cls(proxy, noise or description.noise, effects=description.camera_effects, sway=sway)
 
     def with_noise(self, noise: CaptureNoise) -> SimulatedSource:
         """The same plot and camera under another noise of poses and images; the renderer is not shared."""

@@ -63,7 +63,7 @@ def cameras_of(capture: Capture, calibrated: Mapping[str, Intrinsics] | None = N
         elif group.intrinsics is not None:
             chosen, source, hold = group.intrinsics, group.source, False
         else:
-            chosen, source, hold = _guess(photo.width, photo.height), "self-calibrated", False
+            chosen, source, hold = guessed_camera(photo.width, photo.height), "self-calibrated", False
         cameras.append(chosen)
         sources.append(source)
         fixed.append(hold)
@@ -81,6 +81,7 @@ def _borrow(key: str, width: int, height: int, calibrated: Mapping[str, Intrinsi
     return found
 
 
-def _guess(width: int, height: int) -> Intrinsics:
+def guessed_camera(width: int, height: int) -> Intrinsics:
+    """What self-calibration starts from where nothing is known of the camera."""
     focal = _GUESSED_FOCAL * max(width, height)
     return Intrinsics("SIMPLE_RADIAL", width, height, (focal, width / 2, height / 2, 0.0))

@@ -1,6 +1,7 @@
 """What a camera does to light between the lens and the file, in that order: pure functions on images.
 
-Lens: defocus, fall-off to the corners. Shutter: motion blur, exposure. Sensor: photon and read noise, in linear light.
+Lens: defocus, fall-off to the corners, stray light. Shutter: motion blur, exposure. Sensor: photon and read noise, in
+linear light.
 Then the tone curve and eight bits. The renderer's tone curve is a square root (gamma 2.0), so linear light here is the
 square of the grey level; photon noise, whose variance grows with the light, is then equal at all grey levels.
 """
@@ -30,6 +31,8 @@ class CameraEffects:
         turn_deg_s: standard deviation of its rate of turn about each of its axes.
         defocus_px: standard deviation of the lens's blur, pixels.
         vignetting: share of the light that is lost in the corners, growing with the distance's fourth power.
+        veiling_glare: stray light that the lens spreads evenly over the picture, as a share of white. Under a bright
+            sky it lifts dark soil and takes its contrast away.
         exposure_ev: standard deviation of a photograph's exposure, stops.
         white_balance: standard deviation of a photograph's red and blue gains against green, relative.
         photon_noise: standard deviation of photon noise, grey levels (the same at every level, see the module).
@@ -42,6 +45,7 @@ class CameraEffects:
     turn_deg_s: float = 2.0
     defocus_px: float = 0.0
     vignetting: float = 0.0
+    veiling_glare: float = 0.0
     exposure_ev: float = 0.0
     white_balance: float = 0.0
     photon_noise: float = 0.0
@@ -55,8 +59,9 @@ class CameraEffects:
                 raise ValueError(f"{name} cannot be {value}: it is 0 (off) or more")
         if self.exposure_s > 1.0:
             raise ValueError(f"exposure_s is at most 1 s, not {self.exposure_s}")
-        if self.vignetting >= 1.0:
-            raise ValueError(f"vignetting is a share below 1, not {self.vignetting}")
+        for name in ("vignetting", "veiling_glare"):
+            if numbers[name] >= 1.0:
+                raise ValueError(f"{name} is a share below 1, not {numbers[name]}")
         if not 1 <= self.jpeg_quality <= 100:
             raise ValueError(f"jpeg_quality is 1 to 100, not {self.jpeg_quality}")
 
@@ -68,9 +73,11 @@ class CameraEffects:
     @property
     def changes_pixels(self) -> bool:
         """Whether anything but the JPEG is on."""
-        return self.moves or any(
-            (self.defocus_px, self.vignetting, self.exposure_ev, self.white_balance, self.photon_noise, self.read_noise)
-        )
+        strengths = (
+            self.defocus_px, self.vignetting, self.veiling_glare, self.exposure_ev, self.white_balance,
+            self.photon_noise, self.read_noise,
+        )  # fmt: skip
+        return self.moves or any(strengths)
 
 
 @dataclass(frozen=True)
@@ -122,6 +129,7 @@ def photographed(
         )
     if effects.vignetting > 0:
         light *= vignette(intrinsics, effects.vignetting)[..., None]
+    light += np.float32(effects.veiling_glare)
     if effects.moves:
         if depth is None:
             raise ValueError("motion blur needs the depth map")

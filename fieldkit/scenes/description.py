@@ -22,6 +22,8 @@ from fieldkit.scenes.simulate import CaptureNoise, Site
 _OVERSAMPLING = 1.7
 """Points drawn for each one wanted: about two in five lie where no view reaches."""
 
+MAX_WIND_M = 0.2
+
 
 @dataclass(frozen=True)
 class Bounds:
@@ -76,6 +78,8 @@ class SceneDescription:
         camera: of photographs where nothing else is asked for; without distortion.
         camera_effects: what the camera does to photographs.
         noise: of poses, GPS and pixels.
+        wind_m: how far leaves sway between photographs, half a metre out along a leaf (root mean square per axis);
+            0.005 is a calm, 0.02 a breeze.
         site: where on Earth the plot lies.
     """
 
@@ -91,11 +95,14 @@ class SceneDescription:
     camera: Intrinsics = field(default_factory=lambda: Intrinsics.pinhole(2000, 1500, 1700.0))
     camera_effects: CameraEffects = field(default_factory=CameraEffects)
     noise: CaptureNoise = field(default_factory=CaptureNoise)
+    wind_m: float = 0.0
     site: Site = field(default_factory=Site)
 
     def __post_init__(self) -> None:
         if not -360.0 <= self.row_heading_deg <= 360.0:
             raise ValueError(f"row_heading_deg is −360 to 360, not {self.row_heading_deg}")
+        if not 0.0 <= self.wind_m <= MAX_WIND_M:
+            raise ValueError(f"wind_m is 0 to {MAX_WIND_M}, not {self.wind_m}")
         if self.camera.distorted:
             raise ValueError("photographs are rendered without distortion: set the camera's distortion to 0")
         if self.recorded is not None and self.plot.plants:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import Bounds, SceneDescription
 from fieldkit.scenes.maize import MaizeDescription, Stage
 from fieldkit.scenes.neighbours import NeighboursDescription
@@ -20,6 +21,14 @@ Layout = Literal["rows", "grid", "random"]
 
 SCALE_RANGE = (0.9, 1.1)
 """BOSfM scales each plant within ±10 %."""
+FIELD_CAMERA = CameraEffects(
+    exposure_s=0.004, defocus_px=0.35, vignetting=0.2, veiling_glare=0.05, exposure_ev=0.15, white_balance=0.03,
+    photon_noise=2.0, jpeg_quality=85,
+)  # fmt: skip
+"""A small camera under a bright sky, exposing automatically, in a drone that hovers. With `WIND_M` the rendered matches
+and blind mappings are about those of the recorded rigs (docs/simulated-scenes.md); set on the tuning scenes."""
+WIND_M = 0.008
+"""Of a light air: leaves move by a centimetre between photographs."""
 _REACH_M = 0.55
 """How far leaves reach from the foot of a plant."""
 _JITTER_M = 0.015
@@ -72,7 +81,9 @@ def new_scene(
         neighbours=NeighboursDescription(seed, rows=neighbour_rows),
         extent_m=_rounded(2.0 * max(*bounds.upper_m[:2], *(-v for v in bounds.lower_m[:2])), 2),
     )  # fmt: skip
-    return SceneDescription(plot, name=name, notes=notes, bounds=bounds)
+    return SceneDescription(
+        plot, name=name, notes=notes, bounds=bounds, camera_effects=FIELD_CAMERA, wind_m=WIND_M
+    )  # fmt: skip
 
 
 def varied(description: SceneDescription, seed: int, *, name: str = "", notes: str = "") -> SceneDescription:

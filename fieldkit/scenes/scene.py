@@ -77,7 +77,7 @@ class Light:
     ground_color: tuple[float, float, float] = (0.18, 0.15, 0.12)
 
 
-HAZE = Light(sun_color=(0.45, 0.44, 0.41), sky_color=(0.68, 0.72, 0.78))
+HAZE = Light(sun_color=(0.54, 0.53, 0.49), sky_color=(0.82, 0.86, 0.94))
 """A hazy day, as one chooses to photograph plants: the sun through thin cloud, its shadows softened by the sky."""
 
 

@@ -49,7 +49,7 @@ class Simulation:
 def simulate(
     description: SceneDescription, stations: Stations | Sequence[Pose], output: Path, *,
     intrinsics: Intrinsics | None = None, noise: CaptureNoise | None = None, effects: CameraEffects | None = None,
-    sway: Sway | None = None, seed: int = 0, poses_csv: bool = True, gps: bool = True, truth: Path | None = None,
+    wind_m: float | None = None, seed: int = 0, poses_csv: bool = True, gps: bool = True, truth: Path | None = None,
     truth_cloud: Path | None = None, overwrite: bool = False, progress: Progress | None = None,
 ) -> Simulation:  # fmt: skip
     """Photograph a described scene as a drone would.
@@ -62,7 +62,7 @@ def simulate(
         intrinsics: without distortion.
         noise: of poses, GPS and pixels.
         effects: of the camera.
-        sway: moves the plants between photographs.
+        wind_m: how far leaves sway between photographs (`wind_sway`); 0 keeps them still.
         seed: of all noise.
         poses_csv: whether commanded poses and intrinsics are written beside the photographs.
         gps: whether EXIF and XMP have positions and angles.
@@ -80,6 +80,7 @@ def simulate(
     progress = progress or Silent()
     camera = (intrinsics or description.camera).without_distortion()
     noise, effects = noise or description.noise, effects or description.camera_effects
+    wind_m = description.wind_m if wind_m is None else wind_m
     truth = default_truth(output) if truth is None else truth
     for file in (truth, truth_cloud):
         if file is not None and file.absolute().is_relative_to(output.absolute()):
@@ -90,7 +91,7 @@ def simulate(
         advance(1)
     with Renderer(scene) as renderer:
         true = simulate_capture(
-            output, renderer, poses, camera, noise=noise, seed=seed, effects=effects, sway=sway,
+            output, renderer, poses, camera, noise=noise, seed=seed, effects=effects, sway=wind_sway(wind_m, seed),
             site=description.site if gps else None, row_heading_deg=description.row_heading_deg,
             sidecars=Sidecars(poses=poses_csv, camera=poses_csv), truth=truth, overwrite=overwrite, progress=progress,
         )  # fmt: skip
@@ -128,8 +129,10 @@ def with_noise(
     return noise
 
 
-def wind_sway(strength_m: float, seed: int) -> Sway:
-    """Leaves bent by wind, another moment in each photograph (see `fieldkit.scenes.sway`)."""
+def wind_sway(strength_m: float, seed: int) -> Sway | None:
+    """Leaves bent by wind, another moment in each photograph (see `fieldkit.scenes.sway`); None where it is calm."""
+    if strength_m == 0:
+        return None
 
     def moved(scene: Scene, photograph: int) -> Mapping[str, NDArray[np.float32]]:
         moment = int(np.random.default_rng([seed, 4, photograph]).integers(1 << 30))

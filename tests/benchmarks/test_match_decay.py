@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
-from fieldkit.benchmarks.blind_rings import RingRun, ring_table
+from fieldkit.benchmarks.blind_rings import RingRun, ring_table, scene_rings
 from fieldkit.benchmarks.match_decay import (
+    ANGLES,
     FIELD_MAIZE,
     PairCount,
     allowed,
     count_table,
     green,
     inliers,
+    scene_pairs,
     share_table,
     summarise,
     verdict_table,
     visible_plants,
 )
+from fieldkit.benchmarks.scene_views import CAMERA, SceneUnderStudy, photograph, ring_about_plants, study_scenes
 from fieldkit.geometry import Intrinsics
+from fieldkit.progress import Silent
 from fieldkit.reconstruction.features import FeatureSettings, extract_features
+from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.library import scene_names
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.plot import build_scene
 from fieldkit.scenes.renderer import Renderer
@@ -87,8 +98,53 @@ def test_plants_that_are_hidden_do_not_count() -> None:
 
 
 def test_table_of_rings() -> None:
-    runs = [RingRun("tuning 0", 10, s, 2 + s, (2 + s,), 0.002 * s if s else None) for s in range(3)]
-    table = ring_table([*runs, RingRun("tuning 0", 20, 0, 20, (20,), 0.001)])
+    runs = [RingRun("a scene", 10, s, 2 + s, (2 + s,), 0.002 * s if s else None, 40.4) for s in range(3)]
+    table = ring_table([*runs, RingRun("a scene", 20, 0, 0, (), None, 12.0)])
     assert table.columns == ("set", "ring of 10>", "ring of 20>")
-    assert table.rows[0] == ("basil_rig (recorded figures)", "3 of 10", "12 of 20")
-    assert table.rows[2] == ("tuning 0", "3 (2–4) of 10, 3.0 (2.0–4.0) mm", "20 of 20, 1.0 mm")
+    assert table.rows[0] == ("basil_rig (recorded figures) *", "3 of 10", "12 of 20")
+    assert table.rows[2] == ("a scene", "3 (2–4) of 10, 3.0 (2.0–4.0) mm (40)", "0 of 20 (12)")
+
+
+@pytest.fixture(scope="module")
+def small_study() -> SceneUnderStudy:
+    description = SceneDescription(SMALL_PLOT, name="small", wind_m=0.03, camera_effects=CameraEffects(defocus_px=0.5))
+    return SceneUnderStudy(description, build_scene(SMALL_PLOT))
+
+
+def test_a_scene_is_photographed_as_its_file_says(small_study: SceneUnderStudy, tmp_path: Path) -> None:
+    poses = ring_about_plants(small_study.description, 2)
+    assert [float(np.linalg.norm(pose.center - (0.15, 0.0, 0.25))) for pose in poses] == pytest.approx(
+        [1.7066] * 2, abs=1e-3
+    )
+    still = SceneUnderStudy(replace(small_study.description, wind_m=0.0), small_study.scene)
+    with Renderer(small_study.scene) as renderer:
+        photograph(tmp_path / "windy", small_study, renderer, poses, 1, Silent())
+        photograph(tmp_path / "still", still, renderer, poses, 1, Silent())
+    windy, calm = (sorted((tmp_path / name).glob("*.jpg")) for name in ("windy", "still"))
+    with Image.open(windy[0]) as image:
+        assert image.size == (CAMERA.width, CAMERA.height)
+    assert [a.read_bytes() != b.read_bytes() for a, b in zip(windy, calm, strict=True)] == [True, True]
+
+
+def test_pairs_of_a_scene_lose_matches(small_study: SceneUnderStudy) -> None:
+    found = summarise("small", scene_pairs(small_study, 1, Silent()))
+    assert found.angles_deg == tuple(map(float, ANGLES))
+    assert found.inliers[0] > 50
+    assert found.inliers[0] > 2 * found.inliers[4]
+    assert 0 < (found.plant_shares[0] or 0) < 1
+
+
+def test_rings_of_photographs_are_mapped_blindly(small_study: SceneUnderStudy) -> None:
+    runs = scene_rings(small_study, (3,), progress=Silent())
+    assert [(run.name, run.views, run.seed) for run in runs] == [
+        (name, 3, seed) for name in ("small", "small *") for seed in range(3)
+    ]
+    assert all(run.registered == (run.models or (0,))[0] for run in runs)
+
+
+def test_the_tuning_scenes_are_the_default() -> None:
+    assert study_scenes(()) == [f"tuning-{i}" for i in range(1, 7)]
+    assert study_scenes(["case-2"]) == ["case-2"]
+    every = study_scenes(["all"])
+    assert len(every) == 14
+    assert set(every) == set(scene_names())

@@ -13,14 +13,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fieldkit.captures import read_image
 from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.executor import Job, Serial
+from fieldkit.planning.fidelity import FIDELITIES
 from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.simulated import Proxy, SimulatedSource
+from fieldkit.progress import Silent
+from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.simulate import CaptureNoise
+from tests.scenes.conftest import SMALL_PLOT
 
 DRAFT = ObjectiveSettings("draft")
 
@@ -100,6 +106,23 @@ def test_the_reference_of_a_proxy_is_its_plants(proxy: Proxy) -> None:
 
 
 @pytest.mark.slow
+def test_a_described_proxy_is_photographed_as_its_file_says(
+    proxy: Proxy, source: SimulatedSource, arc: Cameras
+) -> None:
+    description = SceneDescription(
+        SMALL_PLOT, camera=proxy.camera, wind_m=0.01, camera_effects=CameraEffects(veiling_glare=0.1)
+    )
+    described = SimulatedSource.from_description(description)
+    with (
+        source.photograph(arc, FIDELITIES["standard"], 1, Silent()) as plain,
+        described.photograph(arc, FIDELITIES["standard"], 1, Silent()) as shot,
+    ):
+        first, second = (read_image(found.capture.photos[0]).astype(float) for found in (plain, shot))
+    described.close()
+    assert second.min() > first.min() + 20
+    assert shot.views == plain.views
+
+
 def test_serial_and_parallel_agree(source: SimulatedSource, arc: Cameras) -> None:
     sets = [arc, arc.select([0, 1, 2]), arc.select([3, 4, 5, 0])]
     objective = Objective(source, DRAFT)
@@ -114,7 +137,8 @@ def test_without_a_renderer_the_error_names_the_remedy(tmp_path: Path) -> None:
         import numpy as np
         from fieldkit.clouds import Cloud, Volume
         from fieldkit.geometry import Intrinsics
-        from fieldkit.planning.objective import Objective
+        from fieldkit.planning.fidelity import FIDELITIES
+from fieldkit.planning.objective import Objective
         from fieldkit.planning.simulated import Proxy, SimulatedSource
         from fieldkit.scenes.scene import Scene
         proxy = Proxy(Scene(()), Cloud(np.eye(3)), Volume((0, 0, 0), (1, 1, 1)), Intrinsics.pinhole(64, 48, 50.0))

@@ -76,6 +76,14 @@ def test_vignetting() -> None:
     assert (dark[0, 0, 0] / 128) ** 2 == pytest.approx(0.6, abs=0.01)
 
 
+def test_veiling_glare_lifts_dark_pixels_and_takes_their_contrast() -> None:
+    dark = np.full((150, 200, 3), 40, np.uint8)
+    dark[:, 100:] = 60
+    veiled = photographed(dark, None, CAMERA, CameraEffects(veiling_glare=0.05), rng()).astype(float)
+    assert (veiled[0, 0, 0] / 255) ** 2 == pytest.approx((40 / 255) ** 2 + 0.05, abs=0.002)
+    assert 5 < veiled[0, 150, 0] - veiled[0, 0, 0] < 15
+
+
 def test_defocus_keeps_light_in_linear_space() -> None:
     image = np.zeros((150, 200, 3), np.uint8)
     image[:, 100:] = 200
@@ -140,7 +148,15 @@ def test_the_order_of_switches_does_not_change_the_rest() -> None:
 
 
 @pytest.mark.parametrize(
-    "bad", [{"defocus_px": -1.0}, {"vignetting": 1.0}, {"jpeg_quality": 0}, {"exposure_s": 2.0}, {"read_noise": np.nan}]
+    "bad",
+    [
+        {"defocus_px": -1.0},
+        {"vignetting": 1.0},
+        {"veiling_glare": 1.0},
+        {"jpeg_quality": 0},
+        {"exposure_s": 2.0},
+        {"read_noise": np.nan},
+    ],
 )
 def test_values(bad: dict[str, float]) -> None:
     with pytest.raises(ValueError):

@@ -11,7 +11,6 @@ from pydantic import TypeAdapter
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.benchmark import benchmark_scene
 from fieldkit.scenes.crumbs import Crumbs, build_crumbs, scatter_crumbs
-from fieldkit.scenes.fields import field_scene
 from fieldkit.scenes.maize import MaizeDescription
 from fieldkit.scenes.neighbours import NeighboursDescription, neighbour_plants
 from fieldkit.scenes.plot import PlotDescription, build_scene
@@ -173,17 +172,9 @@ def test_leaving_out_what_a_camera_does_not_see_changes_nothing(scene: Scene, mo
     assert all(np.array_equal(a, b) for a, b in zip(culled, whole, strict=True))
 
 
-def test_field_scenes() -> None:
-    plots = [field_scene("tuning", i) for i in range(3)] + [field_scene("test", i) for i in range(2)]
-    assert len({plot.soil.seed for plot in plots}) == 5
-    assert all(3 <= len(plot.plants) <= 6 for plot in plots)
-    with pytest.raises(ValueError, match="no field scene"):
-        field_scene("test", 2)
-
-
-def test_descriptions_go_through_plain_values_and_back() -> None:
+def test_descriptions_go_through_plain_values_and_back(field: PlotDescription) -> None:
     adapter = TypeAdapter(PlotDescription)
-    for plot in (field_scene("tuning", 2), benchmark_scene("test", 1)):
+    for plot in (field, benchmark_scene("test", 1)):
         assert adapter.validate_python(adapter.dump_python(plot, mode="json")) == plot
 
 

@@ -43,7 +43,7 @@ positive = st.floats(0.1, 3)
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 maize = st.builds(
     MaizeDescription, seed=st.integers(0, 2**31), x_m=small, y_m=small, yaw_deg=st.floats(-360, 360),
-    scale=st.floats(0.5, 2), leaves=st.integers(5, 12),
+    scale=st.floats(0.5, 2), leaves=st.integers(5, 12), markings=st.floats(0, 1.5),
 )  # fmt: skip
 scenes = st.builds(
     SceneDescription,
@@ -60,6 +60,7 @@ scenes = st.builds(
     camera=st.builds(Intrinsics.pinhole, st.integers(1, 9000), st.integers(1, 9000), st.floats(1, 9000)),
     camera_effects=st.builds(CameraEffects, defocus_px=st.floats(0, 4), jpeg_quality=st.integers(1, 100)),
     noise=st.builds(CaptureNoise, position_m=st.floats(0, 1), image_sigma=st.integers(0, 9)),
+    wind_m=st.floats(0, 0.2),
 )  # fmt: skip
 
 

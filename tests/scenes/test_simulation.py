@@ -23,7 +23,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Site, simulate_capture
-from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about, simulate, with_noise
+from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about, simulate, wind_sway, with_noise
 
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 EXACT = CaptureNoise(gps_horizontal_m=0.0, gps_vertical_m=0.0, gimbal_deg=0.0, image_sigma=0.0)
@@ -58,6 +58,18 @@ def test_the_same_seed_is_the_same_folder(tmp_path: Path, description: SceneDesc
     first, same, other = ([p.read_bytes() for p in sorted((tmp_path / name).iterdir())] for name in ("a", "b", "c"))
     assert first == same
     assert first != other
+
+
+def test_the_wind_is_the_scenes_unless_another_is_given(tmp_path: Path, description: SceneDescription) -> None:
+    windy = replace(description, wind_m=0.05, noise=EXACT)
+    for name, wind in (("windy", None), ("still", 0.0)):
+        simulate(windy, ring_about(1), tmp_path / name, wind_m=wind, seed=2)
+    moved, still = (np.asarray(Image.open(tmp_path / n / "IMG_0001.jpg"), float) for n in ("windy", "still"))
+    changed = np.abs(moved - still).max(axis=2) > 40
+    assert 0.001 < changed.mean() < 0.3
+    assert wind_sway(0.0, 2) is None
+    with pytest.raises(ValueError, match="wind_m"):
+        replace(description, wind_m=-0.01)
 
 
 def test_nothing_beside_the_photographs_where_it_is_not_wanted(tmp_path: Path, description: SceneDescription) -> None:

@@ -26,6 +26,7 @@ class MaizeDescription:
         leaves: draws the plain plant of the engine's benchmark with so many blades (5 to 12) instead of a plant at a
             ``stage``; kept so that those scenes stay as they were measured.
         stage: growth stage.
+        markings: how strong blotches, flecks, lesions, dust and grain are on its leaves and stem; 0 for none.
         kind: tells plants of different kinds apart in scene files.
     """
 
@@ -36,6 +37,7 @@ class MaizeDescription:
     scale: float = 1.0
     leaves: int | None = None
     stage: Stage = "V8"
+    markings: float = 0.5
     kind: Literal["maize"] = "maize"
 
     def __post_init__(self) -> None:
@@ -45,5 +47,7 @@ class MaizeDescription:
             raise ValueError(f"{self.stage!r} is no growth stage: it is one of {', '.join(STAGES)}")
         if not (math.isfinite(self.scale) and 0.2 <= self.scale <= 3.0):
             raise ValueError(f"a plant's scale is 0.2 to 3, not {self.scale}")
+        if not (math.isfinite(self.markings) and 0.0 <= self.markings <= 1.5):
+            raise ValueError(f"a plant's markings are 0 to 1.5, not {self.markings}")
         if not all(map(math.isfinite, (self.x_m, self.y_m, self.yaw_deg))):
             raise ValueError("a plant's place and heading must be finite")

@@ -32,14 +32,14 @@ def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool 
     grown = grow(plant.stage, rng)
     shrink = 4 if coarse else 1
     strips = _Strips(shrink)
-    parts, flex, pictures = _stem(plant.seed, grown, strips, shrink)
+    parts, flex, pictures = _stem(plant.seed, plant.markings, grown, strips, shrink)
     for leaf in grown.leaves:
         strip = strips.take(_BLADE_ROWS)
         along, across = (32, 7) if coarse else (160, 19) if len(grown.leaves) <= 8 else (112, 17)
         part = blade(leaf, strip, along=along, across=across)
         parts.append(part)
         flex.append(np.repeat(np.linspace(0, leaf.length, along), across))
-        pictures.append(blade_texture(leaf, strip.height, strip.width))
+        pictures.append(blade_texture(leaf, strip.height, strip.width, plant.markings))
     texture = np.concatenate(pictures[::-1])  # texture row 0 is at the top, uv's v = 0 at the bottom
     vertices = np.concatenate([part[0] for part in parts])
     offsets = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
@@ -69,7 +69,7 @@ class _Strips:
 
 
 def _stem(
-    seed: int, grown: Architecture, strips: _Strips, shrink: int
+    seed: int, markings: float, grown: Architecture, strips: _Strips, shrink: int
 ) -> tuple[list[Part], list[NDArray[np.float64]], list[NDArray[np.uint8]]]:
     """Stem with its sheaths, and tassel and ear where there are any."""
     strip = strips.take(_STEM_ROWS)
@@ -83,7 +83,7 @@ def _stem(
     v = strip.first_row + 0.5 + (strip.height - 1) * np.linspace(0, 1, sides)
     uv = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=-1).reshape(-1, 2)
     parts: list[Part] = [(vertices, grid_faces(len(line), sides), uv)]
-    pictures = [stem_texture(seed, foot, length, grown.nodes, strip.height, strip.width)]
+    pictures = [stem_texture(seed, foot, length, grown.nodes, strip.height, strip.width, markings)]
     rng = np.random.default_rng([seed, 79])
     if grown.tassel_m:
         strip = strips.take(_FLOWER_ROWS)
