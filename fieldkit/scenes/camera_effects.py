@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics
+from fieldkit.kernels import fast_kernel
 
 _MAX_TAPS = 15
 _MIDDLE_GREY = 128.0
@@ -165,16 +166,29 @@ def motion_blurred(light: NDArray[np.float32], flow: NDArray[np.float32]) -> NDA
     taps = min(_MAX_TAPS, 2 * int(np.ceil(longest / 2.0)) + 1)
     if longest < 0.05 or taps < 2:
         return light
+    result = np.zeros_like(light)
+    _average(light, flow, taps, result)
+    return result
+
+
+@fast_kernel
+def _average(light: NDArray[np.float32], flow: NDArray[np.float32], taps: int, result: NDArray[np.float32]) -> None:
+    """Add means of bilinear samples at the middles of equal parts of the exposure: the picture stays in place."""
     h, w = light.shape[:2]
-    x, y = np.meshgrid(np.arange(w, dtype=np.float32), np.arange(h, dtype=np.float32))
-    total = np.zeros_like(light)
-    # The middles of equal parts of the exposure, so that the average stays where the photograph is.
-    for step in (np.arange(taps) + 0.5) / taps - 0.5:
-        s = np.float32(step)
-        total += cv2.remap(
-            light, x + s * flow[..., 0], y + s * flow[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
-    return np.asarray(total / np.float32(taps), np.float32)
+    share = np.float32(1.0 / taps)
+    for i in range(h):
+        for j in range(w):
+            for k in range(taps):
+                step = np.float32((k + 0.5) / taps - 0.5)
+                x = min(max(np.float32(j) + step * flow[i, j, 0], np.float32(0.0)), np.float32(w - 1))
+                y = min(max(np.float32(i) + step * flow[i, j, 1], np.float32(0.0)), np.float32(h - 1))
+                left, top = int(x), int(y)
+                right, bottom = min(left + 1, w - 1), min(top + 1, h - 1)
+                u, v = x - np.float32(left), y - np.float32(top)
+                for c in range(3):
+                    above = light[top, left, c] + u * (light[top, right, c] - light[top, left, c])
+                    below = light[bottom, left, c] + u * (light[bottom, right, c] - light[bottom, left, c])
+                    result[i, j, c] += share * (above + v * (below - above))
 
 
 @lru_cache(maxsize=4)
