@@ -37,7 +37,8 @@ def with_tabled_noise(image: NDArray[np.uint8], sigma: float, rng: np.random.Gen
 
 @lru_cache(maxsize=16)
 def _quantiles(sigma: float) -> NDArray[np.int16]:
-    table = np.rint(sigma * ndtri((np.arange(_STEPS) + 0.5) / _STEPS)).clip(-255, 255).astype(np.int16)
+    noise = np.rint(sigma * ndtri((np.arange(_STEPS) + 0.5) / _STEPS))
+    table: NDArray[np.int16] = np.clip(noise, -255, 255).astype(np.int16)
     table.setflags(write=False)
     return table
 
@@ -47,5 +48,5 @@ def _add(
     image: NDArray[np.uint8], table: NDArray[np.int16], draws: NDArray[np.uint16], result: NDArray[np.uint8]
 ) -> None:
     for k in range(image.size):
-        value = np.int32(image[k]) + np.int32(table[draws[k]])
-        result[k] = np.uint8(min(max(value, 0), 255))
+        value = int(image[k]) + int(table[draws[k]])
+        result[k] = min(max(value, 0), 255)
