@@ -110,6 +110,8 @@ class Objective:
             fidelity=fidelity.dense,
             backend="cpu",
             min_agreeing_views=self.settings.min_agreeing_views,
+            # They are commands, or a reference's: never a camera's doubtful records.
+            trust_orientations=True,
             seed=self.seed,
         )
         noise_seed = self.seed if seed is None else seed

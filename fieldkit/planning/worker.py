@@ -47,6 +47,7 @@ def work(connection: Connection, objective: Objective, parent: int) -> None:
         # Where memory runs out, the kernel shall take this process and not the one with the results.
         Path("/proc/self/oom_score_adj").write_text("1000")
     set_thread_environment(1)
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer draws on this thread, too; same pixels
     limit_threads(1)
     with suppress(EOFError, OSError):
         answer = _prepared(objective)

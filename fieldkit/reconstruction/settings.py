@@ -30,6 +30,9 @@ class ReconstructionSettings:
         backend: of dense stereo.
         bounds: volume of interest in the plot frame, metres; None finds it from the cameras.
         min_agreeing_views: of the fusion rule.
+        trust_orientations: recorded orientations are right to their accuracy, as commands are: a photograph that
+            prior mapping cannot register is left out. Else its orientation is first looked for in blind matches, which
+            costs seconds, for cameras do record wrong ones.
         seed: of everything random.
     """
 
@@ -42,4 +45,5 @@ class ReconstructionSettings:
     backend: Backend = "auto"
     bounds: Volume | None = None
     min_agreeing_views: int = 2
+    trust_orientations: bool = False
     seed: int = 0

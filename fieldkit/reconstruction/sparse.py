@@ -224,7 +224,7 @@ class _Run:
         contradicted: list[str] = []
         by_pairs: dict[str, RoughPose] | None = None
         # Again after each correction: an image can hold on to wrong neighbours and fail once those are put right.
-        for _ in range(_CORRECTION_ROUNDS):
+        for _ in range(0 if self.settings.trust_orientations else _CORRECTION_ROUNDS):
             recorded = [name for name in result.unregistered if self.known.poses[name].rotation is not None]
             if not recorded:
                 break

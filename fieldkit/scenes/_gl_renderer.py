@@ -35,6 +35,10 @@ class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
         result: NDArray[Any] = self.render(scene, RenderFlags.FLAT | RenderFlags.OFFSCREEN)
         return result
 
+    def depth_of_last(self) -> NDArray[np.float32]:
+        """(h, w) window depth of what was drawn last; at the pixels' centres only where that had no samples."""
+        return self._read_depth()
+
     def move(self, primitive: Any, positions: NDArray[np.float32]) -> None:
         """Replace a primitive's positions, in its vertex buffer too where it has been uploaded."""
         primitive.positions = positions
@@ -80,15 +84,23 @@ class GLRenderer(PyrenderRenderer):  # type: ignore[misc]
         self._allocated = None
 
     def _read_main_framebuffer(self, scene: Any, flags: int) -> NDArray[Any]:
+        if self._output == "depth":
+            return self._read_depth()
+        width, height = self._resolve(GL.GL_COLOR_BUFFER_BIT)
+        data = GL.glReadPixels(0, 0, width, height, GL.GL_RGB, GL.GL_UNSIGNED_BYTE)
+        return np.ascontiguousarray(np.flip(np.frombuffer(data, np.uint8).reshape(height, width, 3), 0))
+
+    def _read_depth(self) -> NDArray[np.float32]:
+        width, height = self._resolve(GL.GL_DEPTH_BUFFER_BIT)
+        data = GL.glReadPixels(0, 0, width, height, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT)
+        return np.flip(np.frombuffer(data, np.float32).reshape(height, width), 0)
+
+    def _resolve(self, bit: int) -> tuple[int, int]:
+        """Copy what was drawn to where it can be read; its width and height."""
         width, height = self._main_fb_dims
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb_ms)
         GL.glBindFramebuffer(GL.GL_DRAW_FRAMEBUFFER, self._main_fb)
-        bit = GL.GL_DEPTH_BUFFER_BIT if self._output == "depth" else GL.GL_COLOR_BUFFER_BIT
         GL.glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, bit, GL.GL_NEAREST)
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, self._main_fb)
         GL.glPixelStorei(GL.GL_PACK_ALIGNMENT, 1)
-        if self._output == "depth":
-            data = GL.glReadPixels(0, 0, width, height, GL.GL_DEPTH_COMPONENT, GL.GL_FLOAT)
-            return np.flip(np.frombuffer(data, np.float32).reshape(height, width), 0)
-        data = GL.glReadPixels(0, 0, width, height, GL.GL_RGB, GL.GL_UNSIGNED_BYTE)
-        return np.ascontiguousarray(np.flip(np.frombuffer(data, np.uint8).reshape(height, width, 3), 0))
+        return width, height

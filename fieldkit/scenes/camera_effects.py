@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.kernels import fast_kernel
+from fieldkit.scenes.sensor_noise import developed_with_noise
 
 _MAX_TAPS = 15
 _MIDDLE_GREY = 128.0
@@ -103,7 +104,7 @@ def draw_motion(effects: CameraEffects, rng: np.random.Generator) -> Motion:
 
 def photographed(
     image: NDArray[np.uint8], depth: NDArray[np.float32] | None, intrinsics: Intrinsics, effects: CameraEffects,
-    rng: np.random.Generator,
+    rng: np.random.Generator, *, economy: bool = False,
 ) -> NDArray[np.uint8]:  # fmt: skip
     """The image as the camera would deliver it, before JPEG.
 
@@ -114,6 +115,7 @@ def photographed(
         effects: which effects, how strong.
         rng: of this photograph; every effect draws from it whether it is on or not, so that switching one off leaves
             the others as they were.
+        economy: draw the sensor's noise from a table (`fieldkit.scenes.sensor_noise`): other pixels, the same look.
 
     Raises:
         ValueError: there is motion but no depth map.
@@ -136,6 +138,8 @@ def photographed(
             raise ValueError("motion blur needs the depth map")
         light = motion_blurred(light, image_motion(depth, intrinsics, motion))
     light *= np.array([gain * balance[0], gain, gain * balance[1]], np.float32)
+    if economy:
+        return developed_with_noise(light, *_variance(effects), rng)
     return _developed(_sensed(light, effects, rng))
 
 
@@ -210,13 +214,19 @@ def _linear(image: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 def _sensed(light: NDArray[np.float32], effects: CameraEffects, rng: np.random.Generator) -> NDArray[np.float32]:
     """Light with the sensor's noise: variance a · light + b², Gaussian, each channel of its own."""
-    # d(grey) = 255 / (2 √light) d(light): what gives the stated grey levels after the tone curve.
-    a = (effects.photon_noise * 2.0 / 255.0) ** 2
-    b = effects.read_noise * 2.0 * (_MIDDLE_GREY / 255.0) / 255.0
+    a, b = _variance(effects)
     if a == 0 and b == 0:
         return light
     sigma = np.sqrt(np.float32(a) * np.maximum(light, 0.0) + np.float32(b * b))
     return np.asarray(light + sigma * rng.standard_normal(light.shape, dtype=np.float32), np.float32)
+
+
+def _variance(effects: CameraEffects) -> tuple[float, float]:
+    """A and b of the sensor's noise: variance a · light + b²."""
+    # d(grey) = 255 / (2 √light) d(light): what gives the stated grey levels after the tone curve.
+    a = (effects.photon_noise * 2.0 / 255.0) ** 2
+    b = effects.read_noise * 2.0 * (_MIDDLE_GREY / 255.0) / 255.0
+    return a, b
 
 
 def _developed(light: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -129,7 +129,10 @@ class Renderer:
             ValueError: the camera has distortion.
         """
         self._aim(pose, intrinsics)
-        window: NDArray[np.float64] = self._gl.draw(self._content, samples=0, output="depth").astype(np.float64)
+        return self._metres(self._gl.draw(self._content, samples=0, output="depth"))
+
+    def _metres(self, drawn: NDArray[np.float32]) -> NDArray[np.float32]:
+        window = drawn.astype(np.float64)
         depth = self._near * self._far / (self._far - window * (self._far - self._near))
         depth[window >= 1.0] = 0.0
         return depth.astype(np.float32)
@@ -137,7 +140,10 @@ class Renderer:
     def render(
         self, pose: Pose, intrinsics: Intrinsics, *, samples: int = 4
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """`photograph` and `depth` of the same view."""
+        """`photograph` and `depth` of a view; without anti-aliasing for little more than the photograph alone."""
+        if samples == 0:
+            image = self.photograph(pose, intrinsics, samples=0)
+            return image, self._metres(self._gl.depth_of_last())
         return self.photograph(pose, intrinsics, samples=samples), self.depth(pose, intrinsics)
 
     def _aim(self, pose: Pose, intrinsics: Intrinsics) -> None:

@@ -1,4 +1,4 @@
-"""Noise of the sensor in grey levels: Gaussian, the same at every level, independent in every pixel and channel."""
+"""Noise of the sensor: Gaussian, independent in every pixel and channel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _STEPS = 1 << 16
 
 
 def with_noise(image: NDArray[np.uint8], sigma: float, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """The image (h, w, 3) with noise of ``sigma`` grey levels."""
+    """The image (h, w, 3) with noise of ``sigma`` grey levels, the same at every level."""
     if sigma == 0:
         return image
     noisy = image + rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
@@ -29,15 +29,38 @@ def with_tabled_noise(image: NDArray[np.uint8], sigma: float, rng: np.random.Gen
     """
     if sigma == 0:
         return image
-    draws = np.frombuffer(rng.bytes(2 * image.size), np.uint16)
+    draws = _draws(image.size, rng)
     noisy = np.empty_like(image, order="C")
     _add(np.ascontiguousarray(image).ravel(), _quantiles(sigma), draws, noisy.ravel())
     return noisy
 
 
+def developed_with_noise(light: NDArray[np.float32], a: float, b: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Linear light (h, w, 3), 1 being white, as grey levels of a square-root tone curve.
+
+    With noise of variance a · light + b², drawn from a table of quantiles like `with_tabled_noise`'s.
+    """
+    grey = np.empty(light.shape, np.uint8)
+    draws = _draws(light.size, rng) if a > 0 or b > 0 else np.zeros(1, np.uint16)
+    _develop(np.ascontiguousarray(light).ravel(), np.float32(a), np.float32(b * b), _normal(), draws, grey.ravel())
+    return grey
+
+
+def _draws(count: int, rng: np.random.Generator) -> NDArray[np.uint16]:
+    return np.frombuffer(rng.bytes(2 * count), np.uint16)
+
+
+@lru_cache(maxsize=1)
+def _normal() -> NDArray[np.float32]:
+    table: NDArray[np.float32] = ndtri((np.arange(_STEPS) + 0.5) / _STEPS).astype(np.float32)
+    table.setflags(write=False)
+    return table
+
+
 @lru_cache(maxsize=16)
 def _quantiles(sigma: float) -> NDArray[np.int16]:
-    table = np.rint(sigma * ndtri((np.arange(_STEPS) + 0.5) / _STEPS)).clip(-255, 255).astype(np.int16)
+    noise = np.rint(sigma * ndtri((np.arange(_STEPS) + 0.5) / _STEPS))
+    table: NDArray[np.int16] = np.clip(noise, -255, 255).astype(np.int16)
     table.setflags(write=False)
     return table
 
@@ -47,5 +70,19 @@ def _add(
     image: NDArray[np.uint8], table: NDArray[np.int16], draws: NDArray[np.uint16], result: NDArray[np.uint8]
 ) -> None:
     for k in range(image.size):
-        value = np.int32(image[k]) + np.int32(table[draws[k]])
-        result[k] = np.uint8(min(max(value, 0), 255))
+        value = int(image[k]) + int(table[draws[k]])
+        result[k] = min(max(value, 0), 255)
+
+
+@kernel
+def _develop(
+    light: NDArray[np.float32], a: float, b_squared: float, table: NDArray[np.float32], draws: NDArray[np.uint16],
+    grey: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    noisy = draws.size == light.size
+    for k in range(light.size):
+        value = light[k]
+        if noisy:
+            value += np.sqrt(a * max(value, np.float32(0.0)) + b_squared) * table[draws[k]]
+        value = min(max(value, np.float32(0.0)), np.float32(1.0))
+        grey[k] = np.uint8(np.sqrt(value) * np.float32(255.0) + np.float32(0.5))

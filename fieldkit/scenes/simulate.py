@@ -209,14 +209,18 @@ def _photograph(
     renderer: Renderer, pose: Pose, intrinsics: Intrinsics, effects: CameraEffects | None, rng: np.random.Generator,
     economy: bool,
 ) -> NDArray[np.uint8]:  # fmt: skip
-    if economy:
-        image = smooth_edges(renderer.photograph(pose, intrinsics, samples=0))
+    depth = None
+    if economy and effects is not None and effects.moves:
+        image, depth = renderer.render(pose, intrinsics, samples=0)
     else:
-        image = renderer.photograph(pose, intrinsics)
+        image = renderer.photograph(pose, intrinsics, samples=0 if economy else 4)
+    if economy:
+        image = smooth_edges(image)
     if effects is None or not effects.changes_pixels:
         return image
-    depth = renderer.depth(pose, intrinsics) if effects.moves else None
-    return photographed(image, depth, intrinsics, effects, rng)
+    if effects.moves and depth is None:
+        depth = renderer.depth(pose, intrinsics)
+    return photographed(image, depth, intrinsics, effects, rng, economy=economy)
 
 
 def _compass(pose: Pose, row_heading_deg: float) -> Pose:

@@ -70,6 +70,14 @@ def test_cameras_that_look_away_are_an_answer(source: SimulatedSource, arc: Came
     assert set(found.f_scores.values()) == {0.0}
 
 
+def test_a_photograph_that_is_lost_costs_no_blind_matching(source: SimulatedSource, arc: Cameras) -> None:
+    lost = Cameras.aimed([[-0.9, 0.0, 0.9]], (-3.0, 0.0, 0.2))  # looks away from the plants, at soil alone
+    found = Objective(source, DRAFT).evaluate(Cameras.from_vector(np.concatenate([arc.vector(), lost.vector()])))
+    assert (found.images, found.right) == (7, 6)
+    assert found.chamfer_m is not None
+    assert "Matching" not in {stage.name for stage in found.times}
+
+
 def test_blind_mapping_is_real_and_may_lose_photographs(source: SimulatedSource, arc: Cameras) -> None:
     far = Cameras.aimed([[1.3, 0, 0.9], [-1.0, 0.2, 0.9], [0.1, 1.2, 0.9], [0.2, -1.2, 0.9]], (0.15, 0.0, 0.2))
     mixed = Cameras.from_vector(np.concatenate([arc.vector(), far.vector()]))

@@ -208,3 +208,13 @@ def test_a_forgotten_renderer_takes_no_other_with_it(small_scene: Scene, rendere
     Renderer(small_scene).photograph(POSE, CAMERA)
     gc.collect()
     assert renderer.photograph(POSE, CAMERA).shape == (CAMERA.height, CAMERA.width, 3)
+
+
+def test_depth_comes_with_an_image_of_one_sample(small_scene: Scene) -> None:
+    with Renderer(small_scene) as renderer:
+        image, depth = renderer.render(POSE, CAMERA, samples=0)
+        np.testing.assert_array_equal(depth, renderer.depth(POSE, CAMERA))
+        np.testing.assert_array_equal(image, renderer.photograph(POSE, CAMERA, samples=0))
+        many, same = renderer.render(POSE, CAMERA)
+    assert (many != image).any()
+    np.testing.assert_array_equal(same, depth)

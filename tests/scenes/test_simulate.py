@@ -18,6 +18,7 @@ from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
@@ -196,3 +197,15 @@ def test_an_economical_capture_looks_the_same(tmp_path: Path, renderer: Renderer
         plain, cheap = (np.asarray(Image.open(tmp_path / n / file.name), np.float64) for n in ("plain", "cheap"))
         assert cheap.mean() == pytest.approx(plain.mean(), abs=0.3)
         assert np.sqrt(((cheap - plain) ** 2).mean()) < 8.0
+
+
+def test_an_economical_capture_has_its_camera_effects(tmp_path: Path, renderer: Renderer) -> None:
+    effects = CameraEffects(
+        exposure_s=0.02, defocus_px=0.5, vignetting=0.2, exposure_ev=0.3, photon_noise=3.0, read_noise=1.0
+    )
+    for name, economy in (("plain", False), ("cheap", True)):
+        simulate_capture(tmp_path / name, renderer, POSES, CAMERA, noise=EXACT, effects=effects, economy=economy)
+    for file in sorted((tmp_path / "plain").iterdir()):
+        plain, cheap = (np.asarray(Image.open(tmp_path / n / file.name), np.float64) for n in ("plain", "cheap"))
+        assert cheap.mean() == pytest.approx(plain.mean(), abs=0.3)  # the same exposure and fall-off
+        assert cheap[:30].std() == pytest.approx(plain[:30].std(), rel=0.1)
