@@ -22,13 +22,13 @@ Layout = Literal["rows", "grid", "random"]
 SCALE_RANGE = (0.9, 1.1)
 """BOSfM scales each plant within ±10 %."""
 FIELD_CAMERA = CameraEffects(
-    exposure_s=0.004, defocus_px=0.35, vignetting=0.2, veiling_glare=0.05, exposure_ev=0.15, white_balance=0.03,
-    photon_noise=2.0, jpeg_quality=85,
+    exposure_s=0.003, defocus_px=0.25, vignetting=0.2, veiling_glare=0.005, exposure_ev=0.2, white_balance=0.03,
+    jpeg_quality=85,
 )  # fmt: skip
-"""A small camera under a bright sky, exposing automatically, in a drone that hovers. With `WIND_M` the rendered matches
-and blind mappings are about those of the recorded rigs (docs/simulated-scenes.md); set on the tuning scenes."""
-WIND_M = 0.008
-"""Of a light air: leaves move by a centimetre between photographs."""
+"""A small camera that exposes automatically, under a drone that hovers. Set on the tuning scenes, with `WIND_M` and the
+leaves' markings, against the recorded rigs (docs/simulated-scenes.md)."""
+WIND_M = 0.010
+"""A light air: half a metre out a leaf moves by a centimetre between photographs."""
 _REACH_M = 0.55
 """How far leaves reach from the foot of a plant."""
 _JITTER_M = 0.015

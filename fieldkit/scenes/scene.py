@@ -77,7 +77,7 @@ class Light:
     ground_color: tuple[float, float, float] = (0.18, 0.15, 0.12)
 
 
-HAZE = Light(sun_color=(0.54, 0.53, 0.49), sky_color=(0.82, 0.86, 0.94))
+HAZE = Light(sun_color=(0.585, 0.572, 0.533), sky_color=(0.884, 0.936, 1.014))
 """A hazy day, as one chooses to photograph plants: the sun through thin cloud, its shadows softened by the sky."""
 
 
