@@ -73,12 +73,21 @@ def _recorded(options: ObjectiveOptions, progress: Progress) -> StudyResult:
     return run_recorded(options.data, subsets=options.configurations, cache=options.cache, progress=progress)
 
 
+def _proxy(options: ObjectiveOptions, progress: Progress) -> StudyResult:
+    if options.data is None:
+        return StudyResult("proxy", "Does a proxy rank sets of views as the photographs do?", skipped=NO_DATA)
+    from fieldkit.benchmarks.proxy_scores import run_proxy
+
+    return run_proxy(options.data, cache=options.cache, progress=progress)
+
+
 STUDIES: dict[str, Callable[[ObjectiveOptions, Progress], StudyResult]] = {
     "cost": _cost,
     "throughput": _throughput,
     "ranks": _ranks,
     "noise": _noise,
     "recorded": _recorded,
+    "proxy": _proxy,
 }
 
 

@@ -5,7 +5,14 @@ from fieldkit.captures.decode import read_image
 from fieldkit.captures.folder import find_mask
 from fieldkit.captures.markers_file import MarkerDistance, MarkersFile
 from fieldkit.captures.model import CameraGroup, Capture, Finding, GeoTag, Photo, PosePrior
-from fieldkit.captures.quality import Quality, assess_quality, flag_set, measure_quality, quality_findings
+from fieldkit.captures.quality import (
+    Quality,
+    assess_quality,
+    flag_set,
+    measure_photo,
+    measure_quality,
+    quality_findings,
+)
 from fieldkit.captures.units import UnitSuspicion, suspicious_unit
 
 __all__ = [
@@ -23,6 +30,7 @@ __all__ = [
     "assess_quality",
     "find_mask",
     "flag_set",
+    "measure_photo",
     "measure_quality",
     "quality_findings",
     "read_capture",

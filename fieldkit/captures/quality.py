@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fieldkit.captures.decode import read_image
 from fieldkit.captures.folder import find_mask
-from fieldkit.captures.model import Capture, Finding
+from fieldkit.captures.model import Capture, Finding, Photo
 from fieldkit.errors import CaptureError
 from fieldkit.progress import Progress, Silent
 
@@ -124,6 +124,7 @@ def assess_quality(
     *,
     regions: Mapping[str, NDArray[np.bool_]] | None = None,
     masks: bool = True,
+    measure: Callable[[Photo], Quality] | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Quality]:
     """Quality of every photograph, by name, judged within its camera group. Decodes every file.
@@ -132,23 +133,32 @@ def assess_quality(
         capture: as read.
         regions: region of interest (h, w) by name, at any size of the image's aspect ratio.
         masks: where there is no such region, use the mask image beside a photograph (`find_mask`), if there is one.
+        measure: instead of `measure_photo` without a region, for instance one that remembers.
         progress: told of each image.
     """
     measured: dict[str, Quality] = {}
     with (progress or Silent()).stage("image quality", len(capture.photos)) as advance:
         for photo in capture.photos:
             region = None if regions is None else regions.get(photo.name)
-            try:
-                gray = read_image(photo, max_side=WORKING_SIDE, gray=True)
-                mask_path = find_mask(photo.path) if masks and region is None else None
-                measured[photo.name] = measure_quality(gray, _read_mask(mask_path) if mask_path else region)
-            except CaptureError:
-                measured[photo.name] = Quality(0.0, 0.0, 0.0, 0.0, ("unreadable",))
+            if region is None and measure is not None:
+                measured[photo.name] = measure(photo)
+            else:
+                measured[photo.name] = measure_photo(photo, region, masks=masks)
             advance(1)
     flagged: dict[str, Quality] = {}
     for group in capture.groups:
         flagged |= flag_set({name: measured[name] for name in group.photos})
     return {name: flagged[name] for name in capture.names}
+
+
+def measure_photo(photo: Photo, region: NDArray[np.bool_] | None = None, *, masks: bool = True) -> Quality:
+    """Quality of one photograph's file with the flags that need no other image; see `assess_quality`."""
+    try:
+        gray = read_image(photo, max_side=WORKING_SIDE, gray=True)
+        mask_path = find_mask(photo.path) if masks and region is None else None
+        return measure_quality(gray, _read_mask(mask_path) if mask_path else region)
+    except CaptureError:
+        return Quality(0.0, 0.0, 0.0, 0.0, ("unreadable",))
 
 
 def quality_findings(qualities: Mapping[str, Quality]) -> list[Finding]:

@@ -40,6 +40,7 @@ class Study(StrEnum):
     RANKS = "ranks"
     NOISE = "noise"
     RECORDED = "recorded"
+    PROXY = "proxy"
 
 
 def command(
@@ -79,8 +80,8 @@ def command(
     """Measure this machine's speed and accuracy, ours and the alternative's in the same run.
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
-    subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise
-    and recorded. FIELDKIT_DATA names the recorded image sets; what needs them is left out without it. The result
+    subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
+    recorded and proxy. FIELDKIT_DATA names the recorded image sets; what needs them is left out without it. The result
     holds results.json, results.md and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 from fieldkit.cache import digest
@@ -16,6 +16,7 @@ from fieldkit.planning.rule import Rule, value_m
 from fieldkit.planning.source import PhotoSource, Shot
 from fieldkit.progress import Silent
 from fieldkit.reconstruction.pipeline import reconstruct
+from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 
@@ -33,18 +34,29 @@ class ObjectiveSettings:
             Either is real SfM from the photographs: camera poses are never taken as known.
         rule: for what a poor cloud is worth.
         min_agreeing_views: of the fusion.
+        bands_px: half widths of the bands that prior mapping matches in, round by round, in pixels of a photograph 1600
+            wide; `PriorMappingSettings`' own where None. Fewer rounds are for poses known to some millimetres.
     """
 
     fidelity: FidelityName = "standard"
     mapping: Mapping = "prior"
     rule: Rule = field(default_factory=Rule)
     min_agreeing_views: int = 2
+    bands_px: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.fidelity not in FIDELITIES:
             raise UsageError(
                 f"there is no fidelity {self.fidelity!r}", remedy=f"Choose one of {', '.join(FIDELITIES)}."
             )
+        if self.bands_px is not None and not (self.bands_px and min(self.bands_px) > 0):
+            raise UsageError(f"bands_px are widths above 0, not {self.bands_px}")
+
+    @property
+    def prior(self) -> PriorMappingSettings:
+        """Of prior mapping."""
+        default = PriorMappingSettings()
+        return default if self.bands_px is None else replace(default, bands_px=self.bands_px)
 
 
 class _Mapped(NamedTuple):
@@ -100,6 +112,10 @@ class Objective:
             UsageError: fewer than two cameras, or the source cannot serve them.
             InputError: this machine cannot render, or the recorded photographs cannot be read.
         """
+        return self.evaluate_cloud(cameras, seed=seed)[0]
+
+    def evaluate_cloud(self, cameras: Cameras, *, seed: int | None = None) -> tuple[Evaluation, Cloud]:
+        """As `evaluate`, with the plants' cloud (plot frame), empty where there is none."""
         if len(cameras) < _LEAST_CAMERAS:
             raise UsageError(f"an evaluation needs at least two cameras, not {len(cameras)}")
         timer = StageTimer(Silent())
@@ -112,6 +128,7 @@ class Objective:
             min_agreeing_views=self.settings.min_agreeing_views,
             # They are commands, or a reference's: never a camera's doubtful records.
             trust_orientations=True,
+            prior=self.settings.prior,
             seed=self.seed,
         )
         noise_seed = self.seed if seed is None else seed
@@ -122,10 +139,10 @@ class Objective:
                 )
             except ReconstructionError as error:
                 mapped = _Mapped(error.registered, error.right, error.models)
-                return self._scored(shot, Cloud.empty(), mapped, error.message, timer)
+                return self._scored(shot, Cloud.empty(), mapped, error.message, timer), Cloud.empty()
         sparse = found.sparse
         mapped = _Mapped(sparse.registered, sparse.right, len(sparse.model_sizes))
-        return self._scored(shot, found.plants, mapped, "", timer)
+        return self._scored(shot, found.plants, mapped, "", timer), found.plants
 
     def _scored(self, shot: Shot, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
         value, score = self.settings.rule.worst_m, None

@@ -23,6 +23,7 @@ from fieldkit.planning.source import Shot
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.scenes.simulate import CaptureNoise, perturbed
 
 EXACT = CaptureNoise(position_m=0.0, angle_deg=0.0, image_sigma=0.0)
@@ -92,12 +93,12 @@ def assign(cameras: Cameras, views: Sequence[RecordedView], distance_m: float) -
 
 
 class InputsCache(StageCache):
-    """A cache of what evaluations share: features, matches and undistorted views.
+    """A cache of what evaluations share: features, matches of pairs and undistorted views.
 
     Models and depth maps of one set of views are of no use to another, and a search would fill the disk with them.
     """
 
-    STAGES = frozenset({"features", "matches", "pairs", "views"})
+    STAGES = frozenset({"features", "guided", "matches", "pairs", "quality", "views"})
 
     def get(self, stage: str, key: str) -> dict[str, np.ndarray] | None:
         return super().get(stage, key) if stage in self.STAGES else None
@@ -111,7 +112,8 @@ class RecordedSource:
     """Answers cameras with photographs of a recorded set; see `PhotoSource`.
 
     Features, matches and undistorted views are kept in the cache, so that an evaluation costs mapping and dense stereo
-    only.
+    only. What the cameras look at is found once, from all views: then the first matches of a pair, which are made at
+    the known poses, are the same in every set that has both.
 
     Args:
         capture: with known poses (poses.csv).
@@ -134,7 +136,8 @@ class RecordedSource:
         self.capture, self.cloud, self.noise = capture, reference, noise
         self.views = recorded_views(capture, plot)
         # Everything is turned into the plot frame here, whatever frame the capture's positions are in.
-        self._plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()))
+        region = region_of_interest([view.pose for view in self.views])
+        self._plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()), region=region)
         self._cache = InputsCache(cache.root)
         self._reference: ReferenceIndex | None = None
         centers = np.array([view.pose.center for view in self.views])

@@ -19,7 +19,7 @@ from fieldkit.reconstruction.epipolar import fundamental_matrix
 from fieldkit.reconstruction.features import Features
 
 Floats = NDArray[np.float64]
-_STRIP_PX, _CELL_PX = 128.0, 8.0
+_STRIP_PX, _CELL_PX = 64.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -294,39 +294,49 @@ def _compare(  # type: ignore[no-untyped-def]
     chosen, descriptors_a, points_a, lines_in_b, descriptors_b, points_b, lines_in_a, band,
     left, top, strips, cells, order, starts, best_a, second_a, index_a, best_b, second_b, index_b,
 ):  # fmt: skip
-    """Compare the chosen features of a, whose lines are flat, with b's within the band; b is sorted by strips."""
+    """Compare the chosen features of a, whose lines are flat, with b's within the band; b is sorted by strips.
+
+    Those in the band are listed first, without a branch: whether a feature is, no processor can foresee.
+    """
+    listed = np.empty(len(points_b), np.int64)
     for i in chosen:
         l0, l1, l2 = lines_in_b[i, 0], lines_in_b[i, 1], lines_in_b[i, 2]
         if l1 == 0.0:
             continue
         x, y = points_a[i, 0], points_a[i, 1]
-        margin = band / abs(l1)
+        margin = band / abs(l1) / _CELL_PX
+        enters = -(l0 * left + l2) / l1 / _CELL_PX - top / _CELL_PX
+        step = -l0 / l1 * _STRIP_PX / _CELL_PX
+        down, up = min(step, 0.0) - margin, max(step, 0.0) + margin
+        count = 0
         for strip in range(strips):
-            start = left + strip * _STRIP_PX
-            enters, leaves = -(l0 * start + l2) / l1, -(l0 * (start + _STRIP_PX) + l2) / l1
-            low = max(int(np.floor((min(enters, leaves) - margin - top) / _CELL_PX)), 0)
-            high = min(int(np.floor((max(enters, leaves) + margin - top) / _CELL_PX)), cells - 1)
-            if high < low:
+            at = enters + strip * step
+            if at + up < 0.0 or at + down >= cells:
                 continue
+            low, high = max(int(np.floor(at + down)), 0), min(int(np.floor(at + up)), cells - 1)
             for k in range(starts[strip * cells + low], starts[strip * cells + high + 1]):
-                if abs(l0 * points_b[k, 0] + l1 * points_b[k, 1] + l2) > band:
-                    continue
-                if abs(lines_in_a[k, 0] * x + lines_in_a[k, 1] * y + lines_in_a[k, 2]) > band:
-                    continue
-                distance = np.int32(0)
-                for d in range(descriptors_a.shape[1]):
-                    difference = np.int32(np.int32(descriptors_a[i, d]) - np.int32(descriptors_b[k, d]))
-                    distance = np.int32(distance + np.int32(difference * difference))
-                j = order[k]
+                listed[count] = k
+                near_b = abs(l0 * points_b[k, 0] + l1 * points_b[k, 1] + l2) <= band
+                near_a = abs(lines_in_a[k, 0] * x + lines_in_a[k, 1] * y + lines_in_a[k, 2]) <= band
+                count += near_b & near_a
+        for n in range(count):
+            k = listed[n]
+            distance = np.int32(0)
+            for d in range(descriptors_a.shape[1]):
+                difference = np.int32(np.int32(descriptors_a[i, d]) - np.int32(descriptors_b[k, d]))
+                distance = np.int32(distance + np.int32(difference * difference))
+            j = order[k]
+            if distance < second_a[i]:
                 if distance < best_a[i]:
                     second_a[i] = best_a[i]
                     best_a[i] = distance
                     index_a[i] = j
-                elif distance < second_a[i]:
+                else:
                     second_a[i] = distance
+            if distance < second_b[j]:
                 if distance < best_b[j]:
                     second_b[j] = best_b[j]
                     best_b[j] = distance
                     index_b[j] = i
-                elif distance < second_b[j]:
+                else:
                     second_b[j] = distance

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fieldkit.cache import StageCache, digest
-from fieldkit.captures import Finding, assess_quality, find_mask, quality_findings, read_image
+from fieldkit.captures import Finding, find_mask, quality_findings, read_image
 from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cloud import Cloud
@@ -22,6 +22,7 @@ from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points,
 from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
 from fieldkit.reconstruction.dense import Settings as DenseSettings
 from fieldkit.reconstruction.dense.views import view_camera
+from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.interest import cuts_plants, volume_of_interest
 from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
 from fieldkit.reconstruction.marker_detection import detect_markers
@@ -31,6 +32,7 @@ from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseRe
 from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
 from fieldkit.reconstruction.sparse import Mapped, map_capture
 from fieldkit.reconstruction.stage_times import StageTimer
+from fieldkit.reconstruction.stages import load_quality
 
 _MIN_DENSE_VIEWS = 2
 _CLEARANCE_RMS = 3.0
@@ -47,12 +49,15 @@ class KnownPlot:
         volume: of interest.
         ground: in the plot frame, or None.
         calibrated: intrinsics by camera group key.
+        region: what the cameras look at, for prior mapping; None finds it from each capture's own cameras. A search
+            gives one for all its sets of views, so that pairs are matched once; see `map_capture`.
     """
 
     source: SourceFrame
     volume: Volume
     ground: Plane | None
     calibrated: Mapping[str, Intrinsics] = field(default_factory=dict)
+    region: Region | None = None
 
 
 def reconstruct(
@@ -85,7 +90,7 @@ def reconstruct(
     if settings.mask == "file":
         _require_masks(capture)
     with timer.stage("Reading photographs"):
-        findings = [*capture.findings, *quality_findings(assess_quality(capture))]
+        findings = [*capture.findings, *quality_findings(load_quality(capture, cache))]
     sparse, cached = place(capture, settings, findings, cache, timer, workers, known_plot)
     if sparse.right < _MIN_DENSE_VIEWS:
         raise _too_few(sparse)
@@ -137,7 +142,10 @@ def place(
     """Map a capture and put it into the plot frame; also how many items of which stage were cached."""
     known = known_poses(capture, known_plot.source if known_plot is not None else None)
     cameras = cameras_of(capture, known_plot.calibrated if known_plot is not None else None)
-    mapped = map_capture(capture, cameras, known, settings, cache=cache, progress=progress, workers=workers)
+    region = known_plot.region if known_plot is not None else None
+    mapped = map_capture(
+        capture, cameras, known, settings, cache=cache, progress=progress, workers=workers, region=region
+    )
     if known_plot is not None and not mapped.metric:
         raise _not_in_frame(capture, mapped)
     scale = None

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pycolmap
@@ -40,6 +42,8 @@ from fieldkit.reconstruction.tracks import build_tracks
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 
 Matches = dict[tuple[int, int], NDArray[np.uint32]]
+KeepPair = Callable[[int, int, tuple[Any, ...], Callable[[], NDArray[np.uint32]]], NDArray[np.uint32]]
+"""A pair's matches by the images' indices, all they depend on beside the features, and how to compute them."""
 
 _DIRECTION_SIGMAS = 3.72  # 99.9 % of a 2D normal error (χ², 2 degrees of freedom)
 _POINTS_FOR_SLAB = 50
@@ -121,10 +125,27 @@ class _Problem:
     settings: PriorMappingSettings
     fixed_intrinsics: bool
     seed: int
+    keep: KeepPair | None = None
+    undistorted: dict[tuple[int, Intrinsics], NDArray[np.float64]] = field(default_factory=dict)
+    first: dict[int, tuple[NDArray[np.int64], PosedFeatures]] = field(default_factory=dict)
 
     def posed(self, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[PosedFeatures]:
-        trio = zip(self.features, poses, self.camera_of, strict=True)
-        return [PosedFeatures.of(features, pose, cameras[k]) for features, pose, k in trio]
+        return [self.posed_image(k, pose, cameras[self.camera_of[k]]) for k, pose in enumerate(poses)]
+
+    def largest(self, k: int) -> tuple[NDArray[np.int64], PosedFeatures]:
+        """Which of image ``k``'s features the first round matches, and those at their prior pose."""
+        if k not in self.first:
+            chosen = self.features[k].largest(self.settings.first_features)
+            camera = self.cameras[self.camera_of[k]]
+            self.first[k] = chosen, PosedFeatures.of(self.features[k].subset(chosen), self.priors[k].pose, camera)
+        return self.first[k]
+
+    def posed_image(self, k: int, pose: Pose, camera: Intrinsics) -> PosedFeatures:
+        """Image ``k``'s features at a pose; undistorted once for each camera."""
+        features = self.features[k]
+        if (k, camera) not in self.undistorted:
+            self.undistorted[k, camera] = camera.undistort(features.points)
+        return PosedFeatures(features, self.undistorted[k, camera], pose, camera.without_distortion())
 
 
 def map_with_priors(
@@ -139,6 +160,7 @@ def map_with_priors(
     fixed_intrinsics: bool,
     seed: int = 0,
     advance: Callable[[int], None] = lambda _: None,
+    keep: KeepPair | None = None,
 ) -> PriorMapping:
     """Poses and points of photographs whose rough poses are known.
 
@@ -153,8 +175,10 @@ def map_with_priors(
         fixed_intrinsics: hold the cameras as given; else focal length and distortion are adjusted in the last rounds.
         seed: of every RANSAC.
         advance: called with 1 after each round (``1 + len(settings.bands_px)`` rounds).
+        keep: finds or keeps the first round's matches of a pair, which depend on its two images only (and on
+            ``region``, which should then be given).
     """
-    problem = _Problem(names, features, cameras, camera_of, priors, settings, fixed_intrinsics, seed)
+    problem = _Problem(names, features, cameras, camera_of, priors, settings, fixed_intrinsics, seed, keep)
     start = [prior.pose for prior in priors]
     region = region or region_of_interest(start)
     pairs = _candidate_pairs(start, settings, settings.max_neighbours)
@@ -215,24 +239,46 @@ def _distance(prior: RoughPose, other: RoughPose, region: Region | None) -> floa
 
 def _first_matches(problem: _Problem, region: Region | None) -> Matches:
     """Verified matches of the pairs whose relative pose agrees with the priors; feature indices of the whole images."""
-    settings, priors = problem.settings, problem.priors
-    chosen = [features.largest(settings.first_features) for features in problem.features]
-    features = [f.subset(index) for f, index in zip(problem.features, chosen, strict=True)]
-    cameras = [problem.cameras[k] for k in problem.camera_of]
-    posed = [PosedFeatures.of(f, p.pose, c) for f, p, c in zip(features, priors, cameras, strict=True)]
     matches = {}
-    for i, j in _candidate_pairs([prior.pose for prior in priors], settings, settings.first_neighbours):
-        sigma = epipolar_sigma_px(priors[i], priors[j], cameras[i].fx, _distance(priors[i], priors[j], region))
-        band = max(4.0, settings.first_band_sigmas * sigma)
-        candidates = match_guided(posed[i], posed[j], band, settings.guided, region=region)
-        found = verify_pair(
-            features[i], features[j], cameras[i], cameras[j], candidates, settings.verification,
-            calibrated=True, seed=problem.seed,
-        )  # fmt: skip
-        if len(found.inliers) and _agrees_with_priors(found, priors[i], priors[j]):
-            columns = (chosen[i][found.inliers[:, 0]], chosen[j][found.inliers[:, 1]])
-            matches[i, j] = np.stack(columns, axis=1).astype(np.uint32)
+    for i, j in _candidate_pairs([p.pose for p in problem.priors], problem.settings, problem.settings.first_neighbours):
+        if problem.keep is None:
+            found = _first_pair(problem, i, j, region)
+        else:
+            found = problem.keep(
+                i, j, _first_inputs(problem, i, j, region), partial(_first_pair, problem, i, j, region)
+            )
+        if len(found):
+            matches[i, j] = found
     return matches
+
+
+def _first_inputs(problem: _Problem, i: int, j: int, region: Region | None) -> tuple[Any, ...]:
+    """All that `_first_pair` depends on but the features."""
+    settings = problem.settings
+    priors = [(p.pose.rotation, p.pose.center, p.position_sigma, p.angle_sigma_deg)
+              for p in (problem.priors[i], problem.priors[j])]  # fmt: skip
+    chosen = (settings.first_features, settings.first_band_sigmas, settings.guided, settings.verification)
+    cameras = (problem.cameras[problem.camera_of[i]], problem.cameras[problem.camera_of[j]])
+    return (priors, cameras, region, chosen, problem.seed)
+
+
+def _first_pair(problem: _Problem, i: int, j: int, region: Region | None) -> NDArray[np.uint32]:
+    """(k, 2) verified matches of two images, or none where their relative pose contradicts the priors."""
+    settings, a, b = problem.settings, problem.priors[i], problem.priors[j]
+    camera_a, camera_b = (problem.cameras[problem.camera_of[k]] for k in (i, j))
+    chosen_a, posed_a = problem.largest(i)
+    chosen_b, posed_b = problem.largest(j)
+    sigma = epipolar_sigma_px(a, b, camera_a.fx, _distance(a, b, region))
+    band = max(4.0, settings.first_band_sigmas * sigma)
+    candidates = match_guided(posed_a, posed_b, band, settings.guided, region=region)
+    found = verify_pair(
+        posed_a.features, posed_b.features, camera_a, camera_b, candidates, settings.verification, calibrated=True,
+        seed=problem.seed,
+    )  # fmt: skip
+    if not len(found.inliers) or not _agrees_with_priors(found, a, b):
+        return np.zeros((0, 2), np.uint32)
+    columns = (chosen_a[found.inliers[:, 0]], chosen_b[found.inliers[:, 1]])
+    return np.stack(columns, axis=1).astype(np.uint32)
 
 
 def _agrees_with_priors(found: TwoView, a: RoughPose, b: RoughPose) -> bool:
@@ -334,7 +380,7 @@ def _reconsidered(
     posed = problem.posed(poses, cameras)
     for k in sorted(astray):
         prior = problem.priors[k]
-        at_prior = PosedFeatures.of(problem.features[k], prior.pose, cameras[problem.camera_of[k]])
+        at_prior = problem.posed_image(k, prior.pose, cameras[problem.camera_of[k]])
         pixels, points = [], []
         for i, j in pairs:
             other = j if i == k else i
@@ -441,7 +487,8 @@ def _unsupported(
     settings = problem.settings
     posed = problem.posed(*_state(problem, model))
     support = np.zeros(len(posed))
-    for i, j in pairs:
+    # The nearest first, for they have the most matches; the order changes how many pairs are tried, and no verdict.
+    for i, j in sorted(pairs, key=lambda p: float(np.linalg.norm(posed[p[0]].pose.center - posed[p[1]].pose.center))):
         if min(support[i], support[j]) >= settings.min_observations:
             continue
         found = match_guided(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pycolmap
@@ -17,13 +18,14 @@ from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.blind_mapping import map_blindly
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
+from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import KnownPoses
 from fieldkit.reconstruction.model_cache import arrays_to_model, model_to_arrays
 from fieldkit.reconstruction.prior_mapping import PriorMapping, RoughPose, map_with_priors, region_of_interest
 from fieldkit.reconstruction.result import ImageReport
 from fieldkit.reconstruction.rough_poses import contradict, rough_from_model, rough_from_pairs, rough_from_records
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, load_features, load_pairs
+from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep_matches, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView
 
 _MAPPING_VERSION = 3
@@ -74,8 +76,20 @@ def map_capture(
     cache: StageCache,
     progress: Progress,
     workers: int,
+    region: Region | None = None,
 ) -> Mapped:
     """Features, matches and mapping of a capture.
+
+    Args:
+        capture: as read.
+        cameras: of its groups.
+        known: its priors in the metric source's frame.
+        settings: choices.
+        cache: of stages.
+        progress: told of stages.
+        workers: processes.
+        region: what prior mapping takes for the place the cameras look at; None finds it anew for each capture. Where
+            it is given, the first round's matches of a pair do not depend on the other photographs, and are kept.
 
     Raises:
         ReconstructionError: fewer than two photographs, or no model.
@@ -88,7 +102,7 @@ def map_capture(
         )
     with progress.stage("Features", len(capture.photos)) as advance:
         features = load_features(capture.photos, settings.features, cache=cache, workers=workers, advance=advance)
-    run = _Run(capture, cameras, known, settings, features, cache, progress, workers, [])
+    run = _Run(capture, cameras, known, settings, features, cache, progress, workers, [], region=region)
     method = _choose_method(run)
     mapped = run.with_priors() if method == "prior" else run.blindly(method)
     return replace(mapped, features_cached=sum(f.cached for f in features))
@@ -122,6 +136,7 @@ class _Run:
     notes: list[str]
     pairs_tried: int = 0
     calibrating: pycolmap.Reconstruction | None = None
+    region: Region | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -286,7 +301,7 @@ class _Run:
         key = digest(
             "prior", _MAPPING_VERSION, [f.key for f in keyed], names, self.cameras.cameras, camera_of, fixed,
             [(p.pose.rotation, p.pose.center, p.position_sigma, p.angle_sigma_deg) for p in priors],
-            self.settings.prior, self.settings.seed,
+            self.settings.prior, self.settings.seed, *([self.region] if self.region is not None else []),
         )  # fmt: skip
         rounds = 1 + len(self.settings.prior.bands_px)
         with self.progress.stage("Mapping", rounds) as advance:
@@ -294,7 +309,8 @@ class _Run:
             if kept is None:
                 result = map_with_priors(
                     names, [f.features for f in keyed], self.cameras.cameras, camera_of, priors, self.settings.prior,
-                    fixed_intrinsics=fixed, seed=self.settings.seed, advance=advance,
+                    fixed_intrinsics=fixed, seed=self.settings.seed, advance=advance, region=self.region,
+                    keep=None if self.region is None else partial(keep_matches, keyed, self.cache),
                 )  # fmt: skip
                 kept = model_to_arrays(result.model)
                 kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
-from fieldkit.captures import Photo, read_image
+from fieldkit.captures import Capture, Photo, Quality, assess_quality, find_mask, measure_photo, read_image
 from fieldkit.geometry import Intrinsics
 from fieldkit.parallel import map_parallel
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
@@ -21,6 +22,8 @@ from fieldkit.reconstruction.verification import TwoView, VerificationSettings, 
 # Part of the keys: raised when the code behind a stage changes its results.
 _FEATURES_VERSION = 1
 _PAIRS_VERSION = 1
+_GUIDED_VERSION = 1
+_QUALITY_VERSION = 1
 RATIO = 0.8
 """Lowe's ratio of blind matching."""
 
@@ -144,3 +147,48 @@ def exhaustive_pairs(count: int, centers: Sequence[np.ndarray | None], max_neigh
         nearest = np.argsort(np.linalg.norm(points - points[i], axis=1), kind="stable")
         pairs.update((min(i, int(j)), max(i, int(j))) for j in nearest[: max_neighbours + 1] if j != i)
     return sorted(pairs)
+
+
+def keep_matches(
+    features: Sequence[KeyedFeatures],
+    cache: StageCache,
+    i: int,
+    j: int,
+    inputs: tuple[Any, ...],
+    compute: Callable[[], NDArray[np.uint32]],
+) -> NDArray[np.uint32]:
+    """Guided matches (k, 2) of images i and j from the cache, or computed and kept.
+
+    Args:
+        features: of all images.
+        cache: of stages.
+        i, j: the images.
+        inputs: everything the matches depend on beside the two images' features.
+        compute: the matches.
+    """
+    key = digest("guided", _GUIDED_VERSION, features[i].key, features[j].key, inputs)
+    kept = cache.get("guided", key)
+    if kept is not None:
+        return kept["matches"]
+    matches = compute()
+    cache.put("guided", key, {"matches": matches})
+    return matches
+
+
+def load_quality(capture: Capture, cache: StageCache) -> dict[str, Quality]:
+    """`assess_quality` with each photograph's measurements kept; one with a mask beside it is measured anew."""
+
+    def measure(photo: Photo) -> Quality:
+        if find_mask(photo.path) is not None:
+            return measure_photo(photo)
+        key = digest("quality", _QUALITY_VERSION, photo.sha256)
+        kept = cache.get("quality", key)
+        if kept is None:
+            found = measure_photo(photo)
+            values = [found.sharpness, found.contrast, found.clipped_dark, found.clipped_bright]
+            kept = {"values": np.array(values), "flags": np.array(found.flags, dtype=np.str_)}
+            cache.put("quality", key, kept)
+        sharpness, contrast, dark, bright = (float(v) for v in kept["values"])
+        return Quality(sharpness, contrast, dark, bright, tuple(str(flag) for flag in kept["flags"]))
+
+    return assess_quality(capture, measure=measure)

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from fieldkit.reporting.panels import DPI, INK, PAPER, drawable
 
@@ -51,28 +50,6 @@ def draw_agreement(panels: Mapping[str, tuple[Sequence[float], Sequence[float]]]
         axes.plot(1000.0 * np.asarray(x), 1000.0 * np.asarray(y), "o", color=color, markersize=4)
         _dress(axes, f"{labels[0]}, mm", f"{labels[1]}, mm")
         axes.set_title(drawable(name), size=10, color=INK, loc="left")
-    return figure
-
-
-def draw_subsets(
-    centers: NDArray[np.float64], best: Sequence[int], worst: Sequence[int], values: Sequence[float]
-) -> Figure:
-    """A recorded set from above with its best and its worst subset, and how all subsets scored.
-
-    Args:
-        centers: (n, 3) of all views, metres.
-        best, worst: indices of the views.
-        values: metres, of every subset.
-    """
-    figure, row = _panels(3)
-    for axes, chosen, name, color in zip(row, (best, worst), ("best subset", "worst subset"), _COLORS, strict=False):
-        axes.plot(centers[:, 0], centers[:, 1], ".", color="#b9b4a6", markersize=4)
-        axes.plot(centers[list(chosen), 0], centers[list(chosen), 1], "o", color=color, markersize=6)
-        _dress(axes, "x, m", "y, m")
-        axes.set_aspect("equal")
-        axes.set_title(name, size=10, color=INK, loc="left")
-    row[2].plot(range(1, len(values) + 1), 1000.0 * np.sort(np.asarray(values)), "o-", color=_COLORS[2], markersize=4)
-    _dress(row[2], "subset, best first", "value, mm")
     return figure
 
 

@@ -13,7 +13,6 @@ from fieldkit.benchmarks.objective_cost import cost_table, run_cost, run_through
 from fieldkit.benchmarks.objective_noise import run_noise
 from fieldkit.benchmarks.objective_ranks import Ranks, rank_table, run_ranks
 from fieldkit.benchmarks.objective_scenes import SCENES, TuningPlot, tuning_plot
-from fieldkit.benchmarks.recorded_scores import largest_gap_deg, summary_table
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.cameras import Cameras
@@ -65,18 +64,6 @@ def test_ranks_are_correlated() -> None:
     (row,) = rank_table([ranks], ("draft", "fine")).rows
     assert row[:3] == ("s", "0.50", "10.0–30.0")
     assert row[6] == "0.14"
-
-
-def test_recorded_summary() -> None:
-    (row,) = summary_table([evaluation(0.002, 4.0), evaluation(0.004, 5.0)], [0.9, 1.0]).rows
-    assert row == (2, "3.00 (2.00–4.00)", "1.00", "12.0 of 13", "95.0 %", "4.5 (4.0–5.0)", "5")
-
-
-def test_the_widest_gap() -> None:
-    angles = np.radians([0, 30, 100, 350])
-    points = np.stack([np.cos(angles), np.sin(angles), np.zeros(4)], axis=1)
-    circle = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
-    assert largest_gap_deg(points, circle) == pytest.approx(250.0)
 
 
 def test_the_scenes_measured_on_are_tuning_scenes() -> None:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.cache import StageCache
+from fieldkit.cache import StageCache, digest
 from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MetadataError, UsageError
@@ -22,6 +22,7 @@ from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.recorded import RecordedSource, RecordedView, assign
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.scenes.simulate import CaptureNoise
 
 SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
@@ -88,6 +89,30 @@ def test_an_evaluation_uses_the_chosen_photographs_and_the_cache(source: Recorde
     assert (again.value_m, again.cloud_digest) == (first.value_m, first.cloud_digest)
     assert first.right == 4
     assert first.points > 100
+
+
+def test_pairs_that_another_set_matched_are_not_matched_again(source: RecordedSource, tmp_path: Path) -> None:
+    objective = Objective(source, ObjectiveSettings("draft"))
+    objective.evaluate(source.cameras([0, 1, 2]))
+    objective.evaluate(source.cameras([1, 2, 3]))
+    kept = source.cache.sizes()["guided"].entries
+    warm = objective.evaluate(source.cameras([0, 1, 2, 3]))
+    assert source.cache.sizes()["guided"].entries == kept > 0  # the first and the last look too differently
+    fresh = RecordedSource(source.capture, PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path))
+    cold = Objective(fresh, ObjectiveSettings("draft")).evaluate(fresh.cameras([0, 1, 2, 3]))
+    assert (cold.value_m, cold.cloud_digest, cold.right) == (warm.value_m, warm.cloud_digest, warm.right)
+
+
+def test_bands_are_the_mappings(source: RecordedSource) -> None:
+    assert ObjectiveSettings().prior == PriorMappingSettings()
+    assert ObjectiveSettings(bands_px=(10.0, 3.0)).prior.bands_px == (10.0, 3.0)
+    with pytest.raises(UsageError, match="above 0"):
+        ObjectiveSettings(bands_px=())
+    evaluation, cloud = Objective(source, ObjectiveSettings("draft", bands_px=(10.0, 3.0))).evaluate_cloud(
+        source.cameras([3, 4, 5, 6])
+    )
+    assert evaluation.cloud_digest == digest(cloud.points)
+    assert len(cloud) == evaluation.points > 50
 
 
 def test_noise_moves_the_commands_and_not_the_photographs(source: RecordedSource) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
 from fieldkit.parallel import map_threads
 from fieldkit.progress import Progress
-from fieldkit.reconstruction.dense.matching import UNMATCHED, Planes, Problem
+from fieldkit.reconstruction.dense.matching import UNMATCHED, Planes, Problem, pack_view
 from fieldkit.reconstruction.dense.rays import Active, active_pixels
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
@@ -22,6 +23,7 @@ from fieldkit.reconstruction.dense.views import DepthMap, View
 VERSION = 4
 """Part of every cache key; to be raised when the method changes its result."""
 STAGE = "depth"
+_KEPT = 32
 
 
 def compute_depth_maps(
@@ -72,6 +74,7 @@ def compute_planes(
     contents = [view_digest(view) for view in views]
     matching = matching_settings(settings)
     count = range(len(views))
+    shared = _Shared(volume, settings)
     keys = [
         digest(VERSION, "photographs", contents[i], [contents[j] for j in sources[i]], volume, seed, matching)
         for i in count
@@ -79,7 +82,7 @@ def compute_planes(
     with progress.stage("depth maps", (1 + settings.geometric_passes) * len(views)) as advance:
 
         def first(i: int) -> Planes:
-            return _match(views[i], [views[j] for j in sources[i]], volume, settings, _random_key(seed, views[i]))
+            return _match(views[i], [views[j] for j in sources[i]], shared, _random_key(seed, views[i]))
 
         results = map_threads(_cached(cache, keys, first), count, workers=workers, advance=advance)
         for number in range(1, 1 + settings.geometric_passes):
@@ -88,7 +91,7 @@ def compute_planes(
             def later(i: int, number: int = number, before: list[Planes] = results) -> Planes:
                 near = [(views[j], before[j]) for j in sources[i]]
                 random = _random_key(seed, views[i], number)
-                return _match_geometry(views[i], before[i], near, volume, settings, random)
+                return _match_geometry(views[i], before[i], near, shared, random)
 
             results = map_threads(_cached(cache, keys, later), count, workers=workers, advance=advance)
         return results
@@ -146,16 +149,28 @@ def _cached(cache: StageCache, keys: list[str], compute: Callable[[int], Planes]
     return result
 
 
-def _match(view: View, sources: list[View], volume: Volume, settings: Settings, random: np.uint64) -> Planes:
+class _Shared:
+    """What several reference views need of a view, kept for the last `_KEPT` asked for."""
+
+    def __init__(self, volume: Volume, settings: Settings) -> None:
+        self.settings = settings
+        self.reduced = lru_cache(_KEPT)(reduced)
+        self.active = lru_cache(_KEPT)(lambda view: active_pixels(view, volume, _beyond(view, settings)))
+        self.packed = lru_cache(_KEPT)(pack_view)
+
+
+def _match(view: View, sources: list[View], shared: _Shared, random: np.uint64) -> Planes:
     """The first pass: photographs alone, from coarse to fine."""
+    settings = shared.settings
     levels = 0
     while view.intrinsics.width * view.intrinsics.height / 4**levels > settings.coarsest:
         levels += 1
     coarser: tuple[Active, Planes, float] | None = None
     for level in range(levels, -1, -1):
-        reference = reduced(view, level)
-        active = active_pixels(reference, volume, _beyond(reference, settings))
-        problem = Problem.build(reference, active, [reduced(source, level) for source in sources], settings)
+        reference = shared.reduced(view, level)
+        active = shared.active(reference)
+        near = [shared.reduced(source, level) for source in sources]
+        problem = Problem.build(reference, active, near, settings, shared.packed)
         planes, fresh = problem.empty()
         if coarser is not None:
             factor = reference.intrinsics.width / coarser[2]
@@ -169,17 +184,13 @@ def _match(view: View, sources: list[View], volume: Volume, settings: Settings, 
 
 
 def _match_geometry(
-    view: View,
-    first: Planes,
-    sources: list[tuple[View, Planes]],
-    volume: Volume,
-    settings: Settings,
-    random: np.uint64,
+    view: View, first: Planes, sources: list[tuple[View, Planes]], shared: _Shared, random: np.uint64
 ) -> Planes:
     """A later pass: photographs and agreement with the source views' depths."""
-    active = active_pixels(view, volume, _beyond(view, settings))
-    problem = Problem.build(view, active, [source for source, _ in sources], settings)
-    near = [(source, active_pixels(source, volume, _beyond(source, settings)), planes) for source, planes in sources]
+    problem = Problem.build(
+        view, shared.active(view), [source for source, _ in sources], shared.settings, shared.packed
+    )
+    near = [(source, shared.active(source), planes) for source, planes in sources]
     return problem.refine(first, near, random)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,8 +50,12 @@ class Problem:
     """Change of inverse depth that moves the typical source pixel by one, 1/m."""
 
     @classmethod
-    def build(cls, view: View, active: Active, sources: list[View], settings: Settings) -> Problem:
-        images = [pack_source(gray(source.image)) for source in sources]
+    def build(
+        cls, view: View, active: Active, sources: list[View], settings: Settings,
+        packed: Callable[[View], NDArray[np.uint32]] | None = None,
+    ) -> Problem:  # fmt: skip
+        """The arrays of ``view``; ``packed`` gives those of a source that others share (`pack_view`)."""
+        images = [(packed or pack_view)(source) for source in sources]
         bases = np.concatenate([[0], np.cumsum([image.size for image in images])])[:-1]
         sizes = [(int(b), image.shape[1], image.shape[0]) for b, image in zip(bases, images, strict=False)]
         cameras = [relative_camera(view.intrinsics, view.pose, s.intrinsics, s.pose) for s in sources]
@@ -167,6 +172,11 @@ class Problem:
                     np.float32(settings.geometric_cap_px),
                 )  # fmt: skip
             reach *= 0.5
+
+
+def pack_view(view: View) -> NDArray[np.uint32]:
+    """A source view as the kernels read it."""
+    return pack_source(gray(view.image))
 
 
 def _pixel_inverse_depth(view: View, sources: list[View]) -> float:

@@ -1,0 +1,144 @@
+"""The recorded and proxy studies: who may judge whom, their tables, and small runs on real photographs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fieldkit.benchmarks.recorded_scores as module
+from fieldkit.benchmarks.proxy_scores import rank_correlations, rank_table, run_proxy, value_table, view_sets
+from fieldkit.benchmarks.recorded_scores import largest_gap_deg, run_recorded, split_rig, summary_table, witnessed_cloud
+from fieldkit.cache import StageCache
+from fieldkit.captures import read_capture
+from fieldkit.clouds import Cloud, chamfer_distance
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Similarity
+from fieldkit.planning.evaluation import Evaluation, StageCost
+from fieldkit.progress import Silent
+from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reporting.objective_plots import png
+from fieldkit.reporting.subset_plots import Subset, draw_subsets
+from fieldkit.scenes.renderer import RenderingError
+
+DATA = Path(os.environ.get("FIELDKIT_DATA", ""))
+needs_data = pytest.mark.skipif("FIELDKIT_DATA" not in os.environ, reason="FIELDKIT_DATA names no recorded sets")
+SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
+
+
+def evaluation(value: float, cpu_s: float = 4.0, right: int = 12) -> Evaluation:
+    times = (StageCost("Mapping", cpu_s - 1.0, 0.0), StageCost("Scoring", 1.0, 0.0))
+    return Evaluation(value, value, 0.5 * value, 0.5 * value, {}, 13, 13, right, 1, 100, "", (), times=times)
+
+
+def test_a_summary_has_a_row_for_each_truth() -> None:
+    found = {"witnesses": [evaluation(0.002), evaluation(0.004, 5.0)], "all views": [evaluation(0.003)] * 2}
+    first, second, every = summary_table(found, evaluation(0.001, right=13)).rows
+    assert first == ("witnesses", 2, "3.00 (2.00–4.00)", "1.00", "12.0 of 13", "4.5 (4.0–5.0)", "5")
+    assert second == ("all views", 2, "3.00", "0.00", "12.0 of 13", None, None)
+    assert every[:3] == ("witnesses, all candidates", 1, "1.00")
+
+
+def test_the_widest_gap() -> None:
+    angles = np.radians([0, 30, 100, 350])
+    points = np.stack([np.cos(angles), np.sin(angles), np.zeros(4)], axis=1)
+    circle = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    assert largest_gap_deg(points, circle) == pytest.approx(250.0)
+
+
+def test_no_view_both_stands_for_election_and_judges() -> None:
+    names = [f"{k}.jpg" for k in range(79)]
+    candidates, witnesses = split_rig(names)
+    assert (len(candidates), len(witnesses)) == (40, 39)
+    assert not set(candidates) & set(witnesses)
+    assert sorted({*candidates, *witnesses}) == sorted(names)
+
+
+def test_witnesses_alone_make_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    capture, cache = read_capture(SMALL_PLOT), StageCache(None)
+    whole = reconstruct(capture, ReconstructionSettings(backend="cpu"), cache=cache, progress=Silent())
+    plot = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), whole.volume, whole.sparse.frame.ground)
+    seen: list[str] = []
+    prepare = module.prepare_view
+
+    def watched(name: str, *rest: object) -> object:
+        seen.append(name)
+        return prepare(name, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(module, "prepare_view", watched)
+    names = capture.names[::2]
+    cloud = witnessed_cloud(capture, names, plot, cache, Silent())
+    assert seen == list(names)
+    assert len(cloud) > 300
+    assert plot.volume.contains(cloud.points).all()
+    assert chamfer_distance(whole.plants, cloud).accuracy_m < 0.01
+
+
+def test_view_sets_are_distinct_and_of_one_size() -> None:
+    for count, views in ((79, 13), (60, 13), (60, 8)):
+        sets = view_sets(count, views)
+        assert len(sets) == 10
+        assert {len(set(index.tolist())) for index in sets.values()} == {views}
+        assert all(index.min() >= 0 and index.max() < count for index in sets.values())
+        assert len({tuple(index) for index in sets.values()}) == 10
+    gaps = {name: np.diff(index).max() for name, index in view_sets(79, 13).items()}
+    assert gaps["ring"] <= 7 < gaps["two clumps"]
+    with pytest.raises(ValueError, match="little to choose"):
+        view_sets(20, 13)
+
+
+def test_rank_correlations_and_values() -> None:
+    found = {
+        "photographs": [evaluation(0.001), evaluation(0.002), evaluation(0.003, right=13)],
+        "proxy": [evaluation(0.002), evaluation(0.001), evaluation(0.003)],
+    }
+    ranks = rank_correlations(found)
+    assert ranks["photographs"]["proxy"] == pytest.approx(0.5)
+    assert rank_table(ranks).rows[0] == ("photographs", "1.00", "0.50")
+    assert value_table(["a", "b", "c"], found).rows[2] == ("c", "3.00", "3.00 (12 of 13)")
+
+
+def test_the_picture_is_drawn_from_what_it_shows() -> None:
+    rng = np.random.default_rng(0)
+    cloud = Cloud(rng.uniform(-0.1, 0.1, (500, 3)), np.full((500, 3), (40, 150, 40), np.uint8))
+    centers = np.array([(np.cos(a), np.sin(a), 0.5) for a in np.linspace(0, 6, 12)])
+    volume = Volume((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
+    subsets = [Subset("best", cloud, [0, 3], 0.001), Subset("worst", cloud, [1, 2], 0.004)]
+    first = png(draw_subsets(centers, subsets, [0.001, 0.002, 0.004], volume))
+    assert first == png(draw_subsets(centers, subsets, [0.001, 0.002, 0.004], volume))
+    moved = [subsets[0], Subset("worst", cloud, [1, 5], 0.004)]
+    assert first != png(draw_subsets(centers, moved, [0.001, 0.002, 0.004], volume))
+
+
+@needs_data
+@pytest.mark.slow
+def test_recorded_on_real_photographs(tmp_path: Path) -> None:
+    result = run_recorded(
+        DATA, rig_name="arabidopsis_rig", subsets=2, views=10, fidelity="draft", cache=StageCache(tmp_path),
+        progress=Silent(),
+    )  # fmt: skip
+    figures = result.figures
+    assert not set(figures["candidates"]) & set(figures["witnesses"])
+    assert all(set(subset) <= set(figures["candidates"]) for subset in figures["subsets"])
+    assert figures["truth_points"] > 1000
+    assert all(0 < e["value_m"] <= 0.2 for e in figures["evaluations"])
+    assert result.pictures["recorded.png"].startswith(b"\x89PNG")
+
+
+@needs_data
+@pytest.mark.slow
+def test_proxy_on_real_photographs(tmp_path: Path) -> None:
+    try:
+        result = run_proxy(
+            DATA, rig_name="arabidopsis_rig", fidelities=("draft",), sets=("ring", "neighbours"),
+            cache=StageCache(tmp_path), progress=Silent(),
+        )  # fmt: skip
+    except RenderingError as error:
+        pytest.skip(f"no picture can be rendered here: {error}")
+    values = result.figures["values_m"]
+    assert set(values) == {"photographs", "photographs, poses of all", "proxy, draft"}
+    assert all(len(each) == 2 and 0 < min(each) <= max(each) <= 0.2 for each in values.values())
