@@ -120,6 +120,19 @@ class TestSimulate:
             with Image.open(photos[0]) as photo:
                 assert photo.size == (100, 75)
 
+    def test_wind_moves_leaves_between_photographs(self, tiny: Path, tmp_path: Path) -> None:
+        rows = "".join(f"{name}.jpg,0,-1.0,0.5,0,-15\n" for name in "ab")
+        (tmp_path / "poses.csv").write_text("image,x_m,y_m,z_m,yaw_deg,pitch_deg\n" + rows)
+        changed = {}
+        for wind in ("0", "0.05"):
+            folder = tmp_path / wind
+            still = ["--poses", str(tmp_path / "poses.csv"), "--image-noise", "0", "--wind", wind]
+            assert main(["simulate", str(tiny), *still, "-o", str(folder)]) == 0
+            first, second = (np.asarray(Image.open(path), dtype=float) for path in sorted(folder.glob("*.jpg")))
+            changed[wind] = (np.abs(first - second).max(axis=-1) > 20).mean()
+        assert changed["0"] == 0.0
+        assert 0.002 < changed["0.05"] < 0.5
+
     @pytest.mark.parametrize(
         ("options", "message"),
         [
