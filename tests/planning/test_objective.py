@@ -137,8 +137,7 @@ def test_without_a_renderer_the_error_names_the_remedy(tmp_path: Path) -> None:
         import numpy as np
         from fieldkit.clouds import Cloud, Volume
         from fieldkit.geometry import Intrinsics
-        from fieldkit.planning.fidelity import FIDELITIES
-from fieldkit.planning.objective import Objective
+        from fieldkit.planning.objective import Objective
         from fieldkit.planning.simulated import Proxy, SimulatedSource
         from fieldkit.scenes.scene import Scene
         proxy = Proxy(Scene(()), Cloud(np.eye(3)), Volume((0, 0, 0), (1, 1, 1)), Intrinsics.pinhole(64, 48, 50.0))
