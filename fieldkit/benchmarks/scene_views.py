@@ -37,7 +37,7 @@ class SceneUnderStudy:
 
 
 def study_scenes(names: Sequence[str]) -> list[str]:
-    """The scenes of a study: as named; those that parameters are chosen on where none is; every one for "all"."""
+    """The scenes of a study: as named; the tuning scenes where none is; these and all cases for "all"."""
     known = scene_names()
     if ALL in names:
         return [name for group in ("tuning", "case", "test-case") for name in known if name.startswith(f"{group}-")]
