@@ -38,13 +38,14 @@ def scenes() -> dict[str, SceneDescription]:
 
 
 def demo_scene() -> SceneDescription:
-    """Three young plants on a soil a little coarser than the others', so that it is built and drawn in seconds."""
+    """Three young plants in still air, on a soil a little coarser than the others': built and drawn in seconds."""
     scene = new_scene(
         3, 401, spacing_m=0.24, stages=("V6", "V7"), soil="crumb", cover_per_m2=0.0, weeds_per_m2=0.0, name="demo",
         notes="The demo's three young plants.",
     )  # fmt: skip
     soil = replace(scene.plot.soil, spacing_m=0.008)
-    return replace(scene, plot=replace(scene.plot, soil=soil), camera=Intrinsics.pinhole(1000, 750, 850.0))
+    camera = Intrinsics.pinhole(1000, 750, 850.0)
+    return replace(scene, plot=replace(scene.plot, soil=soil), camera=camera, wind_m=0.0)
 
 
 def tuning_scenes() -> dict[str, SceneDescription]:

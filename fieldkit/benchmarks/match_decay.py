@@ -21,7 +21,6 @@ from fieldkit.benchmarks.scene_views import (
     photograph,
     ring_about_plants,
     study_scenes,
-    study_sway,
 )
 from fieldkit.captures import read_capture, read_image
 from fieldkit.geometry import Intrinsics, Pose
@@ -29,6 +28,7 @@ from fieldkit.progress import Progress
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.simulation import wind_sway
 
 SETTINGS = FeatureSettings(working_side=1600, max_features=8192, contrast_threshold=0.04)
 """OpenCV's own contrast threshold, as the recorded figures for field maize were taken with."""
@@ -184,7 +184,7 @@ def scene_pairs(study: SceneUnderStudy, bases: int, progress: Progress) -> list[
 
 def _take_the_moment(study: SceneUnderStudy, whole: Renderer, plants: Renderer, seed: int, photograph: int) -> None:
     """Put the leaves where they were in a photograph."""
-    sway = study_sway(study.description, seed)
+    sway = wind_sway(study.description.wind_m, seed)
     if sway is not None:
         whole.move(sway(study.scene, photograph))
         plants.move(sway(plants.scene, photograph))

@@ -63,7 +63,7 @@ def cost_table(measured: dict[str, list[Evaluation]]) -> ResultTable:
     """Median CPU seconds by stage, a column per fidelity."""
     stages = list(dict.fromkeys(s.name for found in measured.values() for e in found for s in e.times))
     rows: list[tuple[Cell, ...]] = [
-        (stage, *(f"{np.median([_of(e, stage) for e in found]):.2f}" for found in measured.values()))
+        (stage, *(f"{np.median([e.stage_cpu_s(stage) for e in found]):.2f}" for found in measured.values()))
         for stage in stages
     ]
     rows.append(("everything", *(f"{np.median([e.cpu_s for e in found]):.2f}" for found in measured.values())))
@@ -117,7 +117,3 @@ def run_throughput(
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
     )
-
-
-def _of(evaluation: Evaluation, stage: str) -> float:
-    return sum(s.cpu_s for s in evaluation.times if s.name == stage)

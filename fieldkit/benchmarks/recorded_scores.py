@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -39,21 +38,6 @@ BANDS_PX = (10.0, 3.0)
 """A rig's poses are known to some millimetres, so two rounds of guided matching do what three do."""
 
 
-@dataclass(frozen=True, eq=False)
-class SplitRig:
-    """A rig whose views are either to choose from or to judge by.
-
-    Attributes:
-        candidates: names of the views that subsets are drawn from, in the circle's order.
-        witnesses: names of the others.
-        truth: the plants as dense stereo of the witnesses alone finds them, plot frame.
-    """
-
-    candidates: tuple[str, ...]
-    witnesses: tuple[str, ...]
-    truth: Cloud
-
-
 def run_recorded(
     data: Path,
     *,
@@ -79,7 +63,6 @@ def run_recorded(
         read = Reference(reference)
         plot, capture = read.known_plot(), read_capture(folder)
         truth = witnessed_cloud(rig.capture, witnesses, plot, cache, progress)
-        split = SplitRig(candidates, witnesses, truth)
         whole = RecordedSource(capture, plot, read.cloud, cache=cache)
         fair = RecordedSource(capture, plot, truth, cache=cache)
         names = [view.name for view in fair.views]
@@ -129,14 +112,14 @@ def run_recorded(
             "CPU seconds of an evaluation with features, undistorted views and pairs in the cache.",
         ),
         figures={
-            "candidates": split.candidates,
-            "witnesses": split.witnesses,
+            "candidates": candidates,
+            "witnesses": witnesses,
             "subsets": [[names[int(k)] for k in index] for index in chosen],
             "evaluations": [e.figures() for e in against_truth],
             "against_all_views": [e.figures() for e in against_whole],
             "all_candidates": every.figures(),
             "cpu_s": [e.cpu_s for e in against_truth],
-            "stages": {s.name: [_of(e, s.name) for e in against_truth] for s in against_truth[0].times},
+            "stages": {s.name: [e.stage_cpu_s(s.name) for e in against_truth] for s in against_truth[0].times},
             "truth_points": len(truth),
             "truth_spearman": agreement,
             "gap_spearman": float(spearmanr([largest_gap_deg(centers[i], centers) for i in chosen], values).statistic),
@@ -212,9 +195,5 @@ def summary_table(found: dict[str, Sequence[Evaluation]], every: Evaluation) -> 
 def stage_table(found: Sequence[Evaluation]) -> ResultTable:
     """CPU seconds by stage, medians over the subsets."""
     stages = list(dict.fromkeys(s.name for e in found for s in e.times))
-    rows: list[tuple[Cell, ...]] = [(s, f"{np.median([_of(e, s) for e in found]):.2f}") for s in stages]
+    rows: list[tuple[Cell, ...]] = [(s, f"{np.median([e.stage_cpu_s(s) for e in found]):.2f}") for s in stages]
     return ResultTable("CPU seconds of one evaluation, warm cache", ("stage", "CPU s>"), tuple(rows))
-
-
-def _of(evaluation: Evaluation, stage: str) -> float:
-    return sum(s.cpu_s for s in evaluation.times if s.name == stage)

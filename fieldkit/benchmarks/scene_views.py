@@ -14,7 +14,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
-from fieldkit.scenes.simulate import Sway, simulate_capture
+from fieldkit.scenes.simulate import simulate_capture
 from fieldkit.scenes.simulation import wind_sway
 
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
@@ -72,10 +72,5 @@ def photograph(
     description = study.description
     return simulate_capture(
         folder, renderer, poses, CAMERA, noise=description.noise, effects=description.camera_effects,
-        sway=study_sway(description, seed), seed=seed, progress=progress,
+        sway=wind_sway(description.wind_m, seed), seed=seed, progress=progress,
     )  # fmt: skip
-
-
-def study_sway(description: SceneDescription, seed: int) -> Sway | None:
-    """How the leaves move between the photographs of `photograph` at this seed."""
-    return wind_sway(description.wind_m, seed)

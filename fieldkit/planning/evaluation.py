@@ -62,6 +62,10 @@ class Evaluation:
         """CPU seconds of all stages."""
         return sum(stage.cpu_s for stage in self.times)
 
+    def stage_cpu_s(self, name: str) -> float:
+        """CPU seconds of one stage; 0 where it was not run."""
+        return sum(stage.cpu_s for stage in self.times if stage.name == name)
+
     @classmethod
     def broken(cls, images: int, reason: str, worst_m: float) -> Evaluation:
         """An evaluation that broke twice and tells nothing of z."""

@@ -38,7 +38,7 @@ class Fidelity:
 
 
 FIDELITIES: dict[FidelityName, Fidelity] = {
-    "draft": Fidelity("draft", 0.5, features=FeatureSettings(working_side=1000, max_features=3072), dense="draft"),
+    "draft": Fidelity("draft", 0.8, features=FeatureSettings(working_side=1400), dense="draft"),
     "standard": Fidelity("standard"),
     "fine": Fidelity("fine", dense="fine"),
 }

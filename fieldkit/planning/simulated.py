@@ -140,20 +140,25 @@ class SimulatedSource:
 
     @classmethod
     def from_description(
-        cls, description: SceneDescription, noise: CaptureNoise | None = None, *, camera: Intrinsics | None = None
-    ) -> SimulatedSource:
-        """Photographs of a scene file's scene as the file has them taken: its camera, effects, noise and wind.
+        cls, description: SceneDescription, noise: CaptureNoise | None = None, *, camera: Intrinsics | None = None,
+        wind_m: float = 0.0,
+    ) -> SimulatedSource:  # fmt: skip
+        """Photographs of a scene file's scene as the file has them taken, but in still air.
+
+        Leaves that have moved between two photographs are no fault of the cameras' places: like that of the poses, such
+        noise is for plans that shall survive it.
 
         Args:
             description: of the scene.
             noise: of poses and images instead of the description's.
             camera: instead of the description's.
+            wind_m: sway of the leaves between photographs, as a scene file's ``wind_m``.
 
         Raises:
             SceneError: as `Proxy.from_description`.
         """
         proxy = Proxy.from_description(description, camera)
-        sway = partial(wind_sway, description.wind_m)
+        sway = partial(wind_sway, wind_m) if wind_m else None
         return cls(proxy, noise or description.noise, effects=description.camera_effects, sway=sway)
 
     def with_noise(self, noise: CaptureNoise) -> SimulatedSource:

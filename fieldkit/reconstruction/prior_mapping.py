@@ -5,7 +5,9 @@
 2. Bundle adjustment of those pairs' tracks from the prior poses, with position priors and a robust loss whose scale
    falls.
 3. Guided matching again about the refined poses, in bands that narrow round by round, each followed by
-   triangulation and bundle adjustment.
+   triangulation and bundle adjustment. Where an image has few verified pairs, the first of these rounds is also
+   tried about the priors themselves, and the better supported of its two models is gone on with: few matches can
+   bend a model farther than the priors are wrong, and narrow bands would keep it there.
 4. An image counts as registered only with clearly more matches than chance gives.
 
 The method is ours (the paper maps blindly); its parts are standard: RANSAC (Fischler & Bolles 1981), robust bundle
@@ -50,6 +52,8 @@ _POINTS_FOR_SLAB = 50
 _MIN_RESECTION = 8
 _SLAB_MARGIN = 0.3  # of the flying height above the scene, up and down
 _MIN_OVERLAP = 0.1
+_SUPPORTING_VIEWS = 3
+_HOLDING_PAIRS = 3
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ class PriorMappingSettings:
     first_features: int = 2500
     first_neighbours: int = 8
     bands_px: tuple[float, ...] = (12.0, 6.0, 3.0)
-    loss_px: float = 1.0
+    loss_px: float = 0.5
     max_error_px: float = 4.0
     min_angle_deg: float = 1.0
     min_observations: int = 15
@@ -190,8 +194,11 @@ def map_with_priors(
         meet_in = region or _slab(model)
         pairs = _overlapping(problem, model, pairs)
         last = index == len(settings.bands_px) - 1
-        poses = _reconsidered(problem, model, pairs, region)
-        model = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
+        starts = [_reconsidered(problem, model, pairs, region)]
+        if index == 0 and _thin(matches, len(names)):
+            starts.append(start)
+        models = [_round(problem, model, poses, pairs, band * scale, region, meet_in, last=last) for poses in starts]
+        model = max(models, key=_support)
         advance(1)
     unregistered = _unsupported(problem, model, pairs, region, meet_in, settings.bands_px[-1] * scale)
     for name in unregistered:
@@ -329,6 +336,17 @@ def _first_model(problem: _Problem, matches: Matches, region: Region | None) -> 
     for loss, rough in ((max(2.0, sigma / 2), True), (8.0, True), (2.0, False)):
         adjust(model, priors, loss_px=loss, refine_intrinsics=False, seed=problem.seed, rough=rough)
     return model
+
+
+def _thin(matches: Matches, images: int) -> bool:
+    """Whether some image has fewer verified pairs than hold it against a wrong one."""
+    return bool(np.bincount(np.array(list(matches), np.int64).ravel(), minlength=images).min() < _HOLDING_PAIRS)
+
+
+def _support(model: pycolmap.Reconstruction) -> int:
+    """Observations of points seen by three images and more, which chance hardly makes."""
+    lengths = (point.track.length() for point in model.points3D.values())
+    return sum(length for length in lengths if length >= _SUPPORTING_VIEWS)
 
 
 def _state(problem: _Problem, model: pycolmap.Reconstruction) -> tuple[list[Pose], list[Intrinsics]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
@@ -101,6 +102,7 @@ def _draw_values(figure: Figure, subsets: Sequence[Subset], values: Sequence[flo
         axes.plot([value], [1 + int(np.abs(ranked - value).argmin())], "o", color=color, markersize=8)
     axes.set_xlim(left=0)
     axes.invert_yaxis()
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("value, mm", size=9, color=INK)
     axes.set_ylabel("subset, best first", size=9, color=INK)
     axes.grid(color="#e6e3da", linewidth=0.8)

@@ -222,7 +222,7 @@ def _sensed(light: NDArray[np.float32], effects: CameraEffects, rng: np.random.G
 
 
 def _variance(effects: CameraEffects) -> tuple[float, float]:
-    """A and b of the sensor's noise: variance a · light + b²."""
+    """The sensor's noise as (a, b): variance a · light + b²."""
     # d(grey) = 255 / (2 √light) d(light): what gives the stated grey levels after the tone curve.
     a = (effects.photon_noise * 2.0 / 255.0) ** 2
     b = effects.read_noise * 2.0 * (_MIDDLE_GREY / 255.0) / 255.0

@@ -41,7 +41,7 @@ def developed_with_noise(light: NDArray[np.float32], a: float, b: float, rng: np
     With noise of variance a · light + b², drawn from a table of quantiles like `with_tabled_noise`'s.
     """
     grey = np.empty(light.shape, np.uint8)
-    draws = _draws(light.size, rng) if a > 0 or b > 0 else np.zeros(1, np.uint16)
+    draws = _draws(light.size, rng) if a > 0 or b > 0 else np.empty(0, np.uint16)
     _develop(np.ascontiguousarray(light).ravel(), np.float32(a), np.float32(b * b), _normal(), draws, grey.ravel())
     return grey
 
@@ -79,7 +79,7 @@ def _develop(
     light: NDArray[np.float32], a: float, b_squared: float, table: NDArray[np.float32], draws: NDArray[np.uint16],
     grey: NDArray[np.uint8],
 ) -> None:  # fmt: skip
-    noisy = draws.size == light.size
+    noisy = draws.size > 0
     for k in range(light.size):
         value = light[k]
         if noisy:

@@ -209,17 +209,15 @@ def _photograph(
     renderer: Renderer, pose: Pose, intrinsics: Intrinsics, effects: CameraEffects | None, rng: np.random.Generator,
     economy: bool,
 ) -> NDArray[np.uint8]:  # fmt: skip
-    depth = None
-    if economy and effects is not None and effects.moves:
-        image, depth = renderer.render(pose, intrinsics, samples=0)
+    samples, depth = 0 if economy else 4, None
+    if effects is not None and effects.moves:
+        image, depth = renderer.render(pose, intrinsics, samples=samples)
     else:
-        image = renderer.photograph(pose, intrinsics, samples=0 if economy else 4)
+        image = renderer.photograph(pose, intrinsics, samples=samples)
     if economy:
         image = smooth_edges(image)
     if effects is None or not effects.changes_pixels:
         return image
-    if effects.moves and depth is None:
-        depth = renderer.depth(pose, intrinsics)
     return photographed(image, depth, intrinsics, effects, rng, economy=economy)
 
 
