@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.projection import project
 from fieldkit.planning.simulated import SimulatedSource
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene
@@ -24,7 +25,7 @@ class TuningPlot:
         name: of the scene.
         source: of its photographs.
         envelope: its feasible set.
-        ring: ten cameras on a circle that the plants fill, the plain plan.
+        ring: ten cameras on a circle that the plants fill, moved where that is not free: the plain plan.
     """
 
     name: str
@@ -41,6 +42,6 @@ def tuning_plot(name: str = SCENES[0]) -> TuningPlot:
     """
     source = SimulatedSource.from_description(read_scene(find_scene(name)))
     proxy = source.proxy
-    envelope = Envelope.around(proxy.reference, proxy.volume)
+    envelope = Envelope.around(proxy.obstacles, proxy.volume)
     circle = Cameras.from_poses(ring_about(VIEWS)(proxy.scene, proxy.camera))
-    return TuningPlot(name, source, envelope, circle)
+    return TuningPlot(name, source, envelope, project(circle, envelope))

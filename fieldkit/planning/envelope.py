@@ -106,7 +106,7 @@ class Envelope:
         """An envelope about a plot's plants.
 
         Args:
-            plants: of the proxy or the reference; thinned to one point per 2 cm.
+            plants: the proxy's obstacles or the reference; thinned to one point per 2 cm.
             target: the volume of interest.
             margin_m: how far beyond it cameras may stand, horizontally.
             height_m: band above the ground.

@@ -10,6 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
@@ -25,6 +27,7 @@ from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
+from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.plot import sample_plants
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
@@ -100,6 +103,11 @@ class Proxy:
             raise SceneError("no plant lies in the scene's bounds", remedy="Make the scene again from its reference.")
         lowest = max(bounds.lower[2], float(reference.points[:, 2].min()))
         return cls(scene, reference, Volume((bounds.lower[0], bounds.lower[1], lowest), bounds.upper), camera)
+
+    @property
+    def obstacles(self) -> Cloud:
+        """What cameras must keep clear of: the plants and, where there are any, the neighbour rows."""
+        return Cloud(np.concatenate([self.reference.points, neighbour_points(self.scene)]))
 
     @classmethod
     def _above(cls, scene: Scene, visible: Cloud, lowest_m: float, camera: Intrinsics) -> Proxy:

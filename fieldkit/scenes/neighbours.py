@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.maize import STAGES, MaizeDescription, Stage, build_maize
-from fieldkit.scenes.scene import Mesh
+from fieldkit.scenes.scene import Mesh, Scene
 
 Array = NDArray[np.float64]
 Height = Callable[[Array, Array], Array]
+_NAME = "neighbour-"
 
 
 @dataclass(frozen=True)
@@ -80,5 +81,11 @@ def build_neighbours(
     meshes = []
     for i, plant in enumerate(neighbour_plants(neighbours, lower, upper)):
         ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
-        meshes.append(replace(build_maize(plant, ground, coarse=True), name=f"neighbour-{i + 1}", plant=False))
+        meshes.append(replace(build_maize(plant, ground, coarse=True), name=f"{_NAME}{i + 1}", plant=False))
     return meshes
+
+
+def neighbour_points(scene: Scene) -> Array:
+    """(n, 3) vertices of a scene's neighbour plants: what a drone has to keep clear of beside the plot's own."""
+    points = [mesh.vertices for mesh in scene.meshes if mesh.name.startswith(_NAME)]
+    return np.concatenate(points).astype(np.float64) if points else np.zeros((0, 3))

@@ -12,14 +12,17 @@ import pytest
 
 from fieldkit.captures import read_image
 from fieldkit.clouds import Cloud, write_ply
+from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import SceneError
 from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.fidelity import FIDELITIES
 from fieldkit.planning.simulated import Proxy, SimulatedSource
 from fieldkit.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription
 from fieldkit.scenes.mesh_plant import MeshPlantDescription
+from fieldkit.scenes.neighbours import NeighboursDescription, neighbour_points
 from fieldkit.scenes.plot import PlotDescription
 from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.simulate import CaptureNoise
@@ -100,3 +103,20 @@ def test_effects_and_wind_depend_on_seed_and_photograph_only(source: SimulatedSo
     assert np.abs(repeated[0] - repeated[1]).mean() > 0.2  # leaves move from photograph to photograph
     for each in (plain, windy):
         each.close()
+
+
+def test_cameras_keep_clear_of_neighbour_rows() -> None:
+    rows = NeighboursDescription(seed=3, rows=1, row_spacing_m=0.6, plant_spacing_m=0.3, length_m=0.6)
+    proxy = Proxy.from_description(replace(SCENE, plot=replace(SCENE.plot, neighbours=rows)))
+    neighbours = neighbour_points(proxy.scene)
+    assert len(neighbours)
+    assert not proxy.volume.contains(neighbours).all()
+    envelope = Envelope.around(proxy.obstacles, proxy.volume, height_m=(0.5, 1.2))
+    cameras = envelope.sample(20, 0)
+    nearest = PointIndex(neighbours).nearest(cameras.positions)[0].min()
+    # the obstacles are thinned to 2 cm
+    assert envelope.clearance_m - 0.02 <= nearest
+
+    alone = Proxy.from_description(SCENE)
+    assert len(neighbour_points(alone.scene)) == 0
+    assert len(alone.obstacles) == len(alone.reference)
