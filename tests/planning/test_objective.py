@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fieldkit.benchmarks.objective_scenes import tuning_plot
 from fieldkit.captures import read_image
 from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
@@ -25,6 +26,7 @@ from fieldkit.planning.simulated import Proxy, SimulatedSource
 from fieldkit.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.renderer import RenderingError
 from fieldkit.scenes.simulate import CaptureNoise
 from tests.scenes.conftest import SMALL_PLOT
 
@@ -166,3 +168,18 @@ def test_a_reference_far_away_costs_the_worst(proxy: Proxy, source: SimulatedSou
     far = SimulatedSource(replace(proxy, reference=Cloud(proxy.reference.points + 3.0)))
     assert Objective(far, DRAFT).evaluate(arc).value_m == pytest.approx(0.2)
     far.close()
+
+
+@pytest.mark.slow
+def test_few_first_matches_do_not_bend_the_model() -> None:
+    # Photographs so far apart that six pairs match at first. From these alone poses end 16 mm from the truth, and the
+    # value is twice what it is at most other seeds.
+    plot = tuning_plot("tuning-2")
+    try:
+        found = Objective(plot.source).evaluate(plot.envelope.sample(10, 4), seed=1)
+    except RenderingError as error:
+        pytest.skip(f"no picture can be rendered here: {error}")
+    finally:
+        plot.source.close()
+    assert found.right == 10
+    assert found.value_m < 0.014

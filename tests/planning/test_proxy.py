@@ -120,3 +120,11 @@ def test_cameras_keep_clear_of_neighbour_rows() -> None:
     alone = Proxy.from_description(SCENE)
     assert len(neighbour_points(alone.scene)) == 0
     assert len(alone.obstacles) == len(alone.reference)
+
+
+def test_the_air_is_still_unless_wind_is_asked_for() -> None:
+    windy = replace(SCENE, wind_m=0.02)
+    assert SimulatedSource.from_description(windy).sway is None
+    sway = SimulatedSource.from_description(windy, wind_m=windy.wind_m).sway
+    assert sway is not None
+    assert sway(0) is not None
