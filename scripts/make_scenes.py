@@ -45,7 +45,9 @@ def demo_scene() -> SceneDescription:
     )  # fmt: skip
     soil = replace(scene.plot.soil, spacing_m=0.008)
     camera = Intrinsics.pinhole(1000, 750, 850.0)
-    return replace(scene, plot=replace(scene.plot, soil=soil), camera=camera, wind_m=0.0)
+    effects = replace(scene.camera_effects, grain=2.0, grain_px=1.0)  # what is left of it at half the size
+    plot = replace(scene.plot, soil=soil)
+    return replace(scene, plot=plot, camera=camera, camera_effects=effects, wind_m=0.0)
 
 
 def tuning_scenes() -> dict[str, SceneDescription]:

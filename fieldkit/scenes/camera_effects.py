@@ -1,9 +1,9 @@
 """What a camera does to light between the lens and the file, in that order: pure functions on images.
 
 Lens: defocus, fall-off to the corners, stray light. Shutter: motion blur, exposure. Sensor: photon and read noise, in
-linear light.
-Then the tone curve and eight bits. The renderer's tone curve is a square root (gamma 2.0), so linear light here is the
-square of the grey level; photon noise, whose variance grows with the light, is then equal at all grey levels.
+linear light. Then the tone curve, eight bits and the grain that a camera's processing leaves.
+The renderer's tone curve is a square root (gamma 2.0), so linear light here is the square of the grey level; photon
+noise, whose variance grows with the light, is then equal at all grey levels.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.kernels import fast_kernel
-from fieldkit.scenes.sensor_noise import developed_with_noise
+from fieldkit.scenes.sensor_noise import developed_with_noise, with_grain
 
 _MAX_TAPS = 15
 _MIDDLE_GREY = 128.0
@@ -39,6 +39,8 @@ class CameraEffects:
         white_balance: standard deviation of a photograph's red and blue gains against green, relative.
         photon_noise: standard deviation of photon noise, grey levels (the same at every level, see the module).
         read_noise: standard deviation of read noise at grey level 128, grey levels; twice that at 64.
+        grain: standard deviation of the noise that is left in a file after demosaicing and denoising, grey levels.
+        grain_px: size of its grains, pixels.
         jpeg_quality: of the files, 1 to 100.
     """
 
@@ -52,6 +54,8 @@ class CameraEffects:
     white_balance: float = 0.0
     photon_noise: float = 0.0
     read_noise: float = 0.0
+    grain: float = 0.0
+    grain_px: float = 2.0
     jpeg_quality: int = 93
 
     def __post_init__(self) -> None:
@@ -64,6 +68,8 @@ class CameraEffects:
         for name in ("vignetting", "veiling_glare"):
             if numbers[name] >= 1.0:
                 raise ValueError(f"{name} is a share below 1, not {numbers[name]}")
+        if self.grain_px < 1.0:
+            raise ValueError(f"grain_px is at least 1 pixel, not {self.grain_px}")
         if not 1 <= self.jpeg_quality <= 100:
             raise ValueError(f"jpeg_quality is 1 to 100, not {self.jpeg_quality}")
 
@@ -77,7 +83,7 @@ class CameraEffects:
         """Whether anything but the JPEG is on."""
         strengths = (
             self.defocus_px, self.vignetting, self.veiling_glare, self.exposure_ev, self.white_balance,
-            self.photon_noise, self.read_noise,
+            self.photon_noise, self.read_noise, self.grain,
         )  # fmt: skip
         return self.moves or any(strengths)
 
@@ -139,8 +145,10 @@ def photographed(
         light = motion_blurred(light, image_motion(depth, intrinsics, motion))
     light *= np.array([gain * balance[0], gain, gain * balance[1]], np.float32)
     if economy:
-        return developed_with_noise(light, *_variance(effects), rng)
-    return _developed(_sensed(light, effects, rng))
+        developed = developed_with_noise(light, *_variance(effects), rng)
+    else:
+        developed = _developed(_sensed(light, effects, rng))
+    return with_grain(developed, effects.grain, effects.grain_px, rng)
 
 
 def image_motion(depth: NDArray[np.float32], intrinsics: Intrinsics, motion: Motion) -> NDArray[np.float32]:

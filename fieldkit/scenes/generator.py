@@ -14,6 +14,7 @@ from fieldkit.scenes.maize import MaizeDescription, Stage
 from fieldkit.scenes.neighbours import NeighboursDescription
 from fieldkit.scenes.plot import PlotDescription, random_places
 from fieldkit.scenes.scene import HAZE, Light
+from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.scenes.soil import SoilDescription, SoilKind
 from fieldkit.scenes.weeds import WeedsDescription
 
@@ -23,7 +24,7 @@ SCALE_RANGE = (0.9, 1.1)
 """BOSfM scales each plant within ±10 %."""
 FIELD_CAMERA = CameraEffects(
     exposure_s=0.003, defocus_px=0.25, vignetting=0.2, veiling_glare=0.005, exposure_ev=0.2, white_balance=0.03,
-    jpeg_quality=85,
+    grain=3.5, jpeg_quality=85,
 )  # fmt: skip
 """A small camera that exposes automatically, under a drone that hovers. Set on the tuning scenes, with `WIND_M` and the
 leaves' markings, against the recorded rigs (docs/simulated-scenes.md)."""
@@ -82,7 +83,8 @@ def new_scene(
         extent_m=_rounded(2.0 * max(*bounds.upper_m[:2], *(-v for v in bounds.lower_m[:2])), 2),
     )  # fmt: skip
     return SceneDescription(
-        plot, name=name, notes=notes, bounds=bounds, camera_effects=FIELD_CAMERA, wind_m=WIND_M
+        plot, name=name, notes=notes, bounds=bounds, camera_effects=FIELD_CAMERA, wind_m=WIND_M,
+        noise=CaptureNoise(image_sigma=0.0),  # the camera's grain is all its noise
     )  # fmt: skip
 
 

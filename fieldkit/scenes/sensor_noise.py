@@ -1,9 +1,10 @@
-"""Noise of the sensor: Gaussian, independent in every pixel and channel."""
+"""Noise of the sensor: Gaussian, independent in every pixel and channel, or in grains as files hold it."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
@@ -46,6 +47,32 @@ def developed_with_noise(light: NDArray[np.float32], a: float, b: float, rng: np
     return grey
 
 
+def with_grain(image: NDArray[np.uint8], sigma: float, size_px: float, rng: np.random.Generator) -> NDArray[np.uint8]:
+    """The image (h, w, 3) with noise of ``sigma`` grey levels in grains of ``size_px``, each channel of its own.
+
+    Demosaicing, denoising and JPEG leave no white noise: neighbouring pixels of a camera's file err alike. Normal draws
+    on a grid of that size, between which is interpolated, have correlations of 0.75, 0.3 and 0.05 one, two and three
+    pixels apart for grains of 2.
+    """
+    if sigma == 0:
+        return image
+    h, w = image.shape[:2]
+    rows, columns = max(1, round(h / size_px)), max(1, round(w / size_px))
+    coarse = _normal()[_draws(rows * columns * 3, rng)].reshape(rows, columns, 3)
+    grain = cv2.resize(coarse, (w, h), interpolation=cv2.INTER_LINEAR)
+    scale = sigma / np.sqrt(_kept_variance(h, rows) * _kept_variance(w, columns))
+    noisy = np.empty_like(image, order="C")
+    _add_scaled(np.ascontiguousarray(image).ravel(), grain.ravel(), np.float32(scale), noisy.ravel())
+    return noisy
+
+
+def _kept_variance(pixels: int, cells: int) -> float:
+    """What linear interpolation of ``cells`` draws to ``pixels`` leaves of their variance, on average."""
+    place = (np.arange(pixels) + 0.5) * cells / pixels - 0.5
+    share = place - np.floor(place)
+    return float(np.mean(share**2 + (1.0 - share) ** 2))
+
+
 def _draws(count: int, rng: np.random.Generator) -> NDArray[np.uint16]:
     return np.frombuffer(rng.bytes(2 * count), np.uint16)
 
@@ -72,6 +99,13 @@ def _add(
     for k in range(image.size):
         value = int(image[k]) + int(table[draws[k]])
         result[k] = min(max(value, 0), 255)
+
+
+@kernel
+def _add_scaled(image: NDArray[np.uint8], noise: NDArray[np.float32], scale: float, result: NDArray[np.uint8]) -> None:
+    for k in range(image.size):
+        value = np.float32(image[k]) + scale * noise[k]
+        result[k] = np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)) + np.float32(0.5))
 
 
 @kernel

@@ -156,6 +156,7 @@ def test_the_order_of_switches_does_not_change_the_rest() -> None:
         {"jpeg_quality": 0},
         {"exposure_s": 2.0},
         {"read_noise": np.nan},
+        {"grain_px": 0.5},
     ],
 )
 def test_values(bad: dict[str, float]) -> None:

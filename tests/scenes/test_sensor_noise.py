@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from fieldkit.scenes.sensor_noise import developed_with_noise, with_noise, with_tabled_noise
+from fieldkit.scenes.sensor_noise import developed_with_noise, with_grain, with_noise, with_tabled_noise
 
 GREY = np.full((300, 400, 3), 120, np.uint8)
 
@@ -57,3 +57,23 @@ def test_developing_without_noise_is_the_square_root() -> None:
     light = np.array([-0.1, 0.0, 0.25, 1.0, 1.7, 0.5], np.float32).reshape(1, 2, 3)
     grey = developed_with_noise(light, 0.0, 0.0, np.random.default_rng(0))
     assert grey.ravel().tolist() == [0, 0, 128, 255, 255, 180]
+
+
+@pytest.mark.parametrize(("size_px", "near", "far"), [(1.0, 0.0, 0.0), (2.0, 0.75, 0.05), (3.0, 0.84, 0.21)])
+def test_grains_have_their_size_and_strength(size_px: float, near: float, far: float) -> None:
+    noise = with_grain(GREY, 6.0, size_px, np.random.default_rng(3)).astype(float) - 120
+    assert noise.mean() == pytest.approx(0.0, abs=0.15)
+    assert noise.std() == pytest.approx(6.0, rel=0.03)
+    for lag, expected in ((1, near), (3, far)):
+        found = (noise[:, lag:] * noise[:, :-lag]).mean() / noise.var()
+        assert found == pytest.approx(expected, abs=0.06)
+    assert np.corrcoef(noise[..., 0].ravel(), noise[..., 1].ravel())[0, 1] == pytest.approx(0.0, abs=0.06)
+
+
+def test_grain_depends_on_its_seed_and_stays_in_range() -> None:
+    first, again, other = (with_grain(GREY, 2.0, 2.0, np.random.default_rng(s)) for s in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+    assert with_grain(GREY, 0.0, 2.0, np.random.default_rng(1)) is GREY
+    white = with_grain(np.full_like(GREY, 255), 40.0, 2.0, np.random.default_rng(1))
+    assert (white.max(), white.min() < 255) == (255, True)
