@@ -23,7 +23,7 @@ from fieldkit.scenes.simulate import CaptureNoise
 POSITIONS_M = (0.0, 0.002, 0.005, 0.010, 0.020, 0.050)
 ANGLES_DEG = (0.0, 0.1, 0.5, 1.0, 2.0)
 GREY_LEVELS = (0.0, 5.0, 10.0, 20.0, 40.0)
-QUIET = CaptureNoise(position_m=0.0, angle_deg=0.0, image_sigma=2.0)
+QUIET = CaptureNoise(position_m=0.0, angle_deg=0.0, image_sigma=0.0)
 
 
 def run_noise(
@@ -65,7 +65,7 @@ def run_noise(
         tables=(noise_table(found),),
         notes=(
             f"The ring of ten, {fidelity}, {seeds} seeds; prior mapping, told the positions' accuracy.",
-            "One noise at a time: 2 grey levels of sensor noise and exact poses otherwise.",
+            "One noise at a time beside the scene's camera effects: exact poses and no noise of the image otherwise.",
             "The cloud is placed by the commanded centres, so position noise also misplaces it.",
             "Bands: mean ± one standard deviation.",
         ),

@@ -25,6 +25,10 @@ _REMEDY = (
     "Install the off-screen OpenGL libraries (Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri) "
     "and leave PYOPENGL_PLATFORM unset or set it to egl."
 )
+_OSMESA_REMEDY = (
+    "For OSMesa install its library (Debian and Ubuntu: apt-get install libosmesa6) and a PyOpenGL that knows it "
+    '(pip install --no-deps "PyOpenGL>=3.1.7"), or leave PYOPENGL_PLATFORM unset for EGL.'
+)
 
 
 class RenderingError(InputError):
@@ -52,7 +56,8 @@ class Renderer:
         try:
             self._pyrender, self._platform, self._gl = _start(scene)
         except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
-            raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=_REMEDY) from error
+            remedy = _OSMESA_REMEDY if os.environ.get("PYOPENGL_PLATFORM") == "osmesa" else _REMEDY
+            raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=remedy) from error
         self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
         self._meshes: dict[str, Any] = {}
         self._boxes: dict[str, NDArray[np.float64]] = {}
