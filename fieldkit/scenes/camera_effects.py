@@ -19,6 +19,8 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.kernels import fast_kernel
 from fieldkit.scenes.sensor_noise import developed_with_noise, with_grain
 
+USUAL_GRAIN = 3.5
+"""Of consumer cameras: between the recorded rigs' (docs/decisions.md)."""
 _MAX_TAPS = 15
 _MIDDLE_GREY = 128.0
 

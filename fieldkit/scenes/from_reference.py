@@ -20,11 +20,12 @@ from fieldkit.errors import SceneError
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry import Intrinsics
 from fieldkit.progress import Progress
-from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.camera_effects import USUAL_GRAIN, CameraEffects
 from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription
 from fieldkit.scenes.photo_texture import PosedPhotograph, photo_patches
 from fieldkit.scenes.recorded import RecordedSurface, pack_atlas
 from fieldkit.scenes.scene_file import write_scene
+from fieldkit.scenes.simulate import CaptureNoise
 
 SCENE_FILE = "scene.toml"
 PLANTS_FILE = "plants.ply"
@@ -129,7 +130,8 @@ def scene_from_reference(
         description = SceneDescription(
             name=reference.name, notes=f"Made from the reference {reference.name}.", bounds=reference.bounds,
             recorded=surface, reference=ReferenceSampling(points=max(len(plants), 1_000)),
-            camera=reference.camera.without_distortion(), camera_effects=CameraEffects(),
+            camera=reference.camera.without_distortion(), camera_effects=CameraEffects(grain=USUAL_GRAIN),
+            noise=CaptureNoise(image_sigma=0.0),
         )  # fmt: skip
         write_scene(partial / SCENE_FILE, description)
     return RecordedScene(output / SCENE_FILE, len(plants), len(rest), surface.plant_surfel_m, surface.ground_surfel_m)

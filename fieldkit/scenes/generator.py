@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.camera_effects import USUAL_GRAIN, CameraEffects
 from fieldkit.scenes.description import Bounds, SceneDescription
 from fieldkit.scenes.maize import MaizeDescription, Stage
 from fieldkit.scenes.neighbours import NeighboursDescription
@@ -24,7 +24,7 @@ SCALE_RANGE = (0.9, 1.1)
 """BOSfM scales each plant within ±10 %."""
 FIELD_CAMERA = CameraEffects(
     exposure_s=0.003, defocus_px=0.25, vignetting=0.2, veiling_glare=0.005, exposure_ev=0.2, white_balance=0.03,
-    grain=3.5, jpeg_quality=85,
+    grain=USUAL_GRAIN, jpeg_quality=85,
 )  # fmt: skip
 """A small camera that exposes automatically, under a drone that hovers. Set on the tuning scenes, with `WIND_M` and the
 leaves' markings, against the recorded rigs (docs/simulated-scenes.md)."""
