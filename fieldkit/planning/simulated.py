@@ -227,8 +227,6 @@ class SimulatedSource:
 
 def _reduced(effects: CameraEffects | None, scale: float) -> CameraEffects | None:
     """The effects in an image ``scale`` times as large: what is stated in pixels goes with its size."""
-    return (
-        None
-        if effects is None
-        else replace(effects, defocus_px=effects.defocus_px * scale, grain_px=max(1.0, effects.grain_px * scale))
-    )
+    if effects is None:
+        return None
+    return replace(effects, defocus_px=effects.defocus_px * scale, grain_px=max(1.0, effects.grain_px * scale))
