@@ -39,7 +39,7 @@ def draw_bands(panels: Mapping[str, Curve], label: str) -> Figure:
         for v in x:
             axes.plot([v] * len(curve[v]), [1000.0 * y for y in curve[v]], ".", color=color, markersize=2, alpha=0.6)
         _dress(axes, name, f"{label}, mm")
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0.0, 1.08 * max(1000.0 * max(curve[v]) for v in x))
     return figure
 
 
