@@ -59,6 +59,8 @@ class Boundary:
 
     def _report(self, error: BaseException) -> int:
         """Say what went wrong and give its exit code."""
+        if isinstance(error, SystemError) and isinstance(error.__cause__, KeyboardInterrupt | SystemExit):
+            error = error.__cause__  # a signal met compiled code that returned as if nothing had happened
         if isinstance(error, SystemExit):
             return error.code if isinstance(error.code, int) else EXIT_BUG if error.code else 0
         if isinstance(error, KeyboardInterrupt):

@@ -196,6 +196,16 @@ class TestBoundary:
         assert main(["probe"]) == 130
         assert "--resume" not in capsys.readouterr().err
 
+    def test_interrupted_in_compiled_code(self, a_command: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        # what CPython makes of a signal's exception that a compiled function did not pass on
+        write(a_command, "raise SystemError('returned a result with an exception set') from KeyboardInterrupt()")
+        assert main(["probe"]) == 130
+        assert "bug" not in capsys.readouterr().err
+        write(a_command, "raise SystemError('returned a result with an exception set') from SystemExit(143)")
+        assert main(["probe"]) == 143
+        write(a_command, "raise SystemError('of another kind')")
+        assert main(["probe"]) == 1
+
     def test_terminated(self, a_command: Path) -> None:
         write(a_command, "os.kill(os.getpid(), signal.SIGTERM)")
         assert main(["probe"]) == 143
