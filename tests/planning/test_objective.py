@@ -172,8 +172,7 @@ def test_a_reference_far_away_costs_the_worst(proxy: Proxy, source: SimulatedSou
 
 @pytest.mark.slow
 def test_few_first_matches_do_not_bend_the_model() -> None:
-    # Photographs so far apart that six pairs match at first. From these alone poses end 16 mm from the truth, and the
-    # value is twice what it is at most other seeds.
+    # Photographs so far apart that few pairs match at first: 14.8 mm from these alone, 12.0 from both starts.
     plot = tuning_plot("tuning-2")
     try:
         found = Objective(plot.source).evaluate(plot.envelope.sample(10, 4), seed=1)
@@ -182,4 +181,4 @@ def test_few_first_matches_do_not_bend_the_model() -> None:
     finally:
         plot.source.close()
     assert found.right == 10
-    assert found.value_m < 0.014
+    assert found.value_m < 0.0135
