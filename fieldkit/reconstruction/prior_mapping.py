@@ -194,11 +194,12 @@ def map_with_priors(
         meet_in = region or _slab(model)
         pairs = _overlapping(problem, model, pairs)
         last = index == len(settings.bands_px) - 1
-        starts = [_reconsidered(problem, model, pairs, region)]
+        poses = _reconsidered(problem, model, pairs, region)
+        refined = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
         if index == 0 and _thin(matches, len(names)):
-            starts.append(start)
-        models = [_round(problem, model, poses, pairs, band * scale, region, meet_in, last=last) for poses in starts]
-        model = max(models, key=_support)
+            other = _round(problem, model, start, pairs, band * scale, region, meet_in, last=last)
+            refined = max(refined, other, key=_support)
+        model = refined
         advance(1)
     unregistered = _unsupported(problem, model, pairs, region, meet_in, settings.bands_px[-1] * scale)
     for name in unregistered:
