@@ -134,21 +134,6 @@ def match_guided(
     return matches[_agrees(a, b, matches, settings, region, meet_in)]
 
 
-def chance_matches(
-    a: PosedFeatures,
-    b: PosedFeatures,
-    band_px: float,
-    settings: GuidedSettings,
-    *,
-    region: Region | None,
-    meet_in: Region | Slab | None,
-) -> float:
-    """How many matches a wrong epipolar geometry gives: the mean over two displaced bands."""
-    shifts = (-15.0 * band_px, 15.0 * band_px)
-    counts = [len(match_guided(a, b, band_px, settings, region=region, meet_in=meet_in, shift_px=s)) for s in shifts]
-    return float(np.mean(counts))
-
-
 def midpoints(a: PosedFeatures, b: PosedFeatures, matches: NDArray[np.uint32]) -> tuple[Floats, Floats, Floats]:
     """Where the rays of matches come closest: points (k, 3) and the signed distances (k,) along both rays."""
     ray_a, ray_b = a.rays(matches[:, 0]), b.rays(matches[:, 1])

@@ -7,7 +7,8 @@
 3. Guided matching again about the refined poses, in bands that narrow round by round, each followed by
    triangulation and bundle adjustment. Where an image has few verified pairs, the first of these rounds is also
    tried about the priors themselves, and the better supported of its two models is gone on with: few matches can
-   bend a model farther than the priors are wrong, and narrow bands would keep it there.
+   bend a model farther than the priors are wrong, and narrow bands would keep it there. A round is held together by
+   the pairs that have far more matches than chance gives; the others add what these lack (`ties`).
 4. An image counts as registered only with clearly more matches than chance gives.
 
 The method is ours (the paper maps blindly); its parts are standard: RANSAC (Fischler & Bolles 1981), robust bundle
@@ -39,7 +40,8 @@ from fieldkit.reconstruction.colmap_model import (
 )
 from fieldkit.reconstruction.epipolar import relative_pose
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, Slab, chance_matches, match_guided
+from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, Slab, match_guided
+from fieldkit.reconstruction.ties import TieSettings, chance_matches, holds, usable_matches
 from fieldkit.reconstruction.tracks import build_tracks
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 
@@ -75,6 +77,7 @@ class PriorMappingSettings:
         min_observations: an image with fewer observations of points, or fewer matches above chance, is not
             registered.
         chance_factor: matches of a pair count as above chance from this many times what a wrong geometry gives.
+        ties: which pairs hold a model together in the rounds after the first.
     """
 
     guided: GuidedSettings = field(default_factory=GuidedSettings)
@@ -92,6 +95,7 @@ class PriorMappingSettings:
     min_angle_deg: float = 1.0
     min_observations: int = 15
     chance_factor: float = 1.5
+    ties: TieSettings = field(default_factory=TieSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,7 +377,15 @@ def _round(
         (i, j): match_guided(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
         for i, j in pairs
     }
-    model = _tracks_to_model(problem, poses, cameras, matches, 1.5 * band_px)
+    holding = {
+        (i, j)
+        for (i, j), found in matches.items()
+        if holds(
+            posed[i], posed[j], len(found), band_px, settings.guided, settings.ties, region=region, meet_in=meet_in
+        )
+    }
+    usable = usable_matches([len(f) for f in problem.features], matches, holding, settings.ties)
+    model = _tracks_to_model(problem, poses, cameras, usable, 1.5 * band_px)
     priors = _camera_priors(problem)
     refine = last and not problem.fixed_intrinsics
     adjust(model, priors, loss_px=2.0 * settings.loss_px, refine_intrinsics=False, seed=problem.seed, rough=True)

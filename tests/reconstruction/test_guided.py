@@ -12,11 +12,10 @@ from fieldkit.reconstruction.guided import (
     GuidedSettings,
     PosedFeatures,
     Region,
-    chance_matches,
     match_guided,
     midpoints,
 )
-from tests.reconstruction.synthetic import FeatureScene, feature_scene, random_descriptors, ring
+from tests.reconstruction.synthetic import FeatureScene, feature_scene, posed, random_descriptors, ring
 
 BAND_PX = 4.0
 REGION = Region((0.0, 0.0, 0.0), 0.3)
@@ -27,11 +26,6 @@ ANYTHING = GuidedSettings(max_rotation_deg=180.0, max_scale_octaves=1e9)
 @pytest.fixture(scope="module")
 def scene() -> FeatureScene:
     return feature_scene(ring(16)[:3])
-
-
-def posed(scene: FeatureScene, index: int, features: Features | None = None) -> PosedFeatures:
-    features = scene.features[index] if features is None else features
-    return PosedFeatures.of(features, scene.poses[index], scene.camera)
 
 
 def with_keypoints(features: Features, column: int, values: np.ndarray) -> Features:
@@ -158,29 +152,6 @@ def test_matches_must_meet_in_the_region(scene: FeatureScene) -> None:
     assert (along_b > 0).all()
     elsewhere = Region((0.0, 0.0, 1.0), 0.3)
     assert len(match_guided(a, b, BAND_PX, SETTINGS, region=REGION, meet_in=elsewhere)) == 0
-
-
-@pytest.mark.parametrize(
-    "other", [(0.9, 0.4, 0.5), (1.0, 0.0, 0.9), (0.6, 0.0, 0.35)], ids=["beside", "above", "in front"]
-)
-def test_a_displaced_band_gives_what_chance_gives(other: tuple[float, float, float]) -> None:
-    """Also where the epipolar lines are upright, as between cameras above each other."""
-    poses = [Pose.look_at((1.0, 0.0, 0.5), (0, 0, 0)), Pose.look_at(other, (0, 0, 0))]
-    scene = feature_scene(poses, clutter=500)
-    a, b = posed(scene, 0), posed(scene, 1)
-    found = match_guided(a, b, BAND_PX, SETTINGS, region=REGION, meet_in=REGION)
-    chance = chance_matches(a, b, BAND_PX, SETTINGS, region=REGION, meet_in=REGION)
-    assert len(found) > 100
-    assert chance < 0.1 * len(found)
-
-
-def test_unrelated_photographs_match_by_chance_only() -> None:
-    one, other = feature_scene(ring(16)[:2], seed=1), feature_scene(ring(16)[:2], seed=2)
-    a, b = posed(one, 0), posed(other, 1)
-    found = len(match_guided(a, b, BAND_PX, SETTINGS, region=REGION, meet_in=REGION))
-    chance = chance_matches(a, b, BAND_PX, SETTINGS, region=REGION, meet_in=REGION)
-    assert found < 25
-    assert abs(found - chance) < 15
 
 
 def test_no_features_no_matches(scene: FeatureScene) -> None:

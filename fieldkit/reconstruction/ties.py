@@ -1,0 +1,119 @@
+"""Which pairs hold a model together, and what it may use of the others.
+
+Two photographs far apart share few right matches, while a narrow band gives every pair some by chance. Such pairs pull
+cameras away by centimetres: they are as many as the good ones, and a point of two views only contradicts no other. A
+match that touches a point of a good pair is another matter, for three views must agree about it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, Slab, match_guided
+
+Pair = tuple[int, int]
+_SHIFT = 15.0
+
+
+@dataclass(frozen=True)
+class TieSettings:
+    """When a pair holds.
+
+    Attributes:
+        chance_factor: it has that many times the matches that a wrong geometry gives,
+        min_matches: and at least so many. An image with fewer features in such pairs lacks ties.
+    """
+
+    chance_factor: float = 3.0
+    min_matches: int = 40
+
+
+def chance_matches(
+    a: PosedFeatures,
+    b: PosedFeatures,
+    band_px: float,
+    settings: GuidedSettings,
+    *,
+    region: Region | None,
+    meet_in: Region | Slab | None,
+) -> float:
+    """How many matches a wrong epipolar geometry gives: the mean over two displaced bands."""
+    return float(np.mean([_displaced(a, b, side, band_px, settings, region, meet_in) for side in (-1, 1)]))
+
+
+def holds(
+    a: PosedFeatures,
+    b: PosedFeatures,
+    found: int,
+    band_px: float,
+    guided: GuidedSettings,
+    settings: TieSettings,
+    *,
+    region: Region | None,
+    meet_in: Region | Slab | None,
+) -> bool:
+    """Whether ``found`` matches of two photographs are far above chance, which one band tells where it is clear."""
+    if found < settings.min_matches:
+        return False
+    chance = _displaced(a, b, -1, band_px, guided, region, meet_in)
+    if not 0.5 * found < settings.chance_factor * chance < 2.0 * found:
+        return found >= settings.chance_factor * chance
+    chance += _displaced(a, b, 1, band_px, guided, region, meet_in)
+    return found >= settings.chance_factor * chance / 2.0
+
+
+def usable_matches(
+    counts: Sequence[int], matches: Mapping[Pair, NDArray[np.uint32]], holding: Collection[Pair], settings: TieSettings
+) -> dict[Pair, NDArray[np.uint32]]:
+    """What a model is made of: all matches of the pairs that hold, and of the others what is missing.
+
+    Args:
+        counts: features per image.
+        matches: (k, 2) feature indices per pair (i, j) of image indices.
+        holding: the pairs that hold.
+        settings: when an image lacks ties.
+
+    Returns:
+        Of another pair, those matches that touch a feature of a pair that holds, if one of its images lacks ties or the
+        two hang together through no chain of pairs that hold; all of them if both lack ties.
+    """
+    tied = [np.zeros(count, np.bool_) for count in counts]
+    for i, j in holding:
+        tied[i][matches[i, j][:, 0]] = True
+        tied[j][matches[i, j][:, 1]] = True
+    lacking = [int(each.sum()) < settings.min_matches for each in tied]
+    part = _parts(len(counts), holding)
+    used = {}
+    for (i, j), found in matches.items():
+        if (i, j) in holding or (lacking[i] and lacking[j]):
+            used[i, j] = found
+        elif lacking[i] or lacking[j] or part[i] != part[j]:
+            used[i, j] = found[tied[i][found[:, 0]] | tied[j][found[:, 1]]]
+    return used
+
+
+def _parts(count: int, pairs: Collection[Pair]) -> NDArray[np.int32]:
+    """(count,) which connected part of the graph each image is in."""
+    ends = np.array(sorted(pairs), np.int64).reshape(-1, 2)
+    graph = coo_matrix((np.ones(len(ends), np.int8), (ends[:, 0], ends[:, 1])), shape=(count, count))
+    labels: NDArray[np.int32] = connected_components(graph, directed=False)[1]
+    return labels
+
+
+def _displaced(
+    a: PosedFeatures,
+    b: PosedFeatures,
+    side: int,
+    band_px: float,
+    settings: GuidedSettings,
+    region: Region | None,
+    meet_in: Region | Slab | None,
+) -> int:
+    shift = side * _SHIFT * band_px
+    return len(match_guided(a, b, band_px, settings, region=region, meet_in=meet_in, shift_px=shift))

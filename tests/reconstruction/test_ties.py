@@ -1,0 +1,123 @@
+"""Which pairs hold a model together, on simulated photographs and on small graphs of matches."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.geometry import Pose
+from fieldkit.reconstruction.guided import GuidedSettings, Region, match_guided
+from fieldkit.reconstruction.ties import Pair, TieSettings, chance_matches, holds, usable_matches
+from tests.reconstruction.synthetic import feature_scene, posed, ring
+
+BAND_PX = 4.0
+REGION = Region((0.0, 0.0, 0.0), 0.3)
+GUIDED = GuidedSettings()
+TIES = TieSettings(chance_factor=3.0, min_matches=4)
+
+
+@pytest.mark.parametrize(
+    "other", [(0.9, 0.4, 0.5), (1.0, 0.0, 0.9), (0.6, 0.0, 0.35)], ids=["beside", "above", "in front"]
+)
+def test_a_displaced_band_gives_what_chance_gives(other: tuple[float, float, float]) -> None:
+    """Also where the epipolar lines are upright, as between cameras above each other."""
+    poses = [Pose.look_at((1.0, 0.0, 0.5), (0, 0, 0)), Pose.look_at(other, (0, 0, 0))]
+    scene = feature_scene(poses, clutter=500)
+    a, b = posed(scene, 0), posed(scene, 1)
+    found = match_guided(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION)
+    chance = chance_matches(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION)
+    assert len(found) > 100
+    assert chance < 0.1 * len(found)
+
+
+def test_unrelated_photographs_match_by_chance_only() -> None:
+    one, other = feature_scene(ring(16)[:2], seed=1), feature_scene(ring(16)[:2], seed=2)
+    a, b = posed(one, 0), posed(other, 1)
+    found = len(match_guided(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION))
+    chance = chance_matches(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION)
+    assert found < 25
+    assert abs(found - chance) < 15
+
+
+def crowded() -> tuple[list[int], dict[Pair, np.ndarray]]:
+    """Images 0 to 2 hang together by good pairs, 3 and 4 too, 5 and 6 have none; weak pairs go between them."""
+    counts = [40] * 7
+    row = np.arange(5)
+    return counts, {
+        (0, 1): np.stack([row, row], axis=1).astype(np.uint32),
+        (1, 2): np.stack([row + 2, row], axis=1).astype(np.uint32),
+        (0, 2): np.array([[0, 0], [20, 21]], np.uint32),
+        (3, 4): np.stack([row, row], axis=1).astype(np.uint32),
+        (2, 3): np.array([[4, 30], [31, 32]], np.uint32),
+        (2, 5): np.array([[4, 7], [33, 8], [3, 9]], np.uint32),
+        (5, 6): np.array([[7, 7], [10, 10]], np.uint32),
+    }
+
+
+HOLDING = {(0, 1), (1, 2), (3, 4)}
+
+
+def test_weak_pairs_inside_a_part_that_holds_are_left_out() -> None:
+    assert (0, 2) not in usable_matches(*crowded(), HOLDING, TIES)
+
+
+def test_weak_pairs_between_parts_add_what_three_views_can_check() -> None:
+    assert usable_matches(*crowded(), HOLDING, TIES)[2, 3].tolist() == [[4, 30]]
+
+
+def test_an_image_that_lacks_ties_gets_what_touches_a_good_pair() -> None:
+    assert usable_matches(*crowded(), HOLDING, TIES)[2, 5].tolist() == [[4, 7], [3, 9]]
+
+
+def test_two_images_that_lack_ties_keep_all_they_have() -> None:
+    counts, matches = crowded()
+    assert usable_matches(counts, matches, HOLDING, TIES)[5, 6].tolist() == matches[5, 6].tolist()
+
+
+def test_few_ties_are_as_none() -> None:
+    """An image with fewer features in good pairs than a pair must have counts as lacking."""
+    counts, matches = crowded()
+    strict = TieSettings(min_matches=100)
+    assert all(np.array_equal(used, matches[p]) for p, used in usable_matches(counts, matches, HOLDING, strict).items())
+    assert usable_matches(counts, matches, HOLDING, strict).keys() == matches.keys()
+
+
+def test_without_a_pair_that_holds_all_matches_are_used() -> None:
+    counts, matches = crowded()
+    used = usable_matches(counts, matches, set(), TIES)
+    assert all(np.array_equal(used[pair], found) for pair, found in matches.items())
+
+
+@given(st.sets(st.sampled_from(sorted(crowded()[1]))))
+def test_pairs_that_hold_are_used_whole_and_nothing_is_made_up(holding: set[Pair]) -> None:
+    counts, matches = crowded()
+    used = usable_matches(counts, matches, holding, TIES)
+    assert set(used) <= set(matches)
+    for pair, found in used.items():
+        assert {tuple(row) for row in found.tolist()} <= {tuple(row) for row in matches[pair].tolist()}
+        if pair in holding:
+            assert np.array_equal(found, matches[pair])
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_neighbours_hold_and_strangers_do_not(share: float) -> None:
+    scene = feature_scene(ring(16)[:2], clutter=500, seen_share=share)
+    a, b = posed(scene, 0), posed(scene, 1)
+    found = len(match_guided(a, b, BAND_PX, GUIDED, region=REGION, meet_in=REGION))
+    assert holds(a, b, found, BAND_PX, GUIDED, TieSettings(), region=REGION, meet_in=REGION)
+    stranger = posed(feature_scene(ring(16)[:2], clutter=500, seed=2), 1)
+    found = len(match_guided(a, stranger, BAND_PX, GUIDED, region=REGION, meet_in=REGION))
+    lenient = TieSettings(min_matches=1)
+    assert not holds(a, stranger, found, BAND_PX, GUIDED, lenient, region=REGION, meet_in=REGION)
+
+
+@pytest.mark.parametrize("factor", [0.2, 0.7, 0.9, 1.1, 1.4, 5.0])
+def test_one_band_decides_as_two_where_it_is_clear(factor: float) -> None:
+    """And where it is not, the mean of both does."""
+    scene = feature_scene(ring(16)[:2], clutter=2000, points=50)
+    a, b = posed(scene, 0), posed(scene, 1)
+    band, anything = 40.0, GuidedSettings(ratio=0.95, max_rotation_deg=180.0, max_scale_octaves=1e9)
+    chance = chance_matches(a, b, band, anything, region=REGION, meet_in=None)
+    assert chance > 20
+    found, settings = round(factor * 3.0 * chance), TieSettings(chance_factor=3.0, min_matches=1)
+    assert holds(a, b, found, band, anything, settings, region=REGION, meet_in=None) == (found >= 3.0 * chance)
