@@ -31,7 +31,7 @@ class TieSettings:
     """
 
     chance_factor: float = 3.0
-    min_matches: int = 40
+    min_matches: int = 20
 
 
 def chance_matches(
