@@ -530,8 +530,8 @@ def _unsupported(
     for index, name in enumerate(problem.names):
         if len(problem.features[index]) < settings.min_observations:
             reasons[name] = "too few features"
-        elif model.image(index + 1).num_points3D < settings.min_observations:
-            reasons[name] = "no matches"
         elif support[index] < settings.min_observations:
             reasons[name] = "no more matches than chance gives"
+        elif model.image(index + 1).num_points3D < settings.min_observations:
+            reasons[name] = "too few matches that fit the other photographs"
     return reasons

@@ -98,7 +98,7 @@ def test_an_image_of_something_else_is_not_registered(scene: FeatureScene) -> No
     features[5] = Features(keypoints, random_descriptors(rng, count))
     mapping = map_scene(scene, rough(scene.poses), features=features)
     assert list(mapping.unregistered) == ["05.jpg"]
-    assert mapping.unregistered["05.jpg"] in ("no matches", "no more matches than chance gives")
+    assert mapping.unregistered["05.jpg"] == "no more matches than chance gives"
     assert sorted(model_poses(mapping.model)) == [n for n in scene.names if n != "05.jpg"]
     centers, _ = shape_errors(mapping, scene)
     assert centers.max() < 0.001
