@@ -155,8 +155,7 @@ def _agrees(
     region: Region | None,
     meet_in: Region | Slab | None,
 ) -> NDArray[np.bool_]:
-    turn_a, turn_b = _turn_from_baseline(a, b), _turn_from_baseline(b, a, reverse=True)
-    difference = turn_a[matches[:, 0]] - turn_b[matches[:, 1]]
+    difference = _turn_from_baseline(a, b, matches[:, 0]) - _turn_from_baseline(b, a, matches[:, 1], reverse=True)
     rotation = np.abs((difference + np.pi) % (2 * np.pi) - np.pi)
     size_a = np.log2(a.features.keypoints[matches[:, 0], 2] * _metres_per_pixel(a, region))
     size_b = np.log2(b.features.keypoints[matches[:, 1], 2] * _metres_per_pixel(b, region))
@@ -168,16 +167,18 @@ def _agrees(
     return agreed
 
 
-def _turn_from_baseline(a: PosedFeatures, b: PosedFeatures, *, reverse: bool = False) -> Floats:
-    """(n,) each feature's orientation against the image of the baseline's direction at its place, radians.
+def _turn_from_baseline(
+    a: PosedFeatures, b: PosedFeatures, index: NDArray[np.uint32], *, reverse: bool = False
+) -> Floats:
+    """(k,) chosen features' orientation against the image of the baseline's direction at its place, radians.
 
     Moving a scene point by ε·v moves its pixel x by ε/Z · (q[:2] − q[2] x) with q = K R v; with v along the
     baseline this is the epipolar line's direction, with a sign that both images share.
     """
     baseline = b.pose.center - a.pose.center
     q = a.camera.matrix() @ a.pose.rotation @ (-baseline if reverse else baseline)
-    direction = q[:2] - q[2] * a.points
-    turn: Floats = a.features.keypoints[:, 3] - np.arctan2(direction[:, 1], direction[:, 0])
+    direction = q[:2] - q[2] * a.points[index]
+    turn: Floats = a.features.keypoints[index, 3] - np.arctan2(direction[:, 1], direction[:, 0])
     return turn
 
 
