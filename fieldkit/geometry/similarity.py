@@ -77,8 +77,15 @@ class Similarity:
         return Similarity(self.scale * first.scale, self.rotation @ first.rotation, self.apply(first.translation))
 
 
-def fit_similarity(source: ArrayLike, target: ArrayLike, *, with_scale: bool = True) -> Similarity:
+def fit_similarity(
+    source: ArrayLike, target: ArrayLike, *, with_scale: bool = True, weights: ArrayLike | None = None
+) -> Similarity:
     """Least-squares similarity from ``source`` (n, 3) to ``target`` (n, 3) (Umeyama 1991).
+
+    Args:
+        source, target: pairs of points.
+        with_scale: else the scale is 1.
+        weights: (n,) positive, of the squared errors; equal where None.
 
     Raises:
         ValueError: fewer than 3 pairs, or the source points lie on one line.
@@ -86,12 +93,14 @@ def fit_similarity(source: ArrayLike, target: ArrayLike, *, with_scale: bool = T
     s, t = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if len(s) < 3 or s.shape != t.shape:
         raise ValueError("a similarity needs at least 3 pairs of points")
-    s_mean, t_mean = s.mean(0), t.mean(0)
-    u, singular, vt = np.linalg.svd((t - t_mean).T @ (s - s_mean) / len(s))
+    share = np.full(len(s), 1.0) if weights is None else np.asarray(weights, dtype=np.float64)
+    share = share / share.sum()
+    s_mean, t_mean = share @ s, share @ t
+    u, singular, vt = np.linalg.svd((t - t_mean).T @ ((s - s_mean) * share[:, None]))
     if singular[1] < 1e-9 * max(singular[0], 1e-300):
         raise ValueError("the points lie on one line, so the rotation about it is free")
     signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
     rotation = u @ np.diag(signs) @ vt
-    variance = float(((s - s_mean) ** 2).sum() / len(s))
+    variance = float(share @ ((s - s_mean) ** 2).sum(axis=1))
     scale = float((singular * signs).sum() / variance) if with_scale else 1.0
     return Similarity(scale, rotation, t_mean - scale * rotation @ s_mean)

@@ -16,6 +16,12 @@ from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.colmap_model import transform_model
 
+_FULL_TRUST = 300
+_CAUCHY = 2.385  # 95 % of least squares' efficiency on normal errors
+_MEDIAN_LENGTH = 1.538  # of a 3D normal vector with unit standard deviation per axis
+_PLACING_ROUNDS = 20
+_MANY_CAMERAS = 5
+
 
 @dataclass(frozen=True, eq=False)
 class CameraPrior:
@@ -86,15 +92,17 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) 
     """Put the model as a whole where its priors want it.
 
     Reprojection errors do not see a similarity, and are so many that the solver moves along it in tiny steps. Positions
-    fix it by least squares, and known orientations hold the rotation where positions on an arc leave it loose.
+    fix it, those of well-observed cameras more than others', and known orientations hold the rotation where positions
+    on an arc leave it loose.
     """
     source = np.array([model.image(i).projection_center() for i in sorted(priors)])
     target = np.array([priors[i].position for i in sorted(priors)])
+    observations = np.array([model.image(i).num_points3D for i in sorted(priors)])
     reach = POSITION_SIGMAS * np.array([np.linalg.norm(priors[i].sigma) / np.sqrt(3.0) for i in sorted(priors)])
     kept = np.ones(len(source), dtype=np.bool_)
     for _ in range(3):
         try:
-            similarity = fit_similarity(source[kept], target[kept])
+            similarity = _placed(source[kept], target[kept], observations[kept])
         except ValueError:  # positions on one line leave a rotation free
             return
         kept = np.linalg.norm(similarity.apply(source) - target, axis=1) <= reach
@@ -103,6 +111,27 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) 
     transform_model(model, similarity)
     known = {i: prior for k, (i, prior) in enumerate(sorted(priors.items())) if kept[k]}
     transform_model(model, _tilt(model, known))
+
+
+def _placed(source: NDArray[np.float64], target: NDArray[np.float64], observations: NDArray[np.int64]) -> Similarity:
+    """The similarity from camera centres (n, 3) to where their priors have them.
+
+    Least squares, where centres count less that few observations hold or that fit worse than most (Cauchy's weights by
+    the median error): a loosely tied camera must not tilt the plot.
+
+    Raises:
+        ValueError: as `fit_similarity`.
+    """
+    if len(source) < _MANY_CAMERAS:
+        return fit_similarity(source, target)
+    trust = np.clip(observations / _FULL_TRUST, 1.0 / _FULL_TRUST, 1.0)
+    weights = trust
+    for _ in range(_PLACING_ROUNDS):
+        similarity = fit_similarity(source, target, weights=weights)
+        errors = np.linalg.norm(similarity.apply(source) - target, axis=1)
+        scale = _CAUCHY * float(np.median(errors)) / _MEDIAN_LENGTH
+        weights = trust / (1.0 + (errors / max(scale, 1e-9)) ** 2)
+    return similarity
 
 
 def _tilt(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) -> Similarity:

@@ -41,7 +41,7 @@ from fieldkit.reconstruction.colmap_model import (
 from fieldkit.reconstruction.epipolar import relative_pose
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, Slab, match_guided
-from fieldkit.reconstruction.ties import TieSettings, chance_matches, holds, usable_matches
+from fieldkit.reconstruction.ties import TieSettings, chance_matches, holds, rivalless_matches, usable_matches
 from fieldkit.reconstruction.tracks import build_tracks
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 
@@ -384,7 +384,11 @@ def _round(
             posed[i], posed[j], len(found), band_px, settings.guided, settings.ties, region=region, meet_in=meet_in
         )
     }
-    usable = usable_matches([len(f) for f in problem.features], matches, holding, settings.ties)
+
+    def rivalless(i: int, j: int) -> NDArray[np.uint32]:
+        return rivalless_matches(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
+
+    usable = usable_matches([len(f) for f in problem.features], matches, holding, settings.ties, rivalless)
     model = _tracks_to_model(problem, poses, cameras, usable, 1.5 * band_px)
     priors = _camera_priors(problem)
     refine = last and not problem.fixed_intrinsics

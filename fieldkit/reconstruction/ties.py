@@ -1,13 +1,14 @@
 """Which pairs hold a model together, and what it may use of the others.
 
 Two photographs far apart share few right matches, while a narrow band gives every pair some by chance. Such pairs pull
-cameras away by centimetres: they are as many as the good ones, and a point of two views only contradicts no other. A
-match that touches a point of a good pair is another matter, for three views must agree about it.
+cameras away by centimetres: they are as many as the good ones, and a point of two views only contradicts no other. What
+can be trusted of them touches a point of a good pair, for three views must agree about it, or is without a rival in a
+much wider band, where chance matches hardly pass the ratio test.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,13 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from fieldkit.reconstruction.epipolar import epipolar_distance, fundamental_matrix
 from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, Slab, match_guided
 
 Pair = tuple[int, int]
 _SHIFT = 15.0
+_CLEARLY = 1.5
+_RIVALS = 4.0
 
 
 @dataclass(frozen=True)
@@ -62,14 +66,34 @@ def holds(
     if found < settings.min_matches:
         return False
     chance = _displaced(a, b, -1, band_px, guided, region, meet_in)
-    if not 0.5 * found < settings.chance_factor * chance < 2.0 * found:
+    if not found / _CLEARLY < settings.chance_factor * chance < found * _CLEARLY:
         return found >= settings.chance_factor * chance
     chance += _displaced(a, b, 1, band_px, guided, region, meet_in)
     return found >= settings.chance_factor * chance / 2.0
 
 
+def rivalless_matches(
+    a: PosedFeatures,
+    b: PosedFeatures,
+    band_px: float,
+    guided: GuidedSettings,
+    *,
+    region: Region | None,
+    meet_in: Region | Slab | None,
+) -> NDArray[np.uint32]:
+    """(k, 2) those of the band's matches that pass the ratio test in a band four times as wide, too."""
+    wide = match_guided(a, b, _RIVALS * band_px, guided, region=region, meet_in=meet_in)
+    fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
+    distance = epipolar_distance(fundamental, a.points[wide[:, 0]], b.points[wide[:, 1]])
+    return wide[distance <= band_px]
+
+
 def usable_matches(
-    counts: Sequence[int], matches: Mapping[Pair, NDArray[np.uint32]], holding: Collection[Pair], settings: TieSettings
+    counts: Sequence[int],
+    matches: Mapping[Pair, NDArray[np.uint32]],
+    holding: Collection[Pair],
+    settings: TieSettings,
+    rivalless: Callable[[int, int], NDArray[np.uint32]],
 ) -> dict[Pair, NDArray[np.uint32]]:
     """What a model is made of: all matches of the pairs that hold, and of the others what is missing.
 
@@ -78,10 +102,11 @@ def usable_matches(
         matches: (k, 2) feature indices per pair (i, j) of image indices.
         holding: the pairs that hold.
         settings: when an image lacks ties.
+        rivalless: those of a pair's matches that have no rival in a wider band.
 
     Returns:
-        Of another pair, those matches that touch a feature of a pair that holds, if one of its images lacks ties or the
-        two hang together through no chain of pairs that hold; all of them if both lack ties.
+        Of another pair, those matches that touch a feature of a pair that holds or have no rival, if one of its images
+        lacks ties or the two hang together through no chain of pairs that hold; all of them if both lack ties.
     """
     tied = [np.zeros(count, np.bool_) for count in counts]
     for i, j in holding:
@@ -94,7 +119,8 @@ def usable_matches(
         if (i, j) in holding or (lacking[i] and lacking[j]):
             used[i, j] = found
         elif lacking[i] or lacking[j] or part[i] != part[j]:
-            used[i, j] = found[tied[i][found[:, 0]] | tied[j][found[:, 1]]]
+            alone = np.isin(found[:, 0], rivalless(i, j)[:, 0])  # a feature has one match in a pair
+            used[i, j] = found[tied[i][found[:, 0]] | tied[j][found[:, 1]] | alone]
     return used
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.guided import GuidedSettings, Region, match_guided
-from fieldkit.reconstruction.ties import Pair, TieSettings, chance_matches, holds, usable_matches
+from fieldkit.reconstruction.ties import Pair, TieSettings, chance_matches, holds, rivalless_matches, usable_matches
 from tests.reconstruction.synthetic import feature_scene, posed, ring
 
 BAND_PX = 4.0
@@ -54,44 +54,78 @@ def crowded() -> tuple[list[int], dict[Pair, np.ndarray]]:
     }
 
 
+def nothing(i: int, j: int) -> np.ndarray:
+    return np.zeros((0, 2), np.uint32)
+
+
 HOLDING = {(0, 1), (1, 2), (3, 4)}
 
 
 def test_weak_pairs_inside_a_part_that_holds_are_left_out() -> None:
-    assert (0, 2) not in usable_matches(*crowded(), HOLDING, TIES)
+    assert (0, 2) not in usable_matches(*crowded(), HOLDING, TIES, nothing)
 
 
 def test_weak_pairs_between_parts_add_what_three_views_can_check() -> None:
-    assert usable_matches(*crowded(), HOLDING, TIES)[2, 3].tolist() == [[4, 30]]
+    assert usable_matches(*crowded(), HOLDING, TIES, nothing)[2, 3].tolist() == [[4, 30]]
+
+
+def test_matches_without_a_rival_are_added() -> None:
+    def second(i: int, j: int) -> np.ndarray:
+        return crowded()[1][i, j][1:2]
+
+    used = usable_matches(*crowded(), HOLDING, TIES, second)
+    assert used[2, 3].tolist() == [[4, 30], [31, 32]]
+    assert used[2, 5].tolist() == [[4, 7], [33, 8], [3, 9]]
+    assert (0, 2) not in used
+
+
+def test_matches_without_a_rival_are_right_where_the_band_is_crowded() -> None:
+    """And are some of the band's."""
+    scene = feature_scene(ring(16)[:2], clutter=3000, points=100)
+    a, b = posed(scene, 0), posed(scene, 1)
+    loose = GuidedSettings(ratio=0.95, max_rotation_deg=180.0, max_scale_octaves=1e9)
+    found = match_guided(a, b, 20.0, loose, region=REGION)
+    alone = rivalless_matches(a, b, 20.0, loose, region=REGION, meet_in=None)
+
+    def right(matches: np.ndarray) -> int:
+        shows = scene.point_of[0][matches[:, 0]]
+        return int(((shows == scene.point_of[1][matches[:, 1]]) & (shows >= 0)).sum())
+
+    assert {tuple(row) for row in alone.tolist()} <= {tuple(row) for row in found.tolist()}
+    assert right(alone) > 0.9 * right(found)
+    assert len(alone) - right(alone) < 0.6 * (len(found) - right(found))
 
 
 def test_an_image_that_lacks_ties_gets_what_touches_a_good_pair() -> None:
-    assert usable_matches(*crowded(), HOLDING, TIES)[2, 5].tolist() == [[4, 7], [3, 9]]
+    assert usable_matches(*crowded(), HOLDING, TIES, nothing)[2, 5].tolist() == [[4, 7], [3, 9]]
 
 
 def test_two_images_that_lack_ties_keep_all_they_have() -> None:
     counts, matches = crowded()
-    assert usable_matches(counts, matches, HOLDING, TIES)[5, 6].tolist() == matches[5, 6].tolist()
+    assert usable_matches(counts, matches, HOLDING, TIES, nothing)[5, 6].tolist() == matches[5, 6].tolist()
 
 
 def test_few_ties_are_as_none() -> None:
     """An image with fewer features in good pairs than a pair must have counts as lacking."""
     counts, matches = crowded()
     strict = TieSettings(min_matches=100)
-    assert all(np.array_equal(used, matches[p]) for p, used in usable_matches(counts, matches, HOLDING, strict).items())
-    assert usable_matches(counts, matches, HOLDING, strict).keys() == matches.keys()
+    assert all(
+        np.array_equal(used, matches[p])
+        for p, used in usable_matches(counts, matches, HOLDING, strict, nothing).items()
+    )
+    assert usable_matches(counts, matches, HOLDING, strict, nothing).keys() == matches.keys()
 
 
 def test_without_a_pair_that_holds_all_matches_are_used() -> None:
     counts, matches = crowded()
-    used = usable_matches(counts, matches, set(), TIES)
+    used = usable_matches(counts, matches, set(), TIES, nothing)
     assert all(np.array_equal(used[pair], found) for pair, found in matches.items())
 
 
 @given(st.sets(st.sampled_from(sorted(crowded()[1]))))
 def test_pairs_that_hold_are_used_whole_and_nothing_is_made_up(holding: set[Pair]) -> None:
     counts, matches = crowded()
-    used = usable_matches(counts, matches, holding, TIES)
+    used = usable_matches(counts, matches, holding, TIES, nothing)
     assert set(used) <= set(matches)
     for pair, found in used.items():
         assert {tuple(row) for row in found.tolist()} <= {tuple(row) for row in matches[pair].tolist()}
