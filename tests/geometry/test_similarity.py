@@ -69,19 +69,21 @@ def test_fit_works_for_a_flat_circle_of_cameras_and_never_mirrors() -> None:
     np.testing.assert_allclose(fitted.apply(circle), mirrored, atol=1e-9)
 
 
-def test_fit_is_the_least_squares_optimum() -> None:
+@pytest.mark.parametrize("weighted", [False, True])
+def test_fit_is_the_least_squares_optimum(weighted: bool) -> None:
     rng = np.random.default_rng(3)
     source = rng.normal(size=(40, 3))
     target = 2.5 * source @ rotation_from_vector((0.3, -0.2, 0.9)).T + (1, 2, 3) + rng.normal(0, 0.05, (40, 3))
-    best = fit_similarity(source, target)
-    least = ((best.apply(source) - target) ** 2).sum()
+    weights = rng.uniform(0.1, 5.0, 40) if weighted else np.ones(40)
+    best = fit_similarity(source, target, weights=weights if weighted else None)
+    least = weights @ ((best.apply(source) - target) ** 2).sum(axis=1)
     for _ in range(50):
         nudged = Similarity(
             best.scale * (1 + rng.normal(0, 1e-3)),
             rotation_from_vector(rng.normal(0, 1e-3, 3)) @ best.rotation,
             best.translation + rng.normal(0, 1e-3, 3),
         )
-        assert ((nudged.apply(source) - target) ** 2).sum() >= least
+        assert weights @ ((nudged.apply(source) - target) ** 2).sum(axis=1) >= least
 
 
 def test_fit_without_scale_keeps_the_scale() -> None:
