@@ -66,7 +66,7 @@ def test_images_fix_the_shape_and_priors_the_frame(scene: FeatureScene) -> None:
 
 def test_one_wrong_prior_does_not_move_the_frame(scene: FeatureScene) -> None:
     given = priors(scene.poses, 0.01)
-    given[3] = CameraPrior(given[3].position + (0.02, 0.02, 0.01), given[3].sigma)
+    given[3] = CameraPrior(given[3].position + np.array([0.02, 0.02, 0.01]), given[3].sigma)
     model = started(scene, scene.poses)
     for loss in (4.0, 1.0):
         adjust(model, given, loss_px=loss, refine_intrinsics=False, seed=0)
