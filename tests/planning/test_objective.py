@@ -171,20 +171,6 @@ def test_a_reference_far_away_costs_the_worst(proxy: Proxy, source: SimulatedSou
 
 
 @pytest.mark.slow
-def test_few_first_matches_do_not_bend_the_model() -> None:
-    # Photographs so far apart that few pairs match at first: 14.8 mm from these alone, 12.0 from both starts.
-    plot = tuning_plot("tuning-2")
-    try:
-        found = Objective(plot.source).evaluate(plot.envelope.sample(10, 4), seed=1)
-    except RenderingError as error:
-        pytest.skip(f"no picture can be rendered here: {error}")
-    finally:
-        plot.source.close()
-    assert found.right == 10
-    assert found.value_m < 0.0135
-
-
-@pytest.mark.slow
 def test_loosely_tied_photographs_repeat() -> None:
     # Two of ten share few matches with the others; where all pairs hold the model alike they end 5 to 20 mm off.
     plot = tuning_plot("tuning-3")
