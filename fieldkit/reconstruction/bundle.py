@@ -105,9 +105,11 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) 
             similarity = _placed(source[kept], target[kept], observations[kept])
         except ValueError:  # positions on one line leave a rotation free
             return
-        kept = np.linalg.norm(similarity.apply(source) - target, axis=1) <= reach
+        before, kept = kept, np.linalg.norm(similarity.apply(source) - target, axis=1) <= reach
         if kept.sum() < max(3, len(source) // 2):
             kept = np.ones(len(source), dtype=np.bool_)
+        if np.array_equal(kept, before):
+            break
     transform_model(model, similarity)
     known = {i: prior for k, (i, prior) in enumerate(sorted(priors.items())) if kept[k]}
     transform_model(model, _tilt(model, known))

@@ -109,11 +109,9 @@ def test_few_ties_are_as_none() -> None:
     """An image with fewer features in good pairs than a pair must have counts as lacking."""
     counts, matches = crowded()
     strict = TieSettings(min_matches=100)
-    assert all(
-        np.array_equal(used, matches[p])
-        for p, used in usable_matches(counts, matches, HOLDING, strict, nothing).items()
-    )
-    assert usable_matches(counts, matches, HOLDING, strict, nothing).keys() == matches.keys()
+    used = usable_matches(counts, matches, HOLDING, strict, nothing)
+    assert used.keys() == matches.keys()
+    assert all(np.array_equal(used[pair], found) for pair, found in matches.items())
 
 
 def test_without_a_pair_that_holds_all_matches_are_used() -> None:
