@@ -9,6 +9,7 @@ region of interest. A band alone admits many matches by chance; these checks rem
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,24 +69,54 @@ class GuidedSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class PosedFeatures:
-    """The features of one photograph with what is known of its camera.
+class IndexedFeatures:
+    """The features of one photograph, undistorted and sorted for looking up; whatever its pose, so made once.
 
     Attributes:
         features: n features.
         points: (n, 2) undistorted pixels.
-        pose: prior or current pose.
-        camera: its PINHOLE intrinsics.
+        camera: PINHOLE intrinsics.
     """
 
     features: Features
     points: Floats
-    pose: Pose
     camera: Intrinsics
 
     @classmethod
-    def of(cls, features: Features, pose: Pose, camera: Intrinsics) -> PosedFeatures:
-        return cls(features, camera.undistort(features.points), pose, camera.without_distortion())
+    def of(cls, features: Features, camera: Intrinsics) -> IndexedFeatures:
+        return cls(features, camera.undistort(features.points), camera.without_distortion())
+
+    @cached_property
+    def across(self) -> _Strips:
+        """Strips that lines nearer to level cross."""
+        return _Strips.of(self.points, self.features.descriptors)
+
+    @cached_property
+    def down(self) -> _Strips:
+        """Strips, x and y exchanged, that steeper lines cross."""
+        return _Strips.of(self.points[:, ::-1], self.features.descriptors)
+
+
+@dataclass(frozen=True, eq=False)
+class PosedFeatures:
+    """The features of one photograph with its prior or current pose."""
+
+    indexed: IndexedFeatures
+    pose: Pose
+
+    @property
+    def features(self) -> Features:
+        return self.indexed.features
+
+    @property
+    def points(self) -> Floats:
+        """(n, 2) undistorted pixels."""
+        return self.indexed.points
+
+    @property
+    def camera(self) -> Intrinsics:
+        """PINHOLE intrinsics."""
+        return self.indexed.camera
 
     def rays(self, index: NDArray[np.uint32]) -> Floats:
         """(k, 3) unit viewing rays of chosen features in the world."""
@@ -125,9 +156,9 @@ def match_guided(
         return np.zeros((0, 2), np.uint32)
     fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
     lines_in_b = _unit_lines(_homogeneous(a.points) @ fundamental.T)
-    points_b = b.points + shift_px * _mean_normal(lines_in_b) if shift_px else b.points
-    lines_in_a = _unit_lines(_homogeneous(points_b) @ fundamental)
-    rows, columns = _best_in_band(a, b, points_b, lines_in_b, lines_in_a, band_px, settings.ratio)
+    shift = shift_px * _mean_normal(lines_in_b) if shift_px else np.zeros(2)
+    lines_in_a = _unit_lines(_homogeneous(b.points + shift) @ fundamental)
+    rows, columns = _best_in_band(a, b, shift, lines_in_b, lines_in_a, band_px, settings.ratio)
     first = np.flatnonzero(rows >= 0)
     mutual = first[columns[rows[first]] == first]
     matches = np.stack([mutual, rows[mutual]], axis=1).astype(np.uint32)
@@ -208,7 +239,7 @@ def _mean_normal(lines: Floats) -> Floats:
 def _best_in_band(
     a: PosedFeatures,
     b: PosedFeatures,
-    points_b: Floats,
+    shift: Floats,
     lines_in_b: Floats,
     lines_in_a: Floats,
     band_px: float,
@@ -216,16 +247,17 @@ def _best_in_band(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Per feature of either image, the best partner within the band that passes the ratio test, else −1."""
     of_a, of_b = _Best.none(len(a.features)), _Best.none(len(b.features))
-    flat = np.abs(lines_in_b[:, 1]) >= np.abs(lines_in_b[:, 0])
-    for index, axes in ((np.flatnonzero(flat), [0, 1]), (np.flatnonzero(~flat), [1, 0])):
+    level = np.abs(lines_in_b[:, 1]) >= np.abs(lines_in_b[:, 0])
+    for chosen, axes, strips in ((level, [0, 1], b.indexed.across), (~level, [1, 0], b.indexed.down)):
+        index = np.flatnonzero(chosen)
         if not len(index):
             continue
-        points, line = points_b[:, axes], [*axes, 2]
-        strips = _Strips.of(points)
+        moved, line = shift[axes], [*axes, 2]
+        left, top = strips.corner + moved
         _compare(
             index, a.features.descriptors, a.points[:, axes], lines_in_b[:, line],
-            b.features.descriptors[strips.order], points[strips.order], lines_in_a[strips.order][:, line], band_px,
-            strips.left, strips.top, strips.count, strips.cells, strips.order, strips.starts,
+            strips.descriptors, strips.points + moved, lines_in_a[strips.order][:, line], band_px,
+            left, top, strips.count, strips.cells, strips.order, strips.starts,
             of_a.distance, of_a.second, of_a.index, of_b.distance, of_b.second, of_b.index,
         )  # fmt: skip
     return of_a.passing(ratio), of_b.passing(ratio)
@@ -252,27 +284,34 @@ class _Best:
 
 @dataclass(frozen=True, eq=False)
 class _Strips:
-    """Points sorted into strips across the first axis, and in each into cells along the second.
+    """Features sorted into strips across the first axis, and in each into cells along the second.
 
-    `order[starts[k] : starts[k + 1]]` are the points of cell k; those of a strip follow one another.
+    Attributes:
+        corner: (2,) least coordinates.
+        count, cells: strips, and cells in each.
+        order: (n,) the features in this order; `order[starts[k] : starts[k + 1]]` are those of cell k, and those of a
+            strip follow one another.
+        starts: (count · cells + 1,).
+        points, descriptors: in this order.
     """
 
-    left: float
-    top: float
+    corner: Floats
     count: int
     cells: int
     order: NDArray[np.int64]
     starts: NDArray[np.int64]
+    points: Floats
+    descriptors: NDArray[np.uint8]
 
     @classmethod
-    def of(cls, points: Floats) -> _Strips:
-        left, top = points.min(axis=0)
-        place = np.floor((points - (left, top)) / (_STRIP_PX, _CELL_PX)).astype(np.int64)
+    def of(cls, points: Floats, descriptors: NDArray[np.uint8]) -> _Strips:
+        corner = points.min(axis=0)
+        place = np.floor((points - corner) / (_STRIP_PX, _CELL_PX)).astype(np.int64)
         count, cells = place.max(axis=0) + 1
         index = place[:, 0] * cells + place[:, 1]
         order = np.argsort(index, kind="stable")
         starts = np.searchsorted(index[order], np.arange(count * cells + 1))
-        return cls(float(left), float(top), int(count), int(cells), order, starts)
+        return cls(corner, int(count), int(cells), order, starts, points[order], descriptors[order])
 
 
 @kernel

@@ -40,7 +40,7 @@ from fieldkit.reconstruction.colmap_model import (
 )
 from fieldkit.reconstruction.epipolar import relative_pose
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, Slab, match_guided
+from fieldkit.reconstruction.guided import GuidedSettings, IndexedFeatures, PosedFeatures, Region, Slab, match_guided
 from fieldkit.reconstruction.ties import TieSettings, chance_matches, holds, rivalless_matches, usable_matches
 from fieldkit.reconstruction.tracks import build_tracks
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
@@ -134,7 +134,7 @@ class _Problem:
     fixed_intrinsics: bool
     seed: int
     keep: KeepPair | None = None
-    undistorted: dict[tuple[int, Intrinsics], NDArray[np.float64]] = field(default_factory=dict)
+    indexed: dict[tuple[int, Intrinsics], IndexedFeatures] = field(default_factory=dict)
     first: dict[int, tuple[NDArray[np.int64], PosedFeatures]] = field(default_factory=dict)
 
     def posed(self, poses: Sequence[Pose], cameras: Sequence[Intrinsics]) -> list[PosedFeatures]:
@@ -145,15 +145,15 @@ class _Problem:
         if k not in self.first:
             chosen = self.features[k].largest(self.settings.first_features)
             camera = self.cameras[self.camera_of[k]]
-            self.first[k] = chosen, PosedFeatures.of(self.features[k].subset(chosen), self.priors[k].pose, camera)
+            indexed = IndexedFeatures.of(self.features[k].subset(chosen), camera)
+            self.first[k] = chosen, PosedFeatures(indexed, self.priors[k].pose)
         return self.first[k]
 
     def posed_image(self, k: int, pose: Pose, camera: Intrinsics) -> PosedFeatures:
-        """Image ``k``'s features at a pose; undistorted once for each camera."""
-        features = self.features[k]
-        if (k, camera) not in self.undistorted:
-            self.undistorted[k, camera] = camera.undistort(features.points)
-        return PosedFeatures(features, self.undistorted[k, camera], pose, camera.without_distortion())
+        """Image ``k``'s features at a pose; indexed once for each camera."""
+        if (k, camera) not in self.indexed:
+            self.indexed[k, camera] = IndexedFeatures.of(self.features[k], camera)
+        return PosedFeatures(self.indexed[k, camera], pose)
 
 
 def map_with_priors(

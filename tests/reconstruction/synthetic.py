@@ -12,7 +12,7 @@ from fieldkit.captures.markers_file import marker_dictionary
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.reconstruction.features import Features
-from fieldkit.reconstruction.guided import PosedFeatures
+from fieldkit.reconstruction.guided import IndexedFeatures, PosedFeatures
 
 CAMERA = Intrinsics("SIMPLE_RADIAL", 1600, 1200, (1500.0, 800.0, 600.0, -0.03))
 
@@ -32,7 +32,7 @@ class FeatureScene:
 def posed(scene: FeatureScene, index: int, features: Features | None = None) -> PosedFeatures:
     """A photograph's features, or others in their place, at its true pose."""
     features = scene.features[index] if features is None else features
-    return PosedFeatures.of(features, scene.poses[index], scene.camera)
+    return PosedFeatures(IndexedFeatures.of(features, scene.camera), scene.poses[index])
 
 
 def ring(
