@@ -17,7 +17,7 @@ adjustment (Triggs et al. 2000), graduated non-convexity for the falling loss.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -41,11 +41,11 @@ from fieldkit.reconstruction.colmap_model import (
 from fieldkit.reconstruction.epipolar import relative_pose
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.guided import GuidedSettings, IndexedFeatures, PosedFeatures, Region, Slab, match_guided
-from fieldkit.reconstruction.ties import Pair, TieSettings, chance_matches, holds, rivalless_matches, usable_matches
+from fieldkit.reconstruction.ties import TieSettings, chance_matches, holds, rivalless_matches, usable_matches
 from fieldkit.reconstruction.tracks import build_tracks
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 
-Matches = dict[Pair, NDArray[np.uint32]]
+Matches = dict[tuple[int, int], NDArray[np.uint32]]
 KeepPair = Callable[[int, int, tuple[Any, ...], Callable[[], NDArray[np.uint32]]], NDArray[np.uint32]]
 """A pair's matches by the images' indices, all they depend on beside the features, and how to compute them."""
 
@@ -194,17 +194,16 @@ def map_with_priors(
     model = _first_model(problem, matches, region)
     advance(1)
     scale = max(camera.width for camera in cameras) / 1600.0
-    held: frozenset[Pair] = frozenset()
     for index, band in enumerate(settings.bands_px):
         meet_in = region or _slab(model)
         pairs = _overlapping(problem, model, pairs)
         last = index == len(settings.bands_px) - 1
         poses = _reconsidered(problem, model, pairs, region)
-        refined = _round(problem, model, poses, pairs, held, band * scale, region, meet_in, last=last)
+        refined = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
         if index == 0 and _thin(matches, len(names)):
-            other = _round(problem, model, start, pairs, held, band * scale, region, meet_in, last=last)
-            refined = max(refined, other, key=lambda found: _support(found[0]))
-        model, held = refined
+            other = _round(problem, model, start, pairs, band * scale, region, meet_in, last=last)
+            refined = max(refined, other, key=_support)
+        model = refined
         advance(1)
     unregistered = _unsupported(problem, model, pairs, region, meet_in, settings.bands_px[-1] * scale)
     for name in unregistered:
@@ -232,12 +231,12 @@ def epipolar_sigma_px(a: RoughPose, b: RoughPose, focal_px: float, distance_m: f
     return float(focal_px * np.hypot(angle, shift))
 
 
-def _candidate_pairs(poses: Sequence[Pose], settings: PriorMappingSettings, neighbours: int) -> list[Pair]:
+def _candidate_pairs(poses: Sequence[Pose], settings: PriorMappingSettings, neighbours: int) -> list[tuple[int, int]]:
     centers = np.array([p.center for p in poses])
     forward = np.array([p.forward for p in poses])
     seen_alike = forward @ forward.T >= np.cos(np.radians(settings.max_view_angle_deg))
     distance = np.linalg.norm(centers[:, None] - centers[None], axis=2)
-    pairs: set[Pair] = set()
+    pairs: set[tuple[int, int]] = set()
     for i in range(len(poses)):
         near = [int(j) for j in np.argsort(distance[i], kind="stable") if j != i and seen_alike[i, j]]
         pairs.update((min(i, j), max(i, j)) for j in near[:neighbours])
@@ -364,15 +363,13 @@ def _round(
     problem: _Problem,
     model: pycolmap.Reconstruction,
     poses: Sequence[Pose],
-    pairs: Sequence[Pair],
-    held: Collection[Pair],
+    pairs: Sequence[tuple[int, int]],
     band_px: float,
     region: Region | None,
     meet_in: Region | Slab | None,
     *,
     last: bool,
-) -> tuple[pycolmap.Reconstruction, frozenset[Pair]]:
-    """The model about those poses, and the pairs that hold it; those that ``held`` in a wider band do again."""
+) -> pycolmap.Reconstruction:
     settings = problem.settings
     cameras = _state(problem, model)[1]
     posed = problem.posed(poses, cameras)
@@ -380,14 +377,13 @@ def _round(
         (i, j): match_guided(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
         for i, j in pairs
     }
-    holding = frozenset(
+    holding = {
         (i, j)
         for (i, j), found in matches.items()
         if holds(
-            posed[i], posed[j], len(found), band_px, settings.guided, settings.ties, region=region, meet_in=meet_in,
-            held=(i, j) in held,
+            posed[i], posed[j], len(found), band_px, settings.guided, settings.ties, region=region, meet_in=meet_in
         )
-    )  # fmt: skip
+    }
 
     def rivalless(i: int, j: int) -> NDArray[np.uint32]:
         return rivalless_matches(posed[i], posed[j], band_px, settings.guided, region=region, meet_in=meet_in)
@@ -401,11 +397,11 @@ def _round(
     adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed, rough=True)
     filter_points(model, settings.max_error_px, settings.min_angle_deg)
     adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed)
-    return model, holding
+    return model
 
 
 def _reconsidered(
-    problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair], region: Region | None
+    problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[tuple[int, int]], region: Region | None
 ) -> list[Pose]:
     """The model's poses; those that left their priors' bounds are found anew against the other images' points.
 
@@ -496,7 +492,9 @@ def _slab(model: pycolmap.Reconstruction) -> Slab | None:
     return Slab((float(up[0]), float(up[1]), float(up[2])), float(low) - margin, float(high) + margin)
 
 
-def _overlapping(problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[Pair]) -> list[Pair]:
+def _overlapping(
+    problem: _Problem, model: pycolmap.Reconstruction, pairs: Sequence[tuple[int, int]]
+) -> list[tuple[int, int]]:
     """The pairs that see a part of the model in common; all while there are few points to tell by."""
     points = model_points(model)
     if len(points) < _POINTS_FOR_SLAB:
@@ -515,7 +513,7 @@ def _overlapping(problem: _Problem, model: pycolmap.Reconstruction, pairs: Seque
 def _unsupported(
     problem: _Problem,
     model: pycolmap.Reconstruction,
-    pairs: Sequence[Pair],
+    pairs: Sequence[tuple[int, int]],
     region: Region | None,
     meet_in: Region | Slab | None,
     band_px: float,

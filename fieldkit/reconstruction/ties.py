@@ -61,16 +61,10 @@ def holds(
     *,
     region: Region | None,
     meet_in: Region | Slab | None,
-    held: bool = False,
 ) -> bool:
-    """Whether ``found`` matches of two photographs are far above chance, which one band tells where it is clear.
-
-    A pair that ``held`` in a wider band only needs enough matches: chance falls faster with the band than they do.
-    """
+    """Whether ``found`` matches of two photographs are far above chance, which one band tells where it is clear."""
     if found < settings.min_matches:
         return False
-    if held:
-        return True
     chance = _displaced(a, b, -1, band_px, guided, region, meet_in)
     if not found / _CLEARLY < settings.chance_factor * chance < found * _CLEARLY:
         return found >= settings.chance_factor * chance
