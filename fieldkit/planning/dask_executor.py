@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Iterable, Iterator
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.planning.evaluation import Evaluation
-from fieldkit.planning.executor import Job
+from fieldkit.planning.executor import Executor, Job
 from fieldkit.planning.objective import Objective
-from fieldkit.planning.worker import Answer, evaluate_job
+from fieldkit.planning.worker import Answer, answer_job
 from fieldkit.threads import limit_threads
 
 _ATTEMPTS = 2
@@ -20,7 +18,7 @@ _POLL_S = 0.5
 _TRIED_BY_SCHEDULER = "KilledWorker"
 
 
-class DaskExecutor:
+class DaskExecutor(Executor):
     """Evaluations on a Dask scheduler's workers; see `Executor`.
 
     The objective is sent to every worker once and keeps its renderer there. The scheduler gives the evaluation of a
@@ -47,70 +45,66 @@ class DaskExecutor:
             )
         self._objective, self._client, self._seconds = objective, client, seconds
         self._name = f"fieldkit-{uuid.uuid4().hex}"
-        self._futures: dict[int, Any] = {}
+        self._futures: dict[int, tuple[Any, Job]] = {}
+        self._attempts: dict[int, int] = {}
+        self._since: dict[int, float] = {}
         client.register_plugin(_keeper(objective, self._name))
 
-    def __enter__(self) -> Self:
-        return self
+    def submit(self, job: Job) -> int:
+        number = len(self._attempts)
+        self._attempts[number] = 0
+        self._send(number, job)
+        return number
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-        self._client.unregister_worker_plugin(self._name)
-
-    def run(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
-        """See `Executor.run`.
+    def collect(self, wait_s: float = _POLL_S) -> list[tuple[int, Evaluation]]:
+        """See `Executor.collect`.
 
         Raises:
             FieldkitError: what a worker refused to do, with its own class.
         """
-        listed = list(jobs)
-        attempts = dict.fromkeys(range(len(listed)), 0)
-        finished: dict[int, Evaluation] = {}
-        since: dict[int, float] = {}
-        due = 0
-        try:
-            for number, job in enumerate(listed):
-                self._submit(number, job, attempts)
-            while due < len(listed):
-                self._watch_clock(since)
-                for number in [n for n, future in self._futures.items() if future.done()]:
-                    since.pop(number, None)
-                    found, reason = _outcome(self._futures.pop(number))
-                    if found is not None:
-                        finished[number] = found
-                    elif attempts[number] < _ATTEMPTS and not reason.startswith(_TRIED_BY_SCHEDULER):
-                        self._submit(number, listed[number], attempts)
-                    else:
-                        worst = self._objective.settings.rule.worst_m
-                        count = len(listed[number].cameras)
-                        finished[number] = Evaluation.broken(count, f"broke again and again: {reason}", worst)
-                while due in finished:
-                    yield finished.pop(due)
-                    due += 1
-                if due < len(listed):
-                    time.sleep(_POLL_S)
-        finally:
-            self.close()
+        until = time.monotonic() + wait_s
+        found: list[tuple[int, Evaluation]] = []
+        while True:
+            self._watch_clock()
+            for number in [n for n, (future, _) in self._futures.items() if future.done()]:
+                self._since.pop(number, None)
+                future, job = self._futures.pop(number)
+                evaluation, reason = _outcome(future)
+                if evaluation is not None:
+                    found.append((number, evaluation))
+                elif self._attempts[number] < _ATTEMPTS and not reason.startswith(_TRIED_BY_SCHEDULER):
+                    self._send(number, job)
+                else:
+                    worst = self._objective.settings.rule.worst_m
+                    broken = Evaluation.broken(len(job.cameras), f"broke again and again: {reason}", worst)
+                    found.append((number, broken))
+            left = until - time.monotonic()
+            if found or not self._futures or left <= 0:
+                return found
+            time.sleep(min(_POLL_S, left))
+
+    def cancel(self) -> None:
+        """See `Executor.cancel`."""
+        if self._futures:
+            self._client.cancel([future for future, _ in self._futures.values()], force=True)
+            self._futures = {}
 
     def close(self) -> None:
         """Cancel what still runs; the client and its cluster stay."""
-        if self._futures:
-            self._client.cancel(list(self._futures.values()), force=True)
-            self._futures = {}
+        self.cancel()
+        self._client.unregister_worker_plugin(self._name)
 
-    def _submit(self, number: int, job: Job, attempts: dict[int, int]) -> None:
-        attempts[number] += 1
+    def _send(self, number: int, job: Job) -> None:
+        self._attempts[number] += 1
         # Not pure: a repeat is asked for on purpose and must not come from the scheduler's memory.
-        self._futures[number] = self._client.submit(_evaluated, self._name, job, pure=False)
+        self._futures[number] = (self._client.submit(_evaluated, self._name, job, pure=False), job)
 
-    def _watch_clock(self, since: dict[int, float]) -> None:
+    def _watch_clock(self) -> None:
         """Restart the workers of evaluations that have run too long; their futures then fail or run again."""
-        keys = {future.key: number for number, future in self._futures.items()}
+        keys = {future.key: number for number, (future, _) in self._futures.items()}
         running = {keys[k]: worker for worker, all_keys in self._client.processing().items()
                    for k in all_keys if k in keys}  # fmt: skip
-        now = time.monotonic()
+        now, since = time.monotonic(), self._since
         first_of: dict[str, int] = {}
         for number, worker in sorted(running.items()):
             first_of.setdefault(worker, number)  # a worker's others are queued, not running
@@ -119,7 +113,7 @@ class DaskExecutor:
         for worker, number in first_of.items():
             if now - since.setdefault(number, now) > self._seconds:
                 del since[number]
-                self._futures[number].cancel(force=True)
+                self._futures[number][0].cancel(force=True)
                 self._client.restart_workers([worker])
 
 
@@ -137,7 +131,7 @@ def _evaluated(plugin_name: str, job: Job) -> Answer:
 
     limit_threads(1)
     worker: Any = distributed.get_worker()
-    return evaluate_job(worker.plugins[plugin_name].objective, job)
+    return answer_job(worker.plugins[plugin_name].objective, job)
 
 
 def _outcome(future: Any) -> tuple[Evaluation | None, str]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.evaluation import Evaluation
+from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Objective
 
 
@@ -19,39 +22,86 @@ class Job:
     Attributes:
         cameras: what to evaluate.
         seed: of the photographs' noise; None takes the objective's.
+        fidelity: other than the objective's.
     """
 
     cameras: Cameras
     seed: int | None = None
+    fidelity: FidelityName | None = None
 
 
-class Executor(Protocol):
+def evaluate_job(objective: Objective, job: Job) -> Evaluation:
+    """What the objective says of one job. Raises what it raises."""
+    return objective.evaluate(job.cameras, seed=job.seed, fidelity=job.fidelity)
+
+
+class Executor(ABC):
     """Evaluates sets of cameras; the results do not depend on which executor does.
 
     An evaluation that breaks (a crash, the time-out, too much memory) is tried once more and then comes back with
     ``measured`` False and the reason; the others go on.
     """
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
-        """Evaluations in the jobs' order, each as soon as it and those before it are there.
+    @abstractmethod
+    def submit(self, job: Job) -> int:
+        """Put a job into the queue.
+
+        Returns:
+            Its number, by which `collect` names its evaluation: 0, 1, 2 … in the order of submission.
+        """
+
+    @abstractmethod
+    def collect(self, wait_s: float = 0.2) -> list[tuple[int, Evaluation]]:
+        """Keep the workers busy and hand out what has finished since the last call, in any order.
+
+        Idle workers are given queued jobs in here only, so call it again and again while there are any.
+
+        Args:
+            wait_s: at most this long, where nothing has finished yet.
 
         Raises:
             FieldkitError: no evaluation is possible at all (this machine cannot render, say), or a job is wrong.
         """
-        ...
 
+    @abstractmethod
+    def cancel(self) -> None:
+        """Stop what still runs and forget what waits; jobs can be submitted again."""
+
+    @abstractmethod
     def close(self) -> None:
-        """Stop whatever still runs."""
-        ...
+        """Stop for good."""
 
-    def __enter__(self) -> Self: ...
+    def run(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
+        """Evaluations in the jobs' order, each as soon as it and those before it are there.
+
+        Nothing else may be in the queue meanwhile. Leaving the iterator early stops what still runs.
+
+        Raises:
+            FieldkitError: as `collect`.
+        """
+        numbers = [self.submit(job) for job in jobs]
+        finished: dict[int, Evaluation] = {}
+        due = 0
+        try:
+            while due < len(numbers):
+                finished.update(self.collect())
+                while due < len(numbers) and numbers[due] in finished:
+                    yield finished.pop(numbers[due])
+                    due += 1
+        finally:
+            if due < len(numbers):  # an exception, Ctrl-C or a caller that has seen enough
+                self.cancel()
+
+    def __enter__(self) -> Self:
+        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    ) -> None:
+        self.close()
 
 
-class Serial:
+class Serial(Executor):
     """One evaluation after the other in this process, which a crash would end: for tests and for debugging.
 
     The caller limits the threads (`fieldkit.threads`).
@@ -62,21 +112,26 @@ class Serial:
 
     def __init__(self, objective: Objective) -> None:
         self.objective = objective
+        self._waiting: deque[tuple[int, Job]] = deque()
+        self._submitted = 0
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
-        for job in jobs:
-            yield self.objective.evaluate(job.cameras, seed=job.seed)
+    def submit(self, job: Job) -> int:
+        self._waiting.append((self._submitted, job))
+        self._submitted += 1
+        return self._submitted - 1
+
+    def collect(self, wait_s: float = 0.2) -> list[tuple[int, Evaluation]]:
+        if not self._waiting:
+            return []
+        number, job = self._waiting.popleft()
+        return [(number, evaluate_job(self.objective, job))]
+
+    def cancel(self) -> None:
+        self._waiting.clear()
 
     def close(self) -> None:
+        self.cancel()
         self.objective.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def evaluate_all(executor: Executor, cameras: Iterable[Cameras], *, seed: int | None = None) -> list[Evaluation]:

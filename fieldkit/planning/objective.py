@@ -97,12 +97,15 @@ class Objective:
         """Free the source's renderer."""
         self.source.close()
 
-    def evaluate(self, cameras: Cameras, *, seed: int | None = None) -> Evaluation:
+    def evaluate(
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+    ) -> Evaluation:
         """What a set of cameras is worth.
 
         Args:
             cameras: as commanded, plot frame.
             seed: of the photographs' noise, for repeats; the objective's own by default.
+            fidelity: for this once, other than the settings'.
 
         Returns:
             The evaluation. Photographs that do not reconstruct are an answer and not an error: their value follows
@@ -112,18 +115,20 @@ class Objective:
             UsageError: fewer than two cameras, or the source cannot serve them.
             InputError: this machine cannot render, or the recorded photographs cannot be read.
         """
-        return self.evaluate_cloud(cameras, seed=seed)[0]
+        return self.evaluate_cloud(cameras, seed=seed, fidelity=fidelity)[0]
 
-    def evaluate_cloud(self, cameras: Cameras, *, seed: int | None = None) -> tuple[Evaluation, Cloud]:
+    def evaluate_cloud(
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+    ) -> tuple[Evaluation, Cloud]:
         """As `evaluate`, with the plants' cloud (plot frame), empty where there is none."""
         if len(cameras) < _LEAST_CAMERAS:
             raise UsageError(f"an evaluation needs at least two cameras, not {len(cameras)}")
         timer = StageTimer(Silent())
-        fidelity = FIDELITIES[self.settings.fidelity]
+        chosen = FIDELITIES[fidelity or self.settings.fidelity]
         wanted = ReconstructionSettings(
-            features=fidelity.features,
+            features=chosen.features,
             mapping=self.settings.mapping,
-            fidelity=fidelity.dense,
+            fidelity=chosen.dense,
             backend="cpu",
             min_agreeing_views=self.settings.min_agreeing_views,
             # They are commands, or a reference's: never a camera's doubtful records.
@@ -132,7 +137,7 @@ class Objective:
             seed=self.seed,
         )
         noise_seed = self.seed if seed is None else seed
-        with self.source.photograph(cameras, fidelity, noise_seed, timer) as shot:
+        with self.source.photograph(cameras, chosen, noise_seed, timer) as shot:
             try:
                 found = reconstruct(
                     shot.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot

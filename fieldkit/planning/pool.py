@@ -7,19 +7,16 @@ import os
 import signal
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
-from types import TracebackType
-from typing import Self
 
 import psutil
 
 from fieldkit.errors import FieldkitError
 from fieldkit.planning.evaluation import Evaluation
-from fieldkit.planning.executor import Job
+from fieldkit.planning.executor import Executor, Job
 from fieldkit.planning.objective import Objective
 from fieldkit.planning.worker import Answer, work
 
@@ -111,7 +108,7 @@ class _Worker:
         return f"its process ended with exit code {code}"
 
 
-class WorkerPool:
+class WorkerPool(Executor):
     """Evaluations side by side in worker processes; see `Executor`.
 
     Workers are spawned, prepare the objective once and are used again; one that dies or is killed is replaced. The
@@ -134,43 +131,43 @@ class WorkerPool:
         self._objective, self._count, self._limits = objective, workers, limits or Limits()
         self._workers: list[_Worker] = []
         self._failed_starts = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
+        self._waiting: deque[_Task] = deque()
+        self._finished: list[tuple[int, Evaluation]] = []
+        self._submitted = 0
 
     @property
     def processes(self) -> tuple[int, ...]:
         """Ids of the living workers."""
         return tuple(w.process.pid for w in self._workers if w.process.pid is not None and w.process.is_alive())
 
-    def run(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
-        """See `Executor.run`. Leaving the iterator early stops what still runs.
+    def submit(self, job: Job) -> int:
+        self._waiting.append(_Task(self._submitted, job))
+        self._submitted += 1
+        return self._submitted - 1
+
+    def collect(self, wait_s: float = _POLL_S) -> list[tuple[int, Evaluation]]:
+        """See `Executor.collect`.
 
         Raises:
             FieldkitError: what a worker refused to do, with its own class.
             WorkerError: workers die before they are ready.
         """
-        waiting = deque(_Task(number, job) for number, job in enumerate(jobs))
-        total, due = len(waiting), 0
-        finished: dict[int, Evaluation] = {}
-        try:
-            while due < total:
-                self._fill(len(waiting) + sum(w.task is not None for w in self._workers))
-                for worker in self._workers:
-                    if worker.ready and worker.task is None and waiting:
-                        worker.give(waiting.popleft())
-                self._look(waiting, finished)
-                while due in finished:
-                    yield finished.pop(due)
-                    due += 1
-        finally:
-            if due < total:  # an exception, Ctrl-C or a caller that has seen enough
-                self._stop([w for w in self._workers if w.task is not None])
+        wanted = len(self._waiting) + sum(w.task is not None for w in self._workers)
+        while len(self._workers) < min(self._count, wanted):
+            self._workers.append(_Worker(self._objective, self._limits))
+        for worker in self._workers:
+            if worker.ready and worker.task is None and self._waiting:
+                worker.give(self._waiting.popleft())
+        if wanted:
+            self._look(wait_s)
+        found, self._finished = self._finished, []
+        return found
+
+    def cancel(self) -> None:
+        """See `Executor.cancel`; workers that are busy are killed."""
+        self._waiting.clear()
+        self._finished = []
+        self._stop([w for w in self._workers if w.task is not None])
 
     def close(self) -> None:
         """End all workers: idle ones are asked, the others killed after two seconds."""
@@ -182,24 +179,20 @@ class WorkerPool:
                 worker.process.join(max(0.0, until - time.monotonic()))
         self._stop(list(self._workers))
 
-    def _fill(self, wanted: int) -> None:
-        while len(self._workers) < min(self._count, wanted):
-            self._workers.append(_Worker(self._objective, self._limits))
-
     def _stop(self, workers: list[_Worker]) -> None:
         for worker in workers:
             worker.end()
             self._workers.remove(worker)
 
-    def _look(self, waiting: deque[_Task], finished: dict[int, Evaluation]) -> None:
-        """Take in answers, deaths and excesses, at most `_POLL_S` later."""
+    def _look(self, wait_s: float) -> None:
+        """Take in answers, deaths and excesses, the first of them at most ``wait_s`` later."""
         by_connection: dict[Connection, _Worker] = {w.connection: w for w in self._workers}
-        heard = wait([*by_connection, *(w.process.sentinel for w in self._workers)], timeout=_POLL_S)
+        heard = wait([*by_connection, *(w.process.sentinel for w in self._workers)], timeout=min(wait_s, _POLL_S))
         for worker in list(self._workers):
             reason = ""
             if worker.connection in heard:
                 try:
-                    self._take(worker, worker.connection.recv(), waiting, finished)
+                    self._take(worker, worker.connection.recv())
                     continue
                 except (EOFError, OSError):
                     reason = worker.last_words()
@@ -207,9 +200,9 @@ class WorkerPool:
                 reason = worker.last_words()
             reason = reason or worker.excess()
             if reason:
-                self._lost(worker, reason, waiting, finished)
+                self._lost(worker, reason)
 
-    def _take(self, worker: _Worker, answer: Answer, waiting: deque[_Task], finished: dict[int, Evaluation]) -> None:
+    def _take(self, worker: _Worker, answer: Answer) -> None:
         if answer.kind == "refused":
             assert answer.error is not None
             raise answer.error
@@ -219,15 +212,15 @@ class WorkerPool:
         task, worker.task = worker.task, None
         assert task is not None
         if answer.evaluation is not None:
-            finished[task.number] = answer.evaluation
+            self._finished.append((task.number, answer.evaluation))
         else:
-            self._again(task, answer.reason, waiting, finished)
+            self._again(task, answer.reason)
 
-    def _lost(self, worker: _Worker, reason: str, waiting: deque[_Task], finished: dict[int, Evaluation]) -> None:
+    def _lost(self, worker: _Worker, reason: str) -> None:
         task = worker.task
         self._stop([worker])
         if task is not None:
-            self._again(task, reason, waiting, finished)
+            self._again(task, reason)
         elif not worker.ready:
             self._failed_starts += 1
             if self._failed_starts > _ATTEMPTS * self._count:
@@ -236,9 +229,10 @@ class WorkerPool:
                     remedy='Run `fieldkit doctor`; a script that opens a pool needs `if __name__ == "__main__":`.',
                 )
 
-    def _again(self, task: _Task, reason: str, waiting: deque[_Task], finished: dict[int, Evaluation]) -> None:
+    def _again(self, task: _Task, reason: str) -> None:
         if task.attempts < _ATTEMPTS:
-            waiting.appendleft(task)
+            self._waiting.appendleft(task)
             return
         worst = self._objective.settings.rule.worst_m
-        finished[task.number] = Evaluation.broken(len(task.job.cameras), f"broke twice: {reason}", worst)
+        broken = Evaluation.broken(len(task.job.cameras), f"broke twice: {reason}", worst)
+        self._finished.append((task.number, broken))

@@ -66,7 +66,7 @@ def recorded_views(capture: Capture, plot: KnownPlot) -> tuple[RecordedView, ...
     return tuple(sorted(views, key=lambda view: order[view.name]))
 
 
-def assign(cameras: Cameras, views: Sequence[RecordedView], distance_m: float) -> NDArray[np.int64]:
+def assign(cameras: Cameras, views: Cameras, distance_m: float) -> NDArray[np.int64]:
     """The recorded view (n,) that stands for each camera; no view stands for two.
 
     Of all ways to choose, the one whose costs ‖Δposition‖ + ``distance_m`` · Δangle (of the optical axes, radians)
@@ -84,10 +84,8 @@ def assign(cameras: Cameras, views: Sequence[RecordedView], distance_m: float) -
         raise UsageError(
             f"{len(cameras)} cameras are asked of a set of {len(views)} photographs", remedy="Ask for fewer cameras."
         )
-    centers = np.array([view.pose.center for view in views])
-    axes = np.array([view.pose.forward for view in views])
-    angle = np.arccos(np.clip(cameras.forward @ axes.T, -1.0, 1.0))
-    cost = np.linalg.norm(cameras.positions[:, None] - centers[None], axis=2) + distance_m * angle
+    angle = np.arccos(np.clip(cameras.forward @ views.forward.T, -1.0, 1.0))
+    cost = np.linalg.norm(cameras.positions[:, None] - views.positions[None], axis=2) + distance_m * angle
     chosen: NDArray[np.int64] = linear_sum_assignment(cost)[1].astype(np.int64)
     return chosen
 
@@ -173,7 +171,7 @@ class RecordedSource:
 
     def project(self, cameras: Cameras) -> NDArray[np.int64]:
         """Which distinct recorded views (n,) stand for the cameras; see `assign`."""
-        return assign(cameras, self.views, self.distance_m)
+        return assign(cameras, self.cameras(), self.distance_m)
 
     @contextmanager
     def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[Shot]:

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 from fieldkit.errors import FieldkitError
 from fieldkit.planning.evaluation import Evaluation
-from fieldkit.planning.executor import Job
+from fieldkit.planning.executor import Job, evaluate_job
 from fieldkit.planning.objective import Objective
 from fieldkit.threads import limit_threads, set_thread_environment
 
@@ -56,7 +56,7 @@ def work(connection: Connection, objective: Objective, parent: int) -> None:
             job: Job | None = connection.recv()
             if job is None:
                 break
-            answer = evaluate_job(objective, job)
+            answer = answer_job(objective, job)
             connection.send(answer)
 
 
@@ -68,10 +68,10 @@ def _prepared(objective: Objective) -> Answer:
     return Answer("ready")
 
 
-def evaluate_job(objective: Objective, job: Job) -> Answer:
+def answer_job(objective: Objective, job: Job) -> Answer:
     """The answer to one job; whatever is raised on the way becomes part of it."""
     try:
-        return Answer("done", objective.evaluate(job.cameras, seed=job.seed))
+        return Answer("done", evaluate_job(objective, job))
     except FieldkitError as error:
         return Answer("refused", error=error)
     except Exception as error:  # a bug or a MemoryError costs this evaluation, and the reason is kept

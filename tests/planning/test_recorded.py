@@ -16,10 +16,10 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry import Similarity
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.objective import Objective, ObjectiveSettings
-from fieldkit.planning.recorded import RecordedSource, RecordedView, assign
+from fieldkit.planning.recorded import RecordedSource, assign
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
@@ -44,15 +44,15 @@ poses = st.tuples(*[st.floats(-2, 2)] * 3, st.floats(-180, 179), st.floats(-89, 
 @settings(max_examples=60)
 def test_no_other_assignment_is_cheaper(wanted: list, there: list, distance: float) -> None:
     cameras = Cameras.from_vector(np.array(wanted).reshape(-1))
-    views = [RecordedView(str(k), Pose.from_yaw_pitch(p[:3], p[3], p[4]), 0.01, 1.0) for k, p in enumerate(there)]
+    views = Cameras.from_vector(np.array(there).reshape(-1))
     chosen = assign(cameras, views, distance)
     assert len(set(chosen.tolist())) == len(cameras)
 
     def cost(index: tuple[int, ...]) -> float:
         total = 0.0
         for k, j in enumerate(index):
-            turn = np.arccos(np.clip(cameras.forward[k] @ views[j].pose.forward, -1, 1))
-            total += float(np.linalg.norm(cameras.positions[k] - views[j].pose.center)) + distance * float(turn)
+            turn = np.arccos(np.clip(cameras.forward[k] @ views.forward[j], -1, 1))
+            total += float(np.linalg.norm(cameras.positions[k] - views.positions[j])) + distance * float(turn)
         return total
 
     assert cost(tuple(chosen.tolist())) <= min(cost(p) for p in permutations(range(len(views)), len(cameras))) + 1e-9

@@ -12,6 +12,7 @@ import numpy as np
 from fieldkit.errors import InputError, UsageError
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.evaluation import Evaluation
+from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Objective, ObjectiveSettings
 
 EXIT, SEGFAULT, HANG, GROW, RAISE, REFUSE, ONCE, SLOW = (100.0 + k for k in range(8))
@@ -34,7 +35,9 @@ class Trap(Objective):
     def close(self) -> None:
         pass
 
-    def evaluate(self, cameras: Cameras, *, seed: int | None = None) -> Evaluation:
+    def evaluate(
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+    ) -> Evaluation:
         what = float(cameras.positions[0, 0])
         with (self.folder / "attempts").open("a") as file:
             file.write(f"{what:g}\n")
