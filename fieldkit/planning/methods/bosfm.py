@@ -1,0 +1,116 @@
+"""The method `bosfm`: the paper's Algorithm 1, as it stands there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from fieldkit.planning.acquisition import Search, suggest
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.methods.random import sample_seed
+from fieldkit.planning.methods.space import CameraSpace
+from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.surrogates.gp import ITERATIONS
+from fieldkit.planning.surrogates.kernels import PAPER_KERNELS, KernelSpec
+
+_STREAM = 42
+_DRAWS = 20
+
+
+@dataclass(frozen=True)
+class BosfmSettings:
+    """Settings of Algorithm 1.
+
+    Attributes:
+        initial: random trials before the first model; the paper takes 50.
+        kernels: K.
+        iterations: of each fit of hyperparameters, at most.
+        search: how hard the largest expected improvement is looked for.
+
+    Raises:
+        ValueError: no initial trial, or no kernel.
+    """
+
+    initial: int = 50
+    kernels: tuple[KernelSpec, ...] = PAPER_KERNELS
+    iterations: int = ITERATIONS
+    search: Search = field(default_factory=Search)
+
+    def __post_init__(self) -> None:
+        if self.initial < 1 or not self.kernels:
+            raise ValueError("Algorithm 1 needs a kernel and at least one initial trial")
+
+
+@dataclass(frozen=True, eq=False)
+class Bosfm:
+    """Random trials first, then expected improvement of a model drawn from an ensemble of Gaussian processes.
+
+    The first trials are those of the method `random` with the same seed. The models see y = −value_m over the unit
+    cube of `Coding`; results that are not measured are left out. No set is proposed twice as long as there is another;
+    then `propose` gives None. Its notes are the drawn ``model``, the ``weights`` by name, and ``remarks`` on numerics.
+
+    Attributes:
+        problem: what is looked for.
+        settings: of the algorithm.
+        seed: of all draws.
+    """
+
+    problem: Problem
+    settings: BosfmSettings = field(default_factory=BosfmSettings)
+    seed: int = 0
+
+    @property
+    def name(self) -> str:
+        return "bosfm"
+
+    @cached_property
+    def _space(self) -> CameraSpace:
+        return CameraSpace(self.problem)
+
+    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+        tried = [result.trial.cameras for result in results] + [trial.cameras for trial in pending]
+        measured = [result for result in results if result.measured]
+        if number < self.settings.initial or not measured:
+            return self._random(number, tried, "random")
+        broken = [result.trial.cameras for result in results if not result.measured]
+        waiting = [trial.cameras for trial in pending]
+        encode = self._space.encode
+        found = suggest(
+            np.array([encode(result.trial.cameras) for result in measured]),
+            np.array([-result.value_m for result in measured]),
+            self._space,
+            np.random.default_rng([self.seed, _STREAM, number]),
+            pending=np.array([encode(cameras) for cameras in waiting]) if waiting else None,
+            avoid=np.array([encode(cameras) for cameras in broken]) if broken else None,
+            kernels=self.settings.kernels,
+            search=self.settings.search,
+            iterations=self.settings.iterations,
+        )
+        notes: dict[str, object] = {
+            "model": found.model,
+            "weights": dict(found.weights),
+            "remarks": list(found.remarks),
+        }
+        if found.x is None:
+            return self._random(number, tried, "random, as every candidate was known", notes)
+        return Trial(number, self._space.cameras(found.x), f"EI of {found.model}", notes)
+
+    def _random(
+        self, number: int, tried: Sequence[Cameras], origin: str, notes: dict[str, object] | None = None
+    ) -> Trial | None:
+        """A random set that was not tried; of recorded views the first one that was not, where draws find none."""
+        known = {self._space.encode(cameras).tobytes() for cameras in tried}
+        for draw in range(_DRAWS):
+            seed = sample_seed(self.seed, number, draw) if draw else sample_seed(self.seed, number)
+            cameras = self.problem.sample(seed)
+            if self._space.encode(cameras).tobytes() not in known:
+                return Trial(number, cameras, origin, notes or {})
+        if self.problem.views is not None:
+            for index in self._space.subsets(len(known) + 1):
+                cameras = self.problem.views.select(index)
+                if self._space.encode(cameras).tobytes() not in known:
+                    return Trial(number, cameras, origin, notes or {})
+        return None

@@ -1,0 +1,37 @@
+"""The method `random`: independent random feasible sets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fieldkit.planning.search import Problem, Result, Trial
+
+_STREAM = 41
+
+
+@dataclass(frozen=True, eq=False)
+class Random:
+    """Trial k is `Problem.sample` of the seed and k, whatever is known.
+
+    Attributes:
+        problem: what is looked for.
+        seed: of all trials.
+    """
+
+    problem: Problem
+    seed: int = 0
+
+    @property
+    def name(self) -> str:
+        return "random"
+
+    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial:
+        return Trial(number, self.problem.sample(sample_seed(self.seed, number)), "random")
+
+
+def sample_seed(seed: int, *parts: int) -> int:
+    """A seed for `Problem.sample`, of a method's seed and of a trial's number and what else tells draws apart."""
+    return int(np.random.SeedSequence([seed, _STREAM, *parts]).generate_state(1, np.uint64)[0])

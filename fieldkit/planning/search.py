@@ -1,0 +1,146 @@
+"""What a search for cameras exchanges: the problem, trials, results, and the interface of the methods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.errors import UsageError
+from fieldkit.geometry import Intrinsics
+from fieldkit.planning.cameras import Array, Cameras
+from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.projection import project
+from fieldkit.planning.recorded import assign
+
+_LEAST = 3
+_SAMPLE_STREAM = 31
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Which cameras are looked for, and what is known of the plot without taking photographs.
+
+    Attributes:
+        count: N.
+        envelope: the feasible set Z.
+        camera: of the photographs, without distortion.
+        reference: PC_env with normals where there are any, plot frame.
+        obstacles: (m, 3) points that hide what lies behind them, plot frame: plants and, where there are, other rows.
+        views: of a recorded set, the only cameras there are; None where any camera of the envelope can be had.
+
+    Raises:
+        UsageError: fewer than three cameras, or more than there are views.
+    """
+
+    count: int
+    envelope: Envelope
+    camera: Intrinsics
+    reference: Cloud
+    obstacles: Array
+    views: Cameras | None = None
+
+    def __post_init__(self) -> None:
+        if self.count < _LEAST:
+            raise UsageError(f"a plan needs at least {_LEAST} cameras, not {self.count}")
+        if self.views is not None and len(self.views) < self.count:
+            raise UsageError(
+                f"{self.count} cameras are asked of a set of {len(self.views)} photographs",
+                remedy="Ask for fewer cameras.",
+            )
+
+    @property
+    def center(self) -> Array:
+        """(3,) the middle of the volume of interest."""
+        middle: Array = np.array(self.envelope.target.center)
+        return middle
+
+    @property
+    def distance_m(self) -> float:
+        """At which an angle between views counts as the length it spans: the recorded views' median to the middle."""
+        assert self.views is not None
+        return float(np.median(np.linalg.norm(self.views.positions - self.center, axis=1)))
+
+    def nearest(self, cameras: Cameras) -> Cameras:
+        """The feasible set that stands for any set: projected into the envelope, or the recorded views it means.
+
+        A set that is feasible comes back as it is, but recorded views in their own order.
+        """
+        if self.views is None:
+            return project(cameras, self.envelope)
+        return self.views.select(np.sort(assign(cameras, self.views, self.distance_m)))
+
+    def contains(self, cameras: Cameras) -> bool:
+        """Whether a set is feasible."""
+        if self.views is None:
+            return self.envelope.contains(cameras)
+        known = {row.tobytes() for row in self.views.vector().reshape(len(self.views), -1)}
+        rows = {row.tobytes() for row in cameras.vector().reshape(len(cameras), -1)}
+        return len(rows) == len(cameras) and rows <= known
+
+    def sample(self, seed: int) -> Cameras:
+        """A random feasible set of N: see `Envelope.sample`; of a recorded set N distinct views, all alike likely."""
+        if self.views is None:
+            return self.envelope.sample(self.count, seed)
+        rng = np.random.default_rng([seed, _SAMPLE_STREAM])
+        return self.views.select(np.sort(rng.choice(len(self.views), self.count, replace=False)))
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One set of cameras that a method wants evaluated.
+
+    Attributes:
+        number: from 0, in the order of proposal.
+        cameras: feasible.
+        origin: what proposed it, for people: ``"circle 1.2 m at 0.9 m"``, ``"EI of matern"``.
+        notes: plain values worth keeping: model weights, a trust region's size.
+    """
+
+    number: int
+    cameras: Cameras
+    origin: str
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A trial and what came of it.
+
+    Attributes:
+        trial: as proposed.
+        value_m: the cost, metres: small is good.
+        measured: False where the evaluation broke: then the value says nothing about the cameras.
+        right: photographs whose poses are right.
+    """
+
+    trial: Trial
+    value_m: float
+    measured: bool = True
+    right: int = 0
+
+
+class Method(Protocol):
+    """Proposes trials.
+
+    A proposal is a function of its number and of what it is given, not of earlier calls: so a run that was killed goes
+    on as it would have, and results are the same whoever computes them.
+    """
+
+    @property
+    def name(self) -> str:
+        """As `--method` takes it."""
+        ...
+
+    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+        """The trial of that number, or None where the method has no more to try.
+
+        Args:
+            number: of the trial.
+            results: of earlier trials, by number; those the method may know of.
+            pending: earlier trials whose results it may not know yet, by number.
+        """
+        ...

@@ -1,0 +1,1 @@
+"""What is learnt of the objective from few evaluations: Gaussian processes, one per kernel, and their ensemble."""

@@ -1,0 +1,79 @@
+"""An objective that answers at once: how far cameras are from a place that is best."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Intrinsics
+from fieldkit.missions.plan import PlanSource
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.evaluation import Evaluation, StageCost
+from fieldkit.planning.fidelity import FidelityName
+from fieldkit.planning.objective import Objective, ObjectiveSettings
+from fieldkit.planning.run_settings import SearchSettings
+from fieldkit.planning.search import Problem
+
+VOLUME = Volume((-0.5, -0.5, 0.03), (0.5, 0.5, 0.8))
+CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
+BEST = np.array([0.9, -0.8, 1.4])
+
+
+def bowl_problem(count: int = 4, views: int = 0) -> Problem:
+    """Some points as plants, and an envelope about them; with ``views`` a recorded ring of so many."""
+    points = np.random.default_rng(3).uniform(VOLUME.lower, VOLUME.upper, (400, 3))
+    normals = np.tile(np.array([0.0, 0.0, 1.0], dtype=np.float32), (400, 1))
+    plants = Cloud(points, normals=normals)
+    envelope = Envelope.around(plants, VOLUME)
+    ring = None
+    if views:
+        turn = 2 * np.pi * np.arange(views) / views
+        centers = np.stack([1.5 * np.cos(turn), 1.5 * np.sin(turn), np.full(views, 1.0)], axis=1)
+        ring = Cameras.aimed(centers, (0.0, 0.0, 0.4))
+    return Problem(count, envelope, CAMERA, plants, points, ring)
+
+
+class Bowl(Objective):
+    """The mean squared distance of the cameras from the best place, with noise by the seed where asked for.
+
+    With a folder every evaluation leaves a line in ``evaluated`` there.
+    """
+
+    def __init__(self, folder: Path | None = None, *, noise_m: float = 0.0, seconds: float = 0.0) -> None:
+        self.settings, self.seed = ObjectiveSettings(), 0
+        self.folder, self.noise_m, self.seconds = folder, noise_m, seconds
+
+    def prepare(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def evaluate(
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+    ) -> Evaluation:
+        time.sleep(self.seconds * (1 + float(cameras.yaw_deg[0]) % 1.0))
+        value = float(np.mean(np.sum((cameras.positions - BEST) ** 2, axis=1)))
+        rng = np.random.default_rng([seed or 0, *np.frombuffer(cameras.vector().tobytes(), dtype=np.uint32).tolist()])
+        value += self.noise_m * abs(float(rng.standard_normal()))
+        if self.folder is not None:
+            with (self.folder / "evaluated").open("a") as file:
+                file.write(f"{value!r} {seed} {fidelity}\n")
+        return Evaluation(
+            value, value, 0.5 * value, 0.5 * value, {0.005: 0.5}, len(cameras), len(cameras), len(cameras), 1, 9,
+            "digest", (), times=(StageCost("Rendering", 0.01, 0.01),),
+        )  # fmt: skip
+
+
+def bowl_settings(**more: object) -> SearchSettings:
+    """Settings of a small run by the method `random`."""
+    values: dict[str, object] = {
+        "fieldkit": "0", "source": PlanSource(kind="scene", name="bowl"), "path": "nowhere", "cameras": 4,
+        "method": "random", "evaluations": 12, "finalists": 3, "repeats": 2,
+    }  # fmt: skip
+    return SearchSettings(**(values | more))  # type: ignore[arg-type]

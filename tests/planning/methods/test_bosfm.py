@@ -1,0 +1,193 @@
+"""Algorithm 1 on cameras: feasible, repeatable, never twice the same, and it gets somewhere."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.clouds import Cloud
+from fieldkit.geometry import Intrinsics
+from fieldkit.planning.acquisition import Search
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.methods.bosfm import Bosfm, BosfmSettings
+from fieldkit.planning.methods.random import Random
+from fieldkit.planning.methods.space import CameraSpace
+from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.surrogates.kernels import MATERN
+from tests.planning.test_envelope import FLAT, SLOPED
+
+QUICK = BosfmSettings(initial=4, iterations=5, search=Search(samples=12, near=4, kept=4, starts=2, iterations=5))
+
+
+def problem(count: int, envelope: Envelope = FLAT, views: int = 0) -> Problem:
+    recorded = envelope.sample(views, 77) if views else None
+    cloud = Cloud(envelope.plants)
+    return Problem(count, envelope, Intrinsics.pinhole(640, 480, 560.0), cloud, cloud.points, recorded)
+
+
+def cost(cameras: Cameras) -> float:
+    """How far cameras are from 1.2 m height and from a pitch of −40°, in no order; about 0.02 to 0.06."""
+    low = (cameras.positions[:, 2] - 1.2) ** 2
+    return 0.02 + 0.02 * float(low.mean()) + 1e-5 * float(((cameras.pitch_deg + 40.0) ** 2).mean())
+
+
+def run(method: Bosfm | Random, count: int) -> list[Result]:
+    results: list[Result] = []
+    for number in range(count):
+        trial = method.propose(number, results, ())
+        if trial is None:
+            break
+        results.append(Result(trial, cost(trial.cameras)))
+    return results
+
+
+@given(
+    st.sampled_from([problem(4), problem(4, SLOPED), problem(5, views=9)]),
+    st.integers(0, 2**31),
+    st.integers(1, 8),
+    st.integers(0, 2),
+)
+@settings(max_examples=25)
+def test_every_proposal_is_feasible(plot: Problem, seed: int, known: int, waiting: int) -> None:
+    method = Bosfm(plot, QUICK, seed)
+    trials = [Trial(k, plot.sample(seed + k), "given") for k in range(known + waiting)]
+    results = [Result(trial, cost(trial.cameras)) for trial in trials[:known]]
+    trial = method.propose(50, results, trials[known:])
+    assert trial is not None
+    assert plot.contains(trial.cameras)
+    assert len(trial.cameras) == plot.count
+    assert trial.number == 50
+    assert json.loads(json.dumps(trial.notes)) == trial.notes
+
+
+def test_the_first_trials_are_those_of_random() -> None:
+    plot = problem(4)
+    ours, random = run(Bosfm(plot, QUICK, 5), 6), run(Random(plot, 5), 6)
+    same = [mine.trial.cameras == other.trial.cameras for mine, other in zip(ours, random, strict=True)]
+    assert same == [True] * 4 + [False] * 2
+    assert [result.trial.origin for result in ours[:4]] == ["random"] * 4
+    assert BosfmSettings().initial == 50
+    assert run(Random(plot, 6), 1)[0].trial.cameras != random[0].trial.cameras
+
+
+def test_notes_tell_the_model_and_the_weights() -> None:
+    trial = run(Bosfm(problem(4), QUICK, 0), 5)[4].trial
+    assert set(trial.notes) == {"model", "weights", "remarks"}
+    assert set(trial.notes["weights"]) == {"periodic", "rbf", "matern"}
+    assert sum(trial.notes["weights"].values()) == pytest.approx(1.0)
+    assert trial.origin == f"EI of {trial.notes['model']}"
+    assert trial.notes["remarks"] == []
+
+
+def test_results_that_are_not_measured_do_not_count() -> None:
+    plot = problem(4)
+    method = Bosfm(plot, QUICK, 1)
+    results = run(method, 6)
+    broken = Result(Trial(6, plot.sample(99), "given"), -1e6, measured=False)
+    with_it, without = method.propose(7, [*results, broken], ()), method.propose(7, results, ())
+    assert with_it is not None
+    assert without is not None
+    assert with_it.cameras == without.cameras
+    nothing = method.propose(7, [broken], ())
+    assert nothing is not None
+    assert nothing.origin == "random"
+
+
+def test_pending_trials_change_the_proposal() -> None:
+    method = Bosfm(problem(4), QUICK, 2)
+    results = run(method, 6)
+    alone = method.propose(6, results, ())
+    assert alone is not None
+    other = method.propose(6, results, [Trial(5, alone.cameras, "pending")])
+    assert other is not None
+    assert other.cameras != alone.cameras
+    assert other.notes["weights"] == alone.notes["weights"]
+
+
+HERE = Path(__file__).parents[3]
+OTHER = """
+from tests.planning.methods.test_bosfm import Bosfm, QUICK, problem, run
+print(run(Bosfm(problem(4), QUICK, 3), 6)[-1].trial.cameras.vector().tobytes().hex())
+"""
+
+
+def test_another_process_proposes_the_same() -> None:
+    ours = run(Bosfm(problem(4), QUICK, 3), 6)[-1].trial.cameras.vector().tobytes().hex()
+    assert ours == run(Bosfm(problem(4), QUICK, 3), 6)[-1].trial.cameras.vector().tobytes().hex()
+    found = subprocess.run([sys.executable, "-c", OTHER], capture_output=True, text=True, cwd=HERE, check=True)
+    assert found.stdout.strip() == ours
+
+
+def test_a_proposal_does_not_depend_on_earlier_calls() -> None:
+    plot = problem(4)
+    results = run(Bosfm(plot, QUICK, 3), 7)
+    fresh = Bosfm(plot, QUICK, 3).propose(6, results[:6], ())
+    assert fresh is not None
+    assert fresh.cameras == results[6].trial.cameras
+
+
+def test_a_recorded_set_is_gone_through_once() -> None:
+    plot = problem(3, views=5)
+    results = run(Bosfm(plot, QUICK, 0), 20)
+    assert len(results) == math.comb(5, 3)
+    assert len({result.trial.cameras for result in results}) == len(results)
+    broken = [Result(result.trial, 1.0, measured=False) for result in results[:-1]]
+    last = Bosfm(plot, QUICK, 0).propose(9, broken, ())
+    assert last is not None
+    assert last.cameras == results[-1].trial.cameras
+    shuffled = [Result(Trial(0, result.trial.cameras.select([2, 0, 1]), "other"), 1.0) for result in results]
+    assert Bosfm(plot, QUICK, 0).propose(10, shuffled, ()) is None
+
+
+def test_the_best_untried_recorded_set_is_chosen() -> None:
+    # Of 20 sets 14 are known; the model, which sees all of them, expects most of one of the other six.
+    plot = problem(3, views=6)
+    space = CameraSpace(plot)
+    sets = [plot.views.select(index) for index in space.subsets(20)]
+    order = np.random.default_rng(0).permutation(20)
+    results = [Result(Trial(int(k), sets[k], "given"), cost(sets[k])) for k in order[:14]]
+    settings = BosfmSettings(initial=1, kernels=(MATERN,))
+    trial = Bosfm(plot, settings, 0).propose(14, results, ())
+    assert trial is not None
+    costs = [cost(sets[k]) for k in order[14:]]
+    assert cost(trial.cameras) <= sorted(costs)[2]
+    assert trial.cameras in [sets[k] for k in order[14:]]
+
+
+def test_it_is_better_than_random() -> None:
+    plot = problem(3)
+    settings = BosfmSettings(initial=8, iterations=12, search=Search(samples=24, near=8, starts=2, iterations=20))
+    ours = [result.value_m for result in run(Bosfm(plot, settings, 1), 22)]
+    random = [result.value_m for result in run(Random(plot, 1), 66)]
+    assert min(ours) - 0.02 < 0.5 * (min(random) - 0.02)
+
+
+def test_codes_of_recorded_sets_do_not_know_the_order() -> None:
+    space = CameraSpace(problem(4, views=9))
+    views = space.problem.views
+    assert views is not None
+    code = space.encode(views.select([7, 1, 3, 0]))
+    np.testing.assert_array_equal(code, space.encode(views.select([0, 1, 3, 7])))
+    assert space.cameras(code) == views.select([0, 1, 3, 7])
+    for near in space.around(code, 20, np.random.default_rng(0)):
+        chosen = space.cameras(near)
+        assert space.problem.contains(chosen)
+        kept = {row.tobytes() for row in chosen.positions} & {row.tobytes() for row in space.cameras(code).positions}
+        assert 1 <= len(kept) <= 3
+    few = CameraSpace(problem(4, views=6))
+    assert len(few.sample(3, np.random.default_rng(0))) == math.comb(6, 4)
+
+
+@pytest.mark.parametrize("wrong", [{"initial": 0}, {"kernels": ()}])
+def test_senseless_settings_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError):
+        BosfmSettings(**wrong)  # type: ignore[arg-type]
