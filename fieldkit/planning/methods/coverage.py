@@ -1,0 +1,212 @@
+"""The maximum coverage problem, the paper's second baseline: which views see the most, chosen from a discrete set."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.sparse import csr_array, eye_array, hstack
+
+from fieldkit.planning.cameras import Array, Cameras
+from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.visibility import Surface, look
+
+VIEWS = 2
+"""By so many views at least a point must be seen to count as covered: what triangulation takes."""
+_STEEPEST = np.cos(np.radians(75.0))
+_POINTS = 200
+_POSITIONS = 180
+_FIRST_STEP_M = 0.25
+_COARSER = 1.1
+_NEARER = 0.5
+_SECONDS = 120.0
+_NODES = 1000
+_WEIGHT = 1e-3
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Cover:
+    """A choice of views.
+
+    Attributes:
+        chosen: their indices, ascending.
+        covered: points seen by enough of them.
+        bound: no choice covers more.
+        proven: whether it is the best one, as far as the solver's tolerances go.
+        seconds: it took.
+    """
+
+    chosen: tuple[int, ...]
+    covered: int
+    bound: float
+    proven: bool
+    seconds: float
+
+
+class MaximumCoverage:
+    """Two trials: the greedy choice and the exact one.
+
+    Candidates are a lattice of feasible positions (at most 180), each looking at the plants' middle or, from another
+    candidate at the same place, half the way from there to the nearest plant; of a recorded set they are its views. A
+    point is seen where it lies in the picture, nothing hides it (`look`) and its surface is met by less than 75° from
+    its normal. Covered is what at least k views see: the paper's "geometric-based visibility criteria", which know
+    nothing of angles between views or of matches. k is 2, or the least above that at which the greedy choice does not
+    cover everything: ten cameras see all of a small plot twice wherever they are, and then any choice would be as good.
+
+    The exact choice comes from HiGHS through `scipy.optimize.milp`. It stops after 1,000 nodes (20 s or so) or two
+    minutes; that time is the one thing here that depends on the machine. Where it stops early, the greedy choice stands
+    if it is better.
+
+    Args:
+        problem: what is planned.
+        seed: not used; there is no chance in it.
+        seconds: the solver's limit.
+    """
+
+    name = "mcp"
+
+    def __init__(self, problem: Problem, seed: int = 0, *, seconds: float = _SECONDS) -> None:
+        self._problem, self._seconds = problem, seconds
+
+    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+        """See `Method.propose`."""
+        if number > 1:
+            return None
+        seen, same, views = self._seen, self._same_place, self._views
+        greedy = greedy_cover(seen, self._problem.count, same, views)
+        found = greedy if number == 0 else exact_cover(seen, self._problem.count, same, views, seconds=self._seconds)
+        if found.covered < greedy.covered:
+            found = Cover(greedy.chosen, greedy.covered, found.bound, False, found.seconds)
+        gap = (found.bound - found.covered) / max(found.covered, 1)
+        notes = {
+            "covered": found.covered / seen.shape[1], "bound": found.bound / seen.shape[1], "gap": gap,
+            "proven": found.proven, "views": views, "candidates": len(seen), "points": seen.shape[1],
+        }  # fmt: skip
+        share = 100.0 * found.covered / seen.shape[1]
+        origin = f"{'greedy' if number == 0 else 'exact'}, {share:.1f} % seen {views} times"
+        return Trial(number, self._problem.nearest(self._candidates.select(found.chosen)), origin, notes)
+
+    @cached_property
+    def _candidates(self) -> Cameras:
+        return self._problem.views if self._problem.views is not None else lattice_views(self._problem)
+
+    @cached_property
+    def _seen(self) -> Mask:
+        surface = Surface.of(self._problem, _POINTS)
+        sights = look(surface, self._candidates, self._problem.camera)
+        return np.array([sight.seen & (sight.facing > _STEEPEST) for sight in sights])
+
+    @cached_property
+    def _views(self) -> int:
+        count, possible = self._problem.count, self._seen.sum(axis=0)
+        for views in range(VIEWS, count):
+            if greedy_cover(self._seen, count, self._same_place, views).covered < (possible >= VIEWS).sum():
+                return views
+        return count
+
+    @cached_property
+    def _same_place(self) -> NDArray[np.int64]:
+        if self._problem.views is not None:
+            return np.arange(len(self._candidates))
+        return np.unique(self._candidates.positions, axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def lattice_views(problem: Problem, positions: int = _POSITIONS) -> Cameras:
+    """Candidate cameras at the feasible points of a lattice, the finest one with at most so many; two aims at each.
+
+    The lattice's step is never below the envelope's separation, so that any choice of places is feasible. Pitches are
+    cut to the gimbal's range.
+    """
+    envelope = problem.envelope
+    step = max(_FIRST_STEP_M, 1.001 * envelope.separation_m)
+    while len(places := _lattice(problem, step)) > positions:
+        step *= _COARSER
+    if len(places) < problem.count:  # a narrow envelope: any feasible set will do
+        places = problem.sample(0).positions
+    points = problem.reference.points
+    near = points[np.argmin(np.linalg.norm(places[:, None] - points[None, :: max(1, len(points) // 2000)], axis=2), 1)
+                  * max(1, len(points) // 2000)]  # fmt: skip
+    middle = np.broadcast_to(problem.center, places.shape)
+    aims = np.stack([middle, middle + _NEARER * (near - middle)], axis=1).reshape(-1, 3)
+    aimed = Cameras.aimed(np.repeat(places, 2, axis=0), aims)
+    return Cameras(aimed.positions, aimed.yaw_deg, np.clip(aimed.pitch_deg, *envelope.pitch_deg))
+
+
+def greedy_cover(seen: Mask, count: int, place: NDArray[np.int64], views: int = VIEWS) -> Cover:
+    """The view that adds most, ``count`` times.
+
+    A point counts as the share of the views that it needs, so that a first view gains too; the share of points that
+    become covered breaks ties.
+
+    Args:
+        seen: (c, p) which candidate sees which point.
+        count: views to choose.
+        place: (c,) candidates of one place exclude each other.
+        views: that a point needs.
+    """
+    begun = time.perf_counter()
+    times, chosen = np.zeros(seen.shape[1], dtype=np.int64), list[int]()
+    for _ in range(count):
+        gain = (seen & (times < views)).sum(axis=1) + _WEIGHT * (seen & (times == views - 1)).sum(axis=1)
+        gain[np.isin(place, place[chosen])] = -1.0
+        best = int(np.argmax(gain))
+        chosen.append(best)
+        times += seen[best]
+    possible = float((seen.sum(axis=0) >= views).sum())
+    covered = int((times >= views).sum())
+    return Cover(tuple(sorted(chosen)), covered, possible, covered == possible, time.perf_counter() - begun)
+
+
+def exact_cover(
+    seen: Mask, count: int, place: NDArray[np.int64], views: int = VIEWS, *, seconds: float = _SECONDS
+) -> Cover:
+    """The best choice, as an integer programme; arguments as `greedy_cover`.
+
+    Maximise Σ y over binary x (candidates) and y (points), with Σ x = count, views · y ≤ Σ x of those that see the
+    point, and Σ x ≤ 1 at each place. Points that the same candidates see are one variable that weighs more.
+
+    Args:
+        seconds: after which the best choice so far is taken.
+    """
+    begun = time.perf_counter()
+    columns, weight = np.unique(seen, axis=1, return_counts=True)
+    able = columns.sum(axis=0) >= views
+    columns, weight = columns[:, able], weight[able]
+    c, p = columns.shape
+    sees = hstack([csr_array(columns.T.astype(float)), -float(views) * eye_array(p, format="csr")], format="csr")
+    places, index = np.unique(place, return_inverse=True)
+    once = csr_array((np.ones(c), (index.reshape(-1), np.arange(c))), shape=(len(places), c + p))
+    total = csr_array(np.append(np.ones(c), np.zeros(p))[None])
+    constraints = [
+        LinearConstraint(sees, 0.0, np.inf), LinearConstraint(once, -np.inf, 1.0), LinearConstraint(total, count, count)
+    ]  # fmt: skip
+    found = milp(
+        np.append(np.zeros(c), -weight.astype(float)), integrality=np.ones(c + p), bounds=Bounds(0.0, 1.0),
+        constraints=constraints, options={"time_limit": seconds, "node_limit": _NODES},
+    )  # fmt: skip
+    taken = time.perf_counter() - begun
+    bound = float(weight.sum()) if found.mip_dual_bound is None else min(float(-found.mip_dual_bound), weight.sum())
+    if found.x is None:
+        return Cover((), 0, bound, False, taken)
+    chosen = np.sort(np.argsort(-found.x[:c], kind="stable")[:count])
+    covered = int((seen[chosen].sum(axis=0) >= views).sum())
+    return Cover(tuple(int(k) for k in chosen), covered, bound, found.status == 0, taken)
+
+
+def _lattice(problem: Problem, step: float) -> Array:
+    envelope = problem.envelope
+    axes = []
+    for low, high in (envelope.x_m, envelope.y_m, envelope.height_m):
+        count = int((high - low) / step) + 1
+        axes.append(0.5 * (low + high) + step * (np.arange(count) - 0.5 * (count - 1)))
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    points[:, 2] += envelope.ground_m(points)
+    free: Array = points[envelope.position_violation(points) <= 0.0]
+    return free

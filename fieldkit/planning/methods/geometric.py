@@ -1,0 +1,191 @@
+"""Methods that optimise a geometric criterion and take no photograph: the paper's third baseline, and our own score."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import qmc
+
+from fieldkit.kernels import kernel
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.families import families
+from fieldkit.planning.geometric import GeometricScore
+from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.visibility import PerCamera, Surface, look
+
+Cost = Callable[[Cameras], float]
+
+_POINTS = 800
+_ERROR_PX = 1.0
+_UNSEEN_M = 0.10
+_STREAM = 41
+
+
+class Effort(NamedTuple):
+    """Of `optimise`: designs tried per family and at random, starts that are refined, moves tried from each."""
+
+    designs: int = 48
+    starts: int = 3
+    moves: int = 1200
+
+
+class Triangulation:
+    """How uncertainly a set of cameras triangulates the plants, in metres: small is good.
+
+    After Bacharis et al., "3D Reconstruction in Noisy Agricultural Environments: A Bayesian Optimization Perspective
+    for View Planning" (arXiv 2310.00145; we take it to be the paper's ref. bacharis20233d), who place cameras in
+    continuous space by a geometric function that accounts for noise. We know their abstract, not their formula: this
+    one is ours. A point's covariance from the views that see it is
+
+        (Σ (f / d)² / σ² · (I − v vᵀ) + I / s²)⁻¹
+
+    with the unit ray v, the distance d, the focal length f in pixels and σ = 1 pixel: rays that cross at right angles
+    and cameras near by are best. s = 0.10 m is the objective's cap: what is known of a point that no view sees. The
+    criterion is the mean over points of √trace. Unlike theirs it is not averaged over draws of the poses' noise, which
+    acts as a larger σ does, alike on all sets. It knows nothing of matching, so it likes views far apart.
+
+    Args:
+        problem: what is planned.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        surface, camera = Surface.of(problem, _POINTS), problem.camera
+        self._views = PerCamera(lambda cameras: look(surface, cameras, camera))
+        self._focal = 0.5 * (camera.fx + camera.fy)
+
+    def __call__(self, cameras: Cameras) -> float:
+        """Metres."""
+        views = self._views(cameras)
+        rays = np.array([view.rays for view in views])
+        weight = np.array([view.seen * (self._focal / (_ERROR_PX * view.distance_m)) ** 2 for view in views])
+        return float(_uncertainty(rays, weight, _UNSEEN_M**-2).mean())
+
+
+class GeometricOptimum:
+    """One trial: the optimum of a geometric criterion, found without evaluations.
+
+    Args:
+        name: ``"geometric"`` minimises `Triangulation`, ``"matchable"`` distance + tie of `GeometricScore`.
+        problem: what is planned.
+        seed: of the optimisation.
+        effort: of it.
+    """
+
+    def __init__(self, name: str, problem: Problem, seed: int = 0, *, effort: Effort | None = None) -> None:
+        self._name, self._problem, self._seed = name, problem, seed
+        self._effort = effort or Effort()
+
+    @property
+    def name(self) -> str:
+        return self._name
+
+    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+        """See `Method.propose`."""
+        if number > 0:
+            return None
+        cost = Triangulation(self._problem) if self._name == "geometric" else cost_of(GeometricScore(self._problem))
+        cameras = optimise(self._problem, cost, self._seed, self._effort)
+        value = cost(cameras)
+        notes: dict[str, Any] = {"criterion_m": value}
+        return Trial(number, cameras, f"optimum of {self._name}, {1000 * value:.2f} mm", notes)
+
+
+def cost_of(score: GeometricScore) -> Cost:
+    """Distance + tie of the score, metres: both are lengths, and nothing says that one is to count more."""
+
+    def cost(cameras: Cameras) -> float:
+        found = score.score(cameras)
+        return found.distance_m + found.tie_m
+
+    return cost
+
+
+def optimise(problem: Problem, cost: Cost, seed: int, effort: Effort | None = None) -> Cameras:
+    """A feasible set of small cost, by a multi-start search of the whole space; the same for the same seed.
+
+    Starts are the best designs of each family (Sobol points of its cube) and of random sets; the best few are refined
+    by moving one or two cameras at a time, keeping what is no worse, with steps that shrink from half a metre to a
+    centimetre. On a recorded set a move takes another view instead.
+    """
+    effort = effort or Effort()
+    rng = np.random.default_rng([seed, _STREAM])
+    starts: list[tuple[float, int, Cameras]] = []
+    pools = [
+        [family.decode(unit) for unit in qmc.Sobol(len(family), rng=rng).random(_power(effort.designs))]
+        for family in families(problem)
+    ]
+    pools.append([problem.sample(int(rng.integers(1 << 31))) for _ in range(effort.designs)])
+    for pool in pools:
+        feasible = [problem.nearest(cameras) for cameras in pool]
+        # One of each pool: starts of one kind would end at the same place.
+        value, number = min((cost(cameras), number) for number, cameras in enumerate(feasible))
+        starts.append((value, len(starts), feasible[number]))
+    refined = [
+        (*_refined(problem, cost, cameras, value, rng, effort.moves), number)
+        for value, number, cameras in sorted(starts, key=lambda start: start[:2])[: effort.starts]
+    ]
+    return min(refined, key=lambda found: (found[0], found[2]))[1]
+
+
+def _refined(
+    problem: Problem, cost: Cost, cameras: Cameras, value: float, rng: np.random.Generator, moves: int
+) -> tuple[float, Cameras]:
+    for k in range(moves):
+        step = 0.5 * 0.02 ** (k / max(moves - 1, 1))
+        moved = _moved(problem, cameras, rng, step)
+        if problem.contains(moved) and (found := cost(moved)) <= value:
+            value, cameras = found, moved
+    return value, cameras
+
+
+def _moved(problem: Problem, cameras: Cameras, rng: np.random.Generator, step_m: float) -> Cameras:
+    """One or two cameras elsewhere: by about so many metres, and turned as much as seen from the plot's distance."""
+    chosen = rng.choice(len(cameras), int(rng.integers(1, 3)), replace=False)
+    if problem.views is not None:
+        rows = {row.tobytes() for row in cameras.vector().reshape(len(cameras), -1)}
+        table = problem.views.vector().reshape(len(problem.views), -1)
+        free = [i for i, row in enumerate(table) if row.tobytes() not in rows]
+        if not free:
+            return cameras
+        z = cameras.vector().reshape(len(cameras), -1).copy()
+        chosen = chosen[: len(free)]
+        z[chosen] = table[rng.choice(free, len(chosen), replace=False)]
+        return Cameras.from_vector(z.reshape(-1))
+    z = cameras.vector().reshape(len(cameras), -1).copy()
+    z[chosen, :3] += rng.normal(0.0, step_m, (len(chosen), 3))
+    away = np.maximum(np.linalg.norm(z[chosen, :3] - problem.center, axis=1), 0.1)
+    # A camera that is moved keeps looking at the place it looked at, give or take.
+    places = cameras.positions[chosen] + cameras.forward[chosen] * away[:, None]
+    aimed = Cameras.aimed(z[chosen, :3], places + rng.normal(0.0, 0.3 * step_m, places.shape))
+    z[chosen, 3], z[chosen, 4] = aimed.yaw_deg, np.clip(aimed.pitch_deg, *problem.envelope.pitch_deg)
+    return Cameras.from_vector(z.reshape(-1))
+
+
+def _power(count: int) -> int:
+    """The largest power of two that is not above: Sobol points are balanced for these only."""
+    return 1 << (max(count, 1).bit_length() - 1)
+
+
+@kernel
+def _uncertainty(rays, weight, prior):  # type: ignore[no-untyped-def]
+    """(p,) root of the trace of each point's covariance, from rays (n, p, 3) and weights (n, p), in 1/m²."""
+    count, points = weight.shape
+    found = np.empty(points)
+    for k in range(points):
+        xx, yy, zz, xy, xz, yz = prior, prior, prior, 0.0, 0.0, 0.0
+        for i in range(count):
+            w = weight[i, k]
+            if w > 0.0:
+                x, y, z = rays[i, k, 0], rays[i, k, 1], rays[i, k, 2]
+                xx += w * (1.0 - x * x)
+                yy += w * (1.0 - y * y)
+                zz += w * (1.0 - z * z)
+                xy -= w * x * y
+                xz -= w * x * z
+                yz -= w * y * z
+        a, b, c = yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy
+        determinant = xx * a - xy * (xy * zz - xz * yz) + xz * (xy * yz - xz * yy)
+        found[k] = np.sqrt((a + b + c) / determinant)
+    return found

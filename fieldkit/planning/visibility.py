@@ -1,0 +1,211 @@
+"""What cameras see of a plot, without a picture: field of view, and occlusion by a z-buffer of splats."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.neighbors import PointIndex
+from fieldkit.clouds.thinning import voxel_thin
+from fieldkit.geometry import Intrinsics
+from fieldkit.kernels import kernel
+from fieldkit.planning.cameras import Array, Cameras
+from fieldkit.planning.search import Problem
+
+_FINEST_M = 0.010
+_COARSER = 1.12
+_LIMIT = 2500
+_OBSTACLES = 60_000
+_BUFFER = 200
+_TOLERANCE = 3.0
+_KEPT = 1024
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The plants as a geometric score knows them.
+
+    Attributes:
+        points: (p, 3) metres, plot frame, about evenly spread.
+        normals: (p, 3) unit vectors, of which only the axis counts: leaves have two sides; None where unknown.
+        obstacles: (m, 3) metres, of what hides.
+        splat_m: edge of the square that stands for an obstacle.
+    """
+
+    points: Array
+    normals: Array | None
+    obstacles: Array
+    splat_m: float
+
+    @classmethod
+    def of(cls, problem: Problem, limit: int = _LIMIT) -> Surface:
+        """A problem's reference, thinned to at most ``limit`` points, and its obstacles, thinned to 10 mm where they
+        are not too many.
+
+        A point has the normal of the reference's point nearest to it, for a voxel's mean normal is senseless where it
+        holds both sides of a leaf.
+
+        Raises:
+            ValueError: the reference has no points.
+        """
+        reference = problem.reference
+        thinned, _ = _thinned(reference, limit)
+        normals = None
+        if reference.normals is not None:
+            _, nearest = PointIndex(reference.points).nearest(thinned.points)
+            normals = reference.normals[nearest].astype(np.float64)
+        obstacles = Cloud(np.vstack([problem.obstacles.reshape(-1, 3), reference.points]))
+        kept, size = _thinned(obstacles, _OBSTACLES)
+        return cls(np.array(thinned.points), normals, np.array(kept.points), size)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @cached_property
+    def _axes(self) -> Array:
+        return np.zeros((0, 3)) if self.normals is None else self.normals
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What one camera has of a surface's p points.
+
+    Attributes:
+        rays: (p, 3) unit vectors from the points to the camera.
+        distance_m: (p,) to the camera.
+        facing: (p,) |n·v|, 1 where it looks squarely at the surface; 1 everywhere where normals are unknown.
+        seen: (p,) whether a point lies in the picture and nothing hides it.
+    """
+
+    rays: Array
+    distance_m: Array
+    facing: Array
+    seen: NDArray[np.bool_]
+
+
+class PerCamera(Generic[T]):
+    """What is computed of single cameras, kept for those used last: sets that share cameras share the work.
+
+    Args:
+        compute: of cameras, one value each.
+        kept: how many values at most, beside those of the set that is asked for.
+    """
+
+    def __init__(self, compute: Callable[[Cameras], Sequence[T]], kept: int = _KEPT) -> None:
+        self._compute, self._limit = compute, kept
+        self._values: OrderedDict[bytes, T] = OrderedDict()
+
+    def __call__(self, cameras: Cameras) -> list[T]:
+        """The values of n cameras."""
+        keys = [row.tobytes() for row in cameras.vector().reshape(len(cameras), -1)]
+        new = [i for i, key in enumerate(keys) if key not in self._values]
+        if new:
+            for i, value in zip(new, self._compute(cameras.select(new)), strict=True):
+                self._values[keys[i]] = value
+        found = []
+        for key in keys:
+            self._values.move_to_end(key)
+            found.append(self._values[key])
+        while len(self._values) > self._limit:
+            self._values.popitem(last=False)
+        return found
+
+
+def look(surface: Surface, cameras: Cameras, camera: Intrinsics) -> list[Sight]:
+    """What each camera sees.
+
+    A point is hidden where an obstacle's splat lies more than three splats before it. The z-buffer has 200 pixels along
+    the picture's longer side, so that a splat of 10 mm covers about one at 1.5 m: gaps between points do not let
+    through, and leaves' edges grow by half a splat.
+
+    Args:
+        surface: of the plants.
+        cameras: n.
+        camera: intrinsics, whose distortion is left out.
+    """
+    scale = _BUFFER / max(camera.width, camera.height)
+    width, height = (max(1, round(scale * side)) for side in (camera.width, camera.height))
+    lens = scale * np.array([camera.fx, camera.fy, camera.cx, camera.cy])
+    found = []
+    for pose in cameras.poses():
+        rays, distance, facing, seen = _look(
+            surface.points, surface._axes, surface.obstacles, surface.splat_m, _TOLERANCE * surface.splat_m,
+            np.ascontiguousarray(pose.rotation), np.array(pose.center), lens, width, height,
+        )  # fmt: skip
+        found.append(Sight(rays, distance, facing, seen))
+    return found
+
+
+def in_picture(points: Array, cameras: Cameras, camera: Intrinsics) -> NDArray[np.bool_]:
+    """(n, p) whether points (p, 3) lie in each camera's picture, whatever hides them; distortion is left out."""
+    size = np.array([camera.width, camera.height])
+    inside = np.zeros((len(cameras), len(points)), dtype=np.bool_)
+    for row, pose in zip(inside, cameras.poses(), strict=True):
+        pixels = camera.without_distortion().project(pose.to_camera(points))
+        with np.errstate(invalid="ignore"):
+            row[:] = ((pixels >= 0) & (pixels <= size)).all(axis=1)
+    return inside
+
+
+def _thinned(cloud: Cloud, limit: int) -> tuple[Cloud, float]:
+    """One point per voxel, the voxels no larger than it takes for at most ``limit`` points; and their edge."""
+    if not len(cloud):
+        raise ValueError("the reference has no points")
+    size = _FINEST_M
+    while len(thinned := voxel_thin(cloud, size)) > limit:
+        size *= max(_COARSER, 0.9 * np.sqrt(len(thinned) / limit))  # plants are surfaces: points go with its square
+    return thinned, float(size)
+
+
+@kernel
+def _look(points, axes, obstacles, splat, tolerance, rotation, center, lens, width, height):  # type: ignore[no-untyped-def]
+    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    buffer = np.full((height, width), np.inf)
+    for i in range(len(obstacles)):
+        dx, dy, dz = obstacles[i, 0] - center[0], obstacles[i, 1] - center[1], obstacles[i, 2] - center[2]
+        z = rotation[2, 0] * dx + rotation[2, 1] * dy + rotation[2, 2] * dz
+        if z <= splat:
+            continue
+        u = cx + fx * (rotation[0, 0] * dx + rotation[0, 1] * dy + rotation[0, 2] * dz) / z
+        v = cy + fy * (rotation[1, 0] * dx + rotation[1, 1] * dy + rotation[1, 2] * dz) / z
+        half = 0.5 * splat / z
+        if u + fx * half < 0 or v + fy * half < 0 or u - fx * half >= width or v - fy * half >= height:
+            continue
+        # The pixels whose centres the splat covers, and in any case the one that holds its middle.
+        left, right = int(np.ceil(u - fx * half - 0.5)), int(np.floor(u + fx * half - 0.5))
+        upper, lower = int(np.ceil(v - fy * half - 0.5)), int(np.floor(v + fy * half - 0.5))
+        if left > right:
+            left = right = int(np.floor(u))
+        if upper > lower:
+            upper = lower = int(np.floor(v))
+        for row in range(max(upper, 0), min(lower, height - 1) + 1):
+            for column in range(max(left, 0), min(right, width - 1) + 1):
+                buffer[row, column] = min(buffer[row, column], z)
+
+    count = len(points)
+    rays, distance = np.empty((count, 3)), np.empty(count)
+    facing, seen = np.ones(count), np.zeros(count, dtype=np.bool_)
+    for i in range(count):
+        dx, dy, dz = points[i, 0] - center[0], points[i, 1] - center[1], points[i, 2] - center[2]
+        d = max(np.sqrt(dx * dx + dy * dy + dz * dz), 1e-9)
+        distance[i] = d
+        rays[i, 0], rays[i, 1], rays[i, 2] = -dx / d, -dy / d, -dz / d
+        if len(axes) > 0:
+            facing[i] = min(1.0, abs(axes[i, 0] * dx + axes[i, 1] * dy + axes[i, 2] * dz) / d)
+        z = rotation[2, 0] * dx + rotation[2, 1] * dy + rotation[2, 2] * dz
+        if z <= 0:
+            continue
+        u = cx + fx * (rotation[0, 0] * dx + rotation[0, 1] * dy + rotation[0, 2] * dz) / z
+        v = cy + fy * (rotation[1, 0] * dx + rotation[1, 1] * dy + rotation[1, 2] * dz) / z
+        if u >= 0 and v >= 0 and u < width and v < height:
+            seen[i] = buffer[int(v), int(u)] >= z - tolerance
+    return rays, distance, facing, seen

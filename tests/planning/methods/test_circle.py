@@ -1,0 +1,66 @@
+"""The circle baselines: a grid, a finer one about the best, and the end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fieldkit.planning.methods.circle import CircleSearch
+from fieldkit.planning.search import Result, Trial
+from tests.planning.leafy import problem, recorded
+
+PROBLEM = problem(6)
+
+
+def wish(trial: Trial) -> float:
+    """Best at 1.1 m, altitude 1.3 m (between those of the grid), aim 0.3 m."""
+    notes = trial.notes
+    return abs(notes["radius_m"] - 1.1) + abs(notes["altitude_m"] - 1.3) + abs(notes["aim_m"] - 0.3)
+
+
+def run(method: CircleSearch) -> list[Result]:
+    results: list[Result] = []
+    while (trial := method.propose(len(results), results, ())) is not None:
+        assert trial.number == len(results)
+        results.append(Result(trial, wish(trial)))
+        assert len(results) < 100
+    return results
+
+
+@pytest.mark.parametrize(("aim", "count"), [(False, 33), (True, 37)])
+def test_the_grid_is_refined_and_ends(aim: bool, count: int) -> None:
+    found = run(CircleSearch(PROBLEM, aim=aim))
+    assert len(found) == count
+    assert all(PROBLEM.contains(r.trial.cameras) for r in found)
+    grid = found[:25]
+    assert len({(r.trial.notes["radius_m"], r.trial.notes["altitude_m"]) for r in grid}) == 25
+    assert len({r.trial.notes["aim_m"] for r in grid}) == 1
+    assert min(r.value_m for r in found) < min(r.value_m for r in grid)
+    if aim:
+        assert len({r.trial.notes["aim_m"] for r in found}) == 5
+        assert len({r.trial.notes["radius_m"] for r in found[25:29]}) == 1
+    assert [r.trial.cameras for r in found] == [r.trial.cameras for r in run(CircleSearch(PROBLEM, 7, aim=aim))]
+
+
+def test_broken_and_missing_results_do_not_lead() -> None:
+    method = CircleSearch(PROBLEM)
+    grid = [method.propose(k, (), ()) for k in range(25)]
+    results = [Result(t, 0.0 if t.number == 3 else 0.2 - 0.001 * t.number, measured=t.number != 3) for t in grid if t]
+    first = method.propose(25, results, ())
+    again = CircleSearch(PROBLEM).propose(25, results, ())
+    assert first is not None
+    assert again is not None
+    assert first.cameras == again.cameras
+    step = abs(first.notes["radius_m"] - results[24].trial.notes["radius_m"])
+    assert 0 < step < 0.5
+    assert abs(first.notes["altitude_m"] - results[24].trial.notes["altitude_m"]) < 0.5
+    assert method.propose(25, (), grid) is not None  # nothing is known yet
+    assert method.propose(33, results, ()) is None
+
+
+def test_a_recorded_set_has_few_circles() -> None:
+    plot = recorded(6)
+    found = run(CircleSearch(plot))
+    assert len(found) < 33
+    assert all(plot.contains(r.trial.cameras) for r in found)
+    assert np.ptp(found[0].trial.cameras.positions[:, 2]) == 0

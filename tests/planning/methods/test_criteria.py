@@ -1,0 +1,70 @@
+"""Methods that optimise a geometric criterion, without evaluations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fieldkit.planning.geometric import GeometricScore
+from fieldkit.planning.methods.geometric import (
+    Effort,
+    GeometricOptimum,
+    Triangulation,
+    cost_of,
+    optimise,
+)
+from fieldkit.planning.visibility import Surface, look
+from tests.planning.leafy import CAMERA, around, problem, recorded
+
+PROBLEM = problem(5)
+SMALL = Effort(designs=8, starts=2, moves=60)
+
+
+def test_triangulation_is_the_covariance_of_the_rays() -> None:
+    cameras = PROBLEM.sample(2)
+    surface = Surface.of(PROBLEM, 800)
+    views = look(surface, cameras, CAMERA)
+    expected = []
+    for k in range(len(surface)):
+        information = np.eye(3) / 0.1**2
+        for view in views:
+            if view.seen[k]:
+                information += (CAMERA.fx / view.distance_m[k]) ** 2 * (
+                    np.eye(3) - np.outer(view.rays[k], view.rays[k])
+                )
+        expected.append(np.sqrt(np.trace(np.linalg.inv(information))))
+    assert Triangulation(PROBLEM)(cameras) == pytest.approx(np.mean(expected), rel=1e-6)
+
+
+def test_triangulation_likes_what_matching_does_not() -> None:
+    wide, narrow = around(np.arange(5) * 72.0), around(np.arange(5) * 8.0)
+    assert Triangulation(PROBLEM)(wide) < Triangulation(PROBLEM)(narrow)
+    cost = cost_of(GeometricScore(PROBLEM))
+    assert cost(narrow) < cost(wide)
+
+
+@pytest.mark.parametrize("name", ["geometric", "matchable"])
+def test_one_trial_better_than_chance(name: str) -> None:
+    method = GeometricOptimum(name, PROBLEM, 3, effort=SMALL)
+    trial = method.propose(0, (), ())
+    assert trial is not None
+    assert method.name == name
+    assert method.propose(1, (), ()) is None
+    assert PROBLEM.contains(trial.cameras)
+    cost = Triangulation(PROBLEM) if name == "geometric" else cost_of(GeometricScore(PROBLEM))
+    assert trial.notes["criterion_m"] == cost(trial.cameras)
+    assert cost(trial.cameras) < min(cost(PROBLEM.sample(seed)) for seed in range(20))
+    again = GeometricOptimum(name, PROBLEM, 3, effort=SMALL).propose(0, (), ())
+    assert again is not None
+    assert again.cameras == trial.cameras
+
+
+def test_a_recorded_set_is_searched_by_its_views() -> None:
+    plot = recorded(5, 24)
+    cost = Triangulation(plot)
+    found = optimise(plot, cost, 0, SMALL)
+    assert plot.contains(found)
+    assert cost(found) <= min(cost(plot.sample(seed)) for seed in range(10))
+    everything = recorded(5, 5)
+    assert plot.contains(optimise(plot, cost, 1, Effort(2, 1, 5)))
+    assert everything.contains(optimise(everything, Triangulation(everything), 0, Effort(2, 1, 5)))
