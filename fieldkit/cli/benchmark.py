@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, console, emit_json
 from fieldkit.cli.common import table as new_table
 from fieldkit.cli.reconstruction_options import open_cache, run_context
+from fieldkit.errors import UsageError
 
 
 class Suite(StrEnum):
@@ -19,6 +20,7 @@ class Suite(StrEnum):
 
     ENGINE = "engine"
     OBJECTIVE = "objective"
+    PLANNER = "planner"
 
 
 class Study(StrEnum):
@@ -41,10 +43,12 @@ class Study(StrEnum):
     NOISE = "noise"
     RECORDED = "recorded"
     PROXY = "proxy"
+    SIMULATED = "simulated"
+    CHOSEN = "chosen"
 
 
 def command(
-    suite: Annotated[Suite, typer.Argument(help="engine: photographs to scores; objective: what planning minimises.")],
+    suite: Annotated[Suite, typer.Argument(help="engine: photographs to scores; objective: what is minimised.")],
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
     ] = Path("benchmark-results"),
@@ -56,7 +60,9 @@ def command(
     whole_grid: Annotated[
         bool, typer.Option("--whole-grid", help="In few-views: every accuracy of the priors on every subset.")
     ] = False,
-    evaluations: Annotated[int, typer.Option("--evaluations", min=2, help="In throughput: how many.")] = 100,
+    evaluations: Annotated[
+        int, typer.Option("--evaluations", min=2, help="In throughput, and of each search of planner.")
+    ] = 100,
     configurations: Annotated[
         int, typer.Option("--configurations", min=5, help="In ranks, per scene; in recorded: subsets.")
     ] = 20,
@@ -65,13 +71,21 @@ def command(
         typer.Option(
             "--scene",
             metavar="SCENE",
-            help="Repeatable; in match-decay and blind-rings: a name or file, all for every one of fieldkit's. "
-            "The tuning scenes where not given.",
+            help="Repeatable; in match-decay, blind-rings and simulated: a name or file; all for every "
+            "one of fieldkit's. The tuning scenes where not given.",
         ),
     ] = None,
     scenes: Annotated[int, typer.Option("--scenes", min=1, max=3, help="In ranks.")] = 3,
-    seeds: Annotated[int, typer.Option("--seeds", min=2, help="In ranks and noise.")] = 5,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of ranks and noise.")] = 1,
+    seeds: Annotated[int, typer.Option("--seeds", min=2, help="In ranks, noise and planner.")] = 5,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of ranks, noise and planner.")] = 1,
+    runs: Annotated[
+        Path, typer.Option("--runs", metavar="DIR", help="In planner: keeps every run; finished ones are read again.")
+    ] = Path("planner-runs"),
+    cameras: Annotated[int, typer.Option("--cameras", "-n", min=3, help="In simulated.")] = 10,
+    method: Annotated[
+        list[str] | None, typer.Option("--method", metavar="NAME", help="Repeatable; in planner: all where not given.")
+    ] = None,
+    mapping: Annotated[str, typer.Option("--mapping", help="In planner: prior or incremental.")] = "prior",
     no_scene: Annotated[bool, typer.Option("--no-scene", help="In scaling: plants only, in half the time.")] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -81,14 +95,15 @@ def command(
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
-    recorded and proxy. FIELDKIT_DATA names the recorded image sets; what needs them is left out without it. The result
-    holds results.json, results.md and pictures.
+    recorded and proxy; the planner's are simulated and chosen (of recorded sets). FIELDKIT_DATA names the recorded
+    image sets; what needs them is left out without it. The result holds results.json, results.md and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
     """
     cache = open_cache(no_cache=False, resume=False)
     from fieldkit.benchmarks.engine import EngineOptions, run_engine
     from fieldkit.benchmarks.objective import ObjectiveOptions, run_objective
+    from fieldkit.benchmarks.planner import PlannerOptions, run_planner
     from fieldkit.benchmarks.suite import report
 
     data = Path(os.environ["FIELDKIT_DATA"]) if os.environ.get("FIELDKIT_DATA") else None
@@ -99,6 +114,12 @@ def command(
                 data, cache, draws=draws, scene=not no_scene, whole_grid=whole_grid, scenes=tuple(scene or ())
             )
             results = run_engine(output, names, engine, progress=progress, overwrite=overwrite)
+        elif suite is Suite.PLANNER:
+            planner = PlannerOptions(
+                data, cache, runs, tuple(scene or ("tuning-1",)), evaluations, seeds, cameras, _mapping(mapping),
+                workers, tuple(method or ()),
+            )  # fmt: skip
+            results = run_planner(output, names, planner, progress=progress, overwrite=overwrite)
         else:
             objective = ObjectiveOptions(data, cache, evaluations, configurations, scenes, seeds, workers)
             results = run_objective(output, names, objective, progress=progress, overwrite=overwrite)
@@ -115,3 +136,11 @@ def command(
         for note in result.notes:
             show.print(note, markup=False)
     show.print(f"{output}", markup=False, soft_wrap=True)
+
+
+def _mapping(name: str) -> Literal["prior", "incremental"]:
+    if name == "prior":
+        return "prior"
+    if name == "incremental":
+        return "incremental"
+    raise UsageError(f"--mapping: cannot be {name}", remedy="Give prior or incremental.")

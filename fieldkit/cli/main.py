@@ -19,6 +19,7 @@ from fieldkit.errors import EXIT_OK, UsageError
 # of two words, and its file is then <first>_<second>.py.
 COMMANDS = {
     "reference": "Build the reference cloud of a plot from a dense capture.",
+    "plan": "Find the camera poses that reconstruct a plot best.",
     "evaluate": "Score new captures of one or many plots against a reference.",
     "scene new": "Write a new scene file: plants, soil and light of a simulated plot.",
     "scene show": "List the scenes that come with fieldkit, or draw one.",

@@ -17,6 +17,7 @@ from fieldkit.cli.common import (
     emit_json,
     say,
 )
+from fieldkit.cli.numbers import read_numbers
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -79,11 +80,11 @@ def command(
     """
     if sum([plan is not None, poses is not None, bool(ring), dense > 0]) != 1:
         raise UsageError("which stations?", remedy="Give one of --plan, --poses, --ring and --dense.")
-    ring_numbers = _numbers("--ring", ring, (1, 3)) if ring else ()
+    ring_numbers = read_numbers("--ring", ring, (1, 3)) if ring else ()
     if ring and not (ring_numbers[0].is_integer() and 1 <= ring_numbers[0] <= 1000 and min(ring_numbers) > 0):
         raise UsageError(f"--ring: not a ring: {ring}", remedy="Write it like --ring 10 or --ring 10,1.5,1.2 (metres).")
-    pose = _numbers("--pose-noise", pose_noise, (2,)) if pose_noise else None
-    gps = _numbers("--gps-noise", gps_noise, (1, 2)) if gps_noise else None
+    pose = read_numbers("--pose-noise", pose_noise, (2,)) if pose_noise else None
+    gps = read_numbers("--gps-noise", gps_noise, (1, 2)) if gps_noise else None
     width_height = _size(size) if size else None
     for name, number in (("--image-noise", image_noise), ("--blur", blur)):
         if number is not None and not (isfinite(number) and number >= 0):
@@ -148,19 +149,6 @@ def _at_size(camera: Intrinsics, width: int, height: int) -> Intrinsics:
             remedy="Keep the ratio, or set the camera in the scene file.",
         )
     return camera.scaled(width, height)
-
-
-def _numbers(option: str, text: str, counts: tuple[int, ...]) -> tuple[float, ...]:
-    remedy = {1: "Write one number", 2: "Write two numbers with a comma between", 3: "Write three numbers with commas"}
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) not in counts or not all(isfinite(n) and n >= 0 for n in numbers):
-        raise UsageError(
-            f"{option}: cannot be {text}", remedy=" or ".join(remedy[n] for n in counts) + ", not below 0."
-        )
-    return numbers
 
 
 def _size(text: str) -> tuple[int, int]:

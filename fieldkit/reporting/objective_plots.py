@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from fieldkit.reporting.panels import DPI, INK, PAPER, drawable
 
-_COLORS = ("#1f5fa8", "#c0262d", "#3f7d20", "#d98300", "#7a6fb0", "#5b5b5b")
+COLORS = ("#1f5fa8", "#c0262d", "#3f7d20", "#d98300", "#7a6fb0", "#5b5b5b")
 Curve = Mapping[float, Sequence[float]]
 
 
@@ -29,8 +29,8 @@ def draw_bands(panels: Mapping[str, Curve], label: str) -> Figure:
         panels: by the x axis' name; values of all repeats by x.
         label: of the y axis, drawn in millimetres.
     """
-    figure, row = _panels(len(panels))
-    for axes, (name, curve), color in zip(row, panels.items(), _COLORS, strict=False):
+    figure, row = panel_row(len(panels))
+    for axes, (name, curve), color in zip(row, panels.items(), COLORS, strict=False):
         x = sorted(curve)
         mean = np.array([1000.0 * np.mean(curve[v]) for v in x])
         spread = np.array([1000.0 * np.std(curve[v], ddof=1) if len(curve[v]) > 1 else 0.0 for v in x])
@@ -38,27 +38,29 @@ def draw_bands(panels: Mapping[str, Curve], label: str) -> Figure:
         axes.plot(x, mean, "o-", color=color, markersize=4)
         for v in x:
             axes.plot([v] * len(curve[v]), [1000.0 * y for y in curve[v]], ".", color=color, markersize=2, alpha=0.6)
-        _dress(axes, name, f"{label}, mm")
+        dress(axes, name, f"{label}, mm")
         axes.set_ylim(0.0, 1.08 * max(1000.0 * max(curve[v]) for v in x))
     return figure
 
 
 def draw_agreement(panels: Mapping[str, tuple[Sequence[float], Sequence[float]]], labels: tuple[str, str]) -> Figure:
     """Values (metres) of one way against another, a panel each, drawn in millimetres."""
-    figure, row = _panels(len(panels))
-    for axes, (name, (x, y)), color in zip(row, panels.items(), _COLORS * len(panels), strict=False):
+    figure, row = panel_row(len(panels))
+    for axes, (name, (x, y)), color in zip(row, panels.items(), COLORS * len(panels), strict=False):
         axes.plot(1000.0 * np.asarray(x), 1000.0 * np.asarray(y), "o", color=color, markersize=4)
-        _dress(axes, f"{labels[0]}, mm", f"{labels[1]}, mm")
+        dress(axes, f"{labels[0]}, mm", f"{labels[1]}, mm")
         axes.set_title(drawable(name), size=10, color=INK, loc="left")
     return figure
 
 
-def _panels(count: int) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(3.6 * count, 3.2), dpi=DPI, facecolor=PAPER, layout="constrained")
+def panel_row(count: int, width_in: float = 3.6) -> tuple[Figure, list[Axes]]:
+    """A figure with so many plots in a row."""
+    figure = Figure(figsize=(width_in * count, 3.2), dpi=DPI, facecolor=PAPER, layout="constrained")
     return figure, list(np.atleast_1d(figure.subplots(1, count)))
 
 
-def _dress(axes: Axes, x: str, y: str) -> None:
+def dress(axes: Axes, x: str, y: str) -> None:
+    """The house style of a plot, with its axes' names."""
     axes.set_facecolor("white")
     axes.set_xlabel(drawable(x), size=9, color=INK)
     axes.set_ylabel(drawable(y), size=9, color=INK)

@@ -1,0 +1,225 @@
+"""`fieldkit benchmark planner`: methods side by side, on simulated plots and on recorded sets."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.benchmarks.captures import rig_capture
+from fieldkit.benchmarks.objective import NO_DATA
+from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all
+from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
+from fieldkit.benchmarks.rigs import load_rig
+from fieldkit.benchmarks.suite import choose, run_studies
+from fieldkit.cache import StageCache
+from fieldkit.evaluation.reference import build_reference
+from fieldkit.missions.plan import PlanSource
+from fieldkit.planning.objective import Mapping as SfmMapping
+from fieldkit.progress import Progress
+from fieldkit.reporting.objective_plots import png
+from fieldkit.reporting.search_plots import draw_regret
+
+PLANNERS = ("bosfm", "field")
+_SIMULATED = ("random", "circle", "circle-aim", "mcp", "geometric", "matchable", *PLANNERS)
+_RECORDED = ("random", "uniform", "match-graph", *PLANNERS)
+_SEVERAL = ("random", *PLANNERS)
+"""Methods whose outcome depends on the seed."""
+
+
+@dataclass(frozen=True)
+class PlannerOptions:
+    """What the studies are run with.
+
+    Attributes:
+        data: folder of the recorded sets, or None.
+        cache: of stages of recorded photographs.
+        runs: folder that keeps every run: finished ones are not done again, broken ones go on.
+        scenes: of ``simulated``.
+        evaluations: of each search.
+        seeds: of methods that have one.
+        cameras: N of ``simulated``.
+        mapping: of the evaluations.
+        workers: processes.
+        methods: to compare; all where empty.
+    """
+
+    data: Path | None
+    cache: StageCache
+    runs: Path
+    scenes: tuple[str, ...] = ("tuning-1",)
+    evaluations: int = 100
+    seeds: int = 3
+    cameras: int = 10
+    mapping: SfmMapping = "prior"
+    workers: int = 2
+    methods: tuple[str, ...] = ()
+
+
+RIGS: Mapping[str, tuple[int, ...]] = {"basil_rig": (13, 10), "arabidopsis_rig": (16,)}
+"""Recorded sets and the numbers of views that are chosen of them."""
+
+
+def _simulated(options: PlannerOptions, progress: Progress) -> StudyResult:
+    wall, cpu = time.perf_counter(), time.process_time()
+    found: dict[str, list[Ran]] = {}
+    for name in options.scenes:
+        found[f"{name}, {options.cameras} cameras"] = run_all(
+            Place.scene(name), _contenders(_SIMULATED, options), options.runs, cameras=options.cameras,
+            mapping=options.mapping, confirm_fidelity="fine", repeats=3, workers=options.workers, cache=options.cache,
+            progress=progress,
+        )  # fmt: skip
+    notes = (
+        (
+            f"{options.evaluations} evaluations at draft and mapping {options.mapping}; each run's four best sets were "
+            "evaluated again at fine, three fresh seeds each, and the best mean counts."
+        ),
+        "Photographs have the scene's camera effects; leaves are still and poses exact, claimed good to 10 mm.",
+    )
+    return _study("simulated", "Planners on simulated plots", found, notes, wall, cpu)
+
+
+def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
+    title = "Planners on recorded sets"
+    if options.data is None:
+        return StudyResult("chosen", title, skipped=NO_DATA)
+    wall, cpu = time.perf_counter(), time.process_time()
+    found: dict[str, list[Ran]] = {}
+    for rig, counts in RIGS.items():
+        place = _rig_place(options.data, rig, options, progress)
+        for count in counts:
+            found[f"{rig}, {count} views"] = run_all(
+                place, _contenders(_RECORDED, options), options.runs, cameras=count, mapping=options.mapping,
+                confirm_fidelity="standard", repeats=1, workers=options.workers, cache=options.cache, progress=progress,
+            )  # fmt: skip
+    notes = (
+        (
+            f"{options.evaluations} evaluations at draft among all views of the rig, with its commanded poses, against "
+            "the reference of all of them; the four best sets were evaluated again at standard."
+        ),
+    )
+    return _study("chosen", title, found, notes, wall, cpu)
+
+
+def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progress) -> Place:
+    """A rig's photographs with complete commanded poses, and the reference of all of them, kept beside the runs."""
+    images, reference = options.runs / name, options.runs / f"{name}-reference"
+    if not images.is_dir():
+        rig = load_rig(data, name, cache=options.cache, progress=progress, workers=options.workers)
+        rig_capture(images, rig, rig.names, rig.nominal, rig.accuracy_m)
+    if not reference.is_dir():
+        build_reference(
+            data / name / "images", reference, cache=options.cache, progress=progress, workers=options.workers,
+            scene=False,
+        )  # fmt: skip
+    return Place(name, PlanSource(kind="captures", name=name), images.resolve(), reference.resolve())
+
+
+def _contenders(names: Sequence[str], options: PlannerOptions) -> list[Contender]:
+    chosen = [name for name in names if not options.methods or name in options.methods]
+    seeds = tuple(range(options.seeds))
+    return [Contender(name, options.evaluations, seeds if name in _SEVERAL else (0,)) for name in chosen]
+
+
+def _study(
+    name: str, title: str, found: Mapping[str, Sequence[Ran]], notes: tuple[str, ...], wall: float, cpu: float
+) -> StudyResult:
+    return StudyResult(
+        name=name,
+        title=title,
+        tables=tuple(compare_table(place, runs) for place, runs in found.items()),
+        notes=notes,
+        figures={
+            place: [{"method": r.method, "seed": r.seed, "best_m": r.best_m, **r.outcome.model_dump()} for r in runs]
+            for place, runs in found.items()
+        },
+        pictures={f"{name}-regret.png": png(draw_regret({p: _curves(runs) for p, runs in found.items()}))},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
+    """A row per method: its plans' values by confirmations, and against the best baseline's."""
+    methods = list(dict.fromkeys(run.method for run in runs))
+    baselines = [_mean_value(runs, method) for method in methods if method not in PLANNERS]
+    best = min(baselines, default=float("nan"))
+    final = _final_search_value(runs, "bosfm")
+    rows: list[tuple[Cell, ...]] = []
+    for method in methods:
+        own = [run for run in runs if run.method == method]
+        reached = [_evaluations_to(run, final) for run in own] if final is not None else []
+        rows.append(
+            (
+                method, len(own), f"{np.mean([r.outcome.evaluations for r in own]):.0f}",
+                spread([1000 * float(r.best_m[-1] or np.nan) for r in own]),
+                spread([1000 * r.value_m for r in own]),
+                f"{np.mean([r.value_m for r in own]) / best:.2f}",
+                spread([1000 * r.completeness_m for r in own]),
+                f"{np.mean([r.right for r in own]):.1f}",
+                " ".join("–" if k is None else str(k) for k in reached) or None,
+                f"{np.mean([_overhead(r) for r in own]):.1%}",
+                f"{np.mean([r.outcome.seconds for r in own]) / 60:.1f}",
+            )
+        )  # fmt: skip
+    columns = (
+        "method", "runs>", "evaluations>", "search, mm>", "plan, mm>", "÷ best baseline>", "completeness, mm>",
+        "right>", "reaches bosfm's end at>", "overhead>", "minutes>",
+    )  # fmt: skip
+    return ResultTable(place, columns, tuple(rows))
+
+
+def _mean_value(runs: Sequence[Ran], method: str) -> float:
+    return float(np.mean([run.value_m for run in runs if run.method == method]))
+
+
+def _final_search_value(runs: Sequence[Ran], method: str) -> float | None:
+    values = [run.best_m[-1] for run in runs if run.method == method and run.best_m[-1] is not None]
+    return float(np.mean(values)) if values else None
+
+
+def _evaluations_to(run: Ran, value_m: float) -> int | None:
+    return next((k + 1 for k, best in enumerate(run.best_m) if best is not None and best <= value_m), None)
+
+
+def _overhead(run: Ran) -> float:
+    """Share of the CPU time that is not evaluations."""
+    spent = run.outcome.evaluation_cpu_s + run.outcome.proposal_cpu_s
+    return run.outcome.proposal_cpu_s / spent if spent > 0 else 0.0
+
+
+def _curves(runs: Sequence[Ran]) -> dict[str, list[tuple[float | None, ...]]]:
+    curves: dict[str, list[tuple[float | None, ...]]] = {}
+    for run in runs:
+        curves.setdefault(run.method, []).append(run.best_m)
+    return curves
+
+
+STUDIES: dict[str, Callable[[PlannerOptions, Progress], StudyResult]] = {
+    "simulated": _simulated,
+    "chosen": _recorded,
+}
+
+
+def run_planner(
+    output: Path, names: Sequence[str], options: PlannerOptions, *, progress: Progress, overwrite: bool = False
+) -> list[StudyResult]:
+    """Run studies one after the other and write results.json, results.md and their pictures.
+
+    Args:
+        output: folder of the result.
+        names: of `STUDIES`; none takes ``simulated``.
+        options: for all of them.
+        progress: told of stages.
+        overwrite: replace an earlier result in ``output``.
+
+    Raises:
+        UsageError: there is no such study, or ``output`` exists.
+    """
+    chosen = choose(names, STUDIES, ["simulated"])
+    studies = {name: partial(STUDIES[name], options) for name in chosen}
+    return run_studies(output, studies, progress=progress, overwrite=overwrite)

@@ -1,0 +1,138 @@
+"""Planning runs side by side, each in a folder of its own: a long comparison can be broken off and gone on with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fieldkit import __version__
+from fieldkit.cache import StageCache
+from fieldkit.missions.plan import PlanSource
+from fieldkit.missions.plan_file import PLAN_FILE
+from fieldkit.planning.fidelity import FidelityName
+from fieldkit.planning.objective import Mapping
+from fieldkit.planning.outcome import Outcome, best_so_far, read_outcome
+from fieldkit.planning.plan_views import plan_views, resume_plan
+from fieldkit.planning.problems import sha256
+from fieldkit.planning.run_folder import SETTINGS_FILE, LogEntry, read_log
+from fieldkit.planning.run_settings import SearchSettings, lag_for
+from fieldkit.progress import Progress
+from fieldkit.scenes.library import find_scene
+
+
+@dataclass(frozen=True)
+class Place:
+    """What is planned on.
+
+    Attributes:
+        name: for people and folders.
+        source: as plan.json tells it.
+        path: of the scene file or the photographs.
+        reference: of recorded photographs.
+    """
+
+    name: str
+    source: PlanSource
+    path: Path
+    reference: Path | None = None
+
+    @classmethod
+    def scene(cls, name: str) -> Place:
+        """A scene that comes with fieldkit, or a file's. Raises SceneError."""
+        file = find_scene(name).resolve()
+        return cls(file.stem, PlanSource(kind="scene", name=file.name, sha256=sha256(file)), file)
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A method with what it may use.
+
+    Attributes:
+        method: by name.
+        evaluations: of its search, at most.
+        seeds: of as many runs.
+    """
+
+    method: str
+    evaluations: int
+    seeds: tuple[int, ...] = (0,)
+
+
+@dataclass(frozen=True, eq=False)
+class Ran:
+    """A finished run.
+
+    Attributes:
+        method, seed: of it.
+        outcome: its finalists by confirmations.
+        best_m: the best so far after each evaluation of the search; None before the first that was measured.
+        right: right photographs of the plan's confirmations, mean.
+        completeness_m: of the plan's confirmations, mean.
+    """
+
+    method: str
+    seed: int
+    outcome: Outcome
+    best_m: tuple[float | None, ...]
+    right: float
+    completeness_m: float
+
+    @property
+    def value_m(self) -> float:
+        """The plan's, by confirmations at fresh seeds."""
+        return self.outcome.chamfer_m
+
+
+def run_all(
+    place: Place,
+    contenders: Sequence[Contender],
+    folder: Path,
+    *,
+    cameras: int,
+    mapping: Mapping,
+    confirm_fidelity: FidelityName,
+    repeats: int,
+    workers: int,
+    cache: StageCache,
+    progress: Progress,
+) -> list[Ran]:
+    """Every contender's runs on one place; what lies finished in ``folder`` is read, what lies unfinished goes on.
+
+    Raises:
+        FieldkitError: as `plan_views`.
+    """
+    found = []
+    for contender in contenders:
+        for seed in contender.seeds:
+            output = folder / f"{place.name}-{cameras}-{mapping}-{contender.method}-{seed}"
+            settings = SearchSettings(
+                fieldkit=__version__, source=place.source, path=str(place.path),
+                reference_path=None if place.reference is None else str(place.reference), cameras=cameras,
+                method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
+                confirm_fidelity=confirm_fidelity, repeats=repeats, lag=lag_for(workers, deterministic=False),
+            )  # fmt: skip
+            with progress.stage(output.name):
+                found.append(_ran(output, settings, workers, cache, progress))
+    return found
+
+
+def _ran(output: Path, settings: SearchSettings, workers: int, cache: StageCache, progress: Progress) -> Ran:
+    if (output / PLAN_FILE).is_file():
+        outcome = read_outcome(output)
+    elif (output / SETTINGS_FILE).is_file():
+        outcome = resume_plan(output, cache=cache, workers=workers, progress=progress)
+    else:
+        outcome = plan_views(output, settings, cache=cache, workers=workers, progress=progress)
+    entries = read_log(output)
+    searched = sorted((e for e in entries if e.stage == "search"), key=lambda e: e.number)
+    plan = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
+    return Ran(
+        settings.method, settings.seed, outcome, tuple(best_so_far(searched)), _mean(plan, "right"),
+        _mean(plan, "completeness_m"),
+    )  # fmt: skip
+
+
+def _mean(entries: Sequence[LogEntry], key: str) -> float:
+    values = [float(value) for entry in entries if (value := getattr(entry, key)) is not None]
+    return sum(values) / len(values) if values else float("nan")

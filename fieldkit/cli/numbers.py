@@ -1,0 +1,32 @@
+"""Options that hold several numbers with commas between."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from fieldkit.errors import UsageError
+
+_REMEDY = {1: "Write one number", 2: "Write two numbers with a comma between", 3: "Write three numbers with commas"}
+
+
+def read_numbers(option: str, text: str, counts: tuple[int, ...], *, least: float = 0.0) -> tuple[float, ...]:
+    """The numbers of an option such as ``--pose-noise 0.02,1``.
+
+    Args:
+        option: its name, for the error.
+        text: as given.
+        counts: how many numbers there may be.
+        least: none may be below.
+
+    Raises:
+        UsageError: it is no such list.
+    """
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in counts or not all(isfinite(n) and n >= least for n in numbers):
+        raise UsageError(
+            f"{option}: cannot be {text}", remedy=" or ".join(_REMEDY[n] for n in counts) + f", not below {least:g}."
+        )
+    return numbers

@@ -1,0 +1,216 @@
+"""fieldkit plan."""
+
+from __future__ import annotations
+
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, ResumeOption, console, emit_json
+from fieldkit.cli.common import table as new_table
+from fieldkit.cli.numbers import read_numbers
+from fieldkit.errors import UsageError
+
+if TYPE_CHECKING:
+    from fieldkit.planning.outcome import Outcome
+    from fieldkit.planning.run_settings import SearchSettings
+
+_UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
+
+
+class Preset(StrEnum):
+    """A set of defaults."""
+
+    FIELD = "field"
+    PAPER = "paper"
+
+
+class Method(StrEnum):
+    """How cameras are looked for."""
+
+    FIELD = "field"
+    BOSFM = "bosfm"
+    CIRCLE = "circle"
+    CIRCLE_AIM = "circle-aim"
+    MCP = "mcp"
+    GEOMETRIC = "geometric"
+    MATCHABLE = "matchable"
+    RANDOM = "random"
+    UNIFORM = "uniform"
+    MATCH_GRAPH = "match-graph"
+
+
+class Fidelity(StrEnum):
+    """What an evaluation costs and how fine it is."""
+
+    DRAFT = "draft"
+    STANDARD = "standard"
+    FINE = "fine"
+
+
+class Mapping(StrEnum):
+    """How camera poses are found in an evaluation."""
+
+    PRIOR = "prior"
+    INCREMENTAL = "incremental"
+    GLOBAL = "global"
+
+
+def command(
+    output: OutputOption,
+    scene: Annotated[
+        Path | None, typer.Option("--scene", help="Plan on a scene: a file, a folder or a name such as case-1.")
+    ] = None,
+    reference: Annotated[
+        Path | None, typer.Option("--reference", help="Plan on a proxy of a reference; with --captures: their truth.")
+    ] = None,
+    captures: Annotated[
+        Path | None, typer.Option("--captures", help="Choose of recorded photographs with known poses.")
+    ] = None,
+    images: Annotated[
+        Path | None, typer.Option("--images", help="With --reference: its photographs, for a finer proxy.")
+    ] = None,
+    cameras: Annotated[int | None, typer.Option("--cameras", "-n", min=3, help="N; 10 where not given.")] = None,
+    preset: Annotated[
+        Preset | None, typer.Option("--preset", help="paper: Algorithm 1, blind incremental mapping, 50 initial.")
+    ] = None,
+    method: Annotated[Method | None, typer.Option("--method", help="Instead of the preset's.")] = None,
+    evaluations: Annotated[
+        int | None, typer.Option("--evaluations", min=1, help="Of the search; 100 where not given.")
+    ] = None,
+    initial: Annotated[int | None, typer.Option("--initial", min=1, help="Trials before a model is asked.")] = None,
+    time_budget: Annotated[
+        str, typer.Option("--time-budget", metavar="TIME", help="No trial starts later: 600, 10m, 2h.")
+    ] = "",
+    fidelity: Annotated[Fidelity | None, typer.Option("--fidelity", help="Of the search; draft.")] = None,
+    confirm: Annotated[Fidelity | None, typer.Option("--confirm", help="Of the finalists; standard.")] = None,
+    finalists: Annotated[int | None, typer.Option("--finalists", min=1, help="Evaluated again at fresh seeds.")] = None,
+    repeats: Annotated[int | None, typer.Option("--repeats", min=1, help="Fresh seeds for each finalist.")] = None,
+    mapping: Annotated[Mapping | None, typer.Option("--mapping", help="Of the evaluations.")] = None,
+    pose_noise: Annotated[
+        str, typer.Option("--pose-noise", metavar="M,DEG", help="Plan for flights that miss their stations by this.")
+    ] = "",
+    image_noise: Annotated[
+        float | None, typer.Option("--image-noise", metavar="GREY", min=0, help="Plan for noise of this size.")
+    ] = None,
+    wind: Annotated[
+        float | None, typer.Option("--wind", metavar="M", min=0, max=0.2, help="Plan for leaves that sway by this.")
+    ] = None,
+    risk: Annotated[
+        float | None, typer.Option("--risk", metavar="SHARE", help="Count the worst share of repeats (CVaR); 1: all.")
+    ] = None,
+    margin: Annotated[
+        float | None, typer.Option("--margin", metavar="M", min=0, help="Beyond the plants, for cameras.")
+    ] = None,
+    height: Annotated[str, typer.Option("--height", metavar="LOW,HIGH", help="Above the ground, metres.")] = "",
+    clearance: Annotated[
+        float | None, typer.Option("--clearance", metavar="M", min=0, help="From cameras to plants.")
+    ] = None,
+    pitch: Annotated[str, typer.Option("--pitch", metavar="LOW,HIGH", help="Of the gimbal, degrees.")] = "",
+    separation: Annotated[
+        float | None, typer.Option("--separation", metavar="M", min=0, help="Between stations.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, help="The same seed gives the same result, byte for byte.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes; as many as cores where not given.")
+    ] = None,
+    scheduler: Annotated[
+        str, typer.Option("--scheduler", metavar="URL", help="Evaluate on a Dask cluster: tcp://host:8786.")
+    ] = "",
+    deterministic: Annotated[
+        bool, typer.Option("--deterministic", help="The same plan whatever --workers is.")
+    ] = False,
+    resume: ResumeOption = False,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Find the camera poses that reconstruct a plot best.
+
+    Photographs of every trial are taken (rendered, or looked up in a recorded set), reconstructed by real structure
+    from motion and scored against the reference. The result holds plan.json, pictures and every evaluation. --resume
+    goes on with an interrupted run, and with more --evaluations a finished one. With --json a line per evaluation goes
+    to stderr.
+
+    Example: fieldkit plan --reference plot_7-reference --images plot_7/ -n 12 -o plot_7-plan
+    """
+    given: dict[str, Any] = {
+        "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "initial": initial,
+        "time_budget_s": _seconds(time_budget) if time_budget else None, "fidelity": fidelity,
+        "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,
+    }  # fmt: skip
+    given = {key: str(value) if isinstance(value, StrEnum) else value for key, value in given.items()}
+    pose = read_numbers("--pose-noise", pose_noise, (2,)) if pose_noise else (None, None)
+    noise = {"pose_m": pose[0], "pose_deg": pose[1], "image_grey": image_noise, "wind_m": wind, "risk": risk}
+    envelope = {
+        "margin_m": margin, "height_m": read_numbers("--height", height, (2,)) if height else None,
+        "clearance_m": clearance, "pitch_deg": read_numbers("--pitch", pitch, (2,), least=-90.0) if pitch else None,
+        "separation_m": separation,
+    }  # fmt: skip
+    if resume and overwrite:
+        raise UsageError("--resume goes on with what --overwrite would replace", remedy="Give one of them.")
+
+    from fieldkit.cache import StageCache, default_cache_root
+    from fieldkit.cli.live_plan import open_watch
+    from fieldkit.cli.progress import Lines
+    from fieldkit.planning import asked
+    from fieldkit.planning.plan_views import plan_views, resume_plan
+    from fieldkit.planning.run_folder import read_log, read_settings
+    from fieldkit.progress import Silent
+    from fieldkit.threads import limit_threads
+
+    limit_threads(1)
+    count = workers or os.cpu_count() or 1
+    wishes = asked.Asked(given, noise, envelope, scene, reference, captures, images)
+    settings = read_settings(output) if resume else asked.new_settings(wishes, count, deterministic=deterministic)
+    if resume:
+        settings = asked.resumed_settings(settings, wishes)
+    before = read_log(output) if resume else []
+    cache = StageCache(default_cache_root())
+    progress = Silent() if as_json else Lines()  # bars of their own would quarrel with the live view
+    with open_watch(settings, before, as_json=as_json) as watch:
+        if resume:
+            outcome = resume_plan(
+                output, settings, cache=cache, workers=count, scheduler=scheduler, progress=progress, watch=watch
+            )
+        else:
+            outcome = plan_views(
+                output, settings, cache=cache, workers=count, scheduler=scheduler, overwrite=overwrite,
+                progress=progress, watch=watch,
+            )  # fmt: skip
+    if as_json:
+        emit_json({"output": output, **outcome.model_dump()})
+    else:
+        _show(output, settings, outcome)
+
+
+def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
+    from fieldkit.reporting.style import format_length, format_seconds
+
+    show = console()
+    finalists = new_table("Finalists", "trial", "from", "search>", "confirmed>", "±>", "right")
+    for found in outcome.finalists:
+        finalists.add_row(
+            str(found.number), found.origin, format_length(found.search_value_m), format_length(found.value_m),
+            format_length(found.spread_m), " ".join(map(str, found.right)),
+        )  # fmt: skip
+    show.print(finalists)
+    why = {"evaluations": "its evaluations are used up", "time": "its time is used up",
+           "exhausted": "the method has no more to try"}[outcome.stopped]  # fmt: skip
+    show.print(
+        f"{outcome.cameras} cameras by {outcome.method}: {format_length(outcome.chamfer_m)} on {settings.source.name}, "
+        f"{outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) and "
+        f"{outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}.",
+        markup=False, soft_wrap=True,
+    )  # fmt: skip
+    show.print(f"{output / 'plan.json'}\n{output / 'plan.png'}", markup=False, soft_wrap=True)
+
+
+def _seconds(text: str) -> float:
+    number, unit = (text[:-1], text[-1]) if text[-1:] in _UNITS else (text, "s")
+    return read_numbers("--time-budget", number, (1,))[0] * _UNITS[unit]

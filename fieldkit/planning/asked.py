@@ -1,0 +1,109 @@
+"""From what a person asked for to a run's settings: the presets' defaults, and what may change when a run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from fieldkit import __version__
+from fieldkit.errors import UsageError
+from fieldkit.planning.problems import describe_source
+from fieldkit.planning.run_folder import first_problem
+from fieldkit.planning.run_settings import CHANGEABLE, EnvelopeSettings, NoiseSettings, SearchSettings, lag_for
+
+_PRESETS: dict[str, dict[str, Any]] = {
+    "field": {"method": "field"},
+    "paper": {"method": "bosfm", "mapping": "incremental"},
+}
+_DEFAULT_CAMERAS = 10
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What was given, None for what was not.
+
+    Attributes:
+        settings: by `SearchSettings`' keys.
+        noise: by `NoiseSettings`' keys.
+        envelope: by `EnvelopeSettings`' keys.
+        scene, reference, captures: what to plan on; see `describe_source`.
+        images: the reference's photographs.
+    """
+
+    settings: Mapping[str, Any]
+    noise: Mapping[str, Any]
+    envelope: Mapping[str, Any]
+    scene: Path | None = None
+    reference: Path | None = None
+    captures: Path | None = None
+    images: Path | None = None
+
+
+def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSettings:
+    """The settings of a new run.
+
+    Args:
+        asked: what was given.
+        workers: that will evaluate.
+        deterministic: see `lag_for`.
+
+    Raises:
+        UsageError: they contradict themselves.
+        InputError: what is to be planned on cannot be used.
+    """
+    source, path = describe_source(asked.scene, asked.reference, asked.captures)
+    given = _given(asked.settings)
+    values: dict[str, Any] = {
+        "fieldkit": __version__,
+        "source": source,
+        "path": str(path),
+        "cameras": _DEFAULT_CAMERAS,
+        "lag": lag_for(workers, deterministic=deterministic),
+    }
+    if source.kind == "captures" and asked.reference is not None:
+        values["reference_path"] = str(asked.reference.resolve())
+    if asked.images is not None:
+        if source.kind != "reference":
+            raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
+        values["images_path"] = str(asked.images.resolve())
+    if source.kind == "captures" and not NoiseSettings(**_given(asked.noise)).any:
+        values["repeats"] = 1  # nothing differs from seed to seed
+    values |= _PRESETS[given.get("preset", "field")] | given
+    try:
+        return SearchSettings(
+            **values, noise=NoiseSettings(**_given(asked.noise)), envelope=EnvelopeSettings(**_given(asked.envelope))
+        )
+    except ValidationError as error:
+        raise UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.") from error
+
+
+def resumed_settings(settings: SearchSettings, asked: Asked) -> SearchSettings:
+    """The settings to go on with: the run's own, with what may change.
+
+    Raises:
+        UsageError: something else was asked for than what the run began with.
+    """
+    given = _given(asked.settings)
+    fixed = {key: value for key, value in given.items() if key not in CHANGEABLE and getattr(settings, key) != value}
+    for own, wished in ((settings.noise, asked.noise), (settings.envelope, asked.envelope)):
+        fixed |= {key: value for key, value in _given(wished).items() if getattr(own, key) != value}
+    if fixed:
+        key, value = next(iter(fixed.items()))
+        raise UsageError(
+            f"this run did not begin with {key} = {value}",
+            remedy="Leave it out to go on with this run, or start another one in another folder.",
+        )
+    if any((asked.scene, asked.reference, asked.captures, asked.images)):
+        source, path = describe_source(asked.scene, asked.reference, asked.captures)
+        if source.kind != settings.source.kind or source.sha256 != settings.source.sha256:
+            raise UsageError(f"this run was not planned on {path.name}", remedy="Leave it out to go on with this run.")
+        settings = settings.model_copy(update={"path": str(path)})
+    return settings.model_copy(update={key: value for key, value in given.items() if key in CHANGEABLE})
+
+
+def _given(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if value is not None}

@@ -1,0 +1,263 @@
+"""The method `field`: structured sets first, then a trust region, on a surrogate that knows geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+
+from fieldkit.planning.acquisition import log_expected_improvement
+from fieldkit.planning.cameras import Array, Cameras
+from fieldkit.planning.families import Family, circles, families
+from fieldkit.planning.geometric import GeometricScore
+from fieldkit.planning.matchability import Matchability
+from fieldkit.planning.methods.geometric import cost_of, optimise
+from fieldkit.planning.methods.moves import near
+from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.surrogates.ensemble import fit_ensemble
+from fieldkit.planning.surrogates.kernels import KernelSpec
+from fieldkit.planning.surrogates.sets import FEATURES, SET_KERNELS, SetEmbedding
+
+_STREAM = 44
+_LEAST_M = 1e-4
+
+
+@dataclass(frozen=True)
+class FieldSettings:
+    """Settings of the method `field`; docs/benchmarks.md has what the alternatives gave.
+
+    Attributes:
+        initial: trials before the surrogate: circles, the geometric score's optima and its favourites among structured
+            sets.
+        optima: of the geometric score, searched for from as many seeds.
+        structured: trials, the initial ones among them, until the trust region takes over.
+        every: from then on each so-manieth trial is a structured set still.
+        pool: structured sets to choose each trial from.
+        moves: sets of the trust region to choose each trial from.
+        shares: first size of the trust region's steps, its least and its largest, in D of `SetEmbedding`.
+        patience: trials without success after which the region shrinks.
+        centers: best sets by the surrogate that moves start from.
+        geometry: whether the geometric score is the surrogate's prior mean, and favours initial sets.
+        kernels: of the ensemble.
+    """
+
+    initial: int = 16
+    optima: int = 2
+    structured: int = 32
+    every: int = 6
+    pool: int = 24
+    moves: int = 60
+    shares: tuple[float, float, float] = (0.15, 0.02, 0.4)
+    patience: int = 4
+    centers: int = 2
+    geometry: bool = True
+    kernels: tuple[KernelSpec, ...] = SET_KERNELS
+
+
+class _Candidate(NamedTuple):
+    """A set that may be tried."""
+
+    cameras: Cameras
+    origin: str
+    notes: dict[str, object]
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Structured sets warm-started by circles, then a trust region that moves one to three cameras at a time.
+
+    The surrogate is an ensemble of Gaussian processes as BOSfM's, over an embedding of sets that does not know the
+    cameras' order, of −ln(value); its prior mean is linear in the logarithms of the geometric score's two terms, with
+    coefficients fitted to the results so far and not below 0. A model is drawn by its weight and its expected
+    improvement over the incumbent chooses among candidates; since evaluations are noisy the incumbent is the largest
+    posterior mean of what was tried, not the largest observation. Pending trials count as observed at the posterior
+    mean.
+
+    Attributes:
+        problem: what is looked for.
+        settings: choices.
+        seed: of all draws.
+        matchability: of a recorded set, where its match graph is known.
+    """
+
+    problem: Problem
+    settings: FieldSettings = FieldSettings()
+    seed: int = 0
+    matchability: Matchability | None = None
+
+    @property
+    def name(self) -> str:
+        return "field"
+
+    @cached_property
+    def _score(self) -> GeometricScore:
+        return GeometricScore(self.problem, self.matchability)
+
+    @cached_property
+    def _embedding(self) -> SetEmbedding:
+        return SetEmbedding(self.problem)
+
+    @cached_property
+    def _families(self) -> tuple[Family, ...]:
+        return families(self.problem)
+
+    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+        known = {_key(r.trial.cameras) for r in results} | {_key(t.cameras) for t in pending}
+        measured = [result for result in results if result.measured]
+        if number < self.settings.initial or len(measured) < 3:
+            start = self._start(number, known)
+            return None if start is None else Trial(number, start.cameras, start.origin, start.notes)
+        rng = np.random.default_rng([self.seed, _STREAM, number])
+        trials = [result.trial for result in measured]
+        y = -np.log(np.maximum([result.value_m for result in measured], _LEAST_M))
+        x = self._inputs([trial.cameras for trial in trials])
+        slopes = _slopes(x, y)
+        ensemble = fit_ensemble(x, y, self.settings.kernels, prior_mean=lambda z: z[:, FEATURES:] @ slopes)
+        model = ensemble.draw(rng)
+        mean, _ = ensemble.posterior(x)
+        if pending:
+            model = model.believing(self._inputs([trial.cameras for trial in pending]))
+        local = number >= self.settings.structured and number % self.settings.every != 0
+        size = self._size_m(results) if local else 0.0
+        order = np.argsort(-mean)
+        candidates = (
+            self._moves([trials[int(k)] for k in order[: self.settings.centers]], size, rng)
+            if local
+            else self._structured([trials[int(k)] for k in order], rng)
+        )
+        candidates = [c for c in candidates if _key(c.cameras) not in known]
+        notes: dict[str, object] = {
+            "model": model.name,
+            "weights": ensemble.named_weights(),
+            "slopes": [float(s) for s in slopes],
+            "remarks": list(model.remarks),
+        }
+        if local:
+            notes["step_m"] = size
+        if not candidates:  # a small recorded set is soon exhausted
+            start = self._start(number, known)
+            return None if start is None else Trial(number, start.cameras, start.origin, notes)
+        values = log_expected_improvement(
+            *model.posterior(self._inputs([c.cameras for c in candidates])), float(mean.max())
+        )
+        chosen = candidates[int(np.argmax(values))]
+        return Trial(number, chosen.cameras, chosen.origin, notes | chosen.notes)
+
+    def _inputs(self, sets: Sequence[Cameras]) -> Array:
+        """(n, FEATURES + 2): the embedding and minus the logarithms of the geometric score's terms."""
+        embedded = self._embedding(sets)
+        terms = np.zeros((len(sets), 2))
+        if self.settings.geometry:
+            terms[:] = [self._terms(cameras) for cameras in sets]
+        return np.hstack([embedded, terms])
+
+    def _terms(self, cameras: Cameras) -> tuple[float, float]:
+        key = _key(cameras)
+        if key not in self._known_terms:
+            found = self._score.score(cameras)
+            distance, tie = max(found.distance_m, _LEAST_M), max(found.tie_m, _LEAST_M)
+            self._known_terms[key] = -float(np.log(distance)), -float(np.log(tie))
+        return self._known_terms[key]
+
+    @cached_property
+    def _known_terms(self) -> dict[bytes, tuple[float, float]]:
+        return {}
+
+    def _start(self, number: int, known: set[bytes]) -> _Candidate | None:
+        """Circles in turn with optima of the geometric score, then with the best of random structured sets by it.
+
+        Random sets where these are known.
+        """
+        rng = np.random.default_rng([self.seed, _STREAM, number, 1])
+        plain = circles(self.problem, altitudes=3, radii=2, aims=1)
+        if number % 2 == 0 and number // 2 < len(plain):
+            circle = plain[number // 2]
+            origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
+            found = _Candidate(self.problem.nearest(circle.cameras(self.problem)), origin, {})
+            if _key(found.cameras) not in known:
+                return found
+        if number % 2 == 1 and number // 2 < self.settings.optima and self.settings.geometry:
+            seed = int(rng.integers(2**31))
+            cameras = self.problem.nearest(optimise(self.problem, cost_of(self._score), seed))
+            if _key(cameras) not in known:
+                return _Candidate(cameras, "optimum of the geometric score", {})
+        drawn = [self._drawn(self._families[number % len(self._families)], rng) for _ in range(self.settings.pool)]
+        drawn = [each for each in drawn if _key(each.cameras) not in known]
+        if drawn and self.settings.geometry:
+            terms = self._inputs([each.cameras for each in drawn])[:, FEATURES:].sum(axis=1)
+            return drawn[int(np.argmax(terms))]
+        if drawn:
+            return drawn[0]
+        for attempt in range(100):
+            cameras = self.problem.sample(int(rng.integers(2**31)) + attempt)
+            if _key(cameras) not in known:
+                return _Candidate(cameras, "random", {})
+        return None
+
+    def _structured(self, best: Sequence[Trial], rng: np.random.Generator) -> list[_Candidate]:
+        """Random members of the families, and members near the best ones known."""
+        found = [self._drawn(self._families[k % len(self._families)], rng) for k in range(self.settings.pool // 2)]
+        named = {family.name: family for family in self._families}
+        members = [(t, family) for t in best if (family := named.get(str(t.notes.get("family")))) is not None]
+        for k in range(self.settings.pool - len(found)):
+            if not members:
+                break
+            trial, family = members[min(len(members) - 1, k % 4)]
+            unit = np.array(trial.notes["unit"], dtype=np.float64)
+            found.append(self._member(family, np.clip(unit + 0.1 * rng.standard_normal(len(unit)), 0.0, 1.0)))
+        return found
+
+    def _drawn(self, family: Family, rng: np.random.Generator) -> _Candidate:
+        return self._member(family, rng.random(len(family)))
+
+    def _member(self, family: Family, unit: Array) -> _Candidate:
+        cameras = self.problem.nearest(family.decode(unit))
+        return _Candidate(cameras, family.name, {"family": family.name, "unit": [float(u) for u in unit]})
+
+    def _moves(self, centers: Sequence[Trial], size_m: float, rng: np.random.Generator) -> list[_Candidate]:
+        found = []
+        for k in range(self.settings.moves):
+            center = centers[k % len(centers)]
+            cameras = near(center.cameras, self.problem, size_m, rng)
+            found.append(_Candidate(cameras, f"near {center.number}", {"center": center.number}))
+        return found
+
+    def _size_m(self, results: Sequence[Result]) -> float:
+        """Of the trust region's steps: doubled after two successes, 0.6 of it after ``patience`` failures.
+
+        Follows TuRBO (Eriksson et al. 2019); what falls below the least begins anew.
+        """
+        first, least, largest = (share * self._embedding.distance_m for share in self.settings.shares)
+        size, best, successes, failures = first, np.inf, 0, 0
+        for result in results:
+            if not result.measured:
+                continue
+            better = result.value_m < best
+            best = min(best, result.value_m)
+            if "step_m" not in result.trial.notes:
+                continue
+            successes, failures = (successes + 1, 0) if better else (0, failures + 1)
+            if successes == 2:
+                size, successes = min(2.0 * size, largest), 0
+            elif failures == self.settings.patience:
+                size, failures = 0.6 * size, 0
+            if size < least:
+                size = first
+        return size
+
+
+def _slopes(x: Array, y: Array) -> Array:
+    """(2,) of the prior mean in the geometric score's terms: least squares, none below 0, with a weak pull to 0."""
+    terms = x[:, FEATURES:] - x[:, FEATURES:].mean(axis=0)
+    pull = 0.1 * np.sqrt(len(y)) * np.eye(2)
+    slopes, _ = nnls(np.vstack([terms, pull]), np.concatenate([y - y.mean(), np.zeros(2)]))
+    found: Array = slopes
+    return found
+
+
+def _key(cameras: Cameras) -> bytes:
+    return cameras.vector().tobytes()

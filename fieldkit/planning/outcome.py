@@ -1,0 +1,185 @@
+"""What a planning run ends with: outcome.json, progress.csv, the plan and its pictures."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from fieldkit.documents import read_json_object
+from fieldkit.errors import MetadataError
+from fieldkit.files import write_atomic
+from fieldkit.missions.plan import Count, Length, Plan, PlanMethod, Strict
+from fieldkit.missions.plan_file import PLAN_FILE, plan_from_poses, save_plan
+from fieldkit.planning.problems import Plannable
+from fieldkit.planning.run import Finalist, Stopped
+from fieldkit.planning.run_folder import LogEntry, RunFolder, first_problem
+from fieldkit.reporting.objective_plots import png
+from fieldkit.reporting.search_plots import draw_plan, draw_search
+
+OUTCOME_FILE, PROGRESS_FILE, SEARCH_PICTURE, PLAN_PICTURE = "outcome.json", "progress.csv", "search.png", "plan.png"
+_MAX_BYTES = 16 << 20
+_REMEDY = "Give the folder of a finished run of `fieldkit plan`."
+
+
+class FinalistReport(Strict):
+    """One set that was evaluated again."""
+
+    number: Count
+    """Of the trial."""
+    origin: str
+    search_value_m: Length
+    """At which the search found it."""
+    value_m: Length
+    """Of the confirmations: their mean, or that of the worst share."""
+    spread_m: Length
+    """Standard deviation over the confirmations."""
+    right: tuple[Count, ...]
+    """Photographs with right poses, per confirmation."""
+
+
+class Outcome(Strict):
+    """outcome.json: what came of a run."""
+
+    method: str
+    cameras: Count
+    chamfer_m: Length
+    """The chosen set's value, by confirmations that had no part in finding it."""
+    chamfer_spread_m: Length
+    evaluations: Count
+    """Of the search."""
+    failed_evaluations: Count
+    """Of these, those that broke or gave no cloud."""
+    confirmations: Count
+    seconds: Length
+    """Since the run began, interruptions left out."""
+    evaluation_cpu_s: Length
+    proposal_cpu_s: Length
+    """Of the method: everything that a run costs beside its evaluations."""
+    stopped: Stopped
+    """Why the search ended: its evaluations were used up, its time was, or the method had no more to try."""
+    finalists: tuple[FinalistReport, ...]
+    """The best first: it is the plan."""
+
+
+def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
+    """Simple regret SR(t) of the paper, metres, with r(z*) = 0: the lowest value among the first t entries.
+
+    None before the first that was measured.
+    """
+    best: list[float | None] = []
+    for entry in entries:
+        last = best[-1] if best else None
+        best.append(last if not entry.measured else entry.value_m if last is None else min(last, entry.value_m))
+    return best
+
+
+def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Finalist], stopped: Stopped) -> Outcome:
+    """Write everything a finished run gives; plan.json last, so that where it is the rest is, too.
+
+    Raises:
+        StorageError: the disk is full or not writable.
+    """
+    settings, chosen = run.settings, confirmed[0]
+    searched = sorted((e for e in run.entries if e.stage == "search"), key=lambda e: e.number)
+    by_number = {entry.number: entry for entry in searched}
+    outcome = Outcome(
+        method=settings.method,
+        cameras=settings.cameras,
+        chamfer_m=chosen.value_m,
+        chamfer_spread_m=chosen.spread_m,
+        evaluations=len(searched),
+        failed_evaluations=sum(bool(entry.failure) for entry in searched),
+        confirmations=sum(len(finalist.entries) for finalist in confirmed),
+        seconds=max(entry.finished_s for entry in run.entries),
+        evaluation_cpu_s=sum(entry.cpu_s for entry in run.entries),
+        proposal_cpu_s=sum(entry.proposal_cpu_s for entry in run.entries),
+        stopped=stopped,
+        finalists=tuple(
+            FinalistReport(
+                number=f.trial.number,
+                origin=f.trial.origin,
+                search_value_m=by_number[f.trial.number].value_m,
+                value_m=f.value_m,
+                spread_m=f.spread_m,
+                right=tuple(entry.right for entry in f.entries),
+            )
+            for f in confirmed
+        ),
+    )
+    write_atomic(run.path / OUTCOME_FILE, outcome.model_dump_json(indent=2) + "\n")
+    write_atomic(run.path / PROGRESS_FILE, progress_table(searched))
+    values = [entry.value_m if entry.measured else None for entry in searched]
+    history = {model: [weights_of(e).get(model) for e in searched] for model in models_of(searched)}
+    figure = draw_search(values, best_so_far(searched), history, outcome.chamfer_m)
+    write_atomic(run.path / SEARCH_PICTURE, png(figure))
+    cameras = chosen.trial.cameras
+    title = f"{settings.source.name}: {settings.cameras} cameras, chamfer distance {1000 * outcome.chamfer_m:.1f} mm"
+    figure = draw_plan(title, cameras.positions, cameras.forward, plannable.problem.reference)
+    write_atomic(run.path / PLAN_PICTURE, png(figure))
+    save_plan(run.path / PLAN_FILE, _plan(run, plannable, chosen, outcome))
+    return outcome
+
+
+def read_outcome(path: Path) -> Outcome:
+    """outcome.json of a run's folder.
+
+    Raises:
+        MetadataError: it is missing or damaged.
+    """
+    file = path / OUTCOME_FILE
+    document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
+    try:
+        return Outcome.model_validate_json(json.dumps(document))
+    except ValidationError as error:
+        raise MetadataError(first_problem(error), path=file, remedy=_REMEDY) from error
+
+
+def progress_table(entries: Sequence[LogEntry]) -> str:
+    """progress.csv: a row per trial with its value, the best so far (the regret curve) and the models' weights."""
+    models = models_of(entries)
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["number", "origin", "value_m", "best_m", "right", "finished_s", *(f"weight_{m}" for m in models)])
+    for entry, best in zip(entries, best_so_far(entries), strict=True):
+        weights = weights_of(entry)
+        table.writerow(
+            [entry.number, entry.origin, entry.value_m, best, entry.right, round(entry.finished_s, 2)]
+            + [weights.get(model, "") for model in models]
+        )
+    return text.getvalue()
+
+
+def models_of(entries: Sequence[LogEntry]) -> list[str]:
+    """The names of the models that any trial's weights tell of, sorted."""
+    return sorted({name for entry in entries for name in weights_of(entry)})
+
+
+def weights_of(entry: LogEntry) -> dict[str, float]:
+    """The ensemble's weights when the trial was proposed, by model; empty where there was no ensemble."""
+    weights = entry.notes.get("weights")
+    if not isinstance(weights, dict):
+        return {}
+    return {name: float(weight) for name, weight in weights.items() if isinstance(weight, int | float)}
+
+
+def _plan(run: RunFolder, plannable: Plannable, chosen: Finalist, outcome: Outcome) -> Plan:
+    settings = run.settings
+    return plan_from_poses(
+        chosen.trial.cameras.poses(),
+        plannable.problem.camera,
+        envelope=plannable.envelope,
+        source=settings.source,
+        method=PlanMethod(
+            name=settings.method,
+            seed=settings.seed,
+            evaluations=outcome.evaluations,
+            chamfer_m=outcome.chamfer_m,
+            chamfer_spread_m=outcome.chamfer_spread_m,
+            repeats=len(chosen.entries),
+        ),
+    )

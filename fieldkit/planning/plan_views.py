@@ -1,0 +1,132 @@
+"""Planning: from a plot to the cameras that reconstruct it best. The verb behind `fieldkit plan`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from fieldkit.cache import StageCache
+from fieldkit.errors import ReconstructionError, UsageError
+from fieldkit.planning.executor import Executor
+from fieldkit.planning.methods.registry import make_method
+from fieldkit.planning.objective import Objective
+from fieldkit.planning.outcome import Outcome, write_outcome
+from fieldkit.planning.pool import WorkerPool
+from fieldkit.planning.problems import open_problem
+from fieldkit.planning.run import Watch, confirm, search
+from fieldkit.planning.run_folder import RunFolder, create_run, open_run
+from fieldkit.planning.run_settings import SearchSettings
+from fieldkit.progress import Progress, Silent
+
+
+def plan_views(
+    output: Path,
+    settings: SearchSettings,
+    *,
+    cache: StageCache,
+    workers: int = 1,
+    scheduler: str = "",
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    watch: Watch | None = None,
+) -> Outcome:
+    """Find the cameras and write the plan.
+
+    Args:
+        output: the run's folder: search.json before the start, evaluations.jsonl as it goes; at the end plan.json,
+            outcome.json, progress.csv, plan.png and search.png.
+        settings: what is asked for.
+        cache: of stages, for recorded sets.
+        workers: processes that evaluate.
+        scheduler: address of a Dask scheduler whose workers evaluate instead.
+        overwrite: replace an earlier run in ``output``.
+        progress: told of what comes before the search.
+        watch: told of every evaluation.
+
+    Raises:
+        UsageError: ``output`` exists, or the settings contradict themselves.
+        InputError: what is planned on cannot be used, or this machine cannot render.
+        ReconstructionError: no set of cameras could be evaluated at all.
+        StorageError: the disk is full; the run can go on from where it was.
+    """
+    with create_run(output, settings, overwrite=overwrite) as run:
+        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or _nobody)
+
+
+def resume_plan(
+    output: Path,
+    settings: SearchSettings | None = None,
+    *,
+    cache: StageCache,
+    workers: int = 1,
+    scheduler: str = "",
+    progress: Progress | None = None,
+    watch: Watch | None = None,
+) -> Outcome:
+    """Go on with a run that was interrupted, or that shall have more evaluations; none is done twice.
+
+    Args:
+        output: the run's folder.
+        settings: to go on with, its own where None; only what `run_settings.CHANGEABLE` names may differ, and where
+            things lie.
+        cache, workers, scheduler, progress, watch: as `plan_views`.
+
+    Raises:
+        MetadataError: ``output`` is no run's folder, or is damaged.
+        FieldkitError: as `plan_views`.
+    """
+    with open_run(output) as run:
+        if settings is not None and settings != run.settings:
+            run.save_settings(settings)
+        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or _nobody)
+
+
+def _planned(
+    run: RunFolder, cache: StageCache, workers: int, scheduler: str, progress: Progress, watch: Watch
+) -> Outcome:
+    settings = run.settings
+    plannable = open_problem(settings, run.path, cache=cache, progress=progress)
+    method = make_method(plannable.problem, settings)
+    budget = settings.time_budget_s
+    with _executor(plannable.objective, workers, scheduler) as executor:
+        stopped = search(
+            method, executor, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
+        )  # fmt: skip
+        confirmed = confirm(executor, run, watch=watch)
+    if not confirmed:
+        raise ReconstructionError(
+            "no evaluation succeeded", path=run.path,
+            remedy="evaluations.jsonl says why each failed; `fieldkit doctor` looks at this machine.",
+        )  # fmt: skip
+    return write_outcome(run, plannable, confirmed, stopped)
+
+
+@contextmanager
+def _executor(objective: Objective, workers: int, scheduler: str) -> Iterator[Executor]:
+    if not scheduler:
+        with WorkerPool(objective, workers=workers) as pool:
+            yield pool
+        return
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise UsageError(
+            "--scheduler needs Dask", remedy="Install it with `pip install 'fieldkit[cluster]'`."
+        ) from error
+    from fieldkit.planning.dask_executor import DaskExecutor
+
+    try:
+        client: Any = Client(scheduler, timeout="20s")  # type: ignore[no-untyped-call]
+    except (OSError, ValueError) as error:
+        raise UsageError(
+            f"cannot reach the Dask scheduler {scheduler}: {error}",
+            remedy="Start it with `dask scheduler`, and give its address like tcp://host:8786.",
+        ) from error
+    with client, DaskExecutor(objective, client) as executor:
+        yield executor
+
+
+def _nobody(entry: object) -> None:
+    """Nobody watches."""

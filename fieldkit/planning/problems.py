@@ -1,0 +1,177 @@
+"""From what a person names (a scene, a reference, a recorded set) to a problem and its objective."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import read_capture
+from fieldkit.errors import UsageError
+from fieldkit.evaluation.proxy import make_proxy
+from fieldkit.evaluation.reference import Reference, build_reference
+from fieldkit.evaluation.report_files import REFERENCE_FILE
+from fieldkit.geometry import Intrinsics
+from fieldkit.missions.plan import PlanEnvelope, PlanSource
+from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.objective import Objective, ObjectiveSettings
+from fieldkit.planning.recorded import EXACT, RecordedSource
+from fieldkit.planning.run_settings import NoiseSettings, SearchSettings
+from fieldkit.planning.search import Problem
+from fieldkit.planning.simulated import SimulatedSource
+from fieldkit.progress import Progress
+from fieldkit.scenes.library import find_scene
+from fieldkit.scenes.scene_file import read_scene
+from fieldkit.scenes.simulate import CaptureNoise
+
+PROXY_FOLDER, BUILT_REFERENCE = "proxy", "reference"
+_GOOD_POSES_M = 0.010
+_TWO_ROUNDS_PX = (10.0, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Plannable:
+    """All that a run needs.
+
+    Attributes:
+        problem: for the methods.
+        objective: for the executor.
+        envelope: as plan.json tells it.
+    """
+
+    problem: Problem
+    objective: Objective
+    envelope: PlanEnvelope
+
+
+def describe_source(scene: Path | None, reference: Path | None, captures: Path | None) -> tuple[PlanSource, Path]:
+    """What a run is made on, and where that is.
+
+    Raises:
+        UsageError: none is given, or more than one.
+        InputError: it is not there.
+    """
+    if captures is not None and scene is None:
+        captures = captures.resolve()
+        read_capture(captures)
+        return PlanSource(kind="captures", name=captures.name), captures
+    if (scene is None) == (reference is None):
+        raise UsageError(
+            "plan on what?", remedy="Give --scene SCENE, --reference REF or --captures IMAGES [--reference REF]."
+        )
+    if scene is not None:
+        file = find_scene(scene).resolve()
+        return PlanSource(kind="scene", name=file.name, sha256=sha256(file)), file
+    assert reference is not None
+    folder = (reference.parent if reference.is_file() else reference).resolve()
+    Reference(folder)
+    return PlanSource(kind="reference", name=folder.name, sha256=sha256(folder / REFERENCE_FILE)), folder
+
+
+def sha256(file: Path) -> str:
+    """Of a file's content."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def open_problem(settings: SearchSettings, folder: Path, *, cache: StageCache, progress: Progress) -> Plannable:
+    """The problem and the objective of a run.
+
+    Args:
+        settings: of the run.
+        folder: of the run; what is made on the way (a reference's proxy, a recorded set's reference) is kept there.
+        cache: of stages.
+        progress: told of what takes long.
+
+    Raises:
+        InputError: the source is missing, has changed since the run began, or cannot be used.
+        UsageError: the envelope has no room.
+        ReconstructionError: a recorded set does not reconstruct.
+    """
+    _check_unchanged(settings)
+    if settings.source.kind == "captures":
+        return _recorded(settings, folder, cache, progress)
+    scene = Path(settings.path)
+    if settings.source.kind == "reference":
+        scene = folder / PROXY_FOLDER
+        if not scene.is_dir():
+            images = None if settings.images_path is None else Path(settings.images_path)
+            make_proxy(Path(settings.path), scene, images=images, progress=progress)
+        scene = find_scene(scene)
+    with progress.stage("Building the scene"):
+        description = read_scene(scene)
+        source = SimulatedSource.from_description(
+            description, _capture_noise(settings.noise, description.noise), wind_m=settings.noise.wind_m
+        )
+    proxy, wanted = source.proxy, settings.envelope
+    envelope = Envelope.around(
+        proxy.obstacles, proxy.volume, margin_m=wanted.margin_m, height_m=wanted.height_m,
+        clearance_m=wanted.clearance_m, pitch_deg=wanted.pitch_deg, separation_m=wanted.separation_m,
+    )  # fmt: skip
+    problem = Problem(settings.cameras, envelope, proxy.camera, proxy.reference, proxy.obstacles.points)
+    objective = Objective(source, ObjectiveSettings(settings.fidelity, settings.mapping), seed=settings.seed)
+    return Plannable(problem, objective, _described(envelope))
+
+
+def _recorded(settings: SearchSettings, folder: Path, cache: StageCache, progress: Progress) -> Plannable:
+    images = Path(settings.path)
+    place = folder / BUILT_REFERENCE
+    if settings.reference_path is not None:
+        place = Path(settings.reference_path)
+    elif not place.is_dir():
+        progress.note("no --reference is given: one is built of all photographs first")
+        build_reference(images, place, cache=cache, progress=progress, scene=False)
+    reference = Reference(place)
+    plot = reference.known_plot()
+    capture = read_capture(images)
+    noise = CaptureNoise(position_m=settings.noise.pose_m, angle_deg=settings.noise.pose_deg, image_sigma=0.0)
+    source = RecordedSource(capture, plot, reference.cloud, cache=cache, noise=noise if settings.noise.any else EXACT)
+    views = source.cameras()
+    # Two rounds of matching do what three do where positions are good to millimetres, at half the cost.
+    good = float(np.median([view.position_sigma_m for view in source.views])) <= _GOOD_POSES_M
+    wanted = ObjectiveSettings(
+        settings.fidelity, settings.mapping, bands_px=_TWO_ROUNDS_PX if good and not settings.noise.any else None
+    )
+    low, high = views.positions.min(axis=0), views.positions.max(axis=0)
+    envelope = Envelope(
+        (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), (float(low[2]), float(high[2])), plot.volume,
+        clearance_m=0.0, pitch_deg=(float(views.pitch_deg.min()), float(views.pitch_deg.max())), separation_m=0.0,
+    )  # fmt: skip
+    problem = Problem(
+        settings.cameras, envelope, _without_distortion(reference), reference.cloud, reference.cloud.points, views
+    )
+    return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
+
+
+def _check_unchanged(settings: SearchSettings) -> None:
+    if settings.source.sha256 is None:
+        return
+    path = Path(settings.path)
+    file = path / REFERENCE_FILE if settings.source.kind == "reference" else path
+    if not file.is_file():
+        raise UsageError(
+            "what this run was planned on is gone", path=file, remedy="Put it back there, or start a new run."
+        )
+    if sha256(file) != settings.source.sha256:
+        raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
+
+
+def _capture_noise(noise: NoiseSettings, scene: CaptureNoise) -> CaptureNoise:
+    image = noise.image_grey or scene.image_sigma
+    return CaptureNoise(position_m=noise.pose_m, angle_deg=noise.pose_deg, image_sigma=image)
+
+
+def _without_distortion(reference: Reference) -> Intrinsics:
+    camera = max(reference.report.cameras, key=lambda c: c.photos)
+    full = Intrinsics(camera.model, camera.width, camera.height, camera.params)
+    return full.without_distortion()
+
+
+def _described(envelope: Envelope) -> PlanEnvelope:
+    (x, y, z) = (envelope.x_m, envelope.y_m, envelope.height_m)
+    return PlanEnvelope(
+        lower_m=(x[0], y[0], z[0]), upper_m=(x[1], y[1], z[1]), plant_distance_m=envelope.clearance_m,
+        station_distance_m=envelope.separation_m, pitch_deg=envelope.pitch_deg,
+    )  # fmt: skip

@@ -1,0 +1,135 @@
+"""Figures of a planning run: its regret curve with the models' weights, and the plan's cameras about the plants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.reporting.objective_plots import COLORS, dress, panel_row
+from fieldkit.reporting.panels import (
+    INK,
+    Place,
+    add_panel,
+    colors_or_grey,
+    draw_cloud,
+    drawable,
+    fitting_scale,
+    new_figure,
+    window_around,
+)
+from fieldkit.reporting.projection import FRONT, SIDE, TOP, Direction
+
+_WIDTH, _HEIGHT, _MARGIN, _GAP, _TOP = 15.0, 5.6, 0.5, 0.4, 1.0
+_CAMERA = "#c0262d"
+
+Array = NDArray[np.float64]
+
+
+def draw_search(
+    values_m: Sequence[float | None],
+    best_m: Sequence[float | None],
+    weights: Mapping[str, Sequence[float | None]],
+    confirmed_m: float,
+) -> Figure:
+    """Values and the best so far (simple regret with r(z*) = 0) against trials; beside it the models' weights.
+
+    Args:
+        values_m: per trial, metres; None where an evaluation broke.
+        best_m: per trial, metres.
+        weights: per model and trial; None before there was a model. Nothing is drawn without models.
+        confirmed_m: the chosen set's value by its confirmations.
+    """
+    figure, row = panel_row(1 + bool(weights), width_in=5.2)
+    axes = row[0]
+    trials = np.arange(1, len(values_m) + 1)
+    axes.plot(trials, _millimetres(values_m), ".", color=COLORS[5], markersize=4, alpha=0.6, label="trial")
+    axes.step(trials, _millimetres(best_m), where="post", color=COLORS[0], linewidth=1.6, label="best so far")
+    axes.axhline(1000.0 * confirmed_m, color=COLORS[1], linewidth=1.0, linestyle=(0, (4, 3)), label="plan, confirmed")
+    finite = _millimetres(values_m)[np.isfinite(_millimetres(values_m))]
+    if len(finite):
+        axes.set_ylim(0.0, 1.08 * float(np.quantile(finite, 0.97)))
+    dress(axes, "trial", "value, mm")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.legend(fontsize=8, frameon=False, labelcolor=INK)
+    if weights:
+        for (name, line), color in zip(weights.items(), COLORS, strict=False):
+            shares = np.array([np.nan if w is None else w for w in line], dtype=np.float64)
+            row[1].plot(trials, shares, "o-", color=color, markersize=2, linewidth=1.0, label=name)
+        row[1].set_ylim(-0.03, 1.03)
+        dress(row[1], "trial", "weight of the model")
+        row[1].legend(fontsize=8, frameon=False, labelcolor=INK)
+    return figure
+
+
+def draw_regret(panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None]]]]) -> Figure:
+    """Best so far (simple regret) against evaluations: a panel per place, a curve per method.
+
+    Args:
+        panels: by place and method, a curve per seed in metres; several are drawn as their mean and their range.
+    """
+    figure, row = panel_row(len(panels), width_in=5.2)
+    for axes, (place, methods) in zip(row, panels.items(), strict=True):
+        highest = 0.0
+        for (method, curves), color in zip(methods.items(), COLORS * len(methods), strict=False):
+            length = min(len(curve) for curve in curves)
+            lines = np.array([_millimetres(curve[:length]) for curve in curves])
+            trials, mean = np.arange(1, length + 1), np.nanmean(lines, axis=0)
+            dashes = "-" if method in ("bosfm", "field") else (0, (3, 2))
+            axes.step(trials, mean, where="post", color=color, linewidth=1.4, linestyle=dashes, label=method)
+            if len(curves) > 1:
+                axes.fill_between(
+                    trials, np.nanmin(lines, axis=0), np.nanmax(lines, axis=0), step="post", color=color, alpha=0.15,
+                    linewidth=0,
+                )  # fmt: skip
+            highest = max(highest, float(mean[min(length - 1, 4)]))
+        axes.set_ylim(0.0, 1.15 * highest)
+        dress(axes, "evaluation", "best so far, mm")
+        axes.set_title(drawable(place), size=10, color=INK, loc="left")
+        axes.legend(fontsize=7, frameon=False, labelcolor=INK, ncols=2)
+    return figure
+
+
+def draw_plan(title: str, positions: Array, forward: Array, plants: Cloud) -> Figure:
+    """A plan's cameras about the plants: from above, from the front and from the side, to one scale.
+
+    Args:
+        title: of the figure.
+        positions: (n, 3) metres, plot frame.
+        forward: (n, 3) unit vectors of the optical axes.
+        plants: the reference.
+    """
+    figure = new_figure(_WIDTH, _HEIGHT, title)
+    arrow = 0.25 * float(np.median(np.linalg.norm(positions - plants.points.mean(axis=0), axis=1)))
+    everything = np.concatenate([plants.points, positions, positions + arrow * forward])
+    lower, upper = everything.min(axis=0), everything.max(axis=0)
+    size, middle = upper - lower, 0.5 * (lower + upper)
+    directions = (TOP, FRONT, SIDE)
+    width = (_WIDTH - 2 * _MARGIN - 2 * _GAP) / 3
+    places = [Place(_MARGIN + i * (width + _GAP), _MARGIN, width, _HEIGHT - _MARGIN - _TOP) for i in range(3)]
+    scale = max(fitting_scale((size[d.right], size[d.up]), p) for d, p in zip(directions, places, strict=True))
+    for direction, place in zip(directions, places, strict=True):
+        window = window_around((middle[direction.right], middle[direction.up]), place, scale)
+        axes = add_panel(figure, place, window, direction.name.capitalize(), unit="m")
+        draw_cloud(axes, plants.points, colors_or_grey(plants.points, plants.colors), direction, window)
+        for number, (spot, axis) in enumerate(zip(positions, forward, strict=True), 1):
+            x, y = _flat(spot, direction)
+            u, v = _flat(spot + arrow * axis, direction)
+            axes.plot([x, u], [y, v], color=_CAMERA, linewidth=0.9, alpha=0.8, zorder=4)
+            axes.plot(x, y, "o", color=_CAMERA, markersize=4, zorder=5)
+            axes.annotate(
+                str(number), (x, y), (3, 3), textcoords="offset points", size=7, color=INK, zorder=6, parse_math=False
+            )
+    return figure
+
+
+def _flat(point: Array, direction: Direction) -> tuple[float, float]:
+    return float(point[direction.right]), float(point[direction.up])
+
+
+def _millimetres(values: Sequence[float | None]) -> Array:
+    return np.array([np.nan if v is None else 1000.0 * v for v in values], dtype=np.float64)

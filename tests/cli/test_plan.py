@@ -1,0 +1,111 @@
+"""`fieldkit plan`: wrong calls are told in words, and a run is planned, resumed and extended on real photographs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from fieldkit.cli.live_plan import Status, sparkline
+from fieldkit.cli.main import main
+from fieldkit.missions.plan_file import load_plan
+from fieldkit.planning.run_folder import create_run, read_log
+from tests.planning.bowl import bowl_settings
+from tests.planning.test_run_folder import entry
+
+SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        ([], 2, "plan on what?"),
+        (["--scene", "case-1", "--reference", "x"], 2, "plan on what?"),
+        (["--scene", "case-9"], 3, "Did you mean case-"),
+        (["--reference", "nowhere"], 3, "nowhere"),
+        (["--captures", "nowhere"], 3, "nowhere"),
+        (["--scene", "case-1", "-n", "2"], 2, "cameras"),
+        (["--scene", "case-1", "--images", "x"], 2, "--reference"),
+        (["--scene", "case-1", "--height", "2"], 2, "two numbers"),
+        (["--scene", "case-1", "--height", "3,2"], 2, "3 is above 2"),
+        (["--scene", "case-1", "--risk", "0"], 2, "risk"),
+        (["--scene", "case-1", "--time-budget", "soon"], 2, "--time-budget"),
+        (["--resume", "--overwrite"], 2, "--overwrite"),
+        (["--resume"], 3, "search.json"),
+    ],
+)
+def test_wrong_calls_are_told_in_words(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, words: str
+) -> None:
+    assert main(["plan", *arguments, "-o", str(tmp_path / "run")]) == code
+    told = capsys.readouterr().err
+    assert words in told
+    assert "Traceback" not in told
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("arguments", [["-n", "5"], ["--seed", "4"], ["--clearance", "2"], ["--pose-noise", "0.1,1"]])
+def test_a_run_goes_on_as_it_began(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None:
+    with create_run(tmp_path / "run", bowl_settings()):
+        pass
+    assert main(["plan", "--resume", *arguments, "-o", str(tmp_path / "run")]) == 2
+    assert "did not begin with" in capsys.readouterr().err
+
+
+def test_a_scene_that_is_gone_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = bowl_settings().source.model_copy(update={"sha256": "0" * 64})
+    with create_run(tmp_path / "run", bowl_settings(source=source)):
+        pass
+    assert main(["plan", "--resume", "-o", str(tmp_path / "run")]) == 2
+    assert "gone" in capsys.readouterr().err
+
+
+def test_progress_in_a_line() -> None:
+    status = Status(10, 4, [entry(0), entry(1)])
+    assert status.line().startswith("2 of 10, best ")
+    assert status.per_minute == pytest.approx(60.0)
+    assert status.seconds_left == pytest.approx(12.0)
+    again = entry(0).model_copy(update={"stage": "confirmation"})
+    assert Status(2, 4, [entry(0), entry(1), again]).line() == "confirming: 1 of 4"
+    assert Status(10, 4).line() == "0 of 10"
+
+
+def test_sparklines_fall_to_the_lowest_bar() -> None:
+    assert sparkline([], 8) == ""
+    assert sparkline([1.0, 1.0], 8) == "▁▁"
+    assert sparkline([8, 7, 6, 5, 4, 3, 2, 1], 8) == "█▇▆▅▄▃▂▁"
+    assert len(sparkline(list(range(100)), 20)) == 20
+    assert sparkline(list(range(100)), 20)[-1] == "█"
+
+
+def test_the_curve_is_of_the_best_so_far() -> None:
+    values = (0.3, 0.1, 0.2)
+    entries = []
+    for number, value in enumerate(values):
+        entries.append(entry(number).model_copy(update={"value_m": value}))
+    assert Status(3, 0, entries).curve() == "█▁▁"
+
+
+@pytest.mark.slow
+def test_photographs_are_chosen_resumed_and_extended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = str(tmp_path / "run")
+    begin = ["plan", "--captures", str(SMALL_PLOT), "-n", "4", "--method", "random", "--finalists", "1", "-o", run]
+    assert main([*begin, "--evaluations", "2", "--workers", "1", "--json"]) == 0
+    told = capsys.readouterr()
+    first = json.loads(told.out)
+    assert [json.loads(line)["number"] for line in told.err.splitlines() if line.startswith("{")][:2] == [0, 1]
+    assert {"method", "cameras", "chamfer_m", "evaluations", "failed_evaluations", "seconds"} <= first.keys()
+    assert main([*begin, "--workers", "1"]) == 2
+    assert "exists" in capsys.readouterr().err
+    assert main(["plan", "--resume", "--evaluations", "4", "--workers", "2", "--json", "-o", run]) == 0
+    second = json.loads(capsys.readouterr().out)
+    assert second["evaluations"] == 4
+    assert second["chamfer_m"] <= first["chamfer_m"]
+    assert [e.number for e in read_log(tmp_path / "run") if e.stage == "search"] == [0, 1, 2, 3]
+    plan = load_plan(tmp_path / "run")
+    assert len(plan.stations) == 4
+    assert plan.source is not None
+    assert plan.source.kind == "captures"
+    for name in ("plan.png", "search.png", "progress.csv", "outcome.json"):
+        assert (tmp_path / "run" / name).stat().st_size > 100

@@ -1,0 +1,137 @@
+"""The method `field`: feasible, repeatable, never twice the same, and better than chance on a planted optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from fieldkit.planning.geometric import GeometricScore
+from fieldkit.planning.methods.field import Field, FieldSettings
+from fieldkit.planning.methods.geometric import cost_of
+from fieldkit.planning.methods.moves import looked_at, near
+from fieldkit.planning.methods.random import Random
+from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
+from fieldkit.planning.search import Method, Problem, Result, Trial
+from fieldkit.planning.surrogates.sets import SetEmbedding
+from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
+
+QUICK = FieldSettings(initial=6, optima=0, structured=10, pool=8, moves=16)
+
+
+def run(method: Method, count: int, problem: Problem) -> list[Result]:
+    results: list[Result] = []
+    for number in range(count):
+        trial = method.propose(number, results, [])
+        if trial is None:
+            break
+        assert problem.contains(trial.cameras), trial.origin
+        results.append(Result(trial, Bowl().evaluate(trial.cameras).value_m))
+    return results
+
+
+def vectors(results: Sequence[Result]) -> list[bytes]:
+    return [result.trial.cameras.vector().tobytes() for result in results]
+
+
+def test_every_trial_is_feasible_and_new_and_the_best_beats_chance() -> None:
+    problem = bowl_problem(5)
+    found = run(Field(problem, QUICK), 30, problem)
+    assert len(set(vectors(found))) == 30
+    chance = run(Random(problem), 60, problem)
+    assert min(r.value_m for r in found) < 0.7 * min(r.value_m for r in chance)
+    steps = [r.trial.notes["step_m"] for r in found if "step_m" in r.trial.notes]
+    assert len(steps) > 10
+    assert len(set(steps)) > 1  # the trust region changes its size
+
+
+def test_a_proposal_depends_on_its_arguments_only() -> None:
+    problem = bowl_problem(4)
+    found = run(Field(problem, QUICK), 14, problem)
+    for number in (0, 3, 8, 13):
+        again = Field(problem, QUICK).propose(number, found[:number], [])
+        assert again is not None
+        assert again.cameras == found[number].trial.cameras
+        assert again.notes == found[number].trial.notes
+    other = Field(problem, QUICK, seed=1).propose(13, found[:13], [])
+    assert other is not None
+    assert other.cameras != found[13].trial.cameras
+
+
+def test_the_geometric_scores_optimum_is_among_the_first() -> None:
+    problem = bowl_problem(3)
+    score = GeometricScore(problem)
+    trials = [Field(problem).propose(number, [], []) for number in (0, 1, 5)]
+    costs = [cost_of(score)(trial.cameras) for trial in trials if trial is not None]
+    assert len(costs) == 3
+    assert costs[1] == min(costs)
+
+
+def test_pending_trials_are_not_proposed_again() -> None:
+    problem = bowl_problem(4)
+    found = run(Field(problem, QUICK), 12, problem)
+    pending: list[Trial] = []
+    for number in range(12, 15):
+        trial = Field(problem, QUICK).propose(number, found, pending)
+        assert trial is not None
+        assert all(trial.cameras != other.cameras for other in pending)
+        pending.append(trial)
+
+
+def test_what_broke_teaches_nothing() -> None:
+    problem = bowl_problem(4)
+    found = run(Field(problem, QUICK), 10, problem)
+    broken = [Result(r.trial, 0.0 if k == 4 else r.value_m, measured=k != 4) for k, r in enumerate(found)]
+    with_it = Field(problem, QUICK).propose(10, broken, [])
+    assert with_it is not None
+    assert with_it.cameras != found[4].trial.cameras
+    assert problem.contains(with_it.cameras)
+
+
+def test_a_small_recorded_set_is_tried_out_and_then_left() -> None:
+    problem = bowl_problem(3, views=5)
+    found = run(Field(problem, QUICK), 30, problem)
+    assert len(set(vectors(found))) == len(found) == 10  # 5 over 3
+    assert Field(problem, QUICK).propose(10, found, []) is None
+
+
+def test_the_embedding_knows_no_order_and_its_distance_is_the_discrepancy() -> None:
+    problem = bowl_problem(6)
+    embedding = SetEmbedding(problem)
+    sets = [problem.sample(k) for k in range(8)]
+    turned = [s.select([3, 1, 5, 0, 2, 4]) for s in sets]
+    assert np.allclose(embedding(sets), embedding(turned))
+
+    def kernel(a: np.ndarray, b: np.ndarray) -> float:
+        squared = ((a[:, None] - b[None]) ** 2).sum(axis=-1)
+        return float(np.exp(-0.5 * squared).mean())
+
+    scale = 0.35 * embedding.distance_m
+    rows = [np.column_stack([s.positions - problem.center, embedding.distance_m * s.forward]) / scale for s in sets]
+    embedded = embedding(sets)
+    for i in range(8):
+        for j in range(i):
+            exact = kernel(rows[i], rows[i]) + kernel(rows[j], rows[j]) - 2 * kernel(rows[i], rows[j])
+            assert float(((embedded[i] - embedded[j]) ** 2).sum()) == pytest.approx(exact, abs=0.12)
+
+
+def test_moves_are_near_and_feasible() -> None:
+    problem = bowl_problem(6)
+    cameras = problem.sample(1)
+    rng = np.random.default_rng(0)
+    for size in (0.02, 0.2):
+        for _ in range(20):
+            found = near(cameras, problem, size, rng)
+            assert problem.contains(found)
+            assert found != cameras
+            assert np.linalg.norm(found.positions - cameras.positions, axis=1).max() < 6 * size + 0.05
+    points = looked_at(cameras, problem)
+    assert np.allclose(np.cross(points - cameras.positions, cameras.forward), 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", METHOD_NAMES)
+def test_every_method_has_its_own_name(name: str) -> None:
+    problem = bowl_problem(4, views=12 if name in ("uniform", "match-graph") else 0)
+    method = make_method(problem, bowl_settings(method=name))
+    assert method.name == name
