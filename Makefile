@@ -21,7 +21,7 @@ demo: setup ## build and score a small rendered example in demo-output/
 	$(BIN)/fieldkit demo -o demo-output --overwrite
 
 test: setup ## run the tests that take less than ten seconds each
-	$(BIN)/pytest -m "not slow" $(PYTEST_ARGS)
+	$(BIN)/pytest -m "not slow" -n auto --dist loadfile $(PYTEST_ARGS)
 
 test-all: setup ## run all tests
 	$(BIN)/pytest $(PYTEST_ARGS)
