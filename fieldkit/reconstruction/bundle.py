@@ -17,6 +17,7 @@ from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.colmap_model import transform_model
 
 _FULL_TRUST = 300
+_COARSE_M = 0.1
 _CAUCHY = 2.385  # 95 % of least squares' efficiency on normal errors
 _MEDIAN_LENGTH = 1.538  # of a 3D normal vector with unit standard deviation per axis
 _PLACING_ROUNDS = 20
@@ -99,10 +100,11 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) 
     target = np.array([priors[i].position for i in sorted(priors)])
     observations = np.array([model.image(i).num_points3D for i in sorted(priors)])
     reach = POSITION_SIGMAS * np.array([np.linalg.norm(priors[i].sigma) / np.sqrt(3.0) for i in sorted(priors)])
+    coarse = float(np.median(reach)) > POSITION_SIGMAS * _COARSE_M
     kept = np.ones(len(source), dtype=np.bool_)
     for _ in range(3):
         try:
-            similarity = _placed(source[kept], target[kept], observations[kept])
+            similarity = _placed(source[kept], target[kept], observations[kept], coarse=coarse)
         except ValueError:  # positions on one line leave a rotation free
             return
         before, kept = kept, np.linalg.norm(similarity.apply(source) - target, axis=1) <= reach
@@ -115,16 +117,19 @@ def _regauge(model: pycolmap.Reconstruction, priors: Mapping[int, CameraPrior]) 
     transform_model(model, _tilt(model, known))
 
 
-def _placed(source: NDArray[np.float64], target: NDArray[np.float64], observations: NDArray[np.int64]) -> Similarity:
+def _placed(
+    source: NDArray[np.float64], target: NDArray[np.float64], observations: NDArray[np.int64], *, coarse: bool
+) -> Similarity:
     """The similarity from camera centres (n, 3) to where their priors have them.
 
     Least squares, where centres count less that few observations hold or that fit worse than most (Cauchy's weights by
-    the median error): a loosely tied camera must not tilt the plot.
+    the median error): a loosely tied camera must not tilt the plot. Plain least squares where priors are ``coarse``, as
+    GPS is, for then nearly all of the errors are theirs and not the model's.
 
     Raises:
         ValueError: as `fit_similarity`.
     """
-    if len(source) < _MANY_CAMERAS:
+    if coarse or len(source) < _MANY_CAMERAS:
         return fit_similarity(source, target)
     trust = np.clip(observations / _FULL_TRUST, 1.0 / _FULL_TRUST, 1.0)
     weights = trust

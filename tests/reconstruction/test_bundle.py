@@ -64,6 +64,17 @@ def test_images_fix_the_shape_and_priors_the_frame(scene: FeatureScene) -> None:
     assert np.linalg.norm(to_priors.apply(found) - found, axis=1).max() < 0.003
 
 
+def test_coarse_priors_place_the_model_by_plain_least_squares(scene: FeatureScene) -> None:
+    noisy = perturbed(scene.poses, 0.02, 0.0, seed=5)
+    model = started(scene, scene.poses)
+    for loss in (4.0, 1.0):
+        adjust(model, priors(noisy, 0.5), loss_px=loss, refine_intrinsics=False, seed=0)
+        filter_points(model, 4.0, 1.0)
+    found = np.array([pose.center for pose in model_poses(model).values()])
+    given = np.array([pose.center for pose in noisy])
+    assert np.linalg.norm(fit_similarity(found, given).apply(found) - found, axis=1).max() < 1e-6
+
+
 def test_one_wrong_prior_does_not_move_the_frame(scene: FeatureScene) -> None:
     given = priors(scene.poses, 0.01)
     given[3] = CameraPrior(given[3].position + np.array([0.02, 0.02, 0.01]), given[3].sigma)
