@@ -23,6 +23,9 @@ IMPORTS = {
     "small-gicp": "small_gicp",
     "psutil": "psutil",
     "matplotlib": "matplotlib.figure",
+    "torch": "torch",
+    "gpytorch": "gpytorch",
+    "botorch": "botorch.acquisition",
 }
 """Distribution and the module that shows whether it works; pyrender and pycolmap have probes of their own."""
 

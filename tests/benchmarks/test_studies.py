@@ -16,6 +16,7 @@ from fieldkit.benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
 from fieldkit.benchmarks.full_evaluation import Side, stage_table, summary
 from fieldkit.benchmarks.mappings import run_mappings
 from fieldkit.benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
+from fieldkit.benchmarks.planner import STUDIES as PLANNER_STUDIES
 from fieldkit.benchmarks.references import ReferenceResult, recall_of, reference_table
 from fieldkit.benchmarks.result import ResultTable, StudyResult, spread
 from fieldkit.benchmarks.scaling import cost_table, process_cost
@@ -179,7 +180,7 @@ def test_camera_toml_reads_back(tmp_path: Path) -> None:
 
 class TestEngine:
     def test_the_command_knows_every_study(self) -> None:
-        assert {study.value for study in Study} == set(STUDIES) | set(OBJECTIVE_STUDIES)
+        assert {study.value for study in Study} == set(STUDIES) | set(OBJECTIVE_STUDIES) | set(PLANNER_STUDIES)
         assert set(SPEED) < set(STUDIES)
 
     def test_without_recorded_sets_studies_say_so(self, tmp_path: Path) -> None:
