@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
 
 from fieldkit.errors import MetadataError
+
+Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> dict[str, Any]:
@@ -38,6 +42,26 @@ def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> d
     if not isinstance(document, dict):
         raise MetadataError("is not a JSON object", path=file, remedy=remedy)
     return document
+
+
+def validated(model: type[Model], document: dict[str, Any], file: Path, remedy: str) -> Model:
+    """The document of a file as a model of pydantic's.
+
+    Raises:
+        MetadataError: a field is wrong; the first one is named.
+    """
+    try:
+        return model.model_validate_json(json.dumps(document))
+    except ValidationError as error:
+        raise MetadataError(first_problem(error), path=file, remedy=remedy) from error
+
+
+def first_problem(error: ValidationError) -> str:
+    """The first thing that pydantic found wrong, in one line."""
+    first = error.errors(include_url=False, include_context=False)[0]
+    key = ".".join(str(part) for part in first["loc"])
+    problem = first["msg"].removeprefix("Value error, ")
+    return f"{key}: {problem[:1].lower()}{problem[1:]}"
 
 
 def schema_text(schema: dict[str, Any]) -> str:

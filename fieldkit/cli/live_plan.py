@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.boundary import say
-from fieldkit.planning.outcome import weights_of
+from fieldkit.planning.outcome import best_so_far, weights_of
 from fieldkit.planning.run_folder import LogEntry
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.reporting.style import format_length, format_seconds
@@ -80,11 +80,9 @@ class Status:
 
     def curve(self, width: int = _WIDTH) -> str:
         """The best so far as a sparkline, from the first values down."""
-        low: list[float] = []
-        for entry in sorted((e for e in self.entries if e.stage == "search"), key=lambda e: e.number):
-            if entry.measured:
-                low.append(min(entry.value_m, low[-1]) if low else entry.value_m)
-        return sparkline(low, width)
+        measured = [entry for entry in self.entries if entry.stage == "search" and entry.measured]
+        low = best_so_far(sorted(measured, key=lambda entry: entry.number))
+        return sparkline([best for best in low if best is not None], width)
 
 
 def sparkline(values: Sequence[float], width: int) -> str:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from fieldkit import __version__
-from fieldkit.documents import read_json_object, schema_text
+from fieldkit.documents import read_json_object, schema_text, validated
 from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
@@ -67,13 +64,7 @@ def load_plan(path: Path) -> Plan:
         newer = isinstance(version, int) and version > 1
         remedy = "Install the fieldkit that wrote it, or a newer one." if newer else _AGAIN
         raise MetadataError(f"has version {version!r} of the format; this fieldkit reads 1", path=file, remedy=remedy)
-    try:
-        return Plan.model_validate_json(json.dumps(document))
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        problem = first["msg"].removeprefix("Value error, ")
-        raise MetadataError(f"{key}: {problem[:1].lower()}{problem[1:]}", path=file, remedy=_AGAIN) from error
+    return validated(Plan, document, file, _AGAIN)
 
 
 def plan_schema() -> str:

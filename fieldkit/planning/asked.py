@@ -10,9 +10,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from fieldkit import __version__
+from fieldkit.documents import first_problem
 from fieldkit.errors import UsageError
 from fieldkit.planning.problems import describe_source
-from fieldkit.planning.run_folder import first_problem
 from fieldkit.planning.run_settings import CHANGEABLE, EnvelopeSettings, NoiseSettings, SearchSettings, lag_for
 
 _PRESETS: dict[str, dict[str, Any]] = {

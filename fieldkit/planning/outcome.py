@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from pydantic import ValidationError
-
-from fieldkit.documents import read_json_object
-from fieldkit.errors import MetadataError
+from fieldkit.documents import read_json_object, validated
 from fieldkit.files import write_atomic
 from fieldkit.missions.plan import Count, Length, Plan, PlanMethod, Strict
 from fieldkit.missions.plan_file import PLAN_FILE, plan_from_poses, save_plan
 from fieldkit.planning.problems import Plannable
 from fieldkit.planning.run import Finalist, Stopped
-from fieldkit.planning.run_folder import LogEntry, RunFolder, first_problem
+from fieldkit.planning.run_folder import LogEntry, RunFolder
 from fieldkit.reporting.objective_plots import png
 from fieldkit.reporting.search_plots import draw_plan, draw_search
 
@@ -133,10 +129,7 @@ def read_outcome(path: Path) -> Outcome:
     """
     file = path / OUTCOME_FILE
     document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
-    try:
-        return Outcome.model_validate_json(json.dumps(document))
-    except ValidationError as error:
-        raise MetadataError(first_problem(error), path=file, remedy=_REMEDY) from error
+    return validated(Outcome, document, file, _REMEDY)
 
 
 def progress_table(entries: Sequence[LogEntry]) -> str:

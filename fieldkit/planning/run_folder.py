@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -14,7 +13,7 @@ import numpy as np
 from pydantic import Field, JsonValue, ValidationError
 
 from fieldkit.clouds.metrics import DISTANCES_M
-from fieldkit.documents import read_json_object
+from fieldkit.documents import first_problem, read_json_object, validated
 from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.files import atomic_folder, storage_errors, write_atomic
 from fieldkit.missions.plan import Count, Length, Strict
@@ -171,10 +170,7 @@ def read_settings(path: Path) -> SearchSettings:
     """
     file = path / SETTINGS_FILE
     document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
-    try:
-        return SearchSettings.model_validate_json(json.dumps(document))
-    except ValidationError as error:
-        raise MetadataError(first_problem(error), path=file, remedy=_REMEDY) from error
+    return validated(SearchSettings, document, file, _REMEDY)
 
 
 def read_log(path: Path) -> list[LogEntry]:
@@ -191,14 +187,6 @@ def read_log(path: Path) -> list[LogEntry]:
     except OSError as error:
         raise StorageError(f"cannot be read: {error.strerror}", path=log) from error
     return _parsed(log, content[: content.rfind(b"\n") + 1])
-
-
-def first_problem(error: ValidationError) -> str:
-    """The first thing that pydantic found wrong, in one line."""
-    first = error.errors(include_url=False, include_context=False)[0]
-    key = ".".join(str(part) for part in first["loc"])
-    problem = first["msg"].removeprefix("Value error, ")
-    return f"{key}: {problem[:1].lower()}{problem[1:]}"
 
 
 def _parsed(log: Path, content: bytes) -> list[LogEntry]:
