@@ -99,10 +99,14 @@ def run_all(
 ) -> list[Ran]:
     """Every contender's runs on one place; what lies finished in ``folder`` is read, what lies unfinished goes on.
 
+    No set of cameras is evaluated twice at one seed, whichever runs ask for it: the first trials of `bosfm` are those
+    of `random`, the grid of `circle-aim` is that of `circle`.
+
     Raises:
         FieldkitError: as `plan_views`.
     """
-    found = []
+    found: list[Ran] = []
+    known: list[LogEntry] = []
     for contender in contenders:
         for seed in contender.seeds:
             output = folder / f"{place.name}-{cameras}-{mapping}-{contender.method}-{seed}"
@@ -113,18 +117,25 @@ def run_all(
                 confirm_fidelity=confirm_fidelity, repeats=repeats, lag=lag_for(workers, deterministic=False),
             )  # fmt: skip
             with progress.stage(output.name):
-                found.append(_ran(output, settings, workers, cache, progress))
+                outcome = _outcome(output, settings, workers, cache, progress, known)
+            entries = read_log(output)
+            known += entries
+            found.append(_ran(settings, outcome, entries))
     return found
 
 
-def _ran(output: Path, settings: SearchSettings, workers: int, cache: StageCache, progress: Progress) -> Ran:
+def _outcome(
+    output: Path, settings: SearchSettings, workers: int, cache: StageCache, progress: Progress,
+    known: Sequence[LogEntry],
+) -> Outcome:  # fmt: skip
     if (output / PLAN_FILE).is_file():
-        outcome = read_outcome(output)
-    elif (output / SETTINGS_FILE).is_file():
-        outcome = resume_plan(output, cache=cache, workers=workers, progress=progress)
-    else:
-        outcome = plan_views(output, settings, cache=cache, workers=workers, progress=progress)
-    entries = read_log(output)
+        return read_outcome(output)
+    if (output / SETTINGS_FILE).is_file():
+        return resume_plan(output, cache=cache, workers=workers, progress=progress, known=known)
+    return plan_views(output, settings, cache=cache, workers=workers, progress=progress, known=known)
+
+
+def _ran(settings: SearchSettings, outcome: Outcome, entries: Sequence[LogEntry]) -> Ran:
     searched = sorted((e for e in entries if e.stage == "search"), key=lambda e: e.number)
     plan = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
     return Ran(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,9 @@ from fieldkit.planning.objective import Objective
 from fieldkit.planning.outcome import Outcome, write_outcome
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.problems import open_problem
+from fieldkit.planning.recalling import Recalling
 from fieldkit.planning.run import Watch, confirm, search
-from fieldkit.planning.run_folder import RunFolder, create_run, open_run
+from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.progress import Progress, Silent
 
@@ -31,6 +32,7 @@ def plan_views(
     overwrite: bool = False,
     progress: Progress | None = None,
     watch: Watch | None = None,
+    known: Sequence[LogEntry] = (),
 ) -> Outcome:
     """Find the cameras and write the plan.
 
@@ -44,6 +46,7 @@ def plan_views(
         overwrite: replace an earlier run in ``output``.
         progress: told of what comes before the search.
         watch: told of every evaluation.
+        known: evaluations of the same plot, mapping and noise by other runs, which are not done again.
 
     Raises:
         UsageError: ``output`` exists, or the settings contradict themselves.
@@ -52,7 +55,7 @@ def plan_views(
         StorageError: the disk is full; the run can go on from where it was.
     """
     with create_run(output, settings, overwrite=overwrite) as run:
-        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or _nobody)
+        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or _nobody, known)
 
 
 def resume_plan(
@@ -64,6 +67,7 @@ def resume_plan(
     scheduler: str = "",
     progress: Progress | None = None,
     watch: Watch | None = None,
+    known: Sequence[LogEntry] = (),
 ) -> Outcome:
     """Go on with a run that was interrupted, or that shall have more evaluations; none is done twice.
 
@@ -71,7 +75,7 @@ def resume_plan(
         output: the run's folder.
         settings: to go on with, its own where None; only what `run_settings.CHANGEABLE` names may differ, and where
             things lie.
-        cache, workers, scheduler, progress, watch: as `plan_views`.
+        cache, workers, scheduler, progress, watch, known: as `plan_views`.
 
     Raises:
         MetadataError: ``output`` is no run's folder, or is damaged.
@@ -80,17 +84,19 @@ def resume_plan(
     with open_run(output) as run:
         if settings is not None and settings != run.settings:
             run.save_settings(settings)
-        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or _nobody)
+        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or _nobody, known)
 
 
 def _planned(
-    run: RunFolder, cache: StageCache, workers: int, scheduler: str, progress: Progress, watch: Watch
-) -> Outcome:
+    run: RunFolder, cache: StageCache, workers: int, scheduler: str, progress: Progress, watch: Watch,
+    known: Sequence[LogEntry],
+) -> Outcome:  # fmt: skip
     settings = run.settings
     plannable = open_problem(settings, run.path, cache=cache, progress=progress)
     method = make_method(plannable.problem, settings)
     budget = settings.time_budget_s
-    with _executor(plannable.objective, workers, scheduler) as executor:
+    with _executor(plannable.objective, workers, scheduler) as evaluating:
+        executor = Recalling(evaluating, known, settings.fidelity) if known else evaluating
         stopped = search(
             method, executor, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
         )  # fmt: skip

@@ -18,7 +18,7 @@ from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.files import atomic_folder, storage_errors, write_atomic
 from fieldkit.missions.plan import Count, Length, Strict
 from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.evaluation import Evaluation
+from fieldkit.planning.evaluation import Evaluation, StageCost
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.planning.search import Result, Trial
@@ -87,6 +87,17 @@ class LogEntry(Strict):
     def trial(self) -> Trial:
         """The trial, camera for camera and bit for bit as it was proposed."""
         return Trial(self.number, Cameras.from_vector(np.array(self.cameras)), self.origin, self.notes)
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """What the objective said; its seconds are all in one stage."""
+        return Evaluation(
+            value_m=self.value_m, chamfer_m=self.chamfer_m, accuracy_m=self.accuracy_m,
+            completeness_m=self.completeness_m, f_scores={d: self.f_score[f"{d:.3f}"] for d in DISTANCES_M},
+            images=len(self.cameras), registered=self.registered, right=self.right, models=self.models,
+            points=self.points, cloud_digest=self.cloud_digest, views=self.views, failure=self.failure,
+            measured=self.measured, times=(StageCost("Evaluating", self.cpu_s, self.wall_s),),
+        )  # fmt: skip
 
     @property
     def result(self) -> Result:
