@@ -70,7 +70,7 @@ class Geometry:
             are none.
         covered: expected share of the points that are reconstructed themselves.
         loose_m: (n,) looseness of each camera.
-        matches: (n, n) to be expected of each pair.
+        matches: (n, n) of each pair: counted where the problem knows them, else to be expected.
     """
 
     distance_m: float
@@ -106,7 +106,8 @@ class GeometricScore:
     the objective.
 
     *Tie.* Real plants lose matches with the angle between views, and a set that falls into groups which few matches tie
-    together bends. `expected_matches` makes a graph of the views, `looseness_m` says how far they move against each
+    together bends. The matches that a recorded set counted, else `expected_matches`, make a graph of the views, and
+    `looseness_m` says how far they move against each
     other in it; the root of the mean square is taken, not the worst, for the cloud is made by all cameras.
 
     Not modelled: texture, specular light, wind, motion blur, and that few cameras close together, held by commands with
@@ -114,7 +115,7 @@ class GeometricScore:
 
     Args:
         problem: with the reference and the obstacles.
-        matchability: of the plot's kind of plants and soil.
+        matchability: of the plot's kind of plants and soil, for matches that are not counted.
         settings: constants.
         points: of the surface, at most.
     """
@@ -145,8 +146,10 @@ class GeometricScore:
         gap = float(_expected_distance(p, self._neighbors, self._distances, cap).mean())
         total = float(p.sum())
         spread = float((p * noise).sum()) / total if total > 0 else cap
-        pictured = np.array([view.pictured for view in views])
-        matches = expected_matches(cameras.positions, self.problem.center, pictured, self.matchability)
+        matches = self.problem.counted_matches(cameras)
+        if matches is None:
+            pictured = np.array([view.pictured for view in views])
+            matches = expected_matches(cameras.positions, self.problem.center, pictured, self.matchability)
         loose = looseness_m(matches)
         tie = float(np.sqrt((loose**2).mean()))
         return Geometry(gap + spread, tie, gap, spread, float(p.mean()), loose, matches)

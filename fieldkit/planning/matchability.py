@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 
 from fieldkit.planning.cameras import Array
 
@@ -22,49 +21,22 @@ _OCTAVES = 0.5
 class Matchability:
     """Expected matches of two views: matches · exp(−angle / decay), and a floor that ties nothing.
 
-    The default is fitted to the medians of tuning-1 to tuning-5 in docs/simulated-scenes.md ("How realistic"): 309,
-    204, 104, 40, 16 and 9 matches at 6, 12, 18, 27, 36 and 48°.
+    The default comes closest, by least squares of log(1 + matches), to the medians of tuning-1 to tuning-5 in
+    docs/simulated-scenes.md ("How realistic"): 309, 204, 104, 40, 16 and 9 matches at 6, 12, 18, 27, 36 and 48°, with a
+    floor of 5 that chance finds at any angle and that is left out here.
 
     Attributes:
         matches: of two views without an angle between them.
         decay_deg: at which 1/e of them is left.
-        floor: found at any angle: chance, or the few far things that look alike from everywhere.
     """
 
     matches: float = 662.0
     decay_deg: float = 9.13
-    floor: float = 5.1
 
     def expected(self, angle_deg: ArrayLike) -> Array:
-        """Matches that tie two views, without the floor; of the angles' shape."""
+        """Of the angles' shape."""
         found: Array = self.matches * np.exp(-np.asarray(angle_deg, dtype=np.float64) / self.decay_deg)
         return found
-
-    @classmethod
-    def fit(cls, angle_deg: ArrayLike, matches: ArrayLike) -> Matchability:
-        """The parameters that come closest to counted matches, by least squares of log(1 + matches).
-
-        Args:
-            angle_deg: (k,) between the views of pairs, about the plants.
-            matches: (k,) of them.
-
-        Raises:
-            ValueError: fewer than three pairs, or shapes that differ.
-        """
-        angle, count = (np.asarray(a, dtype=np.float64).reshape(-1) for a in (angle_deg, matches))
-        if angle.shape != count.shape or len(angle) < 3:
-            raise ValueError("a decay is fitted to at least three pairs, each with an angle and a count")
-        target = np.log1p(count)
-
-        def off(x: Array) -> Array:
-            apart: Array = np.log1p(np.exp(x[0] - angle * np.exp(-x[1])) + np.exp(x[2])) - target
-            return apart
-
-        start = np.array([np.log(max(count.max(), 1.0)), np.log(10.0), 0.0])
-        lowest = np.array([-3.0, np.log(1.0), np.log(1e-3)])
-        highest = np.array([15.0, np.log(90.0), np.log(max(float(np.median(count)), 2e-3))])
-        x = least_squares(off, np.clip(start, lowest + 1e-6, highest - 1e-6), bounds=(lowest, highest)).x
-        return cls(float(np.exp(x[0])), float(np.exp(x[1])), float(np.exp(x[2])))
 
 
 def view_angles_deg(positions: Array, center: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.planning.executor import Executor
-from fieldkit.planning.methods.registry import make_method
+from fieldkit.planning.methods.registry import USING_MATCHES, make_method
 from fieldkit.planning.objective import Objective
 from fieldkit.planning.outcome import Outcome, write_outcome
 from fieldkit.planning.pool import WorkerPool
@@ -92,7 +92,10 @@ def _planned(
     known: Sequence[LogEntry],
 ) -> Outcome:  # fmt: skip
     settings = run.settings
-    plannable = open_problem(settings, run.path, cache=cache, progress=progress)
+    plannable = open_problem(
+        settings, run.path, cache=cache, progress=progress, workers=workers,
+        count_matches=settings.method in USING_MATCHES,
+    )  # fmt: skip
     method = make_method(plannable.problem, settings)
     budget = settings.time_budget_s
     with _executor(plannable.objective, workers, scheduler) as evaluating:

@@ -17,6 +17,8 @@ from fieldkit.evaluation.report_files import REFERENCE_FILE
 from fieldkit.geometry import Intrinsics
 from fieldkit.missions.plan import PlanEnvelope, PlanSource
 from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.fidelity import FIDELITIES
+from fieldkit.planning.match_graph import match_graph
 from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.recorded import EXACT, RecordedSource
 from fieldkit.planning.run_settings import NoiseSettings, SearchSettings
@@ -76,7 +78,10 @@ def sha256(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def open_problem(settings: SearchSettings, folder: Path, *, cache: StageCache, progress: Progress) -> Plannable:
+def open_problem(
+    settings: SearchSettings, folder: Path, *, cache: StageCache, progress: Progress, workers: int = 1,
+    count_matches: bool = False,
+) -> Plannable:  # fmt: skip
     """The problem and the objective of a run.
 
     Args:
@@ -84,6 +89,8 @@ def open_problem(settings: SearchSettings, folder: Path, *, cache: StageCache, p
         folder: of the run; what is made on the way (a reference's proxy, a recorded set's reference) is kept there.
         cache: of stages.
         progress: told of what takes long.
+        workers: processes, where something is made on the way.
+        count_matches: of a recorded set, between each two of its photographs.
 
     Raises:
         InputError: the source is missing, has changed since the run began, or cannot be used.
@@ -92,7 +99,7 @@ def open_problem(settings: SearchSettings, folder: Path, *, cache: StageCache, p
     """
     _check_unchanged(settings)
     if settings.source.kind == "captures":
-        return _recorded(settings, folder, cache, progress)
+        return _recorded(settings, folder, cache, progress, workers, count_matches)
     scene = Path(settings.path)
     if settings.source.kind == "reference":
         scene = folder / PROXY_FOLDER
@@ -115,14 +122,16 @@ def open_problem(settings: SearchSettings, folder: Path, *, cache: StageCache, p
     return Plannable(problem, objective, _described(envelope))
 
 
-def _recorded(settings: SearchSettings, folder: Path, cache: StageCache, progress: Progress) -> Plannable:
+def _recorded(
+    settings: SearchSettings, folder: Path, cache: StageCache, progress: Progress, workers: int, count_matches: bool
+) -> Plannable:
     images = Path(settings.path)
     place = folder / BUILT_REFERENCE
     if settings.reference_path is not None:
         place = Path(settings.reference_path)
     elif not place.is_dir():
         progress.note("no --reference is given: one is built of all photographs first")
-        build_reference(images, place, cache=cache, progress=progress, scene=False)
+        build_reference(images, place, cache=cache, progress=progress, workers=workers, scene=False)
     reference = Reference(place)
     plot = reference.known_plot()
     capture = read_capture(images)
@@ -139,9 +148,12 @@ def _recorded(settings: SearchSettings, folder: Path, cache: StageCache, progres
         (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), (float(low[2]), float(high[2])), plot.volume,
         clearance_m=0.0, pitch_deg=(float(views.pitch_deg.min()), float(views.pitch_deg.max())), separation_m=0.0,
     )  # fmt: skip
+    features = FIDELITIES[settings.fidelity].features
+    matches = match_graph(source, features, workers=workers, progress=progress) if count_matches else None
     problem = Problem(
-        settings.cameras, envelope, _without_distortion(reference), reference.cloud, reference.cloud.points, views
-    )
+        settings.cameras, envelope, _without_distortion(reference), reference.cloud, reference.cloud.points, views,
+        matches,
+    )  # fmt: skip
     return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
 
 

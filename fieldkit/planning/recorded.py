@@ -96,7 +96,7 @@ class InputsCache(StageCache):
     Models and depth maps of one set of views are of no use to another, and a search would fill the disk with them.
     """
 
-    STAGES = frozenset({"features", "guided", "matches", "pairs", "quality", "views"})
+    STAGES = frozenset({"features", "guided", "match-graph", "matches", "pairs", "quality", "views"})
 
     def get(self, stage: str, key: str) -> dict[str, np.ndarray] | None:
         return super().get(stage, key) if stage in self.STAGES else None

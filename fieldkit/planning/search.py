@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -31,9 +32,10 @@ class Problem:
         reference: PC_env with normals where there are any, plot frame.
         obstacles: (m, 3) points that hide what lies behind them, plot frame: plants and, where there are, other rows.
         views: of a recorded set, the only cameras there are; None where any camera of the envelope can be had.
+        matches: (m, m) counted of each two views; None where they are not known.
 
     Raises:
-        UsageError: fewer than three cameras, or more than there are views.
+        UsageError: fewer than three cameras, or more than there are views, or matches of other views.
     """
 
     count: int
@@ -42,8 +44,12 @@ class Problem:
     reference: Cloud
     obstacles: Array
     views: Cameras | None = None
+    matches: Array | None = None
 
     def __post_init__(self) -> None:
+        views = 0 if self.views is None else len(self.views)
+        if self.matches is not None and self.matches.shape != (views, views):
+            raise UsageError(f"matches are counted for {self.matches.shape}, but there are {views} views")
         if self.count < _LEAST:
             raise UsageError(f"a plan needs at least {_LEAST} cameras, not {self.count}")
         if self.views is not None and len(self.views) < self.count:
@@ -77,9 +83,20 @@ class Problem:
         """Whether a set is feasible."""
         if self.views is None:
             return self.envelope.contains(cameras)
-        known = {row.tobytes() for row in self.views.vector().reshape(len(self.views), -1)}
-        rows = {row.tobytes() for row in cameras.vector().reshape(len(cameras), -1)}
-        return len(rows) == len(cameras) and rows <= known
+        rows = set(_rows(cameras))
+        return len(rows) == len(cameras) and rows <= self._places.keys()
+
+    def counted_matches(self, cameras: Cameras) -> Array | None:
+        """(n, n) of `matches` for a feasible set; None where they are not known."""
+        if self.matches is None:
+            return None
+        index = [self._places[row] for row in _rows(cameras)]
+        return self.matches[np.ix_(index, index)]
+
+    @cached_property
+    def _places(self) -> dict[bytes, int]:
+        """The recorded views' numbers by their rows."""
+        return {} if self.views is None else {row: k for k, row in enumerate(_rows(self.views))}
 
     def sample(self, seed: int) -> Cameras:
         """A random feasible set of N: see `Envelope.sample`; of a recorded set N distinct views, all alike likely."""
@@ -87,6 +104,10 @@ class Problem:
             return self.envelope.sample(self.count, seed)
         rng = np.random.default_rng([seed, _SAMPLE_STREAM])
         return self.views.select(np.sort(rng.choice(len(self.views), self.count, replace=False)))
+
+
+def _rows(cameras: Cameras) -> list[bytes]:
+    return [row.tobytes() for row in cameras.vector().reshape(len(cameras), -1)]
 
 
 @dataclass(frozen=True, eq=False)

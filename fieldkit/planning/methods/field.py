@@ -14,7 +14,6 @@ from fieldkit.planning.acquisition import log_expected_improvement
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.families import Family, circles, families
 from fieldkit.planning.geometric import GeometricScore
-from fieldkit.planning.matchability import Matchability
 from fieldkit.planning.methods.geometric import cost_of, optimise
 from fieldkit.planning.methods.moves import near
 from fieldkit.planning.search import Problem, Result, Trial
@@ -81,13 +80,11 @@ class Field:
         problem: what is looked for.
         settings: choices.
         seed: of all draws.
-        matchability: of a recorded set, where its match graph is known.
     """
 
     problem: Problem
     settings: FieldSettings = FieldSettings()
     seed: int = 0
-    matchability: Matchability | None = None
 
     @property
     def name(self) -> str:
@@ -95,7 +92,7 @@ class Field:
 
     @cached_property
     def _score(self) -> GeometricScore:
-        return GeometricScore(self.problem, self.matchability)
+        return GeometricScore(self.problem)
 
     @cached_property
     def _embedding(self) -> SetEmbedding:

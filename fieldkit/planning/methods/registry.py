@@ -83,3 +83,5 @@ _MAKERS: dict[str, Callable[[Problem, SearchSettings], Method]] = {
     "match-graph": _match_graph,
 }
 METHOD_NAMES = tuple(_MAKERS)
+USING_MATCHES = frozenset({"field", "matchable", "match-graph"})
+"""Methods that use a recorded set's counted matches (`Problem.matches`)."""

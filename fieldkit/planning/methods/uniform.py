@@ -58,29 +58,23 @@ class MatchGraph:
     Args:
         problem: with views.
         seed: not used.
-        matches: (m, m) counted for each pair of views; where None, they are expected from the views' places.
-        matchability: for these expectations.
 
     Raises:
-        UsageError: the problem is no recorded set, or the matches are not (m, m).
+        UsageError: the problem is no recorded set.
     """
 
     name = "match-graph"
 
-    def __init__(
-        self, problem: Problem, seed: int = 0, *, matches: Array | None = None, matchability: Matchability | None = None
-    ) -> None:
+    def __init__(self, problem: Problem, seed: int = 0) -> None:
         self._views, self._count = _recorded(problem, self.name), problem.count
+        matches = problem.matches
         if matches is None:
             points = problem.reference.points[:: max(1, len(problem.reference) // 500)]
             pictured = in_picture(points, self._views, problem.camera)
             matches = expected_matches(
-                self._views.positions, problem.center, pictured, matchability or Matchability()
+                self._views.positions, problem.center, pictured, Matchability()
             )  # fmt: skip
-        self._matches = np.array(matches, dtype=np.float64)
-        if self._matches.shape != (len(self._views), len(self._views)):
-            raise UsageError(f"matches are counted for {self._matches.shape}, but there are {len(self._views)} views")
-        self._matches = np.maximum(self._matches, self._matches.T)
+        self._matches = matches
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""

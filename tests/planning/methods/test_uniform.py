@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,8 +69,8 @@ def test_match_graph_takes_counts_or_expects_them() -> None:
     # Counted matches that are all between the first views draw the choice there.
     counted = np.zeros((30, 30))
     counted[:6, :6] = 200.0
-    drawn = MatchGraph(plot, matches=counted).propose(0, (), ())
+    drawn = MatchGraph(replace(plot, matches=counted)).propose(0, (), ())
     assert drawn is not None
     assert len(set(drawn.notes["views"]) & set(range(6))) >= 5
     with pytest.raises(UsageError, match="30 views"):
-        MatchGraph(plot, matches=np.zeros((4, 4)))
+        replace(plot, matches=np.zeros((4, 4)))
