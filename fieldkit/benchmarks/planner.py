@@ -13,6 +13,7 @@ import numpy as np
 from fieldkit.benchmarks.captures import rig_capture
 from fieldkit.benchmarks.objective import NO_DATA
 from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all
+from fieldkit.benchmarks.planner_transfer import carry, transfer_table
 from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.benchmarks.rigs import load_rig
 from fieldkit.benchmarks.suite import choose, run_studies
@@ -29,6 +30,9 @@ _SIMULATED = ("random", "circle", "circle-aim", "mcp", "geometric", "matchable",
 _RECORDED = ("random", "uniform", "match-graph", *PLANNERS)
 _SEVERAL = ("random", *PLANNERS)
 """Methods whose outcome depends on the seed."""
+_CARRIED = ("circle-aim", "matchable", *PLANNERS)
+_WITHOUT_SEED = tuple(name for name in _SIMULATED if name not in _SEVERAL)
+_REPEATS = 3
 _OURS = ("matchable", "field")
 """What is no baseline."""
 
@@ -48,6 +52,7 @@ class PlannerOptions:
         mapping: of the evaluations.
         workers: processes.
         methods: to compare; all where empty.
+        onto: scenes that plans of ``scenes`` are carried to in ``transfer``.
     """
 
     data: Path | None
@@ -60,6 +65,7 @@ class PlannerOptions:
     mapping: SfmMapping = "prior"
     workers: int = 2
     methods: tuple[str, ...] = ()
+    onto: tuple[str, ...] = ("test-case-1", "test-case-4")
 
 
 RIGS: Mapping[str, tuple[int, ...]] = {"basil_rig": (13, 10), "arabidopsis_rig": (16,)}
@@ -68,21 +74,59 @@ RIGS: Mapping[str, tuple[int, ...]] = {"basil_rig": (13, 10), "arabidopsis_rig":
 
 def _simulated(options: PlannerOptions, progress: Progress) -> StudyResult:
     wall, cpu = time.perf_counter(), time.process_time()
-    found: dict[str, list[Ran]] = {}
-    for name in options.scenes:
-        found[f"{name}, {options.cameras} cameras"] = run_all(
-            Place.scene(name), _contenders(_SIMULATED, options), options.runs, cameras=options.cameras,
-            mapping=options.mapping, confirm_fidelity="fine", repeats=3, workers=options.workers, cache=options.cache,
-            progress=progress,
-        )  # fmt: skip
-    notes = (
+    found = {
+        f"{name}, {options.cameras} cameras": _on_scene(name, _SIMULATED, options, progress) for name in options.scenes
+    }
+    return _study("simulated", "Planners on simulated plots", found, _scene_notes(options), wall, cpu)
+
+
+def _on_scene(name: str, methods: Sequence[str], options: PlannerOptions, progress: Progress) -> list[Ran]:
+    return run_all(
+        Place.scene(name), _contenders(methods, options), options.runs, cameras=options.cameras,
+        mapping=options.mapping, confirm_fidelity="fine", repeats=_REPEATS, workers=options.workers,
+        cache=options.cache, progress=progress,
+    )  # fmt: skip
+
+
+def _scene_notes(options: PlannerOptions) -> tuple[str, ...]:
+    return (
         (
             f"{options.evaluations} evaluations at draft and mapping {options.mapping}; each run's four best sets were "
-            "evaluated again at fine, three fresh seeds each, and the best mean counts."
+            f"evaluated again at fine, {_REPEATS} fresh seeds each, and the best mean counts."
         ),
         "Photographs have the scene's camera effects; leaves are still and poses exact, claimed good to 10 mm.",
     )
-    return _study("simulated", "Planners on simulated plots", found, notes, wall, cpu)
+
+
+def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
+    wall, cpu = time.perf_counter(), time.process_time()
+    tables, figures = [], {}
+    for origin in options.scenes:
+        plans = _on_scene(origin, _CARRIED, options, progress)
+        for name in options.onto:
+            carried = carry(
+                plans, Place.scene(origin).name, Place.scene(name), options.runs, cameras=options.cameras,
+                mapping=options.mapping, repeats=_REPEATS, workers=options.workers, cache=options.cache,
+                progress=progress,
+            )  # fmt: skip
+            optimised = _on_scene(name, _WITHOUT_SEED, options, progress)
+            tables.append(transfer_table(Place.scene(origin).name, Place.scene(name).name, carried, optimised))
+            figures[f"{name} from {origin}"] = {
+                "carried": [
+                    {"method": c.ran.method, "seed": c.ran.seed, "value_m": c.value_m, "moved_m": c.moved_m}
+                    for c in carried
+                ],
+                "optimised": [{"method": r.method, "seed": r.seed, "value_m": r.value_m} for r in optimised],
+            }
+    return StudyResult(
+        name="transfer",
+        title="Plans of one plot on others, without optimising",
+        tables=tuple(tables),
+        notes=(*_scene_notes(options), "Carried plans are evaluated at fine and three fresh seeds, too."),
+        figures=figures,
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
 
 
 def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
@@ -207,6 +251,7 @@ def _curves(runs: Sequence[Ran]) -> dict[str, list[tuple[float | None, ...]]]:
 
 STUDIES: dict[str, Callable[[PlannerOptions, Progress], StudyResult]] = {
     "simulated": _simulated,
+    "transfer": _transfer,
     "chosen": _recorded,
 }
 

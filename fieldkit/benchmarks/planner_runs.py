@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fieldkit import __version__
 from fieldkit.cache import StageCache
+from fieldkit.errors import UsageError
 from fieldkit.missions.plan import PlanSource
 from fieldkit.missions.plan_file import PLAN_FILE
+from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping
 from fieldkit.planning.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.plan_views import plan_views, resume_plan
 from fieldkit.planning.problems import sha256
-from fieldkit.planning.run_folder import SETTINGS_FILE, LogEntry, read_log
+from fieldkit.planning.run_folder import SETTINGS_FILE, LogEntry, read_log, read_settings
 from fieldkit.planning.run_settings import SearchSettings, lag_for
 from fieldkit.progress import Progress
 from fieldkit.scenes.library import find_scene
@@ -43,6 +46,13 @@ class Place:
         file = find_scene(name).resolve()
         return cls(file.stem, PlanSource(kind="scene", name=file.name, sha256=sha256(file)), file)
 
+    def settings(self, **more: Any) -> SearchSettings:
+        """Of a run at this place; ``more`` are fields of `SearchSettings`."""
+        reference = None if self.reference is None else str(self.reference)
+        return SearchSettings(
+            fieldkit=__version__, source=self.source, path=str(self.path), reference_path=reference, **more
+        )
+
 
 @dataclass(frozen=True)
 class Contender:
@@ -66,6 +76,7 @@ class Ran:
     Attributes:
         method, seed: of it.
         outcome: its finalists by confirmations.
+        cameras: of the plan.
         best_m: the best so far after each evaluation of the search; None before the first that was measured.
         right: right photographs of the plan's confirmations, mean.
         completeness_m: of the plan's confirmations, mean.
@@ -74,6 +85,7 @@ class Ran:
     method: str
     seed: int
     outcome: Outcome
+    cameras: Cameras
     best_m: tuple[float | None, ...]
     right: float
     completeness_m: float
@@ -103,6 +115,7 @@ def run_all(
     of `random`, the grid of `circle-aim` is that of `circle`.
 
     Raises:
+        UsageError: a run in ``folder`` has other settings, or more evaluations.
         FieldkitError: as `plan_views`.
     """
     found: list[Ran] = []
@@ -110,10 +123,8 @@ def run_all(
     for contender in contenders:
         for seed in contender.seeds:
             output = folder / f"{place.name}-{cameras}-{mapping}-{contender.method}-{seed}"
-            settings = SearchSettings(
-                fieldkit=__version__, source=place.source, path=str(place.path),
-                reference_path=None if place.reference is None else str(place.reference), cameras=cameras,
-                method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
+            settings = place.settings(
+                cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
                 confirm_fidelity=confirm_fidelity, repeats=repeats, lag=lag_for(workers, deterministic=False),
             )  # fmt: skip
             with progress.stage(output.name):
@@ -128,22 +139,29 @@ def _outcome(
     output: Path, settings: SearchSettings, workers: int, cache: StageCache, progress: Progress,
     known: Sequence[LogEntry],
 ) -> Outcome:  # fmt: skip
-    if (output / PLAN_FILE).is_file():
+    if not (output / SETTINGS_FILE).is_file():
+        return plan_views(output, settings, cache=cache, workers=workers, progress=progress, known=known)
+    kept = read_settings(output)
+    more = settings.evaluations - kept.evaluations
+    if more < 0 or kept.model_copy(update={"evaluations": settings.evaluations}) != settings:
+        raise UsageError(
+            "holds a run of other settings", path=output, remedy="Give another folder with --runs, or remove that run."
+        )
+    if more == 0 and (output / PLAN_FILE).is_file():
         return read_outcome(output)
-    if (output / SETTINGS_FILE).is_file():
-        return resume_plan(output, cache=cache, workers=workers, progress=progress, known=known)
-    return plan_views(output, settings, cache=cache, workers=workers, progress=progress, known=known)
+    return resume_plan(output, settings, cache=cache, workers=workers, progress=progress, known=known)
 
 
 def _ran(settings: SearchSettings, outcome: Outcome, entries: Sequence[LogEntry]) -> Ran:
     searched = sorted((e for e in entries if e.stage == "search"), key=lambda e: e.number)
     plan = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
     return Ran(
-        settings.method, settings.seed, outcome, tuple(best_so_far(searched)), _mean(plan, "right"),
-        _mean(plan, "completeness_m"),
+        settings.method, settings.seed, outcome, plan[0].trial.cameras, tuple(best_so_far(searched)),
+        mean_of(plan, "right"), mean_of(plan, "completeness_m"),
     )  # fmt: skip
 
 
-def _mean(entries: Sequence[LogEntry], key: str) -> float:
+def mean_of(entries: Sequence[LogEntry], key: str) -> float:
+    """The mean of a field of log entries where it has a value; nan where it has none."""
     values = [float(value) for entry in entries if (value := getattr(entry, key)) is not None]
     return sum(values) / len(values) if values else float("nan")

@@ -44,6 +44,7 @@ class Study(StrEnum):
     RECORDED = "recorded"
     PROXY = "proxy"
     SIMULATED = "simulated"
+    TRANSFER = "transfer"
     CHOSEN = "chosen"
 
 
@@ -86,6 +87,10 @@ def command(
         list[str] | None, typer.Option("--method", metavar="NAME", help="Repeatable; in planner: all where not given.")
     ] = None,
     mapping: Annotated[str, typer.Option("--mapping", help="In planner: prior or incremental.")] = "prior",
+    onto: Annotated[
+        list[str] | None,
+        typer.Option("--onto", metavar="SCENE", help="Repeatable; in transfer: where plans are taken to."),
+    ] = None,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="In scaling: plants only, in half the time.")] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -95,7 +100,8 @@ def command(
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
-    recorded and proxy; the planner's are simulated and chosen (of recorded sets). FIELDKIT_DATA names the recorded
+    recorded and proxy; the planner's are simulated, transfer and chosen (of recorded
+    sets). FIELDKIT_DATA names the recorded
     image sets; what needs them is left out without it. The result holds results.json, results.md and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
@@ -117,7 +123,7 @@ def command(
         elif suite is Suite.PLANNER:
             planner = PlannerOptions(
                 data, cache, runs, tuple(scene or ("tuning-1",)), evaluations, seeds, cameras, _mapping(mapping),
-                workers, tuple(method or ()),
+                workers, tuple(method or ()), *([tuple(onto)] if onto else []),
             )  # fmt: skip
             results = run_planner(output, names, planner, progress=progress, overwrite=overwrite)
         else:

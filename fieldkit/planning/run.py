@@ -128,8 +128,20 @@ def confirm(executor: Executor, run: RunFolder, *, watch: Watch) -> list[Finalis
     Raises:
         FieldkitError, StorageError: as `search`.
     """
+    chosen = finalists([e.result for e in run.entries if e.stage == "search"], run.settings.finalists)
+    return evaluate_again(executor, run, chosen, watch=watch)
+
+
+def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch) -> list[Finalist]:
+    """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
+
+    Returns:
+        The trials by value, the best first.
+
+    Raises:
+        FieldkitError, StorageError: as `search`.
+    """
     settings = run.settings
-    chosen = finalists([e.result for e in run.entries if e.stage == "search"], settings.finalists)
     seeds = [_FRESH_SEEDS + settings.seed * settings.repeats + k for k in range(settings.repeats)]
     there = {(e.number, e.seed, e.fidelity): e for e in run.entries if e.stage == "confirmation"}
     wanted = [(t, s) for s in seeds for t in chosen if (t.number, s, settings.confirm_fidelity) not in there]
