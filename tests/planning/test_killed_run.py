@@ -1,0 +1,106 @@
+"""A real run of 40 evaluations that is killed twenty times ends in the plan of the run nobody disturbed."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fieldkit.planning.run import confirm, search
+from fieldkit.planning.run_folder import LOG_FILE, LogEntry, create_run, read_log
+from fieldkit.scenes.description import build
+from fieldkit.scenes.renderer import Renderer, RenderingError
+from fieldkit.scenes.scene_file import read_scene
+from tests.cli.test_scene_commands import TINY
+from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
+from tests.planning.test_run import Greedy, ignore, never, plain, unbroken
+
+pytestmark = pytest.mark.slow
+KILLS = 20
+
+
+def command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "fieldkit", "plan", *arguments]
+
+
+def planned(folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Everything that must be the same: the plan and the log, without times."""
+    entries: list[LogEntry] = read_log(folder)
+    times = {"cpu_s", "wall_s", "proposal_cpu_s", "finished_s"}
+    listed = [entry.model_dump(exclude=times) for entry in entries]
+    return json.loads((folder / "plan.json").read_text()), sorted(
+        listed, key=lambda e: (e["stage"], e["number"], e["seed"])
+    )
+
+
+def test_a_run_survives_twenty_kills(tmp_path: Path) -> None:
+    scene = tmp_path / "tiny.toml"
+    scene.write_text(
+        TINY.replace("200", "480").replace("150", "360").replace("[170, 170, 100, 75]", "[408, 408, 240, 180]")
+    )
+    try:
+        Renderer(build(read_scene(scene))).close()
+    except RenderingError as error:
+        pytest.skip(f"no picture can be rendered here: {error}")
+    settings = ["--scene", str(scene), "-n", "4", "--evaluations", "40", "--initial", "8", "--finalists", "2",
+                "--repeats", "1", "--workers", "2", "--deterministic"]  # fmt: skip
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    start = time.monotonic()
+    subprocess.run(command(*settings, "-o", str(whole)), check=True, capture_output=True)
+    seconds = time.monotonic() - start
+
+    rng = random.Random(4)
+    lines, kills = [], 0
+    again = command(*settings, "-o", str(broken))
+    while kills < KILLS:
+        process = subprocess.Popen(again, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        # Later kills leave the run about as much time as it lacks, so that they meet it from start to finish.
+        until = time.monotonic() + rng.uniform(1.0, 8.0 + 2.0 * seconds / KILLS)
+        while time.monotonic() < until and process.poll() is None:
+            time.sleep(0.05)
+        if process.poll() is not None:
+            assert process.returncode == 0, process.stderr.read() if process.stderr else ""
+            break
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        kills += 1
+        log = broken / LOG_FILE
+        lines.append(log.read_bytes().count(b"\n") if log.is_file() else 0)
+        if log.is_file():
+            again = command("--resume", "--workers", "2", "-o", str(broken))
+    subprocess.run(again, check=True, capture_output=True)
+    assert len(set(lines)) >= 5, f"killed after {lines} evaluations only"
+    assert lines == sorted(lines)
+    assert planned(broken) == planned(whole)
+
+
+def test_a_dask_cluster_that_loses_a_worker_loses_nothing(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (pip install 'fieldkit[cluster]')")
+    from fieldkit.planning.dask_executor import DaskExecutor
+
+    settings = bowl_settings(lag=2)
+    killed = []
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+        create_run(tmp_path / "run", settings) as run,
+        DaskExecutor(Bowl(noise_m=0.1, seconds=0.2), client) as executor,
+    ):
+
+        def kill_one(entry: LogEntry) -> None:
+            if entry.number == 5 and not killed:
+                killed.append(next(iter(client.run(os.getpid).values())))
+                os.kill(killed[0], signal.SIGKILL)
+
+        search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=kill_one)
+        confirm(executor, run, watch=ignore)
+        assert killed
+        assert plain(run.entries) == unbroken(tmp_path, settings)
