@@ -1,7 +1,7 @@
-"""fieldkit: reference clouds and capture scores of field plots from photographs.
+"""fieldkit: reference clouds, capture scores and camera plans of field plots from photographs.
 
-The commands as functions: `build_reference` and `evaluate_captures`. They are imported when first used, so that
-``import fieldkit`` stays light.
+The commands as functions: `build_reference`, `plan_views` and `evaluate_captures`. They are imported when first used, so
+that ``import fieldkit`` stays light.
 """
 
 from __future__ import annotations
@@ -16,29 +16,49 @@ if TYPE_CHECKING:
     from fieldkit.evaluation.reference import build_reference
     from fieldkit.evaluation.report_files import load_evaluation_report, load_reference_report
     from fieldkit.evaluation.schema import EvaluationReport, ReferenceReport
+    from fieldkit.missions.plan import Plan
+    from fieldkit.missions.plan_file import load_plan
+    from fieldkit.planning.asked import search_settings
+    from fieldkit.planning.outcome import Outcome
+    from fieldkit.planning.plan_views import plan_views, resume_plan
+    from fieldkit.planning.run_settings import SearchSettings
     from fieldkit.reconstruction.settings import ReconstructionSettings
 
 __all__ = [
     "EvaluationReport",
     "FieldkitError",
+    "Outcome",
+    "Plan",
     "ReconstructionSettings",
     "ReferenceReport",
+    "SearchSettings",
     "__version__",
     "build_reference",
     "evaluate_captures",
     "load_evaluation_report",
+    "load_plan",
     "load_reference_report",
+    "plan_views",
+    "resume_plan",
+    "search_settings",
 ]
 
 _HOMES = {
     "EvaluationReport": "fieldkit.evaluation.schema",
     "FieldkitError": "fieldkit.errors",
+    "Outcome": "fieldkit.planning.outcome",
+    "Plan": "fieldkit.missions.plan",
     "ReconstructionSettings": "fieldkit.reconstruction.settings",
     "ReferenceReport": "fieldkit.evaluation.schema",
+    "SearchSettings": "fieldkit.planning.run_settings",
     "build_reference": "fieldkit.evaluation.reference",
     "evaluate_captures": "fieldkit.evaluation.evaluate",
     "load_evaluation_report": "fieldkit.evaluation.report_files",
+    "load_plan": "fieldkit.missions.plan_file",
     "load_reference_report": "fieldkit.evaluation.report_files",
+    "plan_views": "fieldkit.planning.plan_views",
+    "resume_plan": "fieldkit.planning.plan_views",
+    "search_settings": "fieldkit.planning.asked",
 }
 
 

@@ -1,4 +1,4 @@
-"""Write sim/scenes (the paper's cases and test cases, the tuning scenes), the JSON schemas of scene files and plans,
+"""Write sim/scenes (the paper's cases and test cases, the tuning scenes), the JSON schemas of scenes, plans and runs,
 and the tables of keys in sim/README.md.
 """
 
@@ -11,6 +11,7 @@ from typing import Any
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.missions.plan_file import plan_schema
+from fieldkit.planning.outcome import run_schemas
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.generator import new_scene, varied, without_plant
 from fieldkit.scenes.scene_file import described_types, key_docs, scene_schema, write_scene
@@ -134,4 +135,6 @@ if __name__ == "__main__":
         print(FOLDER / f"{name}.toml")
     (ROOT / "docs" / "schemas" / "scene.schema.json").write_text(scene_schema(), encoding="utf-8")
     (ROOT / "docs" / "schemas" / "plan.schema.json").write_text(plan_schema(), encoding="utf-8")
+    for name, text in run_schemas().items():
+        (ROOT / "docs" / "schemas" / name).write_text(text, encoding="utf-8")
     GUIDE.write_text(guide_with_tables(GUIDE.read_text(encoding="utf-8")), encoding="utf-8")

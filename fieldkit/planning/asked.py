@@ -43,6 +43,33 @@ class Asked:
     images: Path | None = None
 
 
+def search_settings(
+    *, scene: Path | None = None, reference: Path | None = None, captures: Path | None = None,
+    images: Path | None = None, noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
+    workers: int = 1, deterministic: bool = False, **more: Any,
+) -> SearchSettings:  # fmt: skip
+    """The settings of a new run, for `plan_views`.
+
+    Args:
+        scene, reference, captures: what to plan on, as `fieldkit plan` takes them.
+        images: the reference's photographs.
+        noise: fields of `NoiseSettings`.
+        envelope: fields of `EnvelopeSettings`.
+        workers: that will evaluate.
+        deterministic: see `lag_for`.
+        more: fields of `SearchSettings`: cameras, evaluations, method, seed and others.
+
+    Raises:
+        UsageError: they contradict themselves.
+        InputError: what is to be planned on cannot be used.
+
+    Example:
+        >>> settings = search_settings(scene=Path("case-1"), cameras=10, evaluations=60)
+    """
+    asked = Asked(more, noise or {}, envelope or {}, scene, reference, captures, images)
+    return new_settings(asked, workers, deterministic=deterministic)
+
+
 def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSettings:
     """The settings of a new run.
 

@@ -7,13 +7,16 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from fieldkit.documents import read_json_object, validated
+from pydantic import BaseModel
+
+from fieldkit.documents import read_json_object, schema_text, validated
 from fieldkit.files import write_atomic
 from fieldkit.missions.plan import Count, Length, Plan, PlanMethod, Strict
 from fieldkit.missions.plan_file import PLAN_FILE, plan_from_poses, save_plan
 from fieldkit.planning.problems import Plannable
 from fieldkit.planning.run import Finalist, Stopped
 from fieldkit.planning.run_folder import LogEntry, RunFolder
+from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.reporting.objective_plots import png
 from fieldkit.reporting.search_plots import draw_plan, draw_search
 
@@ -130,6 +133,12 @@ def read_outcome(path: Path) -> Outcome:
     file = path / OUTCOME_FILE
     document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
     return validated(Outcome, document, file, _REMEDY)
+
+
+def run_schemas() -> dict[str, str]:
+    """JSON Schemas (2020-12) of a run's search.json and outcome.json and of a line of evaluations.jsonl, by file."""
+    models: dict[str, type[BaseModel]] = {"search": SearchSettings, "outcome": Outcome, "evaluations": LogEntry}
+    return {f"{n}.schema.json": schema_text(m.model_json_schema(mode="validation")) for n, m in models.items()}
 
 
 def progress_table(entries: Sequence[LogEntry]) -> str:
