@@ -1,7 +1,7 @@
 """fieldkit: reference clouds, capture scores and camera plans of field plots from photographs.
 
-The commands as functions: `build_reference`, `plan_views` and `evaluate_captures`. They are imported when first used, so
-that ``import fieldkit`` stays light.
+The commands as functions: `build_reference`, `plan_views` and `evaluate_captures`. They are imported when first used,
+so that ``import fieldkit`` stays light.
 """
 
 from __future__ import annotations
