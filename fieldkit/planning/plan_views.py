@@ -103,7 +103,7 @@ def _planned(
         stopped = search(
             method, executor, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
         )  # fmt: skip
-        confirmed = confirm(executor, run, watch=watch)
+        confirmed = confirm(method, executor, run, watch=watch)
     if not confirmed:
         raise ReconstructionError(
             "no evaluation succeeded", path=run.path,

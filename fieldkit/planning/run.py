@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Literal
@@ -13,7 +13,7 @@ import numpy as np
 from fieldkit.planning.executor import Executor, Job
 from fieldkit.planning.run_folder import LogEntry, RunFolder
 from fieldkit.planning.run_settings import SearchSettings
-from fieldkit.planning.search import Method, Result, Trial
+from fieldkit.planning.search import Judge, Method, Result, Trial, lowest
 
 Stopped = Literal["evaluations", "time", "exhausted"]
 Watch = Callable[[LogEntry], None]
@@ -117,10 +117,11 @@ def search(
             raise
 
 
-def confirm(executor: Executor, run: RunFolder, *, watch: Watch) -> list[Finalist]:
+def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch) -> list[Finalist]:
     """Evaluate the search's best sets again at fresh seeds; the best of them first.
 
-    The lowest value of many noisy ones is partly luck: the winner is chosen by values that had no part in finding it.
+    Which these are the method says where it is a `Judge`; else they are those of the lowest values. The lowest value of
+    many noisy ones is partly luck: the winner is chosen by values that had no part in finding it.
 
     Returns:
         The finalists by value; none where no trial was measured.
@@ -128,7 +129,9 @@ def confirm(executor: Executor, run: RunFolder, *, watch: Watch) -> list[Finalis
     Raises:
         FieldkitError, StorageError: as `search`.
     """
-    chosen = finalists([e.result for e in run.entries if e.stage == "search"], run.settings.finalists)
+    results = sorted((e.result for e in run.entries if e.stage == "search"), key=lambda r: r.trial.number)
+    judge = method.favourites if isinstance(method, Judge) else lowest
+    chosen = judge(results, run.settings.finalists)
     return evaluate_again(executor, run, chosen, watch=watch)
 
 
@@ -162,17 +165,6 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
         spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
         confirmed.append(Finalist(trial, entries, worst_mean(values, settings.noise.risk), spread))
     return sorted(confirmed, key=lambda finalist: (finalist.value_m, finalist.trial.number))
-
-
-def finalists(results: Iterable[Result], count: int) -> list[Trial]:
-    """The trials of the lowest values, no set of cameras twice."""
-    chosen: dict[bytes, Trial] = {}
-    measured = [result for result in results if result.measured]
-    for result in sorted(measured, key=lambda r: (r.value_m, r.trial.number)):
-        if len(chosen) == count:
-            break
-        chosen.setdefault(result.trial.cameras.vector().tobytes(), result.trial)
-    return list(chosen.values())
 
 
 def worst_mean(values: Sequence[float], share: float) -> float:

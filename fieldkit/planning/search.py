@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -144,6 +144,17 @@ class Result:
     right: int = 0
 
 
+def lowest(results: Iterable[Result], count: int) -> list[Trial]:
+    """The trials of the lowest measured values, no set of cameras twice."""
+    chosen: dict[bytes, Trial] = {}
+    measured = [result for result in results if result.measured]
+    for result in sorted(measured, key=lambda r: (r.value_m, r.trial.number)):
+        if len(chosen) == count:
+            break
+        chosen.setdefault(result.trial.cameras.vector().tobytes(), result.trial)
+    return list(chosen.values())
+
+
 class Method(Protocol):
     """Proposes trials.
 
@@ -164,4 +175,13 @@ class Method(Protocol):
             results: of earlier trials, by number; those the method may know of.
             pending: earlier trials whose results it may not know yet, by number.
         """
+        ...
+
+
+@runtime_checkable
+class Judge(Protocol):
+    """A method that knows better than by the lowest values which trials are the best."""
+
+    def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
+        """At most ``count`` trials for another look, no set of cameras twice; none where nothing was measured."""
         ...

@@ -101,6 +101,6 @@ def test_a_dask_cluster_that_loses_a_worker_loses_nothing(tmp_path: Path) -> Non
                 os.kill(killed[0], signal.SIGKILL)
 
         search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=kill_one)
-        confirm(executor, run, watch=ignore)
+        confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
         assert killed
         assert plain(run.entries) == unbroken(tmp_path, settings)

@@ -18,7 +18,7 @@ def finished(folder: Path, known: list[LogEntry], counted: Path | None = None) -
     with create_run(folder, bowl_settings()) as run, Serial(Bowl(counted, noise_m=0.1)) as serial:
         executor = Recalling(serial, known, run.settings.fidelity)
         search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
-        confirm(executor, run, watch=ignore)
+        confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
         return list(run.entries)
 
 

@@ -13,10 +13,10 @@ import pytest
 from fieldkit.planning.executor import Executor, Serial
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.pool import WorkerPool
-from fieldkit.planning.run import confirm, finalists, search, worst_mean
+from fieldkit.planning.run import confirm, search, worst_mean
 from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run_settings import SearchSettings, lag_for
-from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.search import Problem, Result, Trial, lowest
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 
 
@@ -68,7 +68,7 @@ def serial(folder: Path | None = None, noise_m: float = 0.0) -> Iterator[Executo
 def unbroken(tmp_path: Path, settings: SearchSettings) -> list[dict[str, object]]:
     with create_run(tmp_path / "unbroken", settings) as run, serial(noise_m=0.1) as executor:
         assert search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore) == "evaluations"
-        confirm(executor, run, watch=ignore)
+        confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
         return plain(run.entries)
 
 
@@ -97,7 +97,7 @@ def test_an_interrupted_run_ends_as_an_unbroken_one(tmp_path: Path, stop: int, l
 
     def go(run: RunFolder, executor: Executor, watch: object) -> None:
         search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=watch)  # type: ignore[arg-type]
-        confirm(executor, run, watch=watch)  # type: ignore[arg-type]
+        confirm(Greedy(bowl_problem()), executor, run, watch=watch)  # type: ignore[arg-type]
 
     with create_run(tmp_path / "run", settings) as run, serial(tmp_path, noise_m=0.1) as executor:
         with pytest.raises(KeyboardInterrupt):
@@ -114,7 +114,7 @@ def test_more_evaluations_extend_a_finished_run(tmp_path: Path) -> None:
     settings = bowl_settings(evaluations=9)
     with create_run(tmp_path / "run", settings) as run, serial(noise_m=0.1) as executor:
         search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
-        confirm(executor, run, watch=ignore)
+        confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
     with open_run(tmp_path / "run") as run, serial(noise_m=0.1) as executor:
         run.save_settings(run.settings.model_copy(update={"evaluations": 20}))
         search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
@@ -129,7 +129,7 @@ def test_the_same_whatever_the_workers_with_one_lag(tmp_path: Path) -> None:
         folder = tmp_path / f"run-{workers}"
         with create_run(folder, settings) as run, WorkerPool(Bowl(noise_m=0.1, seconds=0.02), workers=workers) as pool:
             search(Greedy(bowl_problem()), pool, run, out_of_time=never, watch=ignore)
-            confirm(pool, run, watch=ignore)
+            confirm(Greedy(bowl_problem()), pool, run, watch=ignore)
             assert plain(run.entries) == whole
 
 
@@ -148,9 +148,9 @@ def test_finalists_are_chosen_anew_at_fresh_seeds(tmp_path: Path) -> None:
     settings = bowl_settings(evaluations=30, finalists=5, repeats=3)
     with create_run(tmp_path / "run", settings) as run, serial(noise_m=1.0) as executor:
         search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
-        confirmed = confirm(executor, run, watch=ignore)
+        confirmed = confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
         by_search = sorted((e for e in run.entries if e.stage == "search"), key=lambda e: e.value_m)
-        again = confirm(executor, run, watch=ignore)
+        again = confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
     assert {f.trial.number for f in confirmed} == {e.number for e in by_search[:5]}
     assert [f.value_m for f in confirmed] == sorted(f.value_m for f in confirmed)
     for found in confirmed:
@@ -176,7 +176,7 @@ def test_no_set_is_a_finalist_twice() -> None:
     results = [
         Result(Trial(k, c, ""), v, measured=k != 3) for k, (c, v) in enumerate(zip(cameras, values, strict=True))
     ]
-    assert [trial.number for trial in finalists(results, 3)] == [1, 2]
+    assert [trial.number for trial in lowest(results, 3)] == [1, 2]
 
 
 def test_the_mean_of_the_worst() -> None:

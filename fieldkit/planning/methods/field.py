@@ -16,13 +16,14 @@ from fieldkit.planning.families import Family, circles, families
 from fieldkit.planning.geometric import GeometricScore
 from fieldkit.planning.methods.geometric import cost_of, optimise
 from fieldkit.planning.methods.moves import near
-from fieldkit.planning.search import Problem, Result, Trial
-from fieldkit.planning.surrogates.ensemble import fit_ensemble
+from fieldkit.planning.search import Problem, Result, Trial, lowest
+from fieldkit.planning.surrogates.ensemble import Ensemble, fit_ensemble
 from fieldkit.planning.surrogates.kernels import KernelSpec
 from fieldkit.planning.surrogates.sets import FEATURES, SET_KERNELS, SetEmbedding
 
 _STREAM = 44
 _LEAST_M = 1e-4
+_TERMS = 3
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class FieldSettings:
         patience: trials without success after which the region shrinks.
         centers: best sets by the surrogate that moves start from.
         geometry: whether the geometric score is the surrogate's prior mean, and favours initial sets.
+        noise: standard deviation of an evaluation, as a share of its value, that the surrogate believes in at least.
+        apart: of finalists, in medians of the distance between sets that were tried.
         kernels: of the ensemble.
     """
 
@@ -54,7 +57,19 @@ class FieldSettings:
     patience: int = 4
     centers: int = 2
     geometry: bool = True
+    noise: float = 0.05
+    apart: float = 0.25
     kernels: tuple[KernelSpec, ...] = SET_KERNELS
+
+
+class _Known(NamedTuple):
+    """What the surrogate learnt from: measured trials, their inputs (t, d), the ensemble, its slopes, its mean (t,)."""
+
+    trials: list[Trial]
+    x: Array
+    ensemble: Ensemble
+    slopes: Array
+    mean: Array
 
 
 class _Candidate(NamedTuple):
@@ -70,11 +85,11 @@ class Field:
     """Structured sets warm-started by circles, then a trust region that moves one to three cameras at a time.
 
     The surrogate is an ensemble of Gaussian processes as BOSfM's, over an embedding of sets that does not know the
-    cameras' order, of −ln(value); its prior mean is linear in the logarithms of the geometric score's two terms, with
+    cameras' order, of −ln(value); its prior mean is linear in the logarithms of the geometric score's three terms, with
     coefficients fitted to the results so far and not below 0. A model is drawn by its weight and its expected
     improvement over the incumbent chooses among candidates; since evaluations are noisy the incumbent is the largest
-    posterior mean of what was tried, not the largest observation. Pending trials count as observed at the posterior
-    mean.
+    posterior mean of what was tried, not the largest observation, and finalists are chosen by it. Pending trials count
+    as observed at the posterior mean.
 
     Attributes:
         problem: what is looked for.
@@ -109,13 +124,9 @@ class Field:
             start = self._start(number, known)
             return None if start is None else Trial(number, start.cameras, start.origin, start.notes)
         rng = np.random.default_rng([self.seed, _STREAM, number])
-        trials = [result.trial for result in measured]
-        y = -np.log(np.maximum([result.value_m for result in measured], _LEAST_M))
-        x = self._inputs([trial.cameras for trial in trials])
-        slopes = _slopes(x, y)
-        ensemble = fit_ensemble(x, y, self.settings.kernels, prior_mean=lambda z: z[:, FEATURES:] @ slopes)
+        learnt = self._learnt(measured)
+        trials, ensemble, mean = learnt.trials, learnt.ensemble, learnt.mean
         model = ensemble.draw(rng)
-        mean, _ = ensemble.posterior(x)
         if pending:
             model = model.believing(self._inputs([trial.cameras for trial in pending]))
         local = number >= self.settings.structured and number % self.settings.every != 0
@@ -130,7 +141,7 @@ class Field:
         notes: dict[str, object] = {
             "model": model.name,
             "weights": ensemble.named_weights(),
-            "slopes": [float(s) for s in slopes],
+            "slopes": [float(s) for s in learnt.slopes],
             "remarks": list(model.remarks),
         }
         if local:
@@ -144,24 +155,50 @@ class Field:
         chosen = candidates[int(np.argmax(values))]
         return Trial(number, chosen.cameras, chosen.origin, notes | chosen.notes)
 
+    def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
+        """See `Judge.favourites`: those of the largest posterior means, none of them near a better one."""
+        measured = [result for result in results if result.measured]
+        if len(measured) < 3:
+            return lowest(results, count)
+        learnt = self._learnt(measured)
+        embedded = learnt.x[:, :FEATURES]
+        distances = np.linalg.norm(embedded[:, None] - embedded[None], axis=2)
+        apart = self.settings.apart * float(np.median(distances))
+        order = [int(k) for k in np.argsort(-learnt.mean, kind="stable")]
+        chosen: list[int] = []
+        for least in (apart, 0.0):  # a search that stayed in one place has no others
+            for k in order:
+                if len(chosen) < count and k not in chosen and all(distances[k, j] > least for j in chosen):
+                    chosen.append(k)
+        return [learnt.trials[k] for k in chosen]
+
+    def _learnt(self, measured: Sequence[Result]) -> _Known:
+        trials = [result.trial for result in measured]
+        y = -np.log(np.maximum([result.value_m for result in measured], _LEAST_M))
+        x = self._inputs([trial.cameras for trial in trials])
+        slopes = _slopes(x, y)
+        ensemble = fit_ensemble(
+            x, y, self.settings.kernels, prior_mean=lambda z: z[:, FEATURES:] @ slopes, least_noise=self.settings.noise
+        )
+        return _Known(trials, x, ensemble, slopes, ensemble.posterior(x)[0])
+
     def _inputs(self, sets: Sequence[Cameras]) -> Array:
-        """(n, FEATURES + 2): the embedding and minus the logarithms of the geometric score's terms."""
+        """(n, FEATURES + 3): the embedding and minus the logarithms of the geometric score's terms."""
         embedded = self._embedding(sets)
-        terms = np.zeros((len(sets), 2))
+        terms = np.zeros((len(sets), _TERMS))
         if self.settings.geometry:
             terms[:] = [self._terms(cameras) for cameras in sets]
         return np.hstack([embedded, terms])
 
-    def _terms(self, cameras: Cameras) -> tuple[float, float]:
+    def _terms(self, cameras: Cameras) -> Array:
         key = _key(cameras)
         if key not in self._known_terms:
             found = self._score.score(cameras)
-            distance, tie = max(found.distance_m, _LEAST_M), max(found.tie_m, _LEAST_M)
-            self._known_terms[key] = -float(np.log(distance)), -float(np.log(tie))
+            self._known_terms[key] = -np.log(np.maximum([found.gap_m, found.noise_m, found.tie_m], _LEAST_M))
         return self._known_terms[key]
 
     @cached_property
-    def _known_terms(self) -> dict[bytes, tuple[float, float]]:
+    def _known_terms(self) -> dict[bytes, Array]:
         return {}
 
     def _start(self, number: int, known: set[bytes]) -> _Candidate | None:
@@ -185,8 +222,7 @@ class Field:
         drawn = [self._drawn(self._families[number % len(self._families)], rng) for _ in range(self.settings.pool)]
         drawn = [each for each in drawn if _key(each.cameras) not in known]
         if drawn and self.settings.geometry:
-            terms = self._inputs([each.cameras for each in drawn])[:, FEATURES:].sum(axis=1)
-            return drawn[int(np.argmax(terms))]
+            return min(drawn, key=lambda each: cost_of(self._score)(each.cameras))
         if drawn:
             return drawn[0]
         for attempt in range(100):
@@ -248,10 +284,10 @@ class Field:
 
 
 def _slopes(x: Array, y: Array) -> Array:
-    """(2,) of the prior mean in the geometric score's terms: least squares, none below 0, with a weak pull to 0."""
+    """(3,) of the prior mean in the geometric score's terms: least squares, none below 0, with a weak pull to 0."""
     terms = x[:, FEATURES:] - x[:, FEATURES:].mean(axis=0)
-    pull = 0.1 * np.sqrt(len(y)) * np.eye(2)
-    slopes, _ = nnls(np.vstack([terms, pull]), np.concatenate([y - y.mean(), np.zeros(2)]))
+    pull = 0.1 * np.sqrt(len(y)) * np.eye(_TERMS)
+    slopes, _ = nnls(np.vstack([terms, pull]), np.concatenate([y - y.mean(), np.zeros(_TERMS)]))
     found: Array = slopes
     return found
 

@@ -60,6 +60,7 @@ def fit_ensemble(
     kernels: Sequence[KernelSpec] = PAPER_KERNELS,
     *,
     prior_mean: PriorMean | None = None,
+    least_noise: float = 0.0,
     iterations: int = ITERATIONS,
 ) -> Ensemble:
     """Fit one process per kernel and weigh them by their exact marginal likelihoods; see `fit_gp`.
@@ -71,5 +72,8 @@ def fit_ensemble(
     """
     if not kernels:
         raise ValueError("an ensemble needs a kernel")
-    models = tuple(fit_gp(x, y, kernel, prior_mean=prior_mean, iterations=iterations) for kernel in kernels)
+    models = tuple(
+        fit_gp(x, y, kernel, prior_mean=prior_mean, least_noise=least_noise, iterations=iterations)
+        for kernel in kernels
+    )
     return Ensemble(models, posterior_weights([model.log_likelihood for model in models]))

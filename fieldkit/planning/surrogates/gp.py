@@ -124,8 +124,9 @@ class FittedGP:
 
 @one_torch_thread()
 def fit_gp(
-    x: Array, y: Array, kernel: KernelSpec, *, prior_mean: PriorMean | None = None, iterations: int = ITERATIONS
-) -> FittedGP:
+    x: Array, y: Array, kernel: KernelSpec, *, prior_mean: PriorMean | None = None, least_noise: float = 0.0,
+    iterations: int = ITERATIONS,
+) -> FittedGP:  # fmt: skip
     """Fit a Gaussian process by maximum marginal likelihood (times the hyperparameters' priors).
 
     The paper's process has zero mean; so y, less the prior mean where there is one, is standardised first, by its own
@@ -141,6 +142,7 @@ def fit_gp(
         y: (t,) to be made large.
         kernel: one of `PAPER_KERNELS`, or another.
         prior_mean: called on (n, d).
+        least_noise: standard deviation of y's noise, where it is known: the fit finds no less.
         iterations: of L-BFGS, at most.
 
     Raises:
@@ -158,13 +160,14 @@ def fit_gp(
         scale = 1.0
     train_x, train_y = torch.from_numpy(inputs), torch.from_numpy((residual - shift) / scale)
 
-    model = _Model(train_x, train_y, kernel.build(inputs.shape[1]))
+    least = (least_noise / scale) ** 2
+    model = _Model(train_x, train_y, kernel.build(inputs.shape[1]), least)
     remarks = _maximise_likelihood(model, iterations)
     try:
         factor, events = _factor(model.covar_module, float(model.likelihood.noise.detach()), train_x)
     except RuntimeError as error:
         remarks.append(f"the fitted hyperparameters give no usable matrix ({error}), so the start's are used")
-        model = _Model(train_x, train_y, kernel.build(inputs.shape[1]))
+        model = _Model(train_x, train_y, kernel.build(inputs.shape[1]), least)
         factor, events = _factor(model.covar_module, float(model.likelihood.noise.detach()), train_x)
     for parameter in model.parameters():
         parameter.requires_grad_(False)
@@ -180,8 +183,8 @@ def fit_gp(
 class _Model(gpytorch.models.ExactGP, GPyTorchModel):  # type: ignore[misc]
     _num_outputs = 1
 
-    def __init__(self, x: Tensor, y: Tensor, kernel: Any) -> None:
-        super().__init__(x, y, noise_model())
+    def __init__(self, x: Tensor, y: Tensor, kernel: Any, least_noise: float) -> None:
+        super().__init__(x, y, noise_model(least_noise))
         self.mean_module = gpytorch.means.ZeroMean()
         self.covar_module = kernel
         self.double()

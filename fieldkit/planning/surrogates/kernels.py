@@ -105,15 +105,19 @@ class CirclePeriodicKernel(gpytorch.kernels.Kernel):  # type: ignore[misc]
         return circles
 
 
-def noise_model() -> Any:
+def noise_model(least: float = 0.0) -> Any:
     """The likelihood y = r + n with Gaussian n.
+
+    Args:
+        least: variance that the noise has at least, where it is known, in variances of y.
 
     The prior of its variance is LogNormal(−5, 1.5): two in three between 0.0015 and 0.03 of the variance of y, where
     the noise of evaluations is. BoTorch's LogNormal(−4, 1) hides the last tenths of objectives without noise.
     """
     prior = log_normal(-5.0, 1.5)
+    limits = (max(NOISES[0], least), max(NOISES[1], 4.0 * least))
     return gpytorch.likelihoods.GaussianLikelihood(
-        noise_prior=prior, noise_constraint=LogInterval(NOISES, _start(prior, NOISES))
+        noise_prior=prior, noise_constraint=LogInterval(limits, _start(prior, limits))
     )
 
 

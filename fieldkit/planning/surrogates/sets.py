@@ -65,7 +65,6 @@ def _isotropic(kind: Any, **more: Any) -> Any:
 SET_KERNELS = (
     KernelSpec("set-rbf", _isotropic(gpytorch.kernels.RBFKernel)),
     KernelSpec("set-matern", _isotropic(gpytorch.kernels.MaternKernel, nu=2.5)),
-    KernelSpec("set-rough", _isotropic(gpytorch.kernels.MaternKernel, nu=0.5)),
 )
-"""The ensemble of the method `field`: smooth, less smooth and rough functions of the embedding, one length scale each.
+"""The ensemble of the method `field`: smooth and less smooth functions of the embedding, one length scale each.
 Inputs may have further columns, which they ignore."""

@@ -13,7 +13,7 @@ from fieldkit.planning.methods.geometric import cost_of
 from fieldkit.planning.methods.moves import looked_at, near
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
-from fieldkit.planning.search import Method, Problem, Result, Trial
+from fieldkit.planning.search import Judge, Method, Problem, Result, Trial
 from fieldkit.planning.surrogates.sets import SetEmbedding
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 
@@ -94,6 +94,25 @@ def test_a_small_recorded_set_is_tried_out_and_then_left() -> None:
     found = run(Field(problem, QUICK), 30, problem)
     assert len(set(vectors(found))) == len(found) == 10  # 5 over 3
     assert Field(problem, QUICK).propose(10, found, []) is None
+
+
+def test_finalists_are_good_by_the_model_and_apart() -> None:
+    problem = bowl_problem(4)
+    found = run(Field(problem, QUICK), 20, problem)
+    # Of one place tried again and again, one lucky value does not count; and one finalist is enough of it.
+    center = found[12].trial.cameras
+    rng = np.random.default_rng(1)
+    around = [
+        Result(Trial(20 + k, near(center, problem, 0.01, rng), ""), 0.05 if k == 3 else found[12].value_m)
+        for k in range(8)
+    ]
+    chosen = Field(problem, QUICK).favourites([*found, *around], 4)
+    assert isinstance(Field(problem), Judge)
+    assert len({trial.cameras.vector().tobytes() for trial in chosen}) == 4
+    close = {12, *range(20, 28)}
+    assert len([trial for trial in chosen if trial.number in close]) <= 1
+    assert Field(problem, QUICK).favourites([], 3) == []
+    assert len(Field(problem, QUICK).favourites(found[:3], 4)) == 3
 
 
 def test_the_embedding_knows_no_order_and_its_distance_is_the_discrepancy() -> None:
