@@ -118,29 +118,32 @@ def aim_range_m(problem: Problem) -> tuple[float, float]:
 def circle_ranges_m(problem: Problem) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
     """What circles are looked for in: radii, altitudes above ground, and heights z to aim at; metres.
 
-    Radii from half of what fills the picture to a quarter more, within the envelope's reach; altitudes of the whole
-    height band.
+    Radii from a third of what fills the picture to a quarter more than that, within the envelope's reach; altitudes of
+    the whole height band.
     """
     reach, fill = reach_m(problem), fill_distance_m(problem)
     widest = min(reach, 1.25 * fill)
     low, high = problem.envelope.height_m
-    return (min(max(0.5 * fill, _NARROWEST * reach), 0.7 * widest), widest), (low, high), aim_range_m(problem)
+    return (min(max(fill / 3.0, _NARROWEST * reach), 0.7 * widest), widest), (low, high), aim_range_m(problem)
 
 
-def circles(problem: Problem, altitudes: int = 5, radii: int = 5, aims: int = 1) -> tuple[Circle, ...]:
+def circles(
+    problem: Problem, altitudes: int = 5, radii: int = 5, aims: int = 1, *, inner: bool = False
+) -> tuple[Circle, ...]:
     """A grid of circles: radii change fastest, then altitudes, then aims.
 
     Args:
         problem: of N cameras.
         altitudes, radii, aims: how many of each, spread evenly over `circle_ranges_m`, its ends included; a single one
             is the middle.
+        inner: the ends are half a step farther out: what few circles stand for best.
     """
     radius_range, altitude_range, aim_range = circle_ranges_m(problem)
     return tuple(
         Circle(float(radius), float(altitude), float(aim))
-        for aim in _spread(aim_range, aims)
-        for altitude in _spread(altitude_range, altitudes)
-        for radius in _spread(radius_range, radii)
+        for aim in _spread(aim_range, aims, inner)
+        for altitude in _spread(altitude_range, altitudes, inner)
+        for radius in _spread(radius_range, radii, inner)
     )
 
 
@@ -231,6 +234,8 @@ def _placed(problem: Problem, azimuth_deg: Array, radius_m: Array, altitude_m: A
     return Cameras.aimed(positions, np.array([x, y, aim_m]))
 
 
-def _spread(limits: tuple[float, float], count: int) -> Array:
+def _spread(limits: tuple[float, float], count: int, inner: bool) -> Array:
     low, high = limits
+    if inner:
+        return low + (high - low) * (np.arange(count) + 0.5) / count
     return np.linspace(low, high, count) if count > 1 else np.array([0.5 * (low + high)])

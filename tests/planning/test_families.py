@@ -108,7 +108,10 @@ def test_circles_fill_the_ranges() -> None:
     assert altitude == PROBLEM.envelope.height_m
     assert radius[1] <= reach_m(PROBLEM)
     assert radius[0] < radius[1]
-    assert 0.5 * fill_distance_m(PROBLEM) <= radius[0]
+    assert fill_distance_m(PROBLEM) / 3.0 <= radius[0]
+    inside = {c.radius_m for c in circles(PROBLEM, 1, 2, inner=True)}
+    width = radius[1] - radius[0]
+    np.testing.assert_allclose(sorted(inside), [radius[0] + 0.25 * width, radius[0] + 0.75 * width])
 
 
 def test_a_circle_is_round_and_looks_inwards() -> None:

@@ -43,7 +43,7 @@ class FieldSettings:
         centers: best sets by the surrogate that moves start from.
         geometry: whether the geometric score is the surrogate's prior mean, and favours initial sets.
         noise: standard deviation of an evaluation, as a share of its value, that the surrogate believes in at least.
-        apart: of finalists, in medians of the distance between sets that were tried.
+        apart: of finalists, in the distance that one camera makes which goes somewhere else (`SetEmbedding`).
         kernels: of the ensemble.
     """
 
@@ -58,7 +58,7 @@ class FieldSettings:
     centers: int = 2
     geometry: bool = True
     noise: float = 0.05
-    apart: float = 0.25
+    apart: float = 1.0
     kernels: tuple[KernelSpec, ...] = SET_KERNELS
 
 
@@ -163,7 +163,7 @@ class Field:
         learnt = self._learnt(measured)
         embedded = learnt.x[:, :FEATURES]
         distances = np.linalg.norm(embedded[:, None] - embedded[None], axis=2)
-        apart = self.settings.apart * float(np.median(distances))
+        apart = self.settings.apart * np.sqrt(2.0) / self.problem.count
         order = [int(k) for k in np.argsort(-learnt.mean, kind="stable")]
         chosen: list[int] = []
         for least in (apart, 0.0):  # a search that stayed in one place has no others
@@ -207,7 +207,7 @@ class Field:
         Random sets where these are known.
         """
         rng = np.random.default_rng([self.seed, _STREAM, number, 1])
-        plain = circles(self.problem, altitudes=3, radii=2, aims=1)
+        plain = circles(self.problem, altitudes=3, radii=2, inner=True)
         if number % 2 == 0 and number // 2 < len(plain):
             circle = plain[number // 2]
             origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
