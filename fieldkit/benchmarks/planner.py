@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from fieldkit.benchmarks.captures import rig_capture
 from fieldkit.benchmarks.objective import NO_DATA
-from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all
+from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all, run_name
 from fieldkit.benchmarks.planner_transfer import carry, transfer_table
 from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.benchmarks.rigs import load_rig
@@ -21,6 +21,8 @@ from fieldkit.cache import StageCache
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.missions.plan import PlanSource
 from fieldkit.planning.objective import Mapping as SfmMapping
+from fieldkit.planning.problems import open_problem
+from fieldkit.planning.run_folder import read_log, read_settings
 from fieldkit.progress import Progress
 from fieldkit.reporting.objective_plots import png
 from fieldkit.reporting.search_plots import draw_regret
@@ -124,6 +126,30 @@ def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
         tables=tuple(tables),
         notes=(*_scene_notes(options), "Carried plans are evaluated at fine and three fresh seeds, too."),
         figures=figures,
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _surrogate(options: PlannerOptions, progress: Progress) -> StudyResult:
+    from fieldkit.benchmarks.planner_surrogate import foretell_all, surrogate_table  # brings PyTorch along
+
+    wall, cpu = time.perf_counter(), time.process_time()
+    found = {}
+    for scene in options.scenes:
+        place = Place.scene(scene)
+        for ran in _on_scene(scene, ("field",), replace(options, methods=()), progress):
+            folder = options.runs / run_name(place, options.cameras, options.mapping, "field", ran.seed)
+            problem = open_problem(read_settings(folder), folder, cache=options.cache, progress=progress).problem
+            results = [entry.result for entry in read_log(folder) if entry.stage == "search"]
+            with progress.stage(f"Models of {folder.name}"):
+                found[folder.name] = foretell_all(problem, sorted(results, key=lambda r: r.trial.number))
+    return StudyResult(
+        name="surrogate",
+        title="Models in the field method's place",
+        tables=(surrogate_table(found),),
+        notes=("Every model learns from a run's first 20, 28, 36 … trials; the trials are those that `field` chose.",),
+        figures={run: {model: asdict(each) for model, each in by.items()} for run, by in found.items()},
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
     )
@@ -252,6 +278,7 @@ def _curves(runs: Sequence[Ran]) -> dict[str, list[tuple[float | None, ...]]]:
 STUDIES: dict[str, Callable[[PlannerOptions, Progress], StudyResult]] = {
     "simulated": _simulated,
     "transfer": _transfer,
+    "surrogate": _surrogate,
     "chosen": _recorded,
 }
 

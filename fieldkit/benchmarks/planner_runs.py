@@ -96,6 +96,11 @@ class Ran:
         return self.outcome.chamfer_m
 
 
+def run_name(place: Place, cameras: int, mapping: Mapping, method: str, seed: int) -> str:
+    """Of a run's folder."""
+    return f"{place.name}-{cameras}-{mapping}-{method}-{seed}"
+
+
 def run_all(
     place: Place,
     contenders: Sequence[Contender],
@@ -122,7 +127,7 @@ def run_all(
     known: list[LogEntry] = []
     for contender in contenders:
         for seed in contender.seeds:
-            output = folder / f"{place.name}-{cameras}-{mapping}-{contender.method}-{seed}"
+            output = folder / run_name(place, cameras, mapping, contender.method, seed)
             settings = place.settings(
                 cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
                 confirm_fidelity=confirm_fidelity, repeats=repeats, lag=lag_for(workers, deterministic=False),

@@ -10,11 +10,13 @@ import pytest
 
 from fieldkit.benchmarks.planner import PlannerOptions, compare_table, run_planner
 from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all
+from fieldkit.benchmarks.planner_surrogate import foretell, surrogate_table, variants
 from fieldkit.benchmarks.planner_transfer import Carried, transfer_table
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.outcome import FinalistReport, Outcome
 from fieldkit.planning.run_folder import read_log
+from fieldkit.planning.search import Result, Trial
 from fieldkit.progress import Silent
 from tests.cli.test_scene_commands import TINY
 from tests.planning.bowl import bowl_problem
@@ -61,6 +63,24 @@ def test_carried_plans_are_compared_with_what_is_optimised_there() -> None:
     assert (field[4], circle[4]) == ("0.50", "1.00")
     assert (field[6], field[7]) == ("9.0", "20")
     assert circle[0] == "circle, optimised here"
+
+
+def test_models_that_know_foretell_better() -> None:
+    problem = bowl_problem(4)
+    sets = [problem.sample(k) for k in range(36)]
+    rng = np.random.default_rng(0)
+    results = [
+        Result(Trial(k, s, ""), float(0.01 * np.exp(0.3 * s.positions[:, 2].mean() + 0.01 * rng.standard_normal())))
+        for k, s in enumerate(sets)
+    ]
+    shuffled = [Result(r.trial, results[int(k)].value_m) for r, k in zip(results, rng.permutation(36), strict=True)]
+    models = variants(problem)
+    true, false = foretell(results, models["field"]), foretell(shuffled, models["field"])
+    assert true.rank > 0.45 > false.rank
+    assert true.rmse < 0.7 * false.rmse
+    assert true.density > false.density
+    table = surrogate_table({"a": {"field": true}, "b": {"field": false}})
+    assert table.rows[0][1] == f"{(true.rmse + false.rmse) / 2:.3f}"
 
 
 def test_there_is_no_such_study(tmp_path: Path) -> None:

@@ -62,8 +62,8 @@ class FieldSettings:
     kernels: tuple[KernelSpec, ...] = SET_KERNELS
 
 
-class _Known(NamedTuple):
-    """What the surrogate learnt from: measured trials, their inputs (t, d), the ensemble, its slopes, its mean (t,)."""
+class Learnt(NamedTuple):
+    """The surrogate: measured trials, their inputs (t, d), the ensemble, its slopes (3,), its mean there (t,)."""
 
     trials: list[Trial]
     x: Array
@@ -124,11 +124,11 @@ class Field:
             start = self._start(number, known)
             return None if start is None else Trial(number, start.cameras, start.origin, start.notes)
         rng = np.random.default_rng([self.seed, _STREAM, number])
-        learnt = self._learnt(measured)
+        learnt = self.learn(measured)
         trials, ensemble, mean = learnt.trials, learnt.ensemble, learnt.mean
         model = ensemble.draw(rng)
         if pending:
-            model = model.believing(self._inputs([trial.cameras for trial in pending]))
+            model = model.believing(self.inputs([trial.cameras for trial in pending]))
         local = number >= self.settings.structured and number % self.settings.every != 0
         size = self._size_m(results) if local else 0.0
         order = np.argsort(-mean)
@@ -150,7 +150,7 @@ class Field:
             start = self._start(number, known)
             return None if start is None else Trial(number, start.cameras, start.origin, notes)
         values = log_expected_improvement(
-            *model.posterior(self._inputs([c.cameras for c in candidates])), float(mean.max())
+            *model.posterior(self.inputs([c.cameras for c in candidates])), float(mean.max())
         )
         chosen = candidates[int(np.argmax(values))]
         return Trial(number, chosen.cameras, chosen.origin, notes | chosen.notes)
@@ -160,7 +160,7 @@ class Field:
         measured = [result for result in results if result.measured]
         if len(measured) < 3:
             return lowest(results, count)
-        learnt = self._learnt(measured)
+        learnt = self.learn(measured)
         embedded = learnt.x[:, :FEATURES]
         distances = np.linalg.norm(embedded[:, None] - embedded[None], axis=2)
         apart = self.settings.apart * np.sqrt(2.0) / self.problem.count
@@ -172,17 +172,18 @@ class Field:
                     chosen.append(k)
         return [learnt.trials[k] for k in chosen]
 
-    def _learnt(self, measured: Sequence[Result]) -> _Known:
+    def learn(self, measured: Sequence[Result]) -> Learnt:
+        """The surrogate of y = −ln(value) after measured results, at least three."""
         trials = [result.trial for result in measured]
         y = -np.log(np.maximum([result.value_m for result in measured], _LEAST_M))
-        x = self._inputs([trial.cameras for trial in trials])
+        x = self.inputs([trial.cameras for trial in trials])
         slopes = _slopes(x, y)
         ensemble = fit_ensemble(
             x, y, self.settings.kernels, prior_mean=lambda z: z[:, FEATURES:] @ slopes, least_noise=self.settings.noise
         )
-        return _Known(trials, x, ensemble, slopes, ensemble.posterior(x)[0])
+        return Learnt(trials, x, ensemble, slopes, ensemble.posterior(x)[0])
 
-    def _inputs(self, sets: Sequence[Cameras]) -> Array:
+    def inputs(self, sets: Sequence[Cameras]) -> Array:
         """(n, FEATURES + 3): the embedding and minus the logarithms of the geometric score's terms."""
         embedded = self._embedding(sets)
         terms = np.zeros((len(sets), _TERMS))
