@@ -70,7 +70,7 @@ def test_models_that_know_foretell_better() -> None:
     sets = [problem.sample(k) for k in range(36)]
     rng = np.random.default_rng(0)
     results = [
-        Result(Trial(k, s, ""), float(0.01 * np.exp(0.3 * s.positions[:, 2].mean() + 0.01 * rng.standard_normal())))
+        Result(Trial(k, s, ""), float(0.01 * np.exp(1.5 * s.positions[:, 2].mean() + 0.01 * rng.standard_normal())))
         for k, s in enumerate(sets)
     ]
     shuffled = [Result(r.trial, results[int(k)].value_m) for r, k in zip(results, rng.permutation(36), strict=True)]
