@@ -78,7 +78,7 @@ def command(
         ),
     ] = None,
     scenes: Annotated[int, typer.Option("--scenes", min=1, max=3, help="In ranks.")] = 3,
-    seeds: Annotated[int, typer.Option("--seeds", min=2, help="In ranks, noise and planner.")] = 5,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="In ranks and noise (two at least), and planner.")] = 5,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of ranks, noise and planner.")] = 1,
     runs: Annotated[
         Path, typer.Option("--runs", metavar="DIR", help="In planner: keeps every run; finished ones are read again.")
@@ -101,9 +101,9 @@ def command(
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
-    recorded and proxy; the planner's are simulated, transfer, surrogate and chosen (of
-    recorded sets). FIELDKIT_DATA names the recorded
-    image sets; what needs them is left out without it. The result holds results.json, results.md and pictures.
+    recorded and proxy; the planner's are simulated, transfer, surrogate and chosen (of recorded sets). FIELDKIT_DATA
+    names the recorded image sets; what needs them is left out without it. The result holds results.json, results.md and
+    pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
     """
@@ -128,6 +128,8 @@ def command(
             )  # fmt: skip
             results = run_planner(output, names, planner, progress=progress, overwrite=overwrite)
         else:
+            if seeds < 2:
+                raise UsageError("noise takes two seeds at least", remedy="Give --seeds 2 or more.")
             objective = ObjectiveOptions(data, cache, evaluations, configurations, scenes, seeds, workers)
             results = run_objective(output, names, objective, progress=progress, overwrite=overwrite)
     if as_json:

@@ -77,7 +77,7 @@ def test_models_that_know_foretell_better() -> None:
     models = variants(problem)
     true, false = foretell(results, models["field"]), foretell(shuffled, models["field"])
     assert true.rank > 0.45 > false.rank
-    assert true.rmse < 0.7 * false.rmse
+    assert true.rmse < 0.9 * false.rmse
     assert true.density > false.density
     table = surrogate_table({"a": {"field": true}, "b": {"field": false}})
     assert table.rows[0][1] == f"{(true.rmse + false.rmse) / 2:.3f}"
