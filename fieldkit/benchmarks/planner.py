@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -21,6 +22,7 @@ from fieldkit.cache import StageCache
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.missions.plan import PlanSource
 from fieldkit.planning.objective import Mapping as SfmMapping
+from fieldkit.planning.outcome import PLAN_PICTURE
 from fieldkit.planning.problems import open_problem
 from fieldkit.planning.run_folder import read_log, read_settings
 from fieldkit.progress import Progress
@@ -35,6 +37,7 @@ _SEVERAL = ("random", *PLANNERS)
 _CARRIED = ("circle-aim", "matchable", *PLANNERS)
 _WITHOUT_SEED = tuple(name for name in _SIMULATED if name not in _SEVERAL)
 _REPEATS = 3
+_SUBSETS = 20
 _OURS = ("matchable", "field")
 """What is no baseline."""
 
@@ -161,20 +164,29 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
         return StudyResult("chosen", title, skipped=NO_DATA)
     wall, cpu = time.perf_counter(), time.process_time()
     found: dict[str, list[Ran]] = {}
+    pictures: dict[str, bytes] = {}
     for rig, counts in RIGS.items():
         place = _rig_place(options.data, rig, options, progress)
         for count in counts:
-            found[f"{rig}, {count} views"] = run_all(
-                place, _contenders(_RECORDED, options), options.runs, cameras=count, mapping=options.mapping,
-                confirm_fidelity="standard", repeats=1, workers=options.workers, cache=options.cache, progress=progress,
+            contenders = [
+                Contender("random", _SUBSETS) if each.method == "random" else each
+                for each in _contenders(_RECORDED, options)
+            ]
+            runs = run_all(
+                place, contenders, options.runs, cameras=count, mapping=options.mapping, confirm_fidelity="standard",
+                repeats=1, workers=options.workers, cache=options.cache, progress=progress,
             )  # fmt: skip
+            found[f"{rig}, {count} views"] = runs
+            best = min(runs, key=lambda run: (run.method != "field", run.value_m))
+            name = run_name(place, count, options.mapping, best.method, best.seed)
+            pictures[f"chosen-{rig}-{count}.png"] = (options.runs / name / PLAN_PICTURE).read_bytes()
     notes = (
         (
             f"{options.evaluations} evaluations at draft among all views of the rig, with its commanded poses, against "
-            "the reference of all of them; the four best sets were evaluated again at standard."
+            f"the reference of all of them ({_SUBSETS} for random); the four best were evaluated again at standard."
         ),
     )
-    return _study("chosen", title, found, notes, wall, cpu)
+    return _study("chosen", title, found, notes, wall, cpu, pictures)
 
 
 def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progress) -> Place:
@@ -182,7 +194,10 @@ def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progres
     images, reference = options.runs / name, options.runs / f"{name}-reference"
     if not images.is_dir():
         rig = load_rig(data, name, cache=options.cache, progress=progress, workers=options.workers)
-        rig_capture(images, rig, rig.names, rig.nominal, rig.accuracy_m)
+        part = images.with_name(f"{name}.part")
+        shutil.rmtree(part, ignore_errors=True)
+        rig_capture(part, rig, rig.names, rig.nominal, rig.accuracy_m)
+        part.rename(images)  # a copy that was broken off is not taken for a whole one
     if not reference.is_dir():
         build_reference(
             data / name / "images", reference, cache=options.cache, progress=progress, workers=options.workers,
@@ -198,8 +213,9 @@ def _contenders(names: Sequence[str], options: PlannerOptions) -> list[Contender
 
 
 def _study(
-    name: str, title: str, found: Mapping[str, Sequence[Ran]], notes: tuple[str, ...], wall: float, cpu: float
-) -> StudyResult:
+    name: str, title: str, found: Mapping[str, Sequence[Ran]], notes: tuple[str, ...], wall: float, cpu: float,
+    pictures: Mapping[str, bytes] | None = None,
+) -> StudyResult:  # fmt: skip
     return StudyResult(
         name=name,
         title=title,
@@ -209,7 +225,10 @@ def _study(
             place: [{"method": r.method, "seed": r.seed, "best_m": r.best_m, **r.outcome.model_dump()} for r in runs]
             for place, runs in found.items()
         },
-        pictures={f"{name}-regret.png": png(draw_regret({p: _curves(runs) for p, runs in found.items()}))},
+        pictures={
+            f"{name}-regret.png": png(draw_regret({p: _curves(runs) for p, runs in found.items()})),
+            **(pictures or {}),
+        },
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
     )

@@ -118,7 +118,11 @@ def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Fina
     write_atomic(run.path / SEARCH_PICTURE, png(figure))
     cameras = chosen.trial.cameras
     title = f"{settings.source.name}: {settings.cameras} cameras, chamfer distance {1000 * outcome.chamfer_m:.1f} mm"
-    figure = draw_plan(title, cameras.positions, cameras.forward, plannable.problem.reference)
+    views = plannable.problem.views
+    figure = draw_plan(
+        title, cameras.positions, cameras.forward, plannable.problem.reference,
+        None if views is None else views.positions,
+    )  # fmt: skip
     write_atomic(run.path / PLAN_PICTURE, png(figure))
     save_plan(run.path / PLAN_FILE, _plan(run, plannable, chosen, outcome))
     return outcome

@@ -94,7 +94,9 @@ def draw_regret(panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None
     return figure
 
 
-def draw_plan(title: str, positions: Array, forward: Array, plants: Cloud) -> Figure:
+def draw_plan(
+    title: str, positions: Array, forward: Array, plants: Cloud, others: Array | None = None
+) -> Figure:  # fmt: skip
     """A plan's cameras about the plants: from above, from the front and from the side, to one scale.
 
     Args:
@@ -102,10 +104,12 @@ def draw_plan(title: str, positions: Array, forward: Array, plants: Cloud) -> Fi
         positions: (n, 3) metres, plot frame.
         forward: (n, 3) unit vectors of the optical axes.
         plants: the reference.
+        others: (m, 3) cameras that could have been chosen, of a recorded set.
     """
     figure = new_figure(_WIDTH, _HEIGHT, title)
+    others = np.zeros((0, 3)) if others is None else others
     arrow = 0.25 * float(np.median(np.linalg.norm(positions - plants.points.mean(axis=0), axis=1)))
-    everything = np.concatenate([plants.points, positions, positions + arrow * forward])
+    everything = np.concatenate([plants.points, positions, positions + arrow * forward, others])
     lower, upper = everything.min(axis=0), everything.max(axis=0)
     size, middle = upper - lower, 0.5 * (lower + upper)
     directions = (TOP, FRONT, SIDE)
@@ -116,6 +120,9 @@ def draw_plan(title: str, positions: Array, forward: Array, plants: Cloud) -> Fi
         window = window_around((middle[direction.right], middle[direction.up]), place, scale)
         axes = add_panel(figure, place, window, direction.name.capitalize(), unit="m")
         draw_cloud(axes, plants.points, colors_or_grey(plants.points, plants.colors), direction, window)
+        axes.plot(
+            others[:, direction.right], others[:, direction.up], "o", color=INK, alpha=0.35, markersize=2, zorder=3
+        )
         for number, (spot, axis) in enumerate(zip(positions, forward, strict=True), 1):
             x, y = _flat(spot, direction)
             u, v = _flat(spot + arrow * axis, direction)
