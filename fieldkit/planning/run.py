@@ -61,60 +61,86 @@ def search(
         FieldkitError: no evaluation is possible at all.
         StorageError: the disk is full; everything logged so far can be gone on from.
     """
-    settings = run.settings
-    known = {entry.number: entry for entry in run.entries if entry.stage == "search"}
-    trials: list[Trial] = []
-    results: dict[int, Result] = {}
-    clock = _Clock(run)
-    running: dict[int, tuple[Trial, float]] = {}
-    stopped: Stopped = "evaluations"
-    thinking: Future[tuple[Trial | None, float]] | None = None
     with ThreadPoolExecutor(1) as thread:
+        going = _Search(method, executor, run, out_of_time, watch, thread)
         try:
-            open_ended = True
-            while True:
-                while open_ended and thinking is None and len(trials) < settings.evaluations:
-                    number = len(trials)
-                    if number in known:
-                        trials.append(known[number].trial)
-                        results[number] = known[number].result
-                        continue
-                    if out_of_time(clock.seconds):
-                        open_ended, stopped = False, "time"
-                        break
-                    allowed = max(0, number - settings.lag)
-                    if any(k not in results for k in range(allowed)):
-                        break
-                    seen = [results[k] for k in range(allowed)]
-                    thinking = thread.submit(_proposed, method, number, seen, trials[allowed:])
-                if thinking is not None and thinking.done():
-                    trial, cpu_s = thinking.result()
-                    thinking = None
-                    if trial is None:
-                        open_ended, stopped = False, "exhausted"
-                    else:
-                        trials.append(trial)
-                        job = Job(trial.cameras, search_seed(settings, trial.number))
-                        running[executor.submit(job)] = (trial, cpu_s)
-                    continue
-                if not running:
-                    if thinking is None:
-                        return stopped
-                    wait([thinking])
-                    continue
-                # The sooner a proposal that may be ready is queued, the less a worker idles.
-                for ticket, found in executor.collect(_POLL_S if thinking is None else _QUICK_POLL_S):
-                    trial, cpu_s = running.pop(ticket)
-                    entry = LogEntry.of(
-                        trial, found, stage="search", seed=search_seed(settings, trial.number),
-                        fidelity=settings.fidelity, proposal_cpu_s=cpu_s, finished_s=clock.seconds,
-                    )  # fmt: skip
-                    run.append(entry)
-                    results[trial.number] = entry.result
-                    watch(entry)
+            while going.step():
+                pass
         except BaseException:
             executor.cancel()
             raise
+    return going.stopped
+
+
+class _Search:
+    """The state of a search: trials proposed so far, what is being proposed, and what is being evaluated."""
+
+    def __init__(
+        self, method: Method, executor: Executor, run: RunFolder, out_of_time: Callable[[float], bool], watch: Watch,
+        thread: ThreadPoolExecutor,
+    ) -> None:  # fmt: skip
+        self._method, self._executor, self._run = method, executor, run
+        self._out_of_time, self._watch, self._thread = out_of_time, watch, thread
+        self._clock = _Clock(run)
+        self._known = {entry.number: entry for entry in run.entries if entry.stage == "search"}
+        self._trials: list[Trial] = []
+        self._results: dict[int, Result] = {}
+        self._thinking: Future[tuple[Trial | None, float]] | None = None
+        self._running: dict[int, tuple[Trial, float]] = {}
+        self._open_ended = True
+        self.stopped: Stopped = "evaluations"
+
+    def step(self) -> bool:
+        """Start, take up or wait for whatever is next; False when there is nothing left to do."""
+        self._think()
+        if self._thinking is not None and self._thinking.done():
+            self._take_up(*self._thinking.result())
+        elif self._running:
+            self._gather()
+        elif self._thinking is not None:
+            wait([self._thinking])
+        else:
+            return False
+        return True
+
+    def _think(self) -> None:
+        """Have the next trial proposed, once what it may know of is there; those in the log are taken from it."""
+        settings = self._run.settings
+        while self._open_ended and self._thinking is None and len(self._trials) < settings.evaluations:
+            number = len(self._trials)
+            if number in self._known:
+                self._trials.append(self._known[number].trial)
+                self._results[number] = self._known[number].result
+                continue
+            if self._out_of_time(self._clock.seconds):
+                self._open_ended, self.stopped = False, "time"
+                return
+            allowed = max(0, number - settings.lag)
+            if any(k not in self._results for k in range(allowed)):
+                return
+            seen = [self._results[k] for k in range(allowed)]
+            self._thinking = self._thread.submit(_proposed, self._method, number, seen, self._trials[allowed:])
+
+    def _take_up(self, trial: Trial | None, cpu_s: float) -> None:
+        self._thinking = None
+        if trial is None:
+            self._open_ended, self.stopped = False, "exhausted"
+            return
+        self._trials.append(trial)
+        job = Job(trial.cameras, search_seed(self._run.settings, trial.number))
+        self._running[self._executor.submit(job)] = (trial, cpu_s)
+
+    def _gather(self) -> None:
+        # The sooner a proposal that may be ready is queued, the less a worker idles.
+        for ticket, found in self._executor.collect(_POLL_S if self._thinking is None else _QUICK_POLL_S):
+            trial, cpu_s = self._running.pop(ticket)
+            entry = LogEntry.of(
+                trial, found, stage="search", seed=search_seed(self._run.settings, trial.number),
+                fidelity=self._run.settings.fidelity, proposal_cpu_s=cpu_s, finished_s=self._clock.seconds,
+            )  # fmt: skip
+            self._run.append(entry)
+            self._results[trial.number] = entry.result
+            self._watch(entry)
 
 
 def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch) -> list[Finalist]:
