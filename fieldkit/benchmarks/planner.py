@@ -50,7 +50,7 @@ class PlannerOptions:
         data: folder of the recorded sets, or None.
         cache: of stages of recorded photographs.
         runs: folder that keeps every run: finished ones are not done again, broken ones go on.
-        scenes: of ``simulated``.
+        scenes: of ``simulated``, ``transfer`` and ``surrogate``; of ``chosen`` where they name recorded sets.
         evaluations: of each search.
         seeds: of methods that have one.
         cameras: N of ``simulated``.
@@ -165,9 +165,9 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
     wall, cpu = time.perf_counter(), time.process_time()
     found: dict[str, list[Ran]] = {}
     pictures: dict[str, bytes] = {}
-    for rig, counts in RIGS.items():
+    for rig in [name for name in RIGS if name in options.scenes] or RIGS:
         place = _rig_place(options.data, rig, options, progress)
-        for count in counts:
+        for count in RIGS[rig]:
             contenders = [
                 Contender("random", _SUBSETS) if each.method == "random" else each
                 for each in _contenders(_RECORDED, options)

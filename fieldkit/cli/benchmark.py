@@ -73,8 +73,8 @@ def command(
         typer.Option(
             "--scene",
             metavar="SCENE",
-            help="Repeatable; in match-decay, blind-rings and simulated: a name or file; all for every "
-            "one of fieldkit's. The tuning scenes where not given.",
+            help="Repeatable; in match-decay, blind-rings and planner: a name or file; all for every one of "
+            "fieldkit's. The tuning scenes where not given. In chosen: a recorded set.",
         ),
     ] = None,
     scenes: Annotated[int, typer.Option("--scenes", min=1, max=3, help="In ranks.")] = 3,
