@@ -13,6 +13,7 @@ import numpy as np
 
 from fieldkit.benchmarks.captures import rig_capture
 from fieldkit.benchmarks.objective import NO_DATA
+from fieldkit.benchmarks.planner_rest import value_against_rest
 from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all, run_name
 from fieldkit.benchmarks.planner_transfer import carry, transfer_table
 from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
@@ -165,6 +166,7 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
     wall, cpu = time.perf_counter(), time.process_time()
     found: dict[str, list[Ran]] = {}
     pictures: dict[str, bytes] = {}
+    rests: list[ResultTable] = []
     for rig in [name for name in RIGS if name in options.scenes] or RIGS:
         place = _rig_place(options.data, rig, options, progress)
         for count in RIGS[rig]:
@@ -177,16 +179,25 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
                 repeats=1, workers=options.workers, cache=options.cache, progress=progress,
             )  # fmt: skip
             found[f"{rig}, {count} views"] = runs
-            best = min(runs, key=lambda run: (run.method != "field", run.value_m))
-            name = run_name(place, count, options.mapping, best.method, best.seed)
-            pictures[f"chosen-{rig}-{count}.png"] = (options.runs / name / PLAN_PICTURE).read_bytes()
+            rows: list[tuple[Cell, ...]] = []
+            for method in dict.fromkeys(run.method for run in runs):
+                best = min((run for run in runs if run.method == method), key=lambda run: run.value_m)
+                folder = options.runs / run_name(place, count, options.mapping, method, best.seed)
+                value = value_against_rest(
+                    folder, place, best.views, workers=options.workers, cache=options.cache, progress=progress
+                )
+                rows.append((method, f"{1000 * best.value_m:.2f}", f"{1000 * value:.2f}"))
+                pictures[f"chosen-{rig}-{count}-{method}.png"] = (folder / PLAN_PICTURE).read_bytes()
+            columns = ("method", "against all views, mm>", "against the others, mm>")
+            rests.append(ResultTable(f"{rig}, {count} views: each method's best plan", columns, tuple(rows)))
     notes = (
         (
             f"{options.evaluations} evaluations at draft among all views of the rig, with its commanded poses, against "
             f"the reference of all of them ({_SUBSETS} for random); the four best were evaluated again at standard."
         ),
     )
-    return _study("chosen", title, found, notes, wall, cpu, pictures)
+    study = _study("chosen", title, found, notes, wall, cpu)
+    return replace(study, tables=(*study.tables, *rests), pictures={**study.pictures, **pictures})
 
 
 def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progress) -> Place:
@@ -213,9 +224,8 @@ def _contenders(names: Sequence[str], options: PlannerOptions) -> list[Contender
 
 
 def _study(
-    name: str, title: str, found: Mapping[str, Sequence[Ran]], notes: tuple[str, ...], wall: float, cpu: float,
-    pictures: Mapping[str, bytes] | None = None,
-) -> StudyResult:  # fmt: skip
+    name: str, title: str, found: Mapping[str, Sequence[Ran]], notes: tuple[str, ...], wall: float, cpu: float
+) -> StudyResult:
     return StudyResult(
         name=name,
         title=title,
@@ -225,10 +235,7 @@ def _study(
             place: [{"method": r.method, "seed": r.seed, "best_m": r.best_m, **r.outcome.model_dump()} for r in runs]
             for place, runs in found.items()
         },
-        pictures={
-            f"{name}-regret.png": png(draw_regret({p: _curves(runs) for p, runs in found.items()})),
-            **(pictures or {}),
-        },
+        pictures={f"{name}-regret.png": png(draw_regret({p: _curves(runs) for p, runs in found.items()}))},
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
     )

@@ -77,6 +77,7 @@ class Ran:
         method, seed: of it.
         outcome: its finalists by confirmations.
         cameras: of the plan.
+        views: photographs of the plan, of a recorded set by their names.
         best_m: the best so far after each evaluation of the search; None before the first that was measured.
         right: right photographs of the plan's confirmations, mean.
         completeness_m: of the plan's confirmations, mean.
@@ -86,6 +87,7 @@ class Ran:
     seed: int
     outcome: Outcome
     cameras: Cameras
+    views: tuple[str, ...]
     best_m: tuple[float | None, ...]
     right: float
     completeness_m: float
@@ -161,7 +163,7 @@ def _ran(settings: SearchSettings, outcome: Outcome, entries: Sequence[LogEntry]
     searched = sorted((e for e in entries if e.stage == "search"), key=lambda e: e.number)
     plan = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
     return Ran(
-        settings.method, settings.seed, outcome, plan[0].trial.cameras, tuple(best_so_far(searched)),
+        settings.method, settings.seed, outcome, plan[0].trial.cameras, plan[0].views, tuple(best_so_far(searched)),
         mean_of(plan, "right"), mean_of(plan, "completeness_m"),
     )  # fmt: skip
 

@@ -30,7 +30,7 @@ def ran(method: str, seed: int, best_mm: list[float | None], value_mm: float) ->
         stopped="evaluations", finalists=(finalist,),
     )  # fmt: skip
     best = tuple(None if value is None else value / 1000 for value in best_mm)
-    return Ran(method, seed, outcome, bowl_problem().sample(0), best, 10.0, value_mm / 2000)
+    return Ran(method, seed, outcome, bowl_problem().sample(0), (), best, 10.0, value_mm / 2000)
 
 
 def test_methods_are_compared_with_the_best_baseline_and_with_bosfms_end() -> None:
