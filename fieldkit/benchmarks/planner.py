@@ -89,7 +89,7 @@ def _simulated(options: PlannerOptions, progress: Progress) -> StudyResult:
 def _on_scene(name: str, methods: Sequence[str], options: PlannerOptions, progress: Progress) -> list[Ran]:
     return run_all(
         Place.scene(name), _contenders(methods, options), options.runs, cameras=options.cameras,
-        mapping=options.mapping, confirm_fidelity="fine", repeats=_REPEATS, workers=options.workers,
+        mapping=options.mapping, fidelity="draft", confirm_fidelity="fine", repeats=_REPEATS, workers=options.workers,
         cache=options.cache, progress=progress,
     )  # fmt: skip
 
@@ -175,8 +175,8 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
                 for each in _contenders(_RECORDED, options)
             ]
             runs = run_all(
-                place, contenders, options.runs, cameras=count, mapping=options.mapping, confirm_fidelity="standard",
-                repeats=1, workers=options.workers, cache=options.cache, progress=progress,
+                place, contenders, options.runs, cameras=count, mapping=options.mapping, fidelity="standard",
+                confirm_fidelity="fine", repeats=1, workers=options.workers, cache=options.cache, progress=progress,
             )  # fmt: skip
             found[f"{rig}, {count} views"] = runs
             rows: list[tuple[Cell, ...]] = []
@@ -192,8 +192,8 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
             rests.append(ResultTable(f"{rig}, {count} views: each method's best plan", columns, tuple(rows)))
     notes = (
         (
-            f"{options.evaluations} evaluations at draft among all views of the rig, with its commanded poses, against "
-            f"the reference of all of them ({_SUBSETS} for random); the four best were evaluated again at standard."
+            f"{options.evaluations} evaluations at standard among all views of the rig, with its commanded poses, "
+            f"against the reference of all of them ({_SUBSETS} for random); the four best were evaluated again at fine."
         ),
     )
     study = _study("chosen", title, found, notes, wall, cpu)
@@ -254,10 +254,10 @@ def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
         rows.append(
             (
                 method, len(own), f"{np.mean([r.outcome.evaluations for r in own]):.0f}",
-                spread([1000 * float(r.best_m[-1] or np.nan) for r in own]),
-                spread([1000 * r.value_m for r in own]),
+                spread([1000 * float(r.best_m[-1] or np.nan) for r in own], 2),
+                spread([1000 * r.value_m for r in own], 2),
                 f"{np.mean([r.value_m for r in own]) / best:.2f}",
-                spread([1000 * r.completeness_m for r in own]),
+                spread([1000 * r.completeness_m for r in own], 2),
                 f"{np.mean([r.right for r in own]):.1f}",
                 " ".join("–" if k is None else str(k) for k in reached) or None,
                 f"{np.mean([_overhead(r) for r in own]):.1%}",

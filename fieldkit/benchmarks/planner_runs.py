@@ -110,6 +110,7 @@ def run_all(
     *,
     cameras: int,
     mapping: Mapping,
+    fidelity: FidelityName,
     confirm_fidelity: FidelityName,
     repeats: int,
     workers: int,
@@ -132,7 +133,7 @@ def run_all(
             output = folder / run_name(place, cameras, mapping, contender.method, seed)
             settings = place.settings(
                 cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
-                confirm_fidelity=confirm_fidelity, repeats=repeats, lag=lag_for(workers, deterministic=False),
+                fidelity=fidelity, confirm_fidelity=confirm_fidelity, repeats=repeats, lag=lag_for(workers, deterministic=False),
             )  # fmt: skip
             with progress.stage(output.name):
                 outcome = _outcome(output, settings, workers, cache, progress, known)

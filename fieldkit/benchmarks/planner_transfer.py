@@ -93,8 +93,8 @@ def transfer_table(origin: str, place: str, carried: Sequence[Carried], optimise
         values = [each.value_m for each in own]
         rows.append(
             (
-                f"{method} of {origin}", len(own), 0, spread([1000 * v for v in values]),
-                f"{np.mean(values) / best:.2f}", spread([1000 * each.completeness_m for each in own]),
+                f"{method} of {origin}", len(own), 0, spread([1000 * v for v in values], 2),
+                f"{np.mean(values) / best:.2f}", spread([1000 * each.completeness_m for each in own], 2),
                 f"{np.mean([each.right for each in own]):.1f}", f"{1000 * max(each.moved_m for each in own):.0f}",
             )
         )  # fmt: skip
@@ -103,8 +103,8 @@ def transfer_table(origin: str, place: str, carried: Sequence[Carried], optimise
         rows.append(
             (
                 f"{runs[0].method}, optimised here", len(runs),
-                f"{np.mean([run.outcome.evaluations for run in runs]):.0f}", spread([1000 * v for v in values]),
-                f"{np.mean(values) / best:.2f}", spread([1000 * run.completeness_m for run in runs]),
+                f"{np.mean([run.outcome.evaluations for run in runs]):.0f}", spread([1000 * v for v in values], 2),
+                f"{np.mean(values) / best:.2f}", spread([1000 * run.completeness_m for run in runs], 2),
                 f"{np.mean([run.right for run in runs]):.1f}", None,
             )
         )  # fmt: skip

@@ -19,6 +19,8 @@ _PRESETS: dict[str, dict[str, Any]] = {
     "field": {"method": "field"},
     "paper": {"method": "bosfm", "mapping": "incremental"},
 }
+_RECORDED = {"fidelity": "standard", "confirm_fidelity": "fine"}
+"""Nothing is rendered, so this costs little more than draft; and what draft finds best among good sets is not."""
 _DEFAULT_CAMERAS = 10
 
 
@@ -99,6 +101,8 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         values["images_path"] = str(asked.images.resolve())
     if source.kind == "captures" and not NoiseSettings(**_given(asked.noise)).any:
         values["repeats"] = 1  # nothing differs from seed to seed
+    if source.kind == "captures":
+        values |= _RECORDED
     values |= _PRESETS[given.get("preset", "field")] | given
     try:
         return SearchSettings(

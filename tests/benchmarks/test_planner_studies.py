@@ -102,6 +102,7 @@ def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
         Place.scene(str(scene)),
         contenders,
         runs,
+        fidelity="draft",
         confirm_fidelity="draft",
         progress=Silent(),
         **kinds,  # type: ignore[arg-type]
@@ -113,6 +114,7 @@ def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
         Place.scene(str(scene)),
         contenders,
         runs,
+        fidelity="draft",
         confirm_fidelity="draft",
         progress=Silent(),
         **kinds,  # type: ignore[arg-type]
@@ -122,7 +124,7 @@ def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
 
     with pytest.raises(UsageError, match="other settings"):
         run_all(
-            Place.scene(str(scene)), [Contender("random", 2)], runs, confirm_fidelity="draft", progress=Silent(),
+            Place.scene(str(scene)), [Contender("random", 2)], runs, fidelity="draft", confirm_fidelity="draft", progress=Silent(),
             **kinds,  # type: ignore[arg-type]
         )  # fmt: skip
 
