@@ -133,7 +133,8 @@ def run_all(
             output = folder / run_name(place, cameras, mapping, contender.method, seed)
             settings = place.settings(
                 cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
-                fidelity=fidelity, confirm_fidelity=confirm_fidelity, repeats=repeats, lag=lag_for(workers, deterministic=False),
+                fidelity=fidelity, confirm_fidelity=confirm_fidelity, repeats=repeats,
+                lag=lag_for(workers, deterministic=False),
             )  # fmt: skip
             with progress.stage(output.name):
                 outcome = _outcome(output, settings, workers, cache, progress, known)

@@ -124,8 +124,8 @@ def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
 
     with pytest.raises(UsageError, match="other settings"):
         run_all(
-            Place.scene(str(scene)), [Contender("random", 2)], runs, fidelity="draft", confirm_fidelity="draft", progress=Silent(),
-            **kinds,  # type: ignore[arg-type]
+            Place.scene(str(scene)), [Contender("random", 2)], runs, fidelity="draft", confirm_fidelity="draft",
+            progress=Silent(), **kinds,  # type: ignore[arg-type]
         )  # fmt: skip
 
     options = PlannerOptions(
