@@ -85,8 +85,12 @@ def command(
     time_budget: Annotated[
         str, typer.Option("--time-budget", metavar="TIME", help="No trial starts later: 600, 10m, 2h.")
     ] = "",
-    fidelity: Annotated[Fidelity | None, typer.Option("--fidelity", help="Of the search; draft.")] = None,
-    confirm: Annotated[Fidelity | None, typer.Option("--confirm", help="Of the finalists; standard.")] = None,
+    fidelity: Annotated[
+        Fidelity | None, typer.Option("--fidelity", help="Of the search; draft, with --captures standard.")
+    ] = None,
+    confirm: Annotated[
+        Fidelity | None, typer.Option("--confirm", help="Of the finalists; standard, with --captures fine.")
+    ] = None,
     finalists: Annotated[int | None, typer.Option("--finalists", min=1, help="Evaluated again at fresh seeds.")] = None,
     repeats: Annotated[int | None, typer.Option("--repeats", min=1, help="Fresh seeds for each finalist.")] = None,
     mapping: Annotated[Mapping | None, typer.Option("--mapping", help="Of the evaluations.")] = None,
