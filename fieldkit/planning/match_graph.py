@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fieldkit.cache import digest
+from fieldkit.parallel import map_threads
 from fieldkit.planning.cameras import Array
 from fieldkit.planning.matchability import view_angles_deg
 from fieldkit.planning.recorded import RecordedSource
@@ -33,7 +34,7 @@ def match_graph(
     Args:
         source: whose views are looked at.
         features: detection; those of the evaluations, which then find them in the cache.
-        workers: processes that detect features.
+        workers: processes that detect features, then threads that match.
         progress: told of both stages.
     """
     names = [view.name for view in source.views]
@@ -59,9 +60,11 @@ def match_graph(
     near = np.argwhere(np.triu(view_angles_deg(centers, np.array(source.plot.volume.center)) <= _WIDEST_DEG, 1))
     matches = np.zeros((len(names), len(names)))
     with progress.stage("Match graph", len(near)) as advance:
-        for i, j in near:
-            matches[i, j] = matches[j, i] = _above_chance(posed[i], posed[j], region)
-            advance(1)
+        counts = map_threads(
+            lambda pair: _above_chance(posed[pair[0]], posed[pair[1]], region), near.tolist(), workers=workers,
+            advance=advance,
+        )  # fmt: skip
+    matches[near[:, 0], near[:, 1]] = matches[near[:, 1], near[:, 0]] = counts
     source.cache.put("match-graph", key, {"matches": matches})
     return matches
 

@@ -29,6 +29,8 @@ def test_neighbours_match_and_strangers_do_not(tmp_path: Path) -> None:
     neighbours = counted[angles < 40.0][counted[angles < 40.0] > 0]
     assert len(neighbours) == 2 * len(counted)
     assert np.median(neighbours) > 50
+    elsewhere = RecordedSource(source.capture, PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path / "other"))
+    np.testing.assert_array_equal(match_graph(elsewhere, FEATURES, workers=2, progress=Silent()), counted)
 
 
 def test_it_is_kept(tmp_path: Path) -> None:
