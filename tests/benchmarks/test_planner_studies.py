@@ -96,37 +96,24 @@ def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
     )
     (tmp_path / "other.toml").write_text(scene.read_text().replace("seed = 3", "seed = 4"))
     runs = tmp_path / "runs"
+
+    def planned(contenders: list[Contender]) -> list[Ran]:
+        return run_all(
+            Place.scene(str(scene)), contenders, runs, cameras=5, mapping="prior", fidelity="draft",
+            confirm_fidelity="draft", repeats=1, workers=1, cache=StageCache(None), progress=Silent(),
+        )  # fmt: skip
+
     contenders = [Contender("random", 3), Contender("bosfm", 2)]
-    kinds = {"cameras": 5, "mapping": "prior", "repeats": 1, "workers": 1, "cache": StageCache(None)}
-    first = run_all(
-        Place.scene(str(scene)),
-        contenders,
-        runs,
-        fidelity="draft",
-        confirm_fidelity="draft",
-        progress=Silent(),
-        **kinds,  # type: ignore[arg-type]
-    )
+    first = planned(contenders)
     logs = [read_log(runs / f"tiny-5-prior-{method}-0") for method in ("random", "bosfm")]
     for ours, theirs in zip(logs[1][:2], logs[0][:2], strict=True):
         assert (ours.cameras, ours.cloud_digest, ours.cpu_s) == (theirs.cameras, theirs.cloud_digest, theirs.cpu_s)
-    again = run_all(
-        Place.scene(str(scene)),
-        contenders,
-        runs,
-        fidelity="draft",
-        confirm_fidelity="draft",
-        progress=Silent(),
-        **kinds,  # type: ignore[arg-type]
-    )
+    again = planned(contenders)
     assert [(r.value_m, r.best_m) for r in again] == [(r.value_m, r.best_m) for r in first]
     np.testing.assert_array_equal(again[0].cameras.vector(), first[0].cameras.vector())
 
     with pytest.raises(UsageError, match="other settings"):
-        run_all(
-            Place.scene(str(scene)), [Contender("random", 2)], runs, fidelity="draft", confirm_fidelity="draft",
-            progress=Silent(), **kinds,  # type: ignore[arg-type]
-        )  # fmt: skip
+        planned([Contender("random", 2)])
 
     options = PlannerOptions(
         None, StageCache(None), tmp_path / "others", (str(scene),), evaluations=3, seeds=1, cameras=5, workers=1,
