@@ -25,7 +25,7 @@ from fieldkit.missions.plan import PlanSource
 from fieldkit.planning.objective import Mapping as SfmMapping
 from fieldkit.planning.outcome import PLAN_PICTURE
 from fieldkit.planning.problems import open_problem
-from fieldkit.planning.run_folder import read_log, read_settings
+from fieldkit.planning.run_folder import read_log, read_settings, searched
 from fieldkit.progress import Progress
 from fieldkit.reporting.objective_plots import png
 from fieldkit.reporting.search_plots import draw_regret
@@ -107,17 +107,18 @@ def _scene_notes(options: PlannerOptions) -> tuple[str, ...]:
 def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
     wall, cpu = time.perf_counter(), time.process_time()
     tables, figures = [], {}
-    for origin in options.scenes:
-        plans = _on_scene(origin, _CARRIED, options, progress)
-        for name in options.onto:
+    places = [Place.scene(name) for name in options.onto]
+    for scene in options.scenes:
+        origin, plans = Place.scene(scene).name, _on_scene(scene, _CARRIED, options, progress)
+        for name, place in zip(options.onto, places, strict=True):
             carried = carry(
-                plans, Place.scene(origin).name, Place.scene(name), options.runs, cameras=options.cameras,
+                plans, origin, place, options.runs, cameras=options.cameras,
                 mapping=options.mapping, repeats=_REPEATS, workers=options.workers, cache=options.cache,
                 progress=progress,
             )  # fmt: skip
             optimised = _on_scene(name, _WITHOUT_SEED, options, progress)
-            tables.append(transfer_table(Place.scene(origin).name, Place.scene(name).name, carried, optimised))
-            figures[f"{name} from {origin}"] = {
+            tables.append(transfer_table(origin, place.name, carried, optimised))
+            figures[f"{name} from {scene}"] = {
                 "carried": [
                     {"method": c.ran.method, "seed": c.ran.seed, "value_m": c.value_m, "moved_m": c.moved_m}
                     for c in carried
@@ -145,9 +146,9 @@ def _surrogate(options: PlannerOptions, progress: Progress) -> StudyResult:
         for ran in _on_scene(scene, ("field",), replace(options, methods=()), progress):
             folder = options.runs / run_name(place, options.cameras, options.mapping, "field", ran.seed)
             problem = open_problem(read_settings(folder), folder, cache=options.cache, progress=progress).problem
-            results = [entry.result for entry in read_log(folder) if entry.stage == "search"]
+            results = [entry.result for entry in searched(read_log(folder))]
             with progress.stage(f"Models of {folder.name}"):
-                found[folder.name] = foretell_all(problem, sorted(results, key=lambda r: r.trial.number))
+                found[folder.name] = foretell_all(problem, results)
     return StudyResult(
         name="surrogate",
         title="Models in the field method's place",

@@ -18,7 +18,7 @@ from fieldkit.planning.objective import Mapping
 from fieldkit.planning.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.plan_views import plan_views, resume_plan
 from fieldkit.planning.problems import sha256
-from fieldkit.planning.run_folder import SETTINGS_FILE, LogEntry, read_log, read_settings
+from fieldkit.planning.run_folder import SETTINGS_FILE, LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run_settings import SearchSettings, lag_for
 from fieldkit.progress import Progress
 from fieldkit.scenes.library import find_scene
@@ -162,11 +162,10 @@ def _outcome(
 
 
 def _ran(settings: SearchSettings, outcome: Outcome, entries: Sequence[LogEntry]) -> Ran:
-    searched = sorted((e for e in entries if e.stage == "search"), key=lambda e: e.number)
     plan = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
     return Ran(
-        settings.method, settings.seed, outcome, plan[0].trial.cameras, plan[0].views, tuple(best_so_far(searched)),
-        mean_of(plan, "right"), mean_of(plan, "completeness_m"),
+        settings.method, settings.seed, outcome, plan[0].trial.cameras, plan[0].views,
+        tuple(best_so_far(searched(entries))), mean_of(plan, "right"), mean_of(plan, "completeness_m"),
     )  # fmt: skip
 
 

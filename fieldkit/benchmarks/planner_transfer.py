@@ -14,8 +14,8 @@ from fieldkit.cache import StageCache
 from fieldkit.planning.objective import Mapping
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.problems import open_problem
-from fieldkit.planning.run import Finalist, evaluate_again
-from fieldkit.planning.run_folder import SETTINGS_FILE, LogEntry, create_run, open_run
+from fieldkit.planning.run import Finalist, evaluate_again, nobody
+from fieldkit.planning.run_folder import SETTINGS_FILE, create_run, open_run
 from fieldkit.planning.search import Trial
 from fieldkit.progress import Progress
 
@@ -73,7 +73,7 @@ def carry(
             moved[number] = float(np.linalg.norm(there.positions - plan.cameras.positions, axis=1).max())
             trials.append(Trial(number, there, f"{plan.method}-{plan.seed}"))
         with WorkerPool(plannable.objective, workers=workers) as executor:
-            found = evaluate_again(executor, run, trials, watch=_nobody)
+            found = evaluate_again(executor, run, trials, watch=nobody)
     by_number = {each.trial.number: each for each in found}
     return [_carried(plan, by_number[number], moved[number]) for number, plan in enumerate(plans)]
 
@@ -118,7 +118,3 @@ def transfer_table(origin: str, place: str, carried: Sequence[Carried], optimise
 def _by_method(runs: Sequence[Ran]) -> list[list[Ran]]:
     methods = dict.fromkeys(run.method for run in runs)
     return [[run for run in runs if run.method == method] for method in methods]
-
-
-def _nobody(entry: LogEntry) -> None:
-    """Nobody watches."""

@@ -93,16 +93,16 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         "cameras": _DEFAULT_CAMERAS,
         "lag": lag_for(workers, deterministic=deterministic),
     }
-    if source.kind == "captures" and asked.reference is not None:
-        values["reference_path"] = str(asked.reference.resolve())
+    if source.kind == "captures":
+        values |= _RECORDED
+        if asked.reference is not None:
+            values["reference_path"] = str(asked.reference.resolve())
+        if not NoiseSettings(**_given(asked.noise)).any:
+            values["repeats"] = 1  # nothing differs from seed to seed
     if asked.images is not None:
         if source.kind != "reference":
             raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
         values["images_path"] = str(asked.images.resolve())
-    if source.kind == "captures" and not NoiseSettings(**_given(asked.noise)).any:
-        values["repeats"] = 1  # nothing differs from seed to seed
-    if source.kind == "captures":
-        values |= _RECORDED
     values |= _PRESETS[given.get("preset", "field")] | given
     try:
         return SearchSettings(

@@ -58,6 +58,10 @@ class Cameras:
     def __hash__(self) -> int:
         return hash(self.vector().tobytes())
 
+    def row_keys(self) -> list[bytes]:
+        """One per camera, for looking it up: equal where cameras are, bit for bit."""
+        return [row.tobytes() for row in self.vector().reshape(len(self), -1)]
+
     @classmethod
     def from_vector(cls, z: ArrayLike) -> Cameras:
         """From z (5n,): x, y, z, yaw, pitch per camera.

@@ -15,7 +15,7 @@ from fieldkit.missions.plan import Count, Length, Plan, PlanMethod, Strict
 from fieldkit.missions.plan_file import PLAN_FILE, plan_from_poses, save_plan
 from fieldkit.planning.problems import Plannable
 from fieldkit.planning.run import Finalist, Stopped
-from fieldkit.planning.run_folder import LogEntry, RunFolder
+from fieldkit.planning.run_folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.reporting.objective_plots import png
 from fieldkit.reporting.search_plots import draw_plan, draw_search
@@ -84,15 +84,15 @@ def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Fina
         StorageError: the disk is full or not writable.
     """
     settings, chosen = run.settings, confirmed[0]
-    searched = sorted((e for e in run.entries if e.stage == "search"), key=lambda e: e.number)
-    by_number = {entry.number: entry for entry in searched}
+    trials = searched(run.entries)
+    by_number = {entry.number: entry for entry in trials}
     outcome = Outcome(
         method=settings.method,
         cameras=settings.cameras,
         chamfer_m=chosen.value_m,
         chamfer_spread_m=chosen.spread_m,
-        evaluations=len(searched),
-        failed_evaluations=sum(bool(entry.failure) for entry in searched),
+        evaluations=len(trials),
+        failed_evaluations=sum(bool(entry.failure) for entry in trials),
         confirmations=sum(len(finalist.entries) for finalist in confirmed),
         seconds=max(entry.finished_s for entry in run.entries),
         evaluation_cpu_s=sum(entry.cpu_s for entry in run.entries),
@@ -111,10 +111,10 @@ def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Fina
         ),
     )
     write_atomic(run.path / OUTCOME_FILE, outcome.model_dump_json(indent=2) + "\n")
-    write_atomic(run.path / PROGRESS_FILE, progress_table(searched))
-    values = [entry.value_m if entry.measured else None for entry in searched]
-    history = {model: [weights_of(e).get(model) for e in searched] for model in models_of(searched)}
-    figure = draw_search(values, best_so_far(searched), history, outcome.chamfer_m)
+    write_atomic(run.path / PROGRESS_FILE, progress_table(trials))
+    values = [entry.value_m if entry.measured else None for entry in trials]
+    history = {model: [weights_of(e).get(model) for e in trials] for model in models_of(trials)}
+    figure = draw_search(values, best_so_far(trials), history, outcome.chamfer_m)
     write_atomic(run.path / SEARCH_PICTURE, png(figure))
     cameras = chosen.trial.cameras
     title = f"{settings.source.name}: {settings.cameras} cameras, chamfer distance {1000 * outcome.chamfer_m:.1f} mm"

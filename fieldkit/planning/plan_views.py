@@ -16,7 +16,7 @@ from fieldkit.planning.outcome import Outcome, write_outcome
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.problems import open_problem
 from fieldkit.planning.recalling import Recalling
-from fieldkit.planning.run import Watch, confirm, search
+from fieldkit.planning.run import Watch, confirm, nobody, search
 from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.progress import Progress, Silent
@@ -55,7 +55,7 @@ def plan_views(
         StorageError: the disk is full; the run can go on from where it was.
     """
     with create_run(output, settings, overwrite=overwrite) as run:
-        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or _nobody, known)
+        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or nobody, known)
 
 
 def resume_plan(
@@ -84,7 +84,7 @@ def resume_plan(
     with open_run(output) as run:
         if settings is not None and settings != run.settings:
             run.save_settings(settings)
-        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or _nobody, known)
+        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or nobody, known)
 
 
 def _planned(
@@ -135,7 +135,3 @@ def _executor(objective: Objective, workers: int, scheduler: str) -> Iterator[Ex
         ) from error
     with client, DaskExecutor(objective, client) as executor:
         yield executor
-
-
-def _nobody(entry: object) -> None:
-    """Nobody watches."""

@@ -10,8 +10,6 @@ from fieldkit.planning.executor import Executor, Job
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.run_folder import LogEntry
 
-_Key = tuple[bytes, int | None, FidelityName]
-
 
 class Recalling(Executor):
     """Answers known jobs at once and hands the others on; the answers keep the seconds they once took.
@@ -24,8 +22,8 @@ class Recalling(Executor):
 
     def __init__(self, executor: Executor, known: Iterable[LogEntry], fidelity: FidelityName) -> None:
         self._executor, self._fidelity = executor, fidelity
-        self._known = {
-            _key(entry.trial.cameras, entry.seed, entry.fidelity): entry.evaluation for entry in known if entry.measured
+        self._known: dict[tuple[Cameras, int | None, FidelityName], Evaluation] = {
+            (entry.trial.cameras, entry.seed, entry.fidelity): entry.evaluation for entry in known if entry.measured
         }
         self._ready: list[tuple[int, Evaluation]] = []
         self._tickets: dict[int, int] = {}
@@ -33,7 +31,7 @@ class Recalling(Executor):
 
     def submit(self, job: Job) -> int:
         ticket, self._submitted = self._submitted, self._submitted + 1
-        found = self._known.get(_key(job.cameras, job.seed, job.fidelity or self._fidelity))
+        found = self._known.get((job.cameras, job.seed, job.fidelity or self._fidelity))
         if found is None:
             self._tickets[self._executor.submit(job)] = ticket
         else:
@@ -52,7 +50,3 @@ class Recalling(Executor):
 
     def close(self) -> None:
         self._executor.close()
-
-
-def _key(cameras: Cameras, seed: int | None, fidelity: FidelityName) -> _Key:
-    return cameras.vector().tobytes(), seed, fidelity

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from fieldkit.planning.executor import Executor, Job
-from fieldkit.planning.run_folder import LogEntry, RunFolder
+from fieldkit.planning.run_folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.planning.search import Judge, Method, Result, Trial, lowest
 
@@ -82,7 +82,7 @@ class _Search:
         self._method, self._executor, self._run = method, executor, run
         self._out_of_time, self._watch, self._thread = out_of_time, watch, thread
         self._clock = _Clock(run)
-        self._known = {entry.number: entry for entry in run.entries if entry.stage == "search"}
+        self._known = {entry.number: entry for entry in searched(run.entries)}
         self._trials: list[Trial] = []
         self._results: dict[int, Result] = {}
         self._thinking: Future[tuple[Trial | None, float]] | None = None
@@ -155,7 +155,7 @@ def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch)
     Raises:
         FieldkitError, StorageError: as `search`.
     """
-    results = sorted((e.result for e in run.entries if e.stage == "search"), key=lambda r: r.trial.number)
+    results = [entry.result for entry in searched(run.entries)]
     judge = method.favourites if isinstance(method, Judge) else lowest
     chosen = judge(results, run.settings.finalists)
     return evaluate_again(executor, run, chosen, watch=watch)
@@ -217,6 +217,10 @@ class _Clock:
     @property
     def seconds(self) -> float:
         return self._before + time.monotonic() - self._start
+
+
+def nobody(entry: LogEntry) -> None:
+    """A `Watch` that does not."""
 
 
 def _proposed(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, Literal
@@ -198,6 +198,11 @@ def read_log(path: Path) -> list[LogEntry]:
     except OSError as error:
         raise StorageError(f"cannot be read: {error.strerror}", path=log) from error
     return _parsed(log, content[: content.rfind(b"\n") + 1])
+
+
+def searched(entries: Iterable[LogEntry]) -> list[LogEntry]:
+    """The trials of the search among log entries, by number."""
+    return sorted((entry for entry in entries if entry.stage == "search"), key=lambda entry: entry.number)
 
 
 def _parsed(log: Path, content: bytes) -> list[LogEntry]:

@@ -83,20 +83,20 @@ class Problem:
         """Whether a set is feasible."""
         if self.views is None:
             return self.envelope.contains(cameras)
-        rows = set(_rows(cameras))
-        return len(rows) == len(cameras) and rows <= self._places.keys()
+        keys = set(cameras.row_keys())
+        return len(keys) == len(cameras) and keys <= self._places.keys()
 
     def counted_matches(self, cameras: Cameras) -> Array | None:
         """(n, n) of `matches` for a feasible set; None where they are not known."""
         if self.matches is None:
             return None
-        index = [self._places[row] for row in _rows(cameras)]
+        index = [self._places[key] for key in cameras.row_keys()]
         return self.matches[np.ix_(index, index)]
 
     @cached_property
     def _places(self) -> dict[bytes, int]:
-        """The recorded views' numbers by their rows."""
-        return {} if self.views is None else {row: k for k, row in enumerate(_rows(self.views))}
+        """The recorded views' numbers by their keys."""
+        return {} if self.views is None else {key: k for k, key in enumerate(self.views.row_keys())}
 
     def sample(self, seed: int) -> Cameras:
         """A random feasible set of N: see `Envelope.sample`; of a recorded set N distinct views, all alike likely."""
@@ -104,10 +104,6 @@ class Problem:
             return self.envelope.sample(self.count, seed)
         rng = np.random.default_rng([seed, _SAMPLE_STREAM])
         return self.views.select(np.sort(rng.choice(len(self.views), self.count, replace=False)))
-
-
-def _rows(cameras: Cameras) -> list[bytes]:
-    return [row.tobytes() for row in cameras.vector().reshape(len(cameras), -1)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,12 +142,12 @@ class Result:
 
 def lowest(results: Iterable[Result], count: int) -> list[Trial]:
     """The trials of the lowest measured values, no set of cameras twice."""
-    chosen: dict[bytes, Trial] = {}
+    chosen: dict[Cameras, Trial] = {}
     measured = [result for result in results if result.measured]
     for result in sorted(measured, key=lambda r: (r.value_m, r.trial.number)):
         if len(chosen) == count:
             break
-        chosen.setdefault(result.trial.cameras.vector().tobytes(), result.trial)
+        chosen.setdefault(result.trial.cameras, result.trial)
     return list(chosen.values())
 
 

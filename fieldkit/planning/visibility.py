@@ -106,7 +106,7 @@ class PerCamera(Generic[T]):
 
     def __call__(self, cameras: Cameras) -> list[T]:
         """The values of n cameras."""
-        keys = [row.tobytes() for row in cameras.vector().reshape(len(cameras), -1)]
+        keys = cameras.row_keys()
         new = [i for i, key in enumerate(keys) if key not in self._values]
         if new:
             for i, value in zip(new, self._compute(cameras.select(new)), strict=True):

@@ -118,7 +118,7 @@ class Field:
         return families(self.problem)
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
-        known = {_key(r.trial.cameras) for r in results} | {_key(t.cameras) for t in pending}
+        known = {r.trial.cameras for r in results} | {t.cameras for t in pending}
         measured = [result for result in results if result.measured]
         if number < self.settings.initial or len(measured) < 3:
             start = self._start(number, known)
@@ -137,7 +137,7 @@ class Field:
             if local
             else self._structured([trials[int(k)] for k in order], rng)
         )
-        candidates = [c for c in candidates if _key(c.cameras) not in known]
+        candidates = [c for c in candidates if c.cameras not in known]
         notes: dict[str, object] = {
             "model": model.name,
             "weights": ensemble.named_weights(),
@@ -192,17 +192,16 @@ class Field:
         return np.hstack([embedded, terms])
 
     def _terms(self, cameras: Cameras) -> Array:
-        key = _key(cameras)
-        if key not in self._known_terms:
+        if cameras not in self._known_terms:
             found = self._score.score(cameras)
-            self._known_terms[key] = -np.log(np.maximum([found.gap_m, found.noise_m, found.tie_m], _LEAST_M))
-        return self._known_terms[key]
+            self._known_terms[cameras] = -np.log(np.maximum([found.gap_m, found.noise_m, found.tie_m], _LEAST_M))
+        return self._known_terms[cameras]
 
     @cached_property
-    def _known_terms(self) -> dict[bytes, Array]:
+    def _known_terms(self) -> dict[Cameras, Array]:
         return {}
 
-    def _start(self, number: int, known: set[bytes]) -> _Candidate | None:
+    def _start(self, number: int, known: set[Cameras]) -> _Candidate | None:
         """Circles in turn with optima of the geometric score, then with the best of random structured sets by it.
 
         Random sets where these are known.
@@ -213,22 +212,22 @@ class Field:
             circle = plain[number // 2]
             origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
             found = _Candidate(self.problem.nearest(circle.cameras(self.problem)), origin, {})
-            if _key(found.cameras) not in known:
+            if found.cameras not in known:
                 return found
         if number % 2 == 1 and number // 2 < self.settings.optima and self.settings.geometry:
             seed = int(rng.integers(2**31))
             cameras = self.problem.nearest(optimise(self.problem, cost_of(self._score), seed))
-            if _key(cameras) not in known:
+            if cameras not in known:
                 return _Candidate(cameras, "optimum of the geometric score", {})
         drawn = [self._drawn(self._families[number % len(self._families)], rng) for _ in range(self.settings.pool)]
-        drawn = [each for each in drawn if _key(each.cameras) not in known]
+        drawn = [each for each in drawn if each.cameras not in known]
         if drawn and self.settings.geometry:
             return min(drawn, key=lambda each: cost_of(self._score)(each.cameras))
         if drawn:
             return drawn[0]
         for attempt in range(100):
             cameras = self.problem.sample(int(rng.integers(2**31)) + attempt)
-            if _key(cameras) not in known:
+            if cameras not in known:
                 return _Candidate(cameras, "random", {})
         return None
 
@@ -291,7 +290,3 @@ def _slopes(x: Array, y: Array) -> Array:
     slopes, _ = nnls(np.vstack([terms, pull]), np.concatenate([y - y.mean(), np.zeros(_TERMS)]))
     found: Array = slopes
     return found
-
-
-def _key(cameras: Cameras) -> bytes:
-    return cameras.vector().tobytes()

@@ -144,9 +144,9 @@ def _moved(problem: Problem, cameras: Cameras, rng: np.random.Generator, step_m:
     """One or two cameras elsewhere: by about so many metres, and turned as much as seen from the plot's distance."""
     chosen = rng.choice(len(cameras), int(rng.integers(1, 3)), replace=False)
     if problem.views is not None:
-        rows = {row.tobytes() for row in cameras.vector().reshape(len(cameras), -1)}
+        taken = set(cameras.row_keys())
         table = problem.views.vector().reshape(len(problem.views), -1)
-        free = [i for i, row in enumerate(table) if row.tobytes() not in rows]
+        free = [i for i, key in enumerate(problem.views.row_keys()) if key not in taken]
         if not free:
             return cameras
         z = cameras.vector().reshape(len(cameras), -1).copy()
