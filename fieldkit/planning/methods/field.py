@@ -16,6 +16,7 @@ from fieldkit.planning.families import Family, circles, families
 from fieldkit.planning.geometric import GeometricScore
 from fieldkit.planning.methods.geometric import cost_of, optimise
 from fieldkit.planning.methods.moves import near
+from fieldkit.planning.methods.uniform import MatchGraph, Uniform
 from fieldkit.planning.search import Problem, Result, Trial, lowest
 from fieldkit.planning.surrogates.ensemble import Ensemble, fit_ensemble
 from fieldkit.planning.surrogates.kernels import KernelSpec
@@ -32,8 +33,8 @@ class FieldSettings:
 
     Attributes:
         initial: trials before the surrogate: circles, the geometric score's optima and its favourites among structured
-            sets.
-        optima: of the geometric score, searched for from as many seeds.
+            sets; of a recorded set: uniform subsets and greedy choices by matches first.
+        optima: of the geometric score, searched for from as many seeds; of a plot only.
         structured: trials, the initial ones among them, until the trust region takes over.
         every: from then on each so-manieth trial is a structured set still.
         pool: structured sets to choose each trial from.
@@ -202,23 +203,15 @@ class Field:
         return {}
 
     def _start(self, number: int, known: set[Cameras]) -> _Candidate | None:
-        """Circles in turn with optima of the geometric score, then with the best of random structured sets by it.
+        """What is known to be good, in turn, then the best of random structured sets by the geometric score.
 
-        Random sets where these are known.
+        On a plot: circles, and optima of the geometric score. Of a recorded set: uniform subsets and greedy choices by
+        matches, for the score has poor optima where all views stand on rings. Random sets where all these are known.
         """
         rng = np.random.default_rng([self.seed, _STREAM, number, 1])
-        plain = circles(self.problem, altitudes=3, radii=2, inner=True)
-        if number % 2 == 0 and number // 2 < len(plain):
-            circle = plain[number // 2]
-            origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
-            found = _Candidate(self.problem.nearest(circle.cameras(self.problem)), origin, {})
-            if found.cameras not in known:
-                return found
-        if number % 2 == 1 and number // 2 < self.settings.optima and self.settings.geometry:
-            seed = int(rng.integers(2**31))
-            cameras = self.problem.nearest(optimise(self.problem, cost_of(self._score), seed))
-            if cameras not in known:
-                return _Candidate(cameras, "optimum of the geometric score", {})
+        found = self._plain(number // 2, rng, even=number % 2 == 0)
+        if found is not None and found.cameras not in known:
+            return found
         drawn = [self._drawn(self._families[number % len(self._families)], rng) for _ in range(self.settings.pool)]
         drawn = [each for each in drawn if each.cameras not in known]
         if drawn and self.settings.geometry:
@@ -229,6 +222,21 @@ class Field:
             cameras = self.problem.sample(int(rng.integers(2**31)) + attempt)
             if cameras not in known:
                 return _Candidate(cameras, "random", {})
+        return None
+
+    def _plain(self, turn: int, rng: np.random.Generator, *, even: bool) -> _Candidate | None:
+        """The ``turn``-th of one of the two kinds that `_start` names first, while there are any."""
+        if self.problem.views is not None:
+            made = (Uniform if even else MatchGraph)(self.problem).propose(turn, (), ())
+            return None if made is None else _Candidate(made.cameras, made.origin, {})
+        plain = circles(self.problem, altitudes=3, radii=2, inner=True)
+        if even and turn < len(plain):
+            circle = plain[turn]
+            origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
+            return _Candidate(self.problem.nearest(circle.cameras(self.problem)), origin, {})
+        if not even and turn < self.settings.optima and self.settings.geometry:
+            cameras = optimise(self.problem, cost_of(self._score), int(rng.integers(2**31)))
+            return _Candidate(self.problem.nearest(cameras), "optimum of the geometric score", {})
         return None
 
     def _structured(self, best: Sequence[Trial], rng: np.random.Generator) -> list[_Candidate]:

@@ -13,9 +13,11 @@ from fieldkit.planning.methods.geometric import cost_of
 from fieldkit.planning.methods.moves import looked_at, near
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
+from fieldkit.planning.methods.uniform import MatchGraph, Uniform
 from fieldkit.planning.search import Judge, Method, Problem, Result, Trial
 from fieldkit.planning.surrogates.sets import SetEmbedding
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
+from tests.planning.leafy import recorded
 
 QUICK = FieldSettings(initial=6, optima=0, structured=10, pool=8, moves=16)
 
@@ -66,6 +68,15 @@ def test_the_geometric_scores_optimum_is_among_the_first() -> None:
     costs = [cost_of(score)(trial.cameras) for trial in trials if trial is not None]
     assert len(costs) == 3
     assert costs[1] == min(costs)
+
+
+def test_of_a_recorded_set_the_first_are_what_a_person_would_take() -> None:
+    plot = recorded(8, 40)
+    found = [Field(plot).propose(number, [], []) for number in range(7)]
+    given = [method(plot).propose(turn, (), ()) for turn in range(3) for method in (Uniform, MatchGraph)]
+    assert [t.cameras for t in found[:6] if t] == [t.cameras for t in given if t]
+    assert found[6] is not None
+    assert found[6].cameras not in {t.cameras for t in given if t}
 
 
 def test_pending_trials_are_not_proposed_again() -> None:
