@@ -4,12 +4,14 @@ FieldkitError
 ├── UsageError            2   the call itself is wrong (flags, an existing result)
 ├── InputError            3   a file or folder given cannot be used as it is
 │   ├── CaptureError      3   photographs
-│   ├── MetadataError     3   poses.csv, geo.txt, camera files, reference.json …
+│   ├── MetadataError     3   poses.csv, geo.txt, camera files, reference.json, vehicle profiles, missions, logs …
 │   ├── SceneError        3   scene files and what they name
 │   ├── CloudError        3   point-cloud files
 │   │   └── EmptyCloudError
 │   └── StorageError      3   no permission, no space left
-└── ReconstructionError   4   the photographs are readable but do not reconstruct
+├── ReconstructionError   4   the photographs are readable but do not reconstruct
+├── MissionError          5   a mission is unsafe, or the vehicle cannot fly it
+└── LinkError             6   the vehicle cannot be reached, or does not do what it was asked
 """
 
 from __future__ import annotations
@@ -104,3 +106,15 @@ class ReconstructionError(FieldkitError):
     ) -> None:
         super().__init__(message, path=path, remedy=remedy)
         self.registered, self.right, self.models = registered, right, models
+
+
+class MissionError(FieldkitError):
+    """A mission is unsafe, or nothing that the vehicle can fly."""
+
+    exit_code = 5
+
+
+class LinkError(FieldkitError):
+    """The vehicle cannot be reached, or does not do what it was asked; the message says what state it is in."""
+
+    exit_code = 6

@@ -1,0 +1,128 @@
+"""MAVLink mission items as values, and what every autopilot refuses of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+Params = tuple[float, float, float, float, float, float, float]
+
+
+class Frame(IntEnum):
+    """MAV_FRAME: what a positional item's coordinates are, or that an item has none (MAVLink common.xml)."""
+
+    GLOBAL = 0
+    MISSION = 2
+    GLOBAL_RELATIVE_ALT = 3
+    GLOBAL_INT = 5
+    GLOBAL_RELATIVE_ALT_INT = 6
+    GLOBAL_TERRAIN_ALT = 10
+    GLOBAL_TERRAIN_ALT_INT = 11
+
+
+_PLAIN = {
+    int(Frame.GLOBAL_INT): int(Frame.GLOBAL),
+    int(Frame.GLOBAL_RELATIVE_ALT_INT): int(Frame.GLOBAL_RELATIVE_ALT),
+    int(Frame.GLOBAL_TERRAIN_ALT_INT): int(Frame.GLOBAL_TERRAIN_ALT),
+}
+
+
+class Command(IntEnum):
+    """MAV_CMD: the commands that fieldkit writes or understands (MAVLink common.xml)."""
+
+    NAV_WAYPOINT = 16
+    NAV_LOITER_UNLIM = 17
+    NAV_LOITER_TURNS = 18
+    NAV_LOITER_TIME = 19
+    NAV_RETURN_TO_LAUNCH = 20
+    NAV_LAND = 21
+    NAV_TAKEOFF = 22
+    NAV_SPLINE_WAYPOINT = 82
+    NAV_DELAY = 93
+    CONDITION_DELAY = 112
+    CONDITION_YAW = 115
+    DO_JUMP = 177
+    DO_CHANGE_SPEED = 178
+    DO_SET_HOME = 179
+    DO_SET_ROI_LOCATION = 195
+    DO_SET_ROI_NONE = 197
+    DO_SET_ROI = 201
+    DO_DIGICAM_CONFIGURE = 202
+    DO_DIGICAM_CONTROL = 203
+    DO_MOUNT_CONFIGURE = 204
+    DO_MOUNT_CONTROL = 205
+    DO_SET_CAM_TRIGG_DIST = 206
+    DO_GIMBAL_MANAGER_PITCHYAW = 1000
+    DO_GIMBAL_MANAGER_CONFIGURE = 1001
+    IMAGE_START_CAPTURE = 2000
+    IMAGE_STOP_CAPTURE = 2001
+
+
+POSITIONAL = frozenset({
+    Command.NAV_WAYPOINT, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, Command.NAV_LOITER_TIME,
+    Command.NAV_LAND, Command.NAV_TAKEOFF, Command.NAV_SPLINE_WAYPOINT, Command.DO_SET_HOME,
+    Command.DO_SET_ROI_LOCATION, Command.DO_SET_ROI,
+})  # fmt: skip
+"""Commands whose params 5 to 7 are latitude, longitude and altitude."""
+
+
+@dataclass(frozen=True)
+class MissionItem:
+    """One item of a mission, as MISSION_ITEM_INT and QGroundControl's SimpleItem have it.
+
+    Attributes:
+        command: MAV_CMD, also one that `Command` does not have.
+        frame: MAV_FRAME, also one that `Frame` does not have.
+        params: seven; of positional commands the last three are latitude and longitude in degrees and altitude in
+            metres of ``frame``. NaN where a parameter is left to the autopilot (null in a .plan file).
+        autocontinue: go on with the next item by itself.
+        station: index of the photograph that the item belongs to in the mission it was rendered from; None otherwise.
+            Files do not hold it.
+    """
+
+    command: int
+    frame: int
+    params: Params
+    autocontinue: bool = True
+    station: int | None = None
+
+    @property
+    def positional(self) -> bool:
+        """Whether params 5 to 7 are a place."""
+        return self.command in POSITIONAL
+
+    @property
+    def name(self) -> str:
+        """Of its command, for people; its number where `Command` does not have it."""
+        return command_name(self.command)
+
+
+def command_name(command: int) -> str:
+    """MAV_CMD's name without its prefix, or the number."""
+    try:
+        return Command(command).name
+    except ValueError:
+        return f"command {command}"
+
+
+def same_item(a: MissionItem, b: MissionItem, *, degrees: float = 1e-7, metres: float = 0.01) -> bool:
+    """Whether two items mean the same: places within tolerances, other parameters to single precision, NaN as NaN."""
+    if a.command != b.command or plain_frame(a.frame) != plain_frame(b.frame):
+        return False
+    for k, (p, q) in enumerate(zip(a.params, b.params, strict=True)):
+        if math.isnan(p) or math.isnan(q):
+            if math.isnan(p) != math.isnan(q):
+                return False
+            continue
+        tolerance = 1e-6 * max(1.0, abs(p))
+        if a.positional and k >= 4:
+            tolerance = metres if k == 6 else degrees * 1.0000001 + 1e-12
+        if abs(p - q) > tolerance:
+            return False
+    return True
+
+
+def plain_frame(frame: int) -> int:
+    """The frame with the _INT ones as their plain ones: both say the same of an item."""
+    return _PLAIN.get(frame, frame)
