@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -160,6 +161,47 @@ def _surrogate(options: PlannerOptions, progress: Progress) -> StudyResult:
     )
 
 
+def _ablation(options: PlannerOptions, progress: Progress) -> StudyResult:
+    from fieldkit.benchmarks.planner_ablation import (
+        NOISE,
+        Ended,
+        ablation_table,
+        search,
+        variants,
+    )  # brings PyTorch along
+
+    wall, cpu = time.perf_counter(), time.process_time()
+    found: dict[str, dict[str, tuple[Ended, ...]]] = {}
+    for scene in options.scenes:
+        place = Place.scene(scene)
+        settings = place.settings(cameras=options.cameras, method="field")
+        with tempfile.TemporaryDirectory() as folder:
+            problem = open_problem(settings, Path(folder), cache=options.cache, progress=progress).problem
+        makers = {name: make for name, make in variants().items() if not options.methods or name in options.methods}
+        found[place.name] = {}
+        for name, make in makers.items():
+            with progress.stage(f"{place.name}: {name}"):
+                found[place.name][name] = tuple(
+                    search(problem, make(problem, seed), options.evaluations, seed) for seed in range(options.seeds)
+                )
+    return StudyResult(
+        name="ablation",
+        title="The field method's settings on a stand-in",
+        tables=(ablation_table(found),),
+        notes=(
+            (
+                f"{options.evaluations} evaluations, {options.seeds} seeds, {options.cameras} cameras; the stand-in is "
+                f"the geometric score's distance and tie with noise of {NOISE:.0%}, and the method's own score is off."
+            ),
+        ),
+        figures={
+            scene: {name: [asdict(e) for e in ended] for name, ended in by.items()} for scene, by in found.items()
+        },
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
 def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
     title = "Planners on recorded sets"
     if options.data is None:
@@ -306,6 +348,7 @@ STUDIES: dict[str, Callable[[PlannerOptions, Progress], StudyResult]] = {
     "simulated": _simulated,
     "transfer": _transfer,
     "surrogate": _surrogate,
+    "ablation": _ablation,
     "chosen": _recorded,
 }
 

@@ -46,6 +46,7 @@ class Study(StrEnum):
     SIMULATED = "simulated"
     TRANSFER = "transfer"
     SURROGATE = "surrogate"
+    ABLATION = "ablation"
     CHOSEN = "chosen"
 
 
@@ -101,9 +102,9 @@ def command(
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
-    recorded and proxy; the planner's are simulated, transfer, surrogate and chosen (of recorded sets). FIELDKIT_DATA
-    names the recorded image sets; what needs them is left out without it. The result holds results.json, results.md and
-    pictures.
+    recorded and proxy; the planner's are simulated, transfer, surrogate, ablation and chosen (of recorded sets).
+    FIELDKIT_DATA names the recorded image sets; what needs them is left out without it. The result holds results.json,
+    results.md and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
     """
