@@ -76,6 +76,15 @@ class PlanEnvelope(Strict):
     """Lowest and highest gimbal pitch."""
 
 
+class PlanPlants(Strict):
+    """The plants that a flight keeps clear of."""
+
+    points_m: tuple[Vector, ...]
+    """Plot frame; one per occupied cell of a grid."""
+    cell_m: Annotated[float, Field(gt=0)]
+    """The grid's cell: no plant is farther than its diagonal from one of the points."""
+
+
 class PlanSource(Strict):
     """What the plan was made on."""
 
@@ -111,5 +120,6 @@ class Plan(Strict):
     row_heading_deg: Annotated[float, Field(ge=-360, le=360)] | None = None
     """Compass heading of the plot frame's x axis."""
     envelope: PlanEnvelope | None = None
+    plants: PlanPlants | None = None
     source: PlanSource | None = None
     method: PlanMethod | None = None

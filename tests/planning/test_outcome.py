@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.asked import search_settings
-from fieldkit.planning.outcome import run_schemas
+from fieldkit.planning.outcome import plants_of, run_schemas
+from tests.planning.bowl import bowl_problem
 
 SCHEMAS = Path(__file__).parents[2] / "docs" / "schemas"
 
@@ -27,3 +30,12 @@ def test_settings_without_a_command_line() -> None:
         search_settings()
     with pytest.raises(UsageError, match="cameras"):
         search_settings(scene=Path("case-1"), cameras=1)
+
+
+def test_a_plan_says_where_the_plants_are() -> None:
+    problem = bowl_problem(4)
+    plants = plants_of(problem)
+    near = problem.envelope.plants if len(problem.envelope.plants) else problem.reference.points
+    away, _ = cKDTree(plants.points_m).query(near)
+    assert len(plants.points_m) < len(near)
+    assert away.max() < np.sqrt(3.0) * plants.cell_m + 0.001
