@@ -17,6 +17,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.reporting.projection import Direction, Window, draw_points
 
 DPI = 150
+_ROW_WIDTH, _ROW_HEIGHT, _ROW_MARGIN, _ROW_GAP, _ROW_TOP = 15.0, 5.6, 0.5, 0.4, 1.0
 PAPER = "#fbfaf6"
 INK = "#2b2b2b"
 FAINT = "#8c8a82"
@@ -82,6 +83,25 @@ def add_panel(figure: Figure, place: Place, window: Window, title: str, *, unit:
         spine.set_color("#d8d5cb")
     _scale_bar(axes, window, unit)
     return axes
+
+
+def view_row(
+    title: str, everything: NDArray[np.float64], directions: Sequence[Direction], *, unit: str = "m"
+) -> tuple[Figure, list[tuple[Direction, Axes, Window]]]:
+    """A figure with a panel per direction, side by side and to one scale, that show all points (n, 3)."""
+    figure = new_figure(_ROW_WIDTH, _ROW_HEIGHT, title)
+    lower, upper = everything.min(axis=0), everything.max(axis=0)
+    size, middle = upper - lower, 0.5 * (lower + upper)
+    count = len(directions)
+    width = (_ROW_WIDTH - 2 * _ROW_MARGIN - (count - 1) * _ROW_GAP) / count
+    height = _ROW_HEIGHT - _ROW_MARGIN - _ROW_TOP
+    places = [Place(_ROW_MARGIN + i * (width + _ROW_GAP), _ROW_MARGIN, width, height) for i in range(count)]
+    scale = max(fitting_scale((size[d.right], size[d.up]), p) for d, p in zip(directions, places, strict=True))
+    row = []
+    for direction, place in zip(directions, places, strict=True):
+        window = window_around(direction.flat(middle), place, scale)
+        row.append((direction, add_panel(figure, place, window, direction.name.capitalize(), unit=unit), window))
+    return figure, row
 
 
 def draw_cloud(

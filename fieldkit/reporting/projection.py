@@ -32,6 +32,10 @@ class Direction:
     toward: int
     sign: float
 
+    def flat(self, point: NDArray[np.float64]) -> tuple[float, float]:
+        """Where a point (3,) lies in the picture: to the right and upwards."""
+        return float(point[self.right]), float(point[self.up])
+
 
 FRONT = Direction("from the front (looking along +y)", 0, 2, 1, -1.0)
 SIDE = Direction("from the side (looking along −x)", 1, 2, 0, 1.0)

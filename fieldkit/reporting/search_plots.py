@@ -11,20 +11,9 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.reporting.objective_plots import COLORS, dress, panel_row
-from fieldkit.reporting.panels import (
-    INK,
-    Place,
-    add_panel,
-    colors_or_grey,
-    draw_cloud,
-    drawable,
-    fitting_scale,
-    new_figure,
-    window_around,
-)
-from fieldkit.reporting.projection import FRONT, SIDE, TOP, Direction
+from fieldkit.reporting.panels import INK, colors_or_grey, draw_cloud, drawable, view_row
+from fieldkit.reporting.projection import FRONT, SIDE, TOP
 
-_WIDTH, _HEIGHT, _MARGIN, _GAP, _TOP = 15.0, 5.6, 0.5, 0.4, 1.0
 _CAMERA = "#c0262d"
 
 Array = NDArray[np.float64]
@@ -106,36 +95,24 @@ def draw_plan(
         plants: the reference.
         others: (m, 3) cameras that could have been chosen, of a recorded set.
     """
-    figure = new_figure(_WIDTH, _HEIGHT, title)
     others = np.zeros((0, 3)) if others is None else others
     arrow = 0.25 * float(np.median(np.linalg.norm(positions - plants.points.mean(axis=0), axis=1)))
     everything = np.concatenate([plants.points, positions, positions + arrow * forward, others])
-    lower, upper = everything.min(axis=0), everything.max(axis=0)
-    size, middle = upper - lower, 0.5 * (lower + upper)
-    directions = (TOP, FRONT, SIDE)
-    width = (_WIDTH - 2 * _MARGIN - 2 * _GAP) / 3
-    places = [Place(_MARGIN + i * (width + _GAP), _MARGIN, width, _HEIGHT - _MARGIN - _TOP) for i in range(3)]
-    scale = max(fitting_scale((size[d.right], size[d.up]), p) for d, p in zip(directions, places, strict=True))
-    for direction, place in zip(directions, places, strict=True):
-        window = window_around((middle[direction.right], middle[direction.up]), place, scale)
-        axes = add_panel(figure, place, window, direction.name.capitalize(), unit="m")
+    figure, views = view_row(title, everything, (TOP, FRONT, SIDE))
+    for direction, axes, window in views:
         draw_cloud(axes, plants.points, colors_or_grey(plants.points, plants.colors), direction, window)
         axes.plot(
             others[:, direction.right], others[:, direction.up], "o", color=INK, alpha=0.35, markersize=2, zorder=3
         )
         for number, (spot, axis) in enumerate(zip(positions, forward, strict=True), 1):
-            x, y = _flat(spot, direction)
-            u, v = _flat(spot + arrow * axis, direction)
+            x, y = direction.flat(spot)
+            u, v = direction.flat(spot + arrow * axis)
             axes.plot([x, u], [y, v], color=_CAMERA, linewidth=0.9, alpha=0.8, zorder=4)
             axes.plot(x, y, "o", color=_CAMERA, markersize=4, zorder=5)
             axes.annotate(
                 str(number), (x, y), (3, 3), textcoords="offset points", size=7, color=INK, zorder=6, parse_math=False
             )
     return figure
-
-
-def _flat(point: Array, direction: Direction) -> tuple[float, float]:
-    return float(point[direction.right]), float(point[direction.up])
 
 
 def _millimetres(values: Sequence[float | None]) -> Array:

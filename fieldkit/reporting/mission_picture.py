@@ -1,0 +1,79 @@
+"""Picture of a flight: its legs and the cameras' frusta about the plants, from above and from the side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reporting.panels import INK, colors_or_grey, draw_cloud, view_row
+from fieldkit.reporting.projection import FRONT, TOP, Direction
+
+_CAMERA, _LEG, _OUTLINE = "#c0262d", "#2f6db3", "#8a5a2b"
+_NUMBERED = 60
+_SHARE = 0.06
+
+Array = NDArray[np.float64]
+
+
+def draw_mission(
+    title: str,
+    legs: Sequence[Array],
+    cameras: Sequence[Pose],
+    camera: Intrinsics,
+    plants: Cloud,
+    outlines: Sequence[Array] = (),
+) -> Figure:
+    """A flight about the plants.
+
+    Args:
+        title: of the figure.
+        legs: (k, 3) each: the way from one stop to the next with what lies between; metres, heights above home.
+        cameras: of the photographs in the order they are taken, in the same frame.
+        camera: whose frusta are drawn.
+        plants: in the same frame; may be empty.
+        outlines: (k, 2) each: fences, zones and obstacles from above.
+    """
+    centers = np.array([pose.center for pose in cameras])
+    spread = float(np.linalg.norm(np.ptp(centers, axis=0))) if len(centers) else 1.0
+    depth = max(_SHARE * spread, 0.05)
+    frusta = [frustum(pose, camera, depth) for pose in cameras]
+    everything = np.concatenate([*legs, *frusta, plants.points])
+    figure, views = view_row(title, everything, (TOP, FRONT))
+    for direction, axes, window in views:
+        if len(plants):
+            draw_cloud(axes, plants.points, colors_or_grey(plants.points, plants.colors), direction, window)
+        if direction is TOP:
+            for outline in outlines:
+                axes.plot(*np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2)
+        for leg in legs:
+            axes.plot(leg[:, direction.right], leg[:, direction.up], color=_LEG, linewidth=0.9, alpha=0.8, zorder=3)
+        for number, corners in enumerate(frusta, 1):
+            _draw_frustum(axes, corners, direction)
+            if len(frusta) <= _NUMBERED:
+                axes.annotate(
+                    str(number), direction.flat(corners[0]), (3, 3), textcoords="offset points", size=7, color=INK,
+                    zorder=6, parse_math=False,
+                )  # fmt: skip
+    return figure
+
+
+def frustum(pose: Pose, camera: Intrinsics, depth_m: float) -> Array:
+    """(5, 3): the projection centre, then the corners of the picture at that depth, around."""
+    pixels = np.array([[0, 0], [camera.width, 0], [camera.width, camera.height], [0, camera.height]], dtype=np.float64)
+    rays = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    corners = depth_m * np.column_stack([rays, np.ones(4)])
+    return np.vstack([pose.center, pose.center + corners @ pose.rotation])
+
+
+def _draw_frustum(axes: Axes, corners: Array, direction: Direction) -> None:
+    order = [0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2]
+    axes.plot(
+        corners[order, direction.right], corners[order, direction.up], color=_CAMERA, linewidth=0.6, alpha=0.8, zorder=4
+    )
+    axes.plot(*direction.flat(corners[0]), "o", color=_CAMERA, markersize=2.5, zorder=5)
