@@ -1,0 +1,245 @@
+"""Files changed at random and read again: what is not a plain answer or a FieldkitError is a defect."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import sys
+import time
+import traceback
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from fieldkit.errors import FieldkitError
+
+LIMIT_S = 5.0
+"""Longer than this is a hang."""
+_TOKENS = (
+    b"", b"0", b"-1", b"1e999", b"NaN", b"nan", b"inf", b"-Infinity", b"null", b"true", b"[]", b"{}", b'""', b"9" * 40,
+    b"1" + b"0" * 400, b"-0.0", b"\x00", b"\xff\xfe", "\ufeff".encode(), b"\r\n", b"\t", b",", b'"', b"<", b">", b"&",
+    b"<!DOCTYPE a [<!ENTITY b 'c'>]>", b"&b;", b"../../../outside", b"/outside", b"[" * 3000, b"{\"a\":" * 500,
+    b"4294967296", b"-2147483649", b"90.0000001", b"180.0000001", b"1e-320", "−".encode(), "°".encode(),
+)  # fmt: skip
+_DIGITS = frozenset(b"0123456789.-+eE")
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is fuzzed.
+
+    Attributes:
+        suffix: of the files, with its dot.
+        seeds: good files' contents.
+        read: reads a file; raises FieldkitError where it cannot be used.
+    """
+
+    suffix: str
+    seeds: Sequence[bytes]
+    read: Callable[[Path], Any]
+
+
+@dataclass(frozen=True)
+class Fuzzed:
+    """What came of a target.
+
+    Attributes:
+        files: that were read.
+        accepted: of these, those that were read without an error.
+        refused: those that ended in a FieldkitError.
+        defects: traces of other exceptions, one of each kind, with how often it came.
+        hangs: readings of more than `LIMIT_S`.
+        slowest_s: the slowest reading.
+        written: files that reading wrote to, or removed.
+    """
+
+    files: int
+    accepted: int
+    refused: int
+    defects: Mapping[str, int]
+    hangs: int
+    slowest_s: float
+    written: tuple[str, ...]
+
+
+def mutate(seeds: Sequence[bytes], rng: np.random.Generator) -> bytes:
+    """One of the seeds with one to four changes: bits, bytes, numbers, tokens, lengths, pieces of another seed."""
+    data = seeds[int(rng.integers(len(seeds)))]
+    if data[:2] == b"PK" and rng.random() < 0.7:
+        return _rezipped(data, rng)
+    for _ in range(int(rng.integers(1, 5))):
+        if rng.random() < 0.1:
+            a, b = _span(other := seeds[int(rng.integers(len(seeds)))], rng)
+            place = int(rng.integers(len(data) + 1))
+            data = data[:place] + other[a:b] + data[place:]
+        else:
+            data = _changed(data, rng)
+    return data
+
+
+def fuzz(target: Target, count: int, folder: Path, seed: int) -> Fuzzed:
+    """Read ``count`` changed files.
+
+    Args:
+        target: what reads them.
+        count: files.
+        folder: empty; they are written there, one after the other.
+        seed: of the changes.
+    """
+    rng = np.random.default_rng(seed)
+    file = folder / f"file{target.suffix}"
+    accepted = refused = hangs = 0
+    slowest = 0.0
+    defects: dict[str, int] = {}
+    with _written() as written, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for _ in range(count):
+            file.write_bytes(mutate(target.seeds, rng))
+            written.clear_of(file)
+            began = time.perf_counter()
+            try:
+                with _time_limit():
+                    target.read(file)
+                accepted += 1
+            except FieldkitError:
+                refused += 1
+            except _HangError:
+                hangs += 1
+            except Exception as error:
+                trace = traceback.extract_tb(error.__traceback__)[-1]
+                kind = f"{type(error).__name__}: {str(error)[:120]} ({Path(trace.filename).name}:{trace.lineno})"
+                defects[kind] = defects.get(kind, 0) + 1
+            slowest = max(slowest, time.perf_counter() - began)
+    return Fuzzed(count, accepted, refused, defects, hangs, slowest, tuple(sorted(written.paths)))
+
+
+def _flip(data: bytes, rng: np.random.Generator) -> bytes:
+    changed = bytearray(data)
+    for _ in range(int(rng.integers(1, 9))):
+        if changed:
+            changed[int(rng.integers(len(changed)))] = int(rng.integers(256))
+    return bytes(changed)
+
+
+def _cut(data: bytes, rng: np.random.Generator) -> bytes:
+    return data[: int(rng.integers(len(data) + 1))]
+
+
+def _without(data: bytes, rng: np.random.Generator) -> bytes:
+    a, b = _span(data, rng)
+    return data[:a] + data[b:]
+
+
+def _twice(data: bytes, rng: np.random.Generator) -> bytes:
+    a, b = _span(data, rng)
+    return data[:b] + data[a:b] * int(rng.integers(1, 4)) + data[b:]
+
+
+def _token(data: bytes, rng: np.random.Generator) -> bytes:
+    place = int(rng.integers(len(data) + 1))
+    return data[:place] + _TOKENS[int(rng.integers(len(_TOKENS)))] + data[place:]
+
+
+def _number(data: bytes, rng: np.random.Generator) -> bytes:
+    """A number, which text formats are full of, becomes something else."""
+    if not data:
+        return data
+    place = int(rng.integers(len(data)))
+    for k in range(place, min(place + 400, len(data))):
+        if data[k] in _DIGITS:
+            end = k
+            while end < len(data) and data[end] in _DIGITS:
+                end += 1
+            return data[:k] + _TOKENS[int(rng.integers(len(_TOKENS)))] + data[end:]
+    return data
+
+
+_CHANGES = (_flip, _cut, _without, _twice, _token, _number, _number, _number)
+
+
+def _changed(data: bytes, rng: np.random.Generator) -> bytes:
+    return _CHANGES[int(rng.integers(len(_CHANGES)))](data, rng)
+
+
+def _span(data: bytes, rng: np.random.Generator) -> tuple[int, int]:
+    a = int(rng.integers(len(data) + 1))
+    return a, min(len(data), a + int(rng.integers(1, 200)))
+
+
+def _rezipped(data: bytes, rng: np.random.Generator) -> bytes:
+    """A zip file whose members are changed and packed again, so that the change gets past the archive's checks."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as source, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as target:
+        for info in source.infolist():
+            content = source.read(info)
+            for _ in range(int(rng.integers(0, 4))):
+                content = _changed(content, rng)
+            name = info.filename if rng.random() < 0.95 else "../" * int(rng.integers(3)) + "outside"
+            if rng.random() < 0.02:
+                content = bytes(64 << 20)  # a bomb: 64 MB of zeros in 64 kB
+            target.writestr(name, content)
+    return out.getvalue()
+
+
+class _HangError(BaseException):
+    """Not an Exception, so that no reader swallows it."""
+
+
+def _stop(_: int, __: FrameType | None) -> None:
+    raise _HangError
+
+
+@contextmanager
+def _time_limit() -> Iterator[None]:
+    before = signal.signal(signal.SIGALRM, _stop)
+    signal.setitimer(signal.ITIMER_REAL, LIMIT_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+class _Written:
+    """Paths that this process opened for writing, made or removed since the hook was switched on."""
+
+    def __init__(self) -> None:
+        self.paths: set[str] = set()
+        self.on = False
+
+    def hook(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if not self.on or event not in _WRITING:
+            return
+        if event == "open":
+            path, _, flags = arguments
+            if not isinstance(flags, int) or not flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC):
+                return
+            self.paths.add(os.fsdecode(path) if isinstance(path, str | bytes) else str(path))
+        else:
+            self.paths.add(f"{event} {arguments[0]}")
+
+    def clear_of(self, file: Path) -> None:
+        """Forget the file that is read: it was written by the fuzzer itself."""
+        self.paths.discard(str(file))
+
+
+_WRITING = frozenset({"open", "os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.link", "os.symlink", "os.truncate"})
+
+
+@contextmanager
+def _written() -> Iterator[_Written]:
+    written = _Written()
+    sys.addaudithook(written.hook)  # cannot be taken out again, only switched off
+    written.on = True
+    try:
+        yield written
+    finally:
+        written.on = False

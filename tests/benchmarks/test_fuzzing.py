@@ -1,0 +1,57 @@
+"""The fuzzer finds what it looks for."""
+
+from __future__ import annotations
+
+import io
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.benchmarks import fuzzing
+from fieldkit.benchmarks.fuzzing import Target, fuzz, mutate
+from fieldkit.errors import MetadataError
+
+SEEDS = (b'{"a": 12.5, "b": [1, 2, 3]}', b'{"a": -7, "b": []}')
+
+
+def zipped(name: str, content: bytes) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr(name, content)
+    return out.getvalue()
+
+
+def test_changes_are_repeatable_and_many() -> None:
+    first = [mutate(SEEDS, np.random.default_rng(k)) for k in range(300)]
+    assert first == [mutate(SEEDS, np.random.default_rng(k)) for k in range(300)]
+    assert len(set(first)) > 200
+    archives = [mutate([zipped("a.kml", b"<a>1.5</a>" * 20)], np.random.default_rng(k)) for k in range(60)]
+    assert sum(zipfile.is_zipfile(io.BytesIO(a)) for a in archives) > 30
+
+
+def test_refusals_defects_hangs_and_writing_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fuzzing, "LIMIT_S", 0.2)
+    seen = iter(range(1000))
+    outside = tmp_path / "outside.txt"
+
+    def read(file: Path) -> None:
+        number = next(seen)
+        file.read_bytes()
+        if number == 3:
+            raise ZeroDivisionError("three")
+        if number == 5:
+            time.sleep(30)
+        if number == 7:
+            outside.write_text("x")
+        if number % 2:
+            raise MetadataError("odd")
+
+    (tmp_path / "files").mkdir()
+    found = fuzz(Target(".json", SEEDS, read), 12, tmp_path / "files", seed=0)
+    assert (found.files, found.accepted, found.refused, found.hangs) == (12, 6, 4, 1)
+    assert len(found.defects) == 1
+    assert next(iter(found.defects)).startswith("ZeroDivisionError: three (test_fuzzing.py:")
+    assert found.written == (str(outside),)
