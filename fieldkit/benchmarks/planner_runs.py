@@ -17,11 +17,10 @@ from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping
 from fieldkit.planning.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.plan_views import plan_views, resume_plan
-from fieldkit.planning.problems import sha256
+from fieldkit.planning.problems import describe_source
 from fieldkit.planning.run_folder import SETTINGS_FILE, LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run_settings import SearchSettings, lag_for
 from fieldkit.progress import Progress
-from fieldkit.scenes.library import find_scene
 
 
 @dataclass(frozen=True)
@@ -43,8 +42,8 @@ class Place:
     @classmethod
     def scene(cls, name: str) -> Place:
         """A scene that comes with fieldkit, or a file's. Raises SceneError."""
-        file = find_scene(name).resolve()
-        return cls(file.stem, PlanSource(kind="scene", name=file.name, sha256=sha256(file)), file)
+        source, path = describe_source(Path(name), None, None)
+        return cls(path.stem, source, path)
 
     def settings(self, **more: Any) -> SearchSettings:
         """Of a run at this place; ``more`` are fields of `SearchSettings`."""

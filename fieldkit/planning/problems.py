@@ -10,7 +10,7 @@ import numpy as np
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.errors import UsageError
+from fieldkit.errors import SceneError, UsageError
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.evaluation.report_files import REFERENCE_FILE
@@ -25,7 +25,7 @@ from fieldkit.planning.run_settings import NoiseSettings, SearchSettings
 from fieldkit.planning.search import Problem
 from fieldkit.planning.simulated import SimulatedSource
 from fieldkit.progress import Progress
-from fieldkit.scenes.library import find_scene
+from fieldkit.scenes.library import find_scene, scene_reference
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 
@@ -50,7 +50,7 @@ class Plannable:
 
 
 def describe_source(scene: Path | None, reference: Path | None, captures: Path | None) -> tuple[PlanSource, Path]:
-    """What a run is made on, and where that is.
+    """What a run is made on, and where that is: a path, or the name of a scene that comes with fieldkit.
 
     Raises:
         UsageError: none is given, or more than one.
@@ -65,8 +65,8 @@ def describe_source(scene: Path | None, reference: Path | None, captures: Path |
             "plan on what?", remedy="Give --scene SCENE, --reference REF or --captures IMAGES [--reference REF]."
         )
     if scene is not None:
-        file = find_scene(scene).resolve()
-        return PlanSource(kind="scene", name=file.name, sha256=sha256(file)), file
+        file = find_scene(scene)
+        return PlanSource(kind="scene", name=file.name, sha256=sha256(file)), scene_reference(file)
     assert reference is not None
     folder = (reference.parent if reference.is_file() else reference).resolve()
     Reference(folder)
@@ -161,13 +161,20 @@ def _check_unchanged(settings: SearchSettings) -> None:
     if settings.source.sha256 is None:
         return
     path = Path(settings.path)
-    file = path / REFERENCE_FILE if settings.source.kind == "reference" else path
+    file = path / REFERENCE_FILE if settings.source.kind == "reference" else _scene_file(path)
     if not file.is_file():
         raise UsageError(
             "what this run was planned on is gone", path=file, remedy="Put it back there, or start a new run."
         )
     if sha256(file) != settings.source.sha256:
         raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
+
+
+def _scene_file(path: Path) -> Path:
+    try:
+        return find_scene(path)
+    except SceneError:
+        return path
 
 
 def _capture_noise(noise: NoiseSettings, scene: CaptureNoise) -> CaptureNoise:

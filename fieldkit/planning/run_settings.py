@@ -74,7 +74,7 @@ class SearchSettings(Strict):
     source: PlanSource
     """What is planned on."""
     path: str
-    """Where that was."""
+    """Where that was; the name of a scene that comes with fieldkit."""
     reference_path: str | None = None
     """Where the reference of a recorded set was."""
     images_path: str | None = None

@@ -42,3 +42,9 @@ def find_scene(name: str | Path) -> Path:
     near = get_close_matches(text, known, n=1)
     remedy = f"Did you mean {near[0]}?" if near else "`fieldkit scene show` lists the scenes that come with fieldkit."
     raise SceneError("there is no such scene file", path=path, remedy=remedy)
+
+
+def scene_reference(file: Path) -> Path:
+    """What `find_scene` finds a scene file by on every machine: its name where it is fieldkit's own, else its path."""
+    file = file.resolve()
+    return Path(file.stem) if file.parent == scenes_folder().resolve() else file

@@ -14,7 +14,7 @@ import pytest
 from fieldkit.errors import SceneError
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.generator import Layout, new_scene, varied, without_plant
-from fieldkit.scenes.library import find_scene, scene_names, scenes_folder
+from fieldkit.scenes.library import find_scene, scene_names, scene_reference, scenes_folder
 from fieldkit.scenes.scene_file import read_scene, scene_text
 
 ROOT = Path(__file__).parents[2]
@@ -132,3 +132,11 @@ def test_variation_depends_on_its_seed() -> None:
     base = new_scene(3, 1)
     assert varied(base, 1) == varied(base, 1)
     assert varied(base, 1).plot.plants != varied(base, 2).plot.plants
+
+
+def test_a_scene_is_referred_to_so_that_it_is_found_elsewhere(tmp_path: Path) -> None:
+    assert scene_reference(find_scene("case-1")) == Path("case-1")
+    mine = tmp_path / "case-1.toml"
+    mine.write_text(find_scene("case-1").read_text())
+    assert scene_reference(mine) == mine.resolve()
+    assert find_scene(scene_reference(mine)) == mine.resolve()
