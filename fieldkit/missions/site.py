@@ -2,17 +2,42 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from fieldkit.missions.plan import Strict
 from fieldkit.missions.vehicle import NotNegative, Positive
 
+Datum = Literal["home", "amsl", "ellipsoid"]
+"""What a height is above: home, mean sea level, the WGS 84 ellipsoid."""
+
+UNDULATION_M = 110.0
+"""The geoid is nowhere farther than this from the ellipsoid (EGM96: −107 m to 86 m)."""
+_MIXED_UP_M = 10.0
+
+
+def _printable(name: str) -> str:
+    if not name.isprintable() or name != name.strip():
+        raise ValueError("is not plain text, or begins or ends with a space")
+    return name
+
+
+def _open_ring(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    corners = corners[:-1] if corners[0] == corners[-1] else corners
+    if len(set(corners)) < 3:
+        raise ValueError("has fewer than three different corners")
+    return corners
+
+
 Latitude = Annotated[float, Field(ge=-90, le=90)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]
 Heading = Annotated[float, Field(ge=-360, le=360)]
-Polygon = Annotated[tuple[tuple[Latitude, Longitude], ...], Field(min_length=3)]
+Height = Annotated[float, Field(ge=-1000, le=10_000)]
+Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_printable)]
+Polygon = Annotated[
+    tuple[tuple[Latitude, Longitude], ...], Field(min_length=3, max_length=20_000), AfterValidator(_open_ring)
+]
 """Corners (latitude, longitude), the last not the first again."""
 
 
@@ -21,24 +46,48 @@ class SiteHome(Strict):
 
     latitude_deg: Latitude
     longitude_deg: Longitude
-    amsl_m: float | None = None
+    amsl_m: Height | None = None
     """Height above mean sea level."""
-    ellipsoid_m: float | None = None
+    ellipsoid_m: Height | None = None
     """Height above the WGS 84 ellipsoid."""
+
+    @model_validator(mode="after")
+    def _heights_agree(self) -> Self:
+        amsl, ellipsoid = self.amsl_m, self.ellipsoid_m
+        if amsl is not None and ellipsoid is not None and abs(ellipsoid - amsl) > UNDULATION_M:
+            raise ValueError(
+                f"ellipsoid_m {ellipsoid:g} and amsl_m {amsl:g} differ by more than {UNDULATION_M:g} m, "
+                "which they do nowhere on Earth"
+            )
+        return self
+
+    def height_m(self, datum: Datum) -> float | None:
+        """Of home above a datum; None where nobody said."""
+        return 0.0 if datum == "home" else self.amsl_m if datum == "amsl" else self.ellipsoid_m
 
 
 class SitePlot(Strict):
     """Where a plot's frame lies: the plan's origin and its axes."""
 
-    name: Annotated[str, Field(min_length=1, max_length=80)] = "plot"
+    name: Name = "plot"
     latitude_deg: Latitude
     longitude_deg: Longitude
-    height_m: float = 0.0
+    height_m: Height = 0.0
     """Of the ground at its origin."""
-    datum: Literal["home", "amsl", "ellipsoid"] = "home"
+    datum: Datum = "home"
     """What that height is above."""
     row_heading_deg: Heading = 90.0
     """Compass heading of the plot frame's x axis: 90 where x is east."""
+
+    @model_validator(mode="after")
+    def _height_has_a_datum(self) -> Self:
+        if self.height_m != 0.0 and "datum" not in self.model_fields_set:
+            raise ValueError(
+                f'height_m is {self.height_m:g}, but above what? Give datum = "home", "amsl" or "ellipsoid"'
+            )
+        if self.datum != "home" and "height_m" not in self.model_fields_set:
+            raise ValueError(f'datum is "{self.datum}", but height_m is missing')
+        return self
 
 
 class Landing(Strict):
@@ -51,7 +100,7 @@ class Landing(Strict):
 class Obstacle(Strict):
     """An upright cylinder that is kept clear of: a mast, a tree, a hut."""
 
-    name: str = "obstacle"
+    name: Name = "obstacle"
     latitude_deg: Latitude
     longitude_deg: Longitude
     radius_m: Positive
@@ -62,17 +111,19 @@ class Obstacle(Strict):
 class NoFly(Strict):
     """A zone that is never flown over."""
 
-    name: str = "no-fly zone"
+    name: Name = "no-fly zone"
     corners: Polygon
 
 
 class Site(Strict):
     """A site file, with the plots of a plots file in place of its own where one is given."""
 
+    model_config = ConfigDict(populate_by_name=True)
+
     format: Literal[1] = 1
-    name: Annotated[str, Field(min_length=1, max_length=80)] = "site"
+    name: Name = "site"
     home: SiteHome
-    plots: Annotated[tuple[SitePlot, ...], Field(min_length=1)]
+    plots: Annotated[tuple[SitePlot, ...], Field(min_length=1, max_length=2000)]
     landing: Landing | None = None
     """At home where there is none."""
     takeoff_m: Positive = 5.0
@@ -81,10 +132,59 @@ class Site(Strict):
     """Height above home of the way to the first station, between plots and back."""
     ceiling_m: Positive | None = None
     """Above home; nothing is flown higher."""
-    fence: tuple[Polygon, ...] = ()
-    """The vehicle stays inside one of these."""
-    no_fly: tuple[NoFly, ...] = ()
-    obstacles: tuple[Obstacle, ...] = ()
-    rally: tuple[Landing, ...] = ()
+    fence: Annotated[tuple[Polygon, ...], Field(max_length=1000, validation_alias="geofence")] = ()
+    """The vehicle stays inside one of these. The file's key is ``geofence``."""
+    no_fly: Annotated[tuple[NoFly, ...], Field(max_length=1000)] = ()
+    obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = ()
+    rally: Annotated[tuple[Landing, ...], Field(max_length=100)] = ()
     plants_m: NotNegative | None = None
     """Height of the plants where the plan does not say it."""
+
+    @model_validator(mode="after")
+    def _plots_have_names_and_ground(self) -> Self:
+        seen: set[str] = set()
+        for plot in self.plots:
+            if plot.name in seen:
+                raise ValueError(f'plots: two of them are called "{plot.name}"')
+            seen.add(plot.name)
+            self._check_datum(plot)
+        for name, height in (("takeoff_m", self.takeoff_m), ("transit_m", self.transit_m)):
+            if self.ceiling_m is not None and height > self.ceiling_m:
+                raise ValueError(f"{name} is {height:g}, above ceiling_m, which is {self.ceiling_m:g}")
+        return self
+
+    def plot(self, name: str) -> SitePlot:
+        """The plot of a name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        found = next((plot for plot in self.plots if plot.name == name), None)
+        if found is None:
+            raise KeyError(name)
+        return found
+
+    def ground_m(self, plot: SitePlot) -> float:
+        """Height above home of the ground at a plot's origin.
+
+        Raises:
+            ValueError: home's height above that plot's datum is not known.
+        """
+        home = self.home.height_m(plot.datum)
+        if home is None:
+            above, key = ("mean sea level", "amsl_m") if plot.datum == "amsl" else ("the ellipsoid", "ellipsoid_m")
+            raise ValueError(
+                f"{plot.name} is given in metres above {above}, so home needs {key}, its height above the same"
+            )
+        return plot.height_m - home
+
+    def _check_datum(self, plot: SitePlot) -> None:
+        """Refuse a height that cannot be put to home, or that says its datum wrongly, as mixed-up files have it."""
+        self.ground_m(plot)
+        if plot.datum == "home" and abs(plot.height_m) > 2 * _MIXED_UP_M:
+            for datum, height in (("amsl", self.home.amsl_m), ("ellipsoid", self.home.ellipsoid_m)):
+                if height is not None and abs(plot.height_m - height) < _MIXED_UP_M:
+                    raise ValueError(
+                        f"{plot.name} is given as {plot.height_m:g} m above home, and home is {height:g} m high: "
+                        f'this looks like datum "{datum}"'
+                    )

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 from fieldkit.missions.plan import PlanCamera, Strict
 
 Dialect = Literal["ardupilot", "px4", "dji"]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(ge=1e-3, le=1e6)]
+NotNegative = Annotated[float, Field(ge=0, le=1e6)]
 Pitch = Annotated[float, Field(ge=-90, le=90)]
 
 

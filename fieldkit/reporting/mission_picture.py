@@ -1,4 +1,4 @@
-"""Picture of a flight: its legs and the cameras' frusta about the plants, from above and from the side."""
+"""Picture of a flight: its legs and the cameras' frusta about the plants."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from fieldkit.reporting.panels import INK, colors_or_grey, draw_cloud, view_row
 from fieldkit.reporting.projection import FRONT, TOP, Direction
 
 _CAMERA, _LEG, _OUTLINE = "#c0262d", "#2f6db3", "#8a5a2b"
-_NUMBERED = 60
-_SHARE = 0.06
+_SHARE = 0.1
 
 Array = NDArray[np.float64]
 
@@ -28,8 +27,10 @@ def draw_mission(
     camera: Intrinsics,
     plants: Cloud,
     outlines: Sequence[Array] = (),
+    *,
+    near: int | None = None,
 ) -> Figure:
-    """A flight about the plants.
+    """A flight about the plants: all of it from above, and its first plot from above and from the front.
 
     Args:
         title: of the figure.
@@ -38,28 +39,41 @@ def draw_mission(
         camera: whose frusta are drawn.
         plants: in the same frame; may be empty.
         outlines: (k, 2) each: fences, zones and obstacles from above.
+        near: how many of the cameras are the first plot's; all unless given.
     """
     centers = np.array([pose.center for pose in cameras])
-    spread = float(np.linalg.norm(np.ptp(centers, axis=0))) if len(centers) else 1.0
+    first = centers[:near]
+    spread = float(np.linalg.norm(np.ptp(first, axis=0)))
     depth = max(_SHARE * spread, 0.05)
     frusta = [frustum(pose, camera, depth) for pose in cameras]
-    everything = np.concatenate([*legs, *frusta, plants.points])
-    figure, views = view_row(title, everything, (TOP, FRONT))
+    low, high = first.min(axis=0) - 0.3 * spread, first.max(axis=0) + 0.3 * spread
+    beside = ((plants.points >= low) & (plants.points <= high)).all(axis=1)
+    close = np.concatenate([*frusta[:near], plants.points[beside]])
+    whole = np.concatenate([*legs, *frusta, plants.points])
+    names = ("All of it from above", "The first plot from above", "The first plot from the front")
+    figure, views = view_row(title, [(TOP, whole), (TOP, close), (FRONT, close)], names=names)
     for direction, axes, window in views:
         if len(plants):
             draw_cloud(axes, plants.points, colors_or_grey(plants.points, plants.colors), direction, window)
         if direction is TOP:
             for outline in outlines:
-                axes.plot(*np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2)
+                axes.plot(
+                    *np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2, scalex=False,
+                    scaley=False,
+                )  # fmt: skip
         for leg in legs:
             axes.plot(leg[:, direction.right], leg[:, direction.up], color=_LEG, linewidth=0.9, alpha=0.8, zorder=3)
+        closer = axes is not figure.axes[0]
         for number, corners in enumerate(frusta, 1):
             _draw_frustum(axes, corners, direction)
-            if len(frusta) <= _NUMBERED:
+            x, y = direction.flat(corners[0])
+            if closer and window.left < x < window.right and window.bottom < y < window.top:
                 axes.annotate(
-                    str(number), direction.flat(corners[0]), (3, 3), textcoords="offset points", size=7, color=INK,
-                    zorder=6, parse_math=False,
+                    str(number), (x, y), (3, 3), textcoords="offset points", size=7, color=INK, zorder=6,
+                    parse_math=False,
                 )  # fmt: skip
+        axes.set_xlim(window.left, window.right)
+        axes.set_ylim(window.bottom, window.top)
     return figure
 
 

@@ -86,21 +86,31 @@ def add_panel(figure: Figure, place: Place, window: Window, title: str, *, unit:
 
 
 def view_row(
-    title: str, everything: NDArray[np.float64], directions: Sequence[Direction], *, unit: str = "m"
+    title: str, views: Sequence[tuple[Direction, NDArray[np.float64]]], *, names: Sequence[str] = (), unit: str = "m"
 ) -> tuple[Figure, list[tuple[Direction, Axes, Window]]]:
-    """A figure with a panel per direction, side by side and to one scale, that show all points (n, 3)."""
+    """A figure with panels side by side.
+
+    Args:
+        title: of the figure.
+        views: per panel where it looks from and what it shows, (n, 3). Panels that show the same array have one scale.
+        names: of the panels; where they look from unless given.
+        unit: of the points.
+    """
     figure = new_figure(_ROW_WIDTH, _ROW_HEIGHT, title)
-    lower, upper = everything.min(axis=0), everything.max(axis=0)
-    size, middle = upper - lower, 0.5 * (lower + upper)
-    count = len(directions)
-    width = (_ROW_WIDTH - 2 * _ROW_MARGIN - (count - 1) * _ROW_GAP) / count
+    width = (_ROW_WIDTH - 2 * _ROW_MARGIN - (len(views) - 1) * _ROW_GAP) / len(views)
     height = _ROW_HEIGHT - _ROW_MARGIN - _ROW_TOP
-    places = [Place(_ROW_MARGIN + i * (width + _ROW_GAP), _ROW_MARGIN, width, height) for i in range(count)]
-    scale = max(fitting_scale((size[d.right], size[d.up]), p) for d, p in zip(directions, places, strict=True))
+    places = [Place(_ROW_MARGIN + i * (width + _ROW_GAP), _ROW_MARGIN, width, height) for i in range(len(views))]
+    scales: dict[int, float] = {}
+    for (direction, shown), place in zip(views, places, strict=True):
+        size = np.ptp(shown, axis=0)
+        fitting = fitting_scale((size[direction.right], size[direction.up]), place)
+        scales[id(shown)] = max(scales.get(id(shown), 0.0), fitting)
     row = []
-    for direction, place in zip(directions, places, strict=True):
-        window = window_around(direction.flat(middle), place, scale)
-        row.append((direction, add_panel(figure, place, window, direction.name.capitalize(), unit=unit), window))
+    for k, ((direction, shown), place) in enumerate(zip(views, places, strict=True)):
+        middle = 0.5 * (shown.min(axis=0) + shown.max(axis=0))
+        window = window_around(direction.flat(middle), place, scales[id(shown)])
+        name = names[k] if names else direction.name.capitalize()
+        row.append((direction, add_panel(figure, place, window, name, unit=unit), window))
     return figure, row
 
 

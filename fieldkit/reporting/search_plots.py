@@ -98,7 +98,7 @@ def draw_plan(
     others = np.zeros((0, 3)) if others is None else others
     arrow = 0.25 * float(np.median(np.linalg.norm(positions - plants.points.mean(axis=0), axis=1)))
     everything = np.concatenate([plants.points, positions, positions + arrow * forward, others])
-    figure, views = view_row(title, everything, (TOP, FRONT, SIDE))
+    figure, views = view_row(title, [(direction, everything) for direction in (TOP, FRONT, SIDE)])
     for direction, axes, window in views:
         draw_cloud(axes, plants.points, colors_or_grey(plants.points, plants.colors), direction, window)
         axes.plot(

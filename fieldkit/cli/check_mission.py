@@ -1,0 +1,129 @@
+"""fieldkit check-mission."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say, table
+from fieldkit.errors import EXIT_OK, MissionError, UsageError
+
+if TYPE_CHECKING:
+    from fieldkit.missions.findings import Report
+    from fieldkit.missions.mission import Home, Shot
+    from fieldkit.missions.obstacles import Obstacles
+    from fieldkit.missions.vehicle import Vehicle
+
+_MOST_ROWS = 60
+
+
+def command(
+    file: Annotated[Path, typer.Argument(help="A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.")],
+    vehicle: Annotated[str, typer.Option("--vehicle", help="Vehicle profile: a name or a TOML file.")],
+    plan: Annotated[
+        Path | None, typer.Option("--plan", help="plan.json: compare the photographs with its stations.")
+    ] = None,
+    site: Annotated[
+        Path | None, typer.Option("--site", help="Site file: check legs against its fence, zones and obstacles.")
+    ] = None,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> int:
+    """Check a mission file: what it would photograph, and what speaks against flying it.
+
+    The items are carried out as the vehicle's autopilot does, also in files that other programs wrote. Ends with exit
+    code 5 where there is an error.
+
+    Example: fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml
+    """
+    if plan is not None and site is None:
+        raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where the plot is.")
+    from fieldkit.missions.check import check_mission
+    from fieldkit.missions.formats.reading import read_mission
+    from fieldkit.missions.vehicle_file import load_vehicle
+
+    flown_by = load_vehicle(vehicle)
+    read = read_mission(file)
+    planned, obstacles, origin = _from_site(plan, site, flown_by)
+    report = check_mission(read, flown_by, planned=planned, obstacles=obstacles, origin=origin)
+    if as_json:
+        emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report)})
+    else:
+        _show(report, file)
+    return EXIT_OK if report.ok else MissionError.exit_code
+
+
+def _facts(report: Report) -> dict[str, Any]:
+    deviations = {d.station: d for d in report.deviations}
+    poses = []
+    for shot in report.photographs:
+        near = deviations.get(shot.station)
+        poses.append({
+            "station": shot.station,
+            "item": shot.item,
+            "taken": not shot.never,
+            "latitude_deg": None if shot.place is None else shot.place.latitude_deg,
+            "longitude_deg": None if shot.place is None else shot.place.longitude_deg,
+            "height_above_home_m": None if shot.place is None else shot.place.height_m,
+            "heading_deg": shot.heading_deg,
+            "pitch_deg": shot.pitch_deg,
+            "moving": shot.moving,
+            "settled_s": shot.settled_s,
+            "after_s": shot.after_s,
+            "planned": None if near is None else near.planned,
+            "off_plan_m": None if near is None else near.metres,
+        })  # fmt: skip
+    findings = [
+        {"code": f.code, "severity": f.severity, "item": f.item, "station": f.station, "message": f.message}
+        for f in report.findings
+    ]
+    return {
+        "ok": report.ok,
+        "photographs": len(report.taken),
+        "findings": findings,
+        "poses": poses,
+        "length_m": report.length_m,
+        "time_s": report.seconds,
+    }
+
+
+def _show(report: Report, file: Path) -> None:
+    if report.findings:
+        rows = table(f"Findings in {file.name}", "", "code", "item>", "photo>", "what")
+        for finding in report.findings[:_MOST_ROWS]:
+            rows.add_row(
+                finding.severity,
+                finding.code,
+                "" if finding.item is None else str(finding.item),
+                "" if finding.station is None else str(finding.station),
+                finding.message,
+            )
+        console().print(rows)
+        if len(report.findings) > _MOST_ROWS:
+            say(f"and {len(report.findings) - _MOST_ROWS} more: --json lists all of them")
+    if report.deviations:
+        farthest = max(report.deviations, key=lambda d: d.metres)
+        say(f"{len(report.deviations)} photographs match the plan, at most {farthest.metres:.2f} m off")
+    errors = sum(finding.severity == "error" for finding in report.findings)
+    verdict = "may be flown" if report.ok else f"must not be flown: {errors} error{'s' if errors > 1 else ''}"
+    facts = f"{len(report.taken)} photographs, {report.length_m:.0f} m, about {report.seconds:.0f} s"
+    say(f"{file.name}: {facts}; {verdict}")
+
+
+def _from_site(
+    plan: Path | None, site: Path | None, vehicle: Vehicle
+) -> tuple[tuple[Shot, ...], Obstacles | None, Home | None]:
+    """The plan's photographs, what legs keep clear of, and home."""
+    if site is None:
+        return (), None, None
+    from fieldkit.missions.placement import home_of, place
+    from fieldkit.missions.plan_file import load_plan
+    from fieldkit.missions.site_file import load_site
+    from fieldkit.missions.site_obstacles import site_obstacles
+
+    where = load_site(site)
+    stations = None if plan is None else load_plan(plan)
+    shots = () if stations is None else place(stations, where)
+    return shots, site_obstacles(where, vehicle.clearance_m, stations), home_of(where)

@@ -1,0 +1,157 @@
+"""Checking a mission: what it would photograph, where it would fly, and what speaks against it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import MissionError
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
+from fieldkit.missions.check_photographs import deviations, photograph_findings, plan_findings
+from fieldkit.missions.execution import Execution, distance
+from fieldkit.missions.findings import Deviation, Finding, Report, error, warning
+from fieldkit.missions.formats.read_mission import ReadMission
+from fieldkit.missions.interpret import interpret
+from fieldkit.missions.mission import Fence, GeoPoint, Home, Shot
+from fieldkit.missions.obstacles import Obstacles, Volume
+from fieldkit.missions.vehicle import Vehicle
+
+_MOST_LEG_FINDINGS = 50
+
+
+def check_mission(
+    read: ReadMission,
+    vehicle: Vehicle,
+    *,
+    planned: Sequence[Shot] = (),
+    obstacles: Obstacles | None = None,
+    origin: Home | None = None,
+) -> Report:
+    """Everything that can be said of a mission without flying it.
+
+    Args:
+        read: the file.
+        vehicle: that is to fly it; its dialect says how items are understood.
+        planned: photographs as they should be; nothing is compared without.
+        obstacles: that legs keep clear of, metres east and north of ``origin`` and above it; the file's own fence is
+            looked at besides.
+        origin: home as the site has it; stands in for a home that the file lacks.
+    """
+    if read.home is None and origin is not None:
+        read = replace(read, home=origin)
+    elif read.home is not None and read.home.amsl_m is None and origin is not None:
+        read = replace(read, home=replace(read.home, amsl_m=origin.amsl_m))
+    findings = [
+        Finding(r.code, "error" if r.error else "warning", r.message, r.item) for r in read.remarks
+    ]  # fmt: skip
+    findings += _fit(read, vehicle)
+    dialect = vehicle.dialect if vehicle.dialect != "dji" else read.firmware or "ardupilot"
+    flown = interpret(read, vehicle, dialect)
+    if read.items:
+        findings += item_findings(read, vehicle, dialect)
+    findings += place_findings(read, origin)
+    places = {leg.item: leg.end for leg in flown.legs}
+    findings += photograph_findings(flown, vehicle, places)
+    findings += _stop_findings(read)
+    findings += _leg_findings(read, flown, obstacles, origin or read.home)
+    usable = vehicle.battery.usable_s
+    if flown.seconds > usable:
+        message = f"takes about {flown.seconds:.0f} s; a battery gives {usable:.0f} s with its reserve"
+        findings.append(error("endurance", message))
+    matched: tuple[Deviation, ...] = ()
+    home = origin or read.home
+    if planned and home is not None:
+        matched = deviations(flown.photographs, planned, home)
+        findings += plan_findings(matched, flown.photographs, planned)
+    length = sum(math.hypot(*distance(leg.start, leg.end)) for leg in flown.legs)
+    findings.sort(key=lambda f: (f.severity != "error", -1 if f.item is None else f.item, f.code))
+    return Report(flown.photographs, tuple(findings), matched, flown.seconds, length)
+
+
+def _fit(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:
+    """Whether file and vehicle belong together."""
+    if not read.items and not read.stops:
+        yield error("empty", "the mission has no items")
+    if (vehicle.dialect == "dji") != (read.firmware == "dji") and (read.items or read.stops):
+        yield error("wrong-vehicle", f"{vehicle.title} does not fly {read.format} files")
+    elif read.firmware not in (None, vehicle.dialect):
+        yield warning("wrong-vehicle", f"the file was made for {read.firmware}, the vehicle is {vehicle.dialect}")
+
+
+def _stop_findings(read: ReadMission) -> Iterator[Finding]:
+    for stop in read.stops:
+        if stop.height_from != "home":
+            what = f"its height is above the {stop.height_from}, not above take-off: what it comes to is not known"
+            yield warning("datum", what, stop.number)
+
+
+def _leg_findings(
+    read: ReadMission, flown: Execution, obstacles: Obstacles | None, origin: Home | None
+) -> Iterator[Finding]:
+    """What the legs meet; every leg is tested along its whole length."""
+    if origin is None:
+        return
+    frame = LocalFrame(origin.latitude_deg, origin.longitude_deg)
+    everything = [] if obstacles is None else [obstacles]
+    if read.fence is not None:
+        try:
+            everything.append(_fence(read.fence, frame))
+        except MissionError as refused:
+            yield warning("fence", f"the file's fence cannot be checked: {refused.message}")
+    if not everything:
+        return
+    ground = GeoPoint(origin.latitude_deg, origin.longitude_deg, 0.0)
+    legs = [
+        leg
+        for leg in flown.legs
+        if all(abs(e.height_m) <= FAR_M and distance(ground, e)[0] <= FAR_M for e in (leg.start, leg.end))
+    ]  # those left out are spoken of elsewhere: another datum, or far from home
+    if not legs:
+        return
+    starts, ends = (_local(frame, [getattr(leg, end) for leg in legs]) for end in ("start", "end"))
+    reported = left = 0
+    for each in everything:
+        for k in np.flatnonzero(each.blocked(starts, ends)):
+            if reported >= _MOST_LEG_FINDINGS:
+                left += 1
+                continue
+            for problem in each.leg_problems(starts[k], ends[k]):
+                reported += 1
+                item = legs[k].item
+                yield error(_LEG_CODES[problem.kind], f"the leg to item {item} {problem}", item)
+    if left:
+        yield error("legs", f"{left} more legs meet something")
+
+
+def _local(frame: LocalFrame, places: Sequence[GeoPoint]) -> NDArray[np.float64]:
+    """(n, 3) metres east and north of home and above it."""
+    local = frame.to_local([p.latitude_deg for p in places], [p.longitude_deg for p in places], 0.0)
+    local[:, 2] = [p.height_m for p in places]
+    return local
+
+
+_LEG_CODES = {
+    "plants": "leg-plants",
+    "obstacle": "leg-obstacle",
+    "no-fly zone": "leg-no-fly",
+    "fence": "leg-fence",
+    "ceiling": "leg-ceiling",
+}
+
+
+def _fence(fence: Fence, frame: LocalFrame) -> Obstacles:
+    """A file's fence in the local frame."""
+
+    def corners(polygon: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        local = frame.to_local([c[0] for c in polygon], [c[1] for c in polygon], 0.0)
+        return tuple((float(east), float(north)) for east, north, _ in local)
+
+    zones = tuple(
+        Volume.no_fly(f"{k} of the file", corners(polygon)) for k, polygon in enumerate(fence.outside, 1)
+    )  # fmt: skip
+    return Obstacles(zones, tuple(corners(polygon) for polygon in fence.inside), ceiling_m=fence.ceiling_m)

@@ -1,0 +1,158 @@
+"""Findings about items by themselves: refused, unknown, rounded, with the wrong datum, swapped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from fieldkit.missions.dialects.acceptance import dropped, refusal
+from fieldkit.missions.execution import distance
+from fieldkit.missions.findings import Finding, error, warning
+from fieldkit.missions.flight import GOING, LANDINGS, TAKEOFFS
+from fieldkit.missions.formats.read_mission import ReadMission
+from fieldkit.missions.items import Command, MissionItem, plain_frame
+from fieldkit.missions.mission import GeoPoint, Home
+from fieldkit.missions.vehicle import Vehicle
+
+FAR_M = 5000.0
+"""Farther from home than few-view missions go: a coordinate is wrong."""
+_AMSL_BELOW_HOME_M = 5.0
+_HIGH_M = 120.0
+_KNOWN = frozenset(int(command) for command in Command)
+_INTERVALS = frozenset({Command.DO_SET_CAM_TRIGG_DIST, Command.DO_SET_CAM_TRIGG_INTERVAL})
+
+
+def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator[Finding]:
+    """Of every item of a file, and of all of them together."""
+    lost = dialect == "ardupilot" and read.first_number == 0
+    if lost and read.items:
+        first = read.items[0]
+        message = f"{first.name} is item 0, which ArduPilot overwrites with home: it is lost without a word"
+        yield error("first-item-lost", message, 0)
+    for number, item in enumerate(read.items, read.first_number):
+        if not (lost and number == 0):
+            yield from _one(number, item, dialect, vehicle)
+    yield from _datums(read)
+    count = len(read.upload_items(dialect))
+    if vehicle.max_items is not None and count > vehicle.max_items:
+        yield error("too-many-items", f"{count} items are more than the {vehicle.max_items} that the vehicle stores")
+    yield from _begin_and_end(read, dialect)
+
+
+def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iterator[Finding]:
+    refused = refusal(item, dialect)
+    if refused is not None:
+        yield error("item-rejected", f"{item.name} is refused at the upload ({refused})", number)
+        return
+    if item.command not in _KNOWN:
+        yield warning("unknown-item", f"{item.name} is not understood: what it does in flight is unknown", number)
+    for what in dropped(item, dialect):
+        yield warning("value-dropped", f"{item.name}: the autopilot drops the {what}", number)
+    p1, _, p3 = item.params[:3]
+    if item.command == Command.DO_JUMP:
+        yield warning("not-followed", "DO_JUMP is not followed: what is repeated is not checked", number)
+    elif item.command in _INTERVALS and p1 > 0.0:
+        yield error("photo-interval", f"{item.name} photographs on the way, at intervals, wherever that is", number)
+    elif item.command == Command.IMAGE_START_CAPTURE and p3 != 1.0:
+        what = "photographs without end" if p3 == 0.0 else f"takes {p3:g} photographs"
+        yield error("photo-interval", f"IMAGE_START_CAPTURE {what}, also after the vehicle has left", number)
+    elif item.command == Command.DO_MOUNT_CONTROL and item.params[6] != 2.0:
+        message = f"DO_MOUNT_CONTROL has mode {item.params[6]:g}: other firmware than 4.5 takes only 2 for an angle"
+        yield warning("mount-mode", message, number)
+    elif item.command in TAKEOFFS and 0.0 < item.params[6] < 1.0 and dialect == "ardupilot":
+        yield warning("takeoff-raised", "a take-off below 1 m is raised to 1 m", number)
+    if not item.autocontinue and dialect == "px4":
+        yield error("stops-there", f"{item.name} does not continue by itself: the mission waits there", number)
+    if item.command in (Command.DO_MOUNT_CONTROL, Command.DO_GIMBAL_MANAGER_PITCHYAW) and vehicle.mount.kind == "fixed":
+        yield warning("item-ignored", f"{item.name}: the vehicle's mount is fixed", number)
+
+
+def _datums(read: ReadMission) -> Iterator[Finding]:
+    amsl = None if read.home is None else read.home.amsl_m
+    frames: dict[int, int] = {}
+    for number, item in enumerate(read.items, read.first_number):
+        if item.command not in GOING or not math.isfinite(item.params[6]):
+            continue
+        frame, altitude = plain_frame(item.frame), item.params[6]
+        if item.command in LANDINGS and altitude == 0.0:
+            continue
+        frames.setdefault(2 if frame == 0 else frame, number)
+        if frame in (0, 2):
+            if amsl is not None and altitude < amsl - _AMSL_BELOW_HOME_M:
+                message = f"{altitude:g} m above sea level is {amsl - altitude:.0f} m below home: meant above home?"
+                yield error("datum", message, number)
+            elif amsl is None:
+                yield warning("datum", f"{altitude:g} m is above sea level, and home's height is not known", number)
+        elif frame == 10:
+            yield warning("datum", "its altitude is above a terrain map that the vehicle must have", number)
+        elif amsl is not None and amsl > _HIGH_M / 2 and amsl - 5.0 <= altitude <= amsl + _HIGH_M:
+            message = f"{altitude:g} m above home is about home's height above sea level: meant so?"
+            yield error("datum", message, number)
+        elif altitude < -_HIGH_M:
+            yield error("datum", f"{altitude:g} m is far below home", number)
+        elif altitude > _HIGH_M:
+            yield warning("datum", f"{altitude:g} m above home is very high: meant above sea level?", number)
+    if len(frames) > 1:
+        yield warning("datum", "altitudes of this mission are above different things", max(frames.values()))
+
+
+def _begin_and_end(read: ReadMission, dialect: str) -> Iterator[Finding]:
+    if not read.items:
+        return
+    commands = {item.command for item in read.items[1 if dialect == "ardupilot" and read.first_number == 0 else 0 :]}
+    if not commands & TAKEOFFS:
+        yield error("no-takeoff", "there is no take-off: the mission cannot begin on the ground")
+    if Command.NAV_RETURN_TO_LAUNCH in commands:
+        height = "15 m" if dialect == "ardupilot" else "its return height"
+        yield warning("return-climbs", f"RETURN_TO_LAUNCH climbs to {height} first, unless set otherwise")
+    elif not commands & LANDINGS:
+        yield warning("no-landing", "the mission ends in the air")
+
+
+def place_findings(read: ReadMission, origin: Home | None) -> Iterator[Finding]:
+    """Places far from home, or with latitude and longitude swapped.
+
+    Args:
+        read: the file.
+        origin: home as the site has it, which is trusted more than the file's.
+    """
+    home = origin or read.home
+    if home is None:
+        return
+    if origin is not None and read.home is not None:
+        away = distance(_ground(origin), _ground(read.home))[0]
+        if away > FAR_M:
+            yield error(
+                "other-home", f"the file's home is {away / 1000:.1f} km from the site's{_swapped(read.home, home)}"
+            )
+        elif away > 20.0:
+            yield warning("other-home", f"the file's home is {away:.0f} m from the site's")
+    places = [
+        (number, GeoPoint(item.params[4], item.params[5], 0.0))
+        for number, item in enumerate(read.items, read.first_number)
+        if item.positional and (item.params[4] or item.params[5]) and all(map(math.isfinite, item.params[4:6]))
+    ]
+    places += [(stop.number, stop.place) for stop in read.stops]
+    for number, place in places:
+        if not (abs(place.latitude_deg) <= 90.0 and abs(place.longitude_deg) <= 180.0):
+            swapped = _swapped(place, home)
+            code = "lat-lon-swapped" if swapped else "far-from-home"
+            yield error(code, f"its place is none on Earth{swapped}", number)
+            continue
+        away = distance(_ground(home), place)[0]
+        if away > FAR_M:
+            swapped = _swapped(place, home)
+            code = "lat-lon-swapped" if swapped else "far-from-home"
+            yield error(code, f"its place is {away / 1000:.0f} km from home{swapped}", number)
+
+
+def _swapped(place: GeoPoint | Home, home: Home) -> str:
+    """Words that say so where the place is near home once latitude and longitude are swapped."""
+    if not (abs(place.longitude_deg) <= 90.0 and abs(place.latitude_deg) <= 180.0):
+        return ""
+    away = distance(_ground(home), GeoPoint(place.longitude_deg, place.latitude_deg, 0.0))[0]
+    return ": latitude and longitude are swapped" if away < FAR_M else ""
+
+
+def _ground(home: Home) -> GeoPoint:
+    return GeoPoint(home.latitude_deg, home.longitude_deg, 0.0)

@@ -1,0 +1,178 @@
+"""Findings about photographs: taken late, moving, not settled, never; and how far they are from the plan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.execution import Execution, Photograph, distance
+from fieldkit.missions.findings import Deviation, Finding, error, warning
+from fieldkit.missions.mission import GeoPoint, Home, Shot
+from fieldkit.missions.motion import turn_deg
+from fieldkit.missions.vehicle import Vehicle
+
+LEAST_SETTLE_S = 0.5
+"""Below it a photograph counts as not settled at all; less than the profile's time is a warning."""
+_SLACK_S = 0.05
+_SLACK_DEG = 1e-3
+
+OFF_M, OFF_DEG = 0.25, 5.0
+"""From the plan: an error beyond these."""
+_NEAR_M, _NEAR_DEG = 0.05, 1.0
+_SEARCH_M = 3.0
+_NEIGHBOURS = 12
+_METRES_PER_DEGREE = 0.1
+"""When photographs are matched to stations: places of one station's neighbours may be the same."""
+
+
+def photograph_findings(flown: Execution, vehicle: Vehicle, places: dict[int, GeoPoint]) -> Iterator[Finding]:
+    """Of each photograph.
+
+    Args:
+        flown: the mission, carried out.
+        vehicle: its mount, its times.
+        places: where each item leads to, by its number.
+    """
+    if not flown.photographs:
+        yield error("no-photographs", "the mission takes no photograph")
+    for shot in flown.photographs:
+        if shot.never:
+            yield error("photo-never", f"this photograph is never taken: {shot.never}", shot.item, shot.station)
+            continue
+        yield from _when(shot, vehicle, places)
+        yield from _pose(shot, vehicle)
+    for number, why in flown.skipped:
+        if not any(shot.item == number for shot in flown.photographs) and "refuses" not in why:
+            yield error("item-skipped", f"is never carried out: {why}", number)
+
+
+def _when(shot: Photograph, vehicle: Vehicle, places: dict[int, GeoPoint]) -> Iterator[Finding]:
+    settle, exposure = vehicle.trigger.settle_s, vehicle.trigger.exposure_s
+    where = (shot.item, shot.station)
+    if shot.late_s > 0.0:
+        away = ""
+        meant = None if shot.waypoint is None else places.get(shot.waypoint)
+        if meant is not None and shot.place is not None:
+            horizontal, up = distance(meant, shot.place)
+            away = f", about {math.hypot(horizontal, up):.1f} m away from it"
+        state = "moving" if shot.moving else "at the next place"
+        yield error(
+            "photo-late", f"taken {shot.late_s:.1f} s after item {shot.waypoint} is left{away}, {state}", *where
+        )
+        return
+    if shot.moving:
+        yield error(
+            "photo-moving",
+            "taken in passing: without a hold of 1 s or more the vehicle does not stop, and heading and gimbal may be "
+            "tens of degrees off",
+            *where,
+        )
+        return
+    if shot.settled_s < min(LEAST_SETTLE_S, settle) - 1e-9:
+        message = f"the vehicle has stood still with the camera turned for {shot.settled_s:.1f} s only"
+        yield error("no-settle", message, *where)
+    elif shot.settled_s < settle - _SLACK_S:
+        message = f"settles for {shot.settled_s:.1f} s; the vehicle's profile asks for {settle:g} s"
+        yield warning("short-settle", message, *where)
+    if shot.after_s <= 0.0:
+        message = "taken at the instant the vehicle leaves: no delay follows the shutter"
+        yield error("no-delay", message, *where)
+    elif shot.after_s < exposure - _SLACK_S:
+        message = f"stands still for {shot.after_s:.1f} s after it; the vehicle's profile asks for {exposure:g} s"
+        yield warning("short-delay", message, *where)
+
+
+def _pose(shot: Photograph, vehicle: Vehicle) -> Iterator[Finding]:
+    where = (shot.item, shot.station)
+    if shot.heading_deg is None:
+        yield error("no-heading", "nothing turns the camera to a heading: it is the autopilot's own", *where)
+    if shot.pitch_deg is None:
+        yield error("no-pitch", "nothing turns the gimbal before it", *where)
+    else:
+        low, high = vehicle.mount.pitch_deg
+        # ArduPilot's gimbal manager cuts to whole degrees, towards the horizon: within the mount all the same.
+        if not low - _SLACK_DEG <= shot.pitch_deg <= high + _SLACK_DEG:
+            message = f"pitch {shot.pitch_deg:.1f}° is beyond the mount ({low:g}° to {high:g}°)"
+            yield error("pitch-limit", message, *where)
+    if shot.place is None:
+        yield error("no-place", "where it is taken cannot be said", *where)
+    elif shot.place.height_m < vehicle.min_height_m - 1e-3:
+        message = f"{shot.place.height_m:.2f} m above home is below the vehicle's {vehicle.min_height_m:g} m"
+        yield error("too-low", message, *where)
+
+
+def deviations(photographs: Sequence[Photograph], planned: Sequence[Shot], home: Home) -> tuple[Deviation, ...]:
+    """Photographs matched to the plan's stations, nearest first, each at most once and within 3 m."""
+    from scipy.spatial import cKDTree
+
+    usable = [
+        shot for shot in photographs
+        if not shot.never and shot.place is not None and math.isfinite(shot.place.height_m)
+    ]  # fmt: skip
+    if not usable or not planned:
+        return ()
+    frame = LocalFrame(home.latitude_deg, home.longitude_deg)
+    taken = _local(frame, [shot.place for shot in usable if shot.place is not None])
+    wanted = _local(frame, [shot.place for shot in planned])
+    near, index = cKDTree(wanted).query(taken, k=min(_NEIGHBOURS, len(wanted)), distance_upper_bound=_SEARCH_M)
+    near, index = near.reshape(len(taken), -1), index.reshape(len(taken), -1)
+    pairs = []
+    for a, b in np.argwhere(np.isfinite(near)):
+        found = _deviation(usable[a], planned[int(index[a, b])], float(near[a, b]))
+        turn = abs(found.heading_deg or 0.0) + abs(found.pitch_deg or 0.0)
+        pairs.append((found.metres + _METRES_PER_DEGREE * turn, int(a), int(index[a, b]), found))
+    used_a: set[int] = set()
+    used_b: set[int] = set()
+    matched = []
+    for _, a, b, found in sorted(pairs, key=lambda pair: pair[:3]):
+        if a not in used_a and b not in used_b:
+            used_a.add(a)
+            used_b.add(b)
+            matched.append(found)
+    return tuple(sorted(matched, key=lambda found: found.station))
+
+
+def _local(frame: LocalFrame, places: Sequence[GeoPoint]) -> np.ndarray:
+    return frame.to_local(
+        [p.latitude_deg for p in places], [p.longitude_deg for p in places], [p.height_m for p in places]
+    )
+
+
+def _deviation(shot: Photograph, planned: Shot, metres: float) -> Deviation:
+    heading = None if shot.heading_deg is None else turn_deg(planned.yaw_deg, shot.heading_deg)
+    pitch = None if shot.pitch_deg is None else shot.pitch_deg - planned.pitch_deg
+    return Deviation(shot.item, shot.station, planned.name, metres, heading, pitch)
+
+
+def plan_findings(
+    matched: Sequence[Deviation], photographs: Sequence[Photograph], planned: Sequence[Shot]
+) -> Iterator[Finding]:
+    """What is off, missing or extra against a plan.
+
+    A plot without any photograph is one warning: a file may hold one flight of several.
+    """
+    for found in matched:
+        turn = max(abs(found.heading_deg or 0.0), abs(found.pitch_deg or 0.0))
+        message = (
+            f"{found.planned} is off by {found.metres:.2f} m"
+            + ("" if found.heading_deg is None else f", heading by {found.heading_deg:+.1f}°")
+            + ("" if found.pitch_deg is None else f", pitch by {found.pitch_deg:+.1f}°")
+        )
+        if found.metres > OFF_M or turn > OFF_DEG:
+            yield error("off-plan", message, found.item, found.station)
+        elif found.metres > _NEAR_M or turn > _NEAR_DEG:
+            yield warning("off-plan", message, found.item, found.station)
+    there = {found.station for found in matched}
+    for shot in photographs:
+        if not shot.never and shot.station not in there:
+            yield warning("extra-photo", "no station of the plan is near", shot.item, shot.station)
+    met = {found.planned for found in matched}
+    plots = {shot.plot for shot in planned if shot.name in met}
+    for station in planned:
+        if station.plot in plots and station.name not in met:
+            yield error("missing-photo", f"{station.name} is not photographed")
+    for plot in sorted({shot.plot for shot in planned} - plots):
+        yield warning("missing-plot", f"nothing of {plot} is photographed: in another flight's file?")

@@ -1,0 +1,121 @@
+"""What a vehicle can reach of a plan's poses, and the nearest pose where it cannot.
+
+A multicopter turns to any heading and is as level as it flies, so what limits a pose is the mount's pitch and the least
+height above the ground. The nearest pose keeps place and heading: the pitch is turned to the mount's limit (to its only
+pitch, where it is fixed), the camera is raised straight up. What it then sees is not what the plan chose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from fieldkit.errors import MissionError
+from fieldkit.missions.mission import Shot
+from fieldkit.missions.placement import ground_above_home
+from fieldkit.missions.site import Site
+from fieldkit.missions.vehicle import Vehicle
+
+TOLERANCE_DEG = 1e-6
+TOLERANCE_M = 1e-4
+"""Rounding, not leeway: files hold heights to 0.1 mm."""
+
+Limit = Literal["pitch", "height"]
+
+
+@dataclass(frozen=True)
+class Unreachable:
+    """A pose that the vehicle cannot take.
+
+    Attributes:
+        shot: as planned.
+        limits: what is beyond the vehicle; one or both.
+        what: the same for people, without the station's name.
+        nearest: the nearest pose that it can take.
+    """
+
+    shot: Shot
+    limits: tuple[Limit, ...]
+    what: str
+    nearest: Shot
+
+    def __str__(self) -> str:
+        return f"{self.shot.name}: {self.what}"
+
+
+def unreachable(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> tuple[Unreachable, ...]:
+    """The poses that a vehicle cannot take, in their order.
+
+    Args:
+        shots: on the site's plots, as `place` gives them.
+        site: whose plots say where the ground is.
+        vehicle: its mount and least height.
+
+    Raises:
+        MissionError: a shot is of a plot that the site does not have, or its pose is not finite.
+        MetadataError: the height of a plot cannot be connected with home's.
+    """
+    ground = {plot.name: ground_above_home(site, plot) for plot in site.plots}
+    found = []
+    for shot in shots:
+        if shot.plot not in ground:
+            raise MissionError(f"{shot.name}: the site has no plot of that name", remedy="Place the plan on this site.")
+        problem = _problem(shot, ground[shot.plot], vehicle)
+        if problem is not None:
+            found.append(problem)
+    return tuple(found)
+
+
+def adjusted(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> tuple[tuple[Shot, ...], tuple[Unreachable, ...]]:
+    """All shots, those out of reach replaced by their nearest poses, and which those are.
+
+    Raises:
+        MissionError, MetadataError: as `unreachable`.
+    """
+    problems = unreachable(shots, site, vehicle)
+    nearest = {id(problem.shot): problem.nearest for problem in problems}
+    return tuple(nearest.get(id(shot), shot) for shot in shots), problems
+
+
+def require_reachable(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> None:
+    """Refuse poses that a vehicle cannot take.
+
+    Raises:
+        MissionError: there are any; the first is named, with its nearest pose, and the others are counted.
+        MetadataError: as `unreachable`.
+    """
+    problems = unreachable(shots, site, vehicle)
+    if not problems:
+        return
+    others = len(problems) - 1
+    more = f" ({others} more {'station is' if others == 1 else 'stations are'} out of reach)" if others else ""
+    raise MissionError(
+        f"{problems[0]}{more}",
+        remedy="Give --adjust to fly the nearest poses, or plan within this vehicle's limits.",
+    )
+
+
+def _problem(shot: Shot, ground_m: float, vehicle: Vehicle) -> Unreachable | None:
+    above = shot.place.height_m - ground_m
+    if not all(math.isfinite(value) for value in (shot.pitch_deg, shot.yaw_deg, above)):
+        raise MissionError(f"{shot.name}: its pose is not a number", remedy="Make the plan again.")
+    low, high = vehicle.mount.pitch_deg
+    pitch, limits, sentences = shot.pitch_deg, list[Limit](), []
+    if not low - TOLERANCE_DEG <= pitch <= high + TOLERANCE_DEG:
+        pitch = min(max(pitch, low), high)
+        limits.append("pitch")
+        reach = f"is fixed at {low:g}°" if vehicle.mount.kind == "fixed" else f"reaches {low:g}° to {high:g}°"
+        sentences.append(f"pitch {shot.pitch_deg:.4g}°, but the mount of {vehicle.title} {reach}")
+    if above < vehicle.min_height_m - TOLERANCE_M:
+        limits.append("height")
+        sentences.append(
+            f"{above:.2f} m above the ground, but {vehicle.title} flies no lower than {vehicle.min_height_m:g} m"
+        )
+    if not limits:
+        return None
+    height = ground_m + vehicle.min_height_m if "height" in limits else shot.place.height_m
+    nearest = replace(shot, place=replace(shot.place, height_m=height), pitch_deg=pitch)
+    pose = f"the nearest pose is {height - ground_m:.2f} m above the ground with pitch {pitch:.4g}°"
+    return Unreachable(shot, tuple(limits), f"{'; '.join(sentences)}; {pose}", nearest)

@@ -1,0 +1,331 @@
+"""What a check of a mission finds, in the recorded ones and in ones with a fault each."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fieldkit.cli.check_mission import command
+from fieldkit.errors import UsageError
+from fieldkit.missions.check import check_mission
+from fieldkit.missions.dialects import render
+from fieldkit.missions.findings import Report
+from fieldkit.missions.formats import write_mission
+from fieldkit.missions.formats.qgc_plan import plan_bytes
+from fieldkit.missions.formats.read_mission import ReadMission
+from fieldkit.missions.formats.reading import read_mission
+from fieldkit.missions.formats.waypoints import waypoints_bytes
+from fieldkit.missions.items import Command, MissionItem
+from fieldkit.missions.mission import Fence, GeoPoint, Home, Mission, Shot
+from fieldkit.missions.obstacles import Obstacles, Volume
+from fieldkit.missions.placement import home_of, place
+from fieldkit.missions.plan_file import plan_from_poses, save_plan
+from fieldkit.missions.site_file import load_site
+from fieldkit.missions.vehicle import Battery, Mount
+from fieldkit.missions.vehicle_file import load_vehicle, missions_folder
+from fieldkit.scenes.rigs import ring
+from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
+
+DATA = os.environ.get("FIELDKIT_DATA")
+
+
+def file_of(folder: Path, name: str, suffix: str) -> Path:
+    """A recording's items as a file."""
+    items = recorded_items(name)[1:]
+    path = folder / f"{name}.{suffix}"
+    if suffix == "plan":
+        path.write_bytes(plan_bytes(items, home=HOME, dialect="ardupilot", cruise_mps=2.0))
+    else:
+        path.write_bytes(waypoints_bytes(items, home=HOME))
+    return path
+
+
+def counted(report: Report, severity: str = "error") -> Counter[str]:
+    return Counter(finding.code for finding in report.findings if finding.severity == severity)
+
+
+@pytest.mark.parametrize("suffix", ["plan", "waypoints"])
+def test_the_recorded_missions(tmp_path: Path, suffix: str) -> None:
+    planned = recorded_mission().shots
+    reports = {
+        name: check_mission(read_mission(file_of(tmp_path, name, suffix)), vehicle(), planned=planned)
+        for name in ("mount_then_yaw", "naive", "hold0")
+    }
+    good = reports["mount_then_yaw"]
+    assert good.ok
+    assert counted(good, "warning") == {"return-climbs": 1}
+    assert len(good.taken) == len(good.deviations) == 13
+    assert max(d.metres for d in good.deviations) < 0.002
+    naive = reports["naive"]
+    assert not naive.ok
+    late = [finding for finding in naive.findings if finding.code == "photo-late"]
+    assert sorted(f.station for f in late if f.station is not None) == list(range(13))
+    assert sorted(f.item for f in late if f.item is not None) == [5 + 4 * k for k in range(13)]
+    # Of those that were more than 0.25 m off in the flight (the recording's truth), all are found so.
+    assert {0, 1, 2, 3, 10, 11, 12} <= {f.station for f in naive.findings if f.code in ("off-plan", "extra-photo")}
+    hold0 = reports["hold0"]
+    assert counted(hold0) == {"photo-moving": 13}
+    assert counted(hold0, "warning")["value-dropped"] == 13  # whole degrees of the gimbal
+
+
+@pytest.mark.skipif(not DATA, reason="FIELDKIT_DATA is not set: the recorded .plan files lie beside it")
+def test_the_recorded_plan_files() -> None:
+    folder = Path(str(DATA)).parent / "sitl"
+    if not folder.is_dir():
+        pytest.skip(f"there is no {folder}")
+    settled = check_mission(read_mission(folder / "plan_settled_gm.plan"), vehicle(), planned=recorded_mission().shots)
+    assert settled.ok
+    assert len(settled.taken) == 13
+    assert counted(settled, "warning") == {"value-dropped": 13, "short-settle": 13}
+    null = check_mission(read_mission(folder / "plan_null_image.plan"), vehicle())
+    assert counted(null) == {"item-rejected": 13, "photo-never": 13}
+    assert len(null.taken) == 0
+
+
+def test_what_fieldkit_writes_has_nothing_against_it(tmp_path: Path) -> None:
+    for dialect, name in (("ardupilot", "plan"), ("ardupilot", "waypoints"), ("px4", "plan"), ("px4", "waypoints")):
+        by = vehicle(dialect)  # type: ignore[arg-type]
+        path = tmp_path / f"{dialect}.{name}"
+        write_mission(path, name, small_mission(), by)
+        report = check_mission(read_mission(path), by, planned=small_mission().shots, origin=HOME)
+        assert report.findings == ()
+        assert len(report.deviations) == 3
+    for name, suffix in (("wpml", "kmz"), ("litchi", "csv")):
+        path = tmp_path / f"dji.{suffix}"
+        write_mission(path, name, small_mission(), vehicle("dji"))
+        report = check_mission(read_mission(path), vehicle("dji"), planned=small_mission().shots, origin=HOME)
+        assert report.ok
+        assert counted(report, "warning") == ({"heading-mode": 1} if name == "litchi" else {})
+        assert max(d.metres for d in report.deviations) < 0.005
+
+
+ITEMS = render(small_mission(), vehicle())[1:]
+
+
+def with_items(change: Any, home: Home | None = HOME, first: int = 1) -> ReadMission:
+    """The small mission with its items changed."""
+    items = list(ITEMS)
+    return ReadMission("plan", tuple(change(items) or items), home=home, firmware="ardupilot", first_number=first)
+
+
+def changed(command: int, **values: Any) -> Any:
+    """Change items of a command: fields by name, parameters as p1 … p7."""
+
+    def change(items: list[MissionItem]) -> None:
+        for k, item in enumerate(items):
+            if item.command == command:
+                params = list(item.params)
+                for name, value in values.items():
+                    if name[0] == "p":
+                        params[int(name[1]) - 1] = value
+                fields = {name: value for name, value in values.items() if name[0] != "p"}
+                items[k] = replace(item, params=tuple(params), **fields)  # type: ignore[arg-type]
+
+    return change
+
+
+def inserted(item: MissionItem) -> Any:
+    """With one more item behind the take-off."""
+    return lambda items: [*items[:1], item, *items[1:]]
+
+
+def without(command: int) -> Any:
+    return lambda items: [item for item in items if item.command != command]
+
+
+def as_digicam(items: list[MissionItem]) -> list[MissionItem]:
+    """With a shutter command that does nothing."""
+    shutter = MissionItem(Command.DO_DIGICAM_CONTROL, 2, (0.0,) * 7)
+    return [shutter if item.command == Command.IMAGE_START_CAPTURE else item for item in items]
+
+
+def swapped(items: list[MissionItem]) -> list[MissionItem]:
+    """With longitude first."""
+    return [replace(item, params=(*item.params[:4], item.params[5], item.params[4], item.params[6])) for item in items]
+
+
+@pytest.mark.parametrize(
+    ("read", "error"),
+    [
+        (with_items(without(Command.NAV_DELAY)), "no-delay"),
+        (with_items(without(Command.CONDITION_YAW)), "no-heading"),
+        (with_items(without(Command.DO_MOUNT_CONTROL)), "no-pitch"),
+        (with_items(without(Command.IMAGE_START_CAPTURE)), "no-photographs"),
+        (with_items(without(Command.NAV_TAKEOFF)), "no-takeoff"),
+        (with_items(changed(Command.NAV_WAYPOINT, p1=0.0)), "photo-moving"),
+        (with_items(changed(Command.IMAGE_START_CAPTURE, p4=float("nan"))), "item-rejected"),
+        (with_items(changed(Command.IMAGE_START_CAPTURE, p4=float("nan"))), "photo-never"),
+        (with_items(changed(Command.IMAGE_START_CAPTURE, p3=0.0)), "photo-interval"),
+        (with_items(as_digicam), "photo-never"),
+        (with_items(lambda items: [*items, MissionItem(1001, 2, (-2.0, -2.0, 0, 0, 0, 0, 0))]), "item-rejected"),
+        (with_items(changed(Command.NAV_WAYPOINT, frame=0)), "datum"),
+        (with_items(changed(Command.NAV_WAYPOINT, p7=94.0)), "datum"),
+        (with_items(changed(Command.NAV_WAYPOINT, p7=-5000.0)), "datum"),
+        (with_items(changed(Command.DO_MOUNT_CONTROL, p1=40.0)), "pitch-limit"),
+        (with_items(changed(Command.NAV_WAYPOINT, p7=0.5)), "too-low"),
+        (with_items(changed(Command.NAV_WAYPOINT, p1=-1.0)), "endurance"),
+        (with_items(swapped), "lat-lon-swapped"),
+        (with_items(changed(Command.NAV_WAYPOINT, p5=51.5)), "far-from-home"),
+        (with_items(lambda _: None, home=None, first=0), "first-item-lost"),
+        (with_items(lambda items: 50 * items), "too-many-items"),
+        (with_items(inserted(MissionItem(206, 2, (2.0, 0, 0, 0, 0, 0, 0)))), "photo-interval"),
+        (ReadMission("plan"), "empty"),
+        (ReadMission("plan", ITEMS, home=HOME, firmware="dji"), "wrong-vehicle"),
+    ],
+)  # fmt: skip
+def test_every_fault_is_found(read: ReadMission, error: str) -> None:
+    report = check_mission(read, vehicle())
+    assert not report.ok
+    assert counted(report)[error] > 0, report.findings
+
+
+@pytest.mark.parametrize(
+    ("read", "warning"),
+    [
+        (with_items(changed(Command.NAV_WAYPOINT, p1=2.5)), "value-dropped"),
+        (with_items(changed(Command.NAV_WAYPOINT, p1=2.0)), "short-settle"),
+        (with_items(changed(Command.NAV_DELAY, p1=0.5)), "short-delay"),
+        (with_items(changed(Command.NAV_WAYPOINT, p4=90.0)), "value-dropped"),
+        (with_items(changed(Command.NAV_TAKEOFF, p7=0.5)), "takeoff-raised"),
+        (with_items(changed(Command.DO_MOUNT_CONTROL, p7=0.0)), "mount-mode"),
+        (with_items(without(Command.NAV_LAND)), "no-landing"),
+        (with_items(inserted(MissionItem(Command.DO_JUMP, 2, (1.0, 2.0, 0, 0, 0, 0, 0)))), "not-followed"),
+        (with_items(inserted(MissionItem(181, 2, (0.0,) * 7))), "unknown-item"),
+        (with_items(changed(Command.NAV_WAYPOINT, frame=10)), "datum"),
+        (replace(with_items(lambda _: None), firmware="px4"), "wrong-vehicle"),
+    ],
+)  # fmt: skip
+def test_what_is_worth_knowing_is_said(read: ReadMission, warning: str) -> None:
+    assert counted(check_mission(read, vehicle()), "warning")[warning] > 0
+
+
+def test_px4_refuses_ardupilots_words() -> None:
+    report = check_mission(with_items(lambda _: None), vehicle("px4"), planned=small_mission().shots)
+    assert counted(report)["item-rejected"] == 3  # CONDITION_YAW of each photograph
+    # Without it all look north: the waypoints' own yaw is 0.
+    assert [shot.heading_deg for shot in report.taken] == 3 * [0.0]
+    assert counted(report)["off-plan"] == 3
+
+
+def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:
+    mission = small_mission(vias=False)
+    items = render(mission, vehicle())[1:]
+    a, b = mission.shots[1].place, mission.shots[2].place
+    middle = ((a.latitude_deg + b.latitude_deg) / 2, (a.longitude_deg + b.longitude_deg) / 2)
+    d = 2e-6
+    zone = tuple((middle[0] + x * d, middle[1] + y * d) for x, y in ((-1, -1), (-1, 1), (1, 1), (1, -1)))
+    ring = ((50.8648, 6.4470), (50.8648, 6.4476), (50.8652, 6.4476), (50.8652, 6.4470))
+    fenced = ReadMission("plan", items, home=HOME, fence=Fence((ring,), (zone,)))
+    assert counted(check_mission(fenced, vehicle())) == {"leg-no-fly": 1}
+    narrow = ((50.8648, 6.4470), (50.8648, 6.4476), (50.86505, 6.4476), (50.86497, 6.4473), (50.86505, 6.4470))
+    out = check_mission(ReadMission("plan", items, home=HOME, fence=Fence((narrow,))), vehicle())
+    assert counted(out)["leg-fence"] > 0
+    sky = changed(Command.NAV_WAYPOINT, p7=5e5)
+    high = check_mission(replace(with_items(sky), fence=Fence((ring,))), vehicle())
+    assert counted(high, "warning")["datum"] > 0
+    bad = check_mission(ReadMission("plan", items, home=HOME, fence=Fence((tuple(reversed(zone))[:2],))), vehicle())
+    assert counted(bad, "warning")["fence"] == 1
+
+
+def test_plants_obstacles_and_the_ceiling_of_a_site() -> None:
+    items = render(small_mission(), vehicle())[1:]
+    # The plot's centre is 11.1 m north of home.
+    plants = Volume("plot-1", ((-2.0, 10.0), (2.0, 10.0), (2.0, 13.0), (-2.0, 13.0)), 1.8, kind="plants")
+    mast = Volume.cylinder("mast", (0.0, 6.0), 0.5, 8.0, 0.5)
+    obstacles = Obstacles((plants, mast), ceiling_m=5.5)
+    report = check_mission(ReadMission("plan", items, home=HOME), vehicle(), obstacles=obstacles, origin=HOME)
+    assert set(counted(report)) == {"leg-plants", "leg-obstacle", "leg-ceiling"}
+    assert any("mast" in finding.message for finding in report.findings)
+
+
+def test_against_a_plan() -> None:
+    mission = small_mission()
+    moved = replace(mission.shots[0], place=GeoPoint(50.8650261, 6.4473, 1.5))  # 0.4 m north
+    turned = replace(mission.shots[1], yaw_deg=mission.shots[1].yaw_deg + 2.0)
+    other = Shot(GeoPoint(50.8651, 6.4473, 2.0), 0.0, -30.0, "plot-1", 3)
+    elsewhere = Shot(GeoPoint(50.8660, 6.4473, 2.0), 0.0, -30.0, "plot-2", 0)
+    report = check_mission(
+        ReadMission("plan", ITEMS, home=HOME), vehicle(), planned=(moved, turned, other, elsewhere)
+    )  # fmt: skip
+    assert counted(report) == {"off-plan": 1, "missing-photo": 1}
+    assert counted(report, "warning") == {"off-plan": 1, "extra-photo": 1, "missing-plot": 1}
+    assert report.deviations[0].metres == pytest.approx(0.4, abs=0.01)
+    assert report.deviations[1].heading_deg == pytest.approx(-2.0)
+
+
+def test_two_stations_at_one_place_are_told_apart_by_where_they_look() -> None:
+    here = GeoPoint(50.865, 6.4473, 2.0)
+    shots = tuple(Shot(here, yaw, -30.0, "p", k) for k, yaw in enumerate((0.0, 90.0, 180.0)))
+    mission = replace(small_mission(), stops=shots)
+    report = check_mission(
+        ReadMission("plan", render(mission, vehicle())[1:], home=HOME), vehicle(), planned=tuple(reversed(shots))
+    )
+    assert [d.planned for d in report.deviations] == ["station 0 of p", "station 1 of p", "station 2 of p"]
+    assert report.ok
+
+
+def test_the_site_and_another_home() -> None:
+    read = with_items(lambda _: None)
+    assert counted(check_mission(read, vehicle(), origin=Home(50.87, 6.4473, 92.0)))["other-home"] == 0
+    assert counted(check_mission(read, vehicle(), origin=Home(51.9, 6.4, 92.0)))["other-home"] == 1
+    near = check_mission(read, vehicle(), origin=Home(50.8652, 6.4473, 92.0))
+    assert counted(near, "warning")["other-home"] == 1
+
+
+def test_a_vehicles_battery_and_mount_count() -> None:
+    tired = vehicle(battery=Battery(endurance_s=60.0, reserve=0.5))
+    assert counted(check_mission(with_items(lambda _: None), tired)) == {"endurance": 1}
+    fixed = vehicle(mount=Mount(kind="fixed", pitch_deg=(-90.0, -90.0)))
+    assert counted(check_mission(with_items(lambda _: None), fixed), "warning")["item-ignored"] == 3
+
+
+def test_the_command_with_a_plan_and_a_site(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    site_file = missions_folder() / "sites" / "example.toml"
+    plan = plan_from_poses(ring(9, 2.5, 2.0))
+    save_plan(tmp_path / "plan.json", plan)
+    site = load_site(site_file)
+    start = GeoPoint(site.home.latitude_deg, site.home.longitude_deg, 5.0)
+    mission = Mission(
+        "ring", home_of(site), 5.0, place(plan, site), start, speed_mps=2.0, settle_s=4.0, exposure_s=1.0
+    )  # fmt: skip
+    by = load_vehicle("ardupilot-pitch")
+    write_mission(tmp_path / "ring.plan", "plan", mission, by)
+    options: dict[str, Any] = {"plan": tmp_path / "plan.json", "site": site_file, "as_json": True}
+    assert command(tmp_path / "ring.plan", "ardupilot-pitch", **options) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["findings"] == []
+    assert max(pose["off_plan_m"] for pose in answer["poses"]) < 0.002
+    # To the weather station, a no-fly zone of the site.
+    astray = replace(mission, landing=GeoPoint(50.86516, 6.44699, 5.0))
+    write_mission(tmp_path / "astray.plan", "plan", astray, by)
+    assert command(tmp_path / "astray.plan", "ardupilot-pitch", **options) == 5
+    answer = json.loads(capsys.readouterr().out)
+    assert {f["code"] for f in answer["findings"]} == {"leg-no-fly"}
+    with pytest.raises(UsageError, match="--plan says nothing without --site"):
+        command(tmp_path / "ring.plan", "ardupilot-pitch", plan=tmp_path / "plan.json")
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    good = file_of(tmp_path, "mount_then_yaw", "plan")
+    bad = file_of(tmp_path, "naive", "waypoints")
+    assert command(good, "ardupilot-pitch", as_json=True) == 0
+    shown = capsys.readouterr()
+    answer = json.loads(shown.out)
+    assert (answer["ok"], answer["photographs"]) == (True, 13)
+    assert answer["findings"][0].keys() >= {"code", "station", "message"}
+    assert len(answer["poses"]) == 13
+    assert command(bad, "ardupilot-pitch", as_json=True) == 5
+    answer = json.loads(capsys.readouterr().out)
+    assert not answer["ok"]
+    assert {f["station"] for f in answer["findings"] if f["code"] == "photo-late"} == set(range(13))
+    assert command(bad, "ardupilot-pitch") == 5
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "must not be flown" in shown.err
+    assert "photo-late" in shown.err
