@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PIL import Image
@@ -34,7 +34,7 @@ class _Read:
     findings: tuple[Finding, ...]
 
 
-def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
+def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool = True) -> Capture:
     """Read a folder of photographs and what lies beside them. Nothing is decoded and nothing written.
 
     Photographs are JPEG, PNG or TIFF by content, directly in ``folder`` or, when there are none, in
@@ -45,6 +45,7 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
         folder: with the photographs.
         max_pixels: larger images are left out undecoded (decompression bombs); Pillow's own limit of 178 Mpx
             holds besides.
+        sidecars: whether poses.csv and geo.txt are looked at.
 
     Raises:
         CaptureError: the folder is missing or unreadable, or has no usable photograph.
@@ -52,6 +53,9 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS) -> Capture:
     """
     folder = Path(folder)
     contents = list_folder(folder)
+    if not sidecars:
+        kept = {name: path for name, path in contents.sidecars.items() if name not in ("poses.csv", "geo.txt")}
+        contents = replace(contents, sidecars=kept)
     photos: list[Photo] = []
     findings = list(contents.findings)
     for candidate in contents.candidates:

@@ -43,6 +43,15 @@ def command(
     reference: Annotated[
         Path | None, typer.Option("--reference", help="What `fieldkit reference` wrote. Without: no distances.")
     ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            "--log", help="Flight log (.tlog, .BIN, .ulg): poses of its triggers instead of poses.csv or GPS."
+        ),
+    ] = None,
+    plan: Annotated[
+        Path | None, typer.Option("--plan", help="plan.json that was flown: how the flight kept to it, with --log.")
+    ] = None,
     refine: Annotated[
         bool, typer.Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
     ] = False,
@@ -83,6 +92,8 @@ def command(
             reference=reference,
             refine=refine,
             distances_m=distances_m,
+            log=log,
+            plan=plan,
             cache=cache,
             progress=progress,
             overwrite=overwrite,

@@ -11,14 +11,17 @@ import numpy as np
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import Finding, read_capture
+from fieldkit.captures.flight_logs.adherence import PlannedPose
 from fieldkit.clouds import Cloud, ReferenceIndex, icp, score, write_cloud
-from fieldkit.errors import FieldkitError, InputError, StorageError
+from fieldkit.errors import FieldkitError, InputError, StorageError, UsageError
+from fieldkit.evaluation.adherence import Flight, planned_poses
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation
 from fieldkit.evaluation.plots import find_plots
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, file_sha256, save_report
 from fieldkit.evaluation.schema import CorrectionEntry, EvaluationReport, PlotEvaluation
 from fieldkit.files import atomic_folder
+from fieldkit.missions.plan_file import load_plan
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -31,6 +34,7 @@ DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 PLOTS_FILE = "plots.csv"
 COMPARISON_FILE = "comparison.png"
 _REFINE_REACH_M = 0.05
+_PLAN_REMEDY = "Give --log and --reference with --plan, or leave it out."
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,9 @@ class _Scoring:
     index: ReferenceIndex | None
     refine: bool
     distances_m: tuple[float, ...]
+    flight: Flight | None
+    planned: Sequence[PlannedPose]
+    datum: str
 
 
 def evaluate_captures(
@@ -51,6 +58,8 @@ def evaluate_captures(
     reference: Path | None = None,
     refine: bool = False,
     distances_m: Sequence[float] = DISTANCES_M,
+    log: Path | None = None,
+    plan: Path | None = None,
     cache: StageCache,
     progress: Progress,
     overwrite: bool = False,
@@ -66,6 +75,9 @@ def evaluate_captures(
         reference: folder that `build_reference` wrote; None gives the figures that need none.
         refine: align each plot's cloud to the reference by ICP before scoring; the correction is reported.
         distances_m: of precision, recall and F-score.
+        log: flight log; the photographs' poses are then those of the triggers they match, and not those of poses.csv,
+            geo.txt or GPS.
+        plan: that was flown, on the reference's plot: with ``log`` the report says how the flight kept to it.
         cache: of stages.
         progress: told of stages and findings.
         overwrite: replace an earlier evaluation in ``output``.
@@ -75,18 +87,26 @@ def evaluate_captures(
         The report; plots that failed are in it with their error, and do not stop the others.
 
     Raises:
-        UsageError: ``output`` exists.
-        InputError: there are no captures, or the reference cannot be used. With a single plot its own error is raised.
+        UsageError: ``output`` exists, or ``plan`` is given without a log and a georeferenced reference.
+        InputError: there are no captures, or the log or the reference cannot be used. With a single plot its own error
+            is raised.
     """
     settings = settings or ReconstructionSettings()
     wall, cpu = time.perf_counter(), processor_seconds()
+    if plan is not None and (log is None or reference is None):
+        raise UsageError("a plan is compared with a flight on the reference's plot", remedy=_PLAN_REMEDY)
     with atomic_folder(output, overwrite=overwrite, marker=EVALUATION_FILE) as folder:
         plots, empty = find_plots(captures)
         if empty:
             progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
         read = None if reference is None else Reference(reference)
         index = None if read is None else ReferenceIndex(read.cloud)
-        scoring = _Scoring(read, index, refine, tuple(distances_m))
+        planned: list[PlannedPose] = []
+        datum = "none"
+        if plan is not None and read is not None:
+            planned, datum = planned_poses(load_plan(plan), read.known_plot().source)
+        flight = None if log is None else Flight.read(log, plots)
+        scoring = _Scoring(read, index, refine, tuple(distances_m), flight, planned, datum)
         results = [
             _evaluate_plot(name, path, folder, settings, scoring, cache, progress, workers, alone=len(plots) == 1)
             for name, path in plots
@@ -148,7 +168,8 @@ def _scored_plot(
     wall: float,
     cpu: float,
 ) -> PlotEvaluation:
-    capture = read_capture(path)
+    flown = None if scoring.flight is None else scoring.flight.capture(name)
+    capture = read_capture(path) if flown is None else flown
     reference = scoring.reference
     found = reconstruct(
         capture, settings, cache=cache, progress=progress, workers=workers,
@@ -172,6 +193,9 @@ def _scored_plot(
         if reference is not None:
             write_comparison(folder / name / COMPARISON_FILE, plot, plants, reference.cloud)
             names.append(COMPARISON_FILE)
+    if scoring.flight is not None and scoring.planned:
+        adherence = scoring.flight.adherence(name, scoring.planned, scoring.datum)
+        plot = plot.model_copy(update={"adherence": adherence})
     return plot.model_copy(update={"files": describe_files(folder, [f"{name}/{n}" for n in names])})
 
 

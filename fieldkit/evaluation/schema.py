@@ -21,7 +21,7 @@ Distance = Annotated[str, Field(pattern=r"^\d+\.\d{3,}$")]
 ByDistance = dict[Distance, Share]
 
 Method = Literal["incremental", "global", "prior"]
-Source = Literal["poses.csv", "geo.txt", "EXIF GPS", "markers", "none"]
+Source = Literal["poses.csv", "geo.txt", "EXIF GPS", "flight log", "markers", "none"]
 
 
 class Strict(BaseModel):
@@ -257,6 +257,40 @@ class ErrorEntry(Strict):
     remedy: str
 
 
+class StationErrorEntry(Strict):
+    """A photograph's pose against its station: achieved less planned, by the autopilot's estimate."""
+
+    station: str
+    image: str
+    east_m: float
+    north_m: float
+    up_m: float | None
+    """Null where log and plan have no datum in common."""
+    yaw_deg: float | None
+    """Of the heading; null where the log does not say it."""
+    pitch_deg: float | None
+    """Of the gimbal; null where the log does not say it."""
+    speed_mps: Length | None
+    """Of the vehicle at the shutter."""
+    turning_dps: Length | None
+    """How fast the camera turned at the shutter, degrees per second."""
+
+
+class AdherenceEntry(Strict):
+    """How a flight kept to its plan (--log with --plan)."""
+
+    stations: tuple[StationErrorEntry, ...]
+    """Those that were photographed, in the plan's order."""
+    missing: tuple[str, ...]
+    """Stations without a photograph."""
+    extra: tuple[str, ...]
+    """Photographs that belong to no station."""
+    horizontal_rms_m: Length | None
+    """Of the position errors over ground; null without a station."""
+    yaw_rms_deg: Length | None
+    pitch_rms_deg: Length | None
+
+
 class PlotEvaluation(ReconstructionEntry):
     """A capture of one plot: how it reconstructed and, with a reference, how close it comes to it."""
 
@@ -278,6 +312,8 @@ class PlotEvaluation(ReconstructionEntry):
     """Share of the reference's points within the distance of this plot's."""
     correction: CorrectionEntry | None
     """Null without --refine."""
+    adherence: AdherenceEntry | None = None
+    """Null without --log and --plan."""
     error: ErrorEntry | None
     """Null where the plot was reconstructed and, with a reference, scored."""
 

@@ -1,0 +1,116 @@
+"""Topics out of a PX4 ULog file, by its published format (https://docs.px4.io/main/en/dev_log/ulog_file_format.html).
+
+pyulog prints to the terminal, and a file whose formats nest arrays in arrays makes it run for hours; here only flat
+topics are read, which all those of a flight are. The tests compare the two.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Set
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import MetadataError
+
+HEADER = b"ULog\x01\x12\x35"
+SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+_FIELD = re.compile(r"([a-z0-9_]+)(?:\[([0-9]{1,5})\])? ([A-Za-z0-9_]{1,80})")
+_TYPES = {
+    "int8_t": "<i1", "uint8_t": "<u1", "int16_t": "<i2", "uint16_t": "<u2", "int32_t": "<i4", "uint32_t": "<u4",
+    "int64_t": "<i8", "uint64_t": "<u8", "float": "<f4", "double": "<f8", "bool": "<u1", "char": "<u1",
+}  # fmt: skip
+_MOST_BYTES = 65536
+_APPENDED = 1
+_KINDS = frozenset(b"BFIMPQARDLCSO")
+
+
+def read_topics(data: bytes, names: Set[str]) -> tuple[dict[str, NDArray[np.void]], int]:
+    """The rows of these topics' first instances, each (n,) structured, and the bytes that belong to no message.
+
+    Args:
+        data: of a log.
+        names: such as "camera_capture"; those that the log does not hold are not in the result.
+
+    Raises:
+        MetadataError: the header is incomplete, or the log says that old readers cannot read it.
+    """
+    if len(data) < 16 or not data.startswith(HEADER):
+        raise MetadataError("is no ULog file", remedy="Copy the log again from the autopilot's card.")
+    formats: dict[str, np.dtype[np.void]] = {}
+    chosen: dict[int, str] = {}
+    instances: dict[str, int] = {}
+    found: dict[str, list[bytes]] = {}
+    breaks: list[int] = []
+    at, end, skipped = 16, len(data), 0
+    while at + 3 <= end:
+        size, kind = struct.unpack_from("<HB", data, at)
+        after = at + 3 + size
+        while breaks and breaks[0] <= at:
+            breaks.pop(0)
+        if breaks and after > breaks[0]:  # the message that a crash cut, before what was appended afterwards
+            skipped += breaks[0] - at
+            at = breaks.pop(0)
+            continue
+        if after > end or kind not in _KINDS:
+            sync = data.find(SYNC, at + 1)
+            resumed = end if sync < 0 else sync + len(SYNC)
+            skipped += resumed - at
+            at = resumed
+            continue
+        body = data[at + 3 : after]
+        if kind == ord("B"):
+            breaks = _appended(body, end)
+        elif kind == ord("F"):
+            name, _, fields = body.decode("utf-8", "replace").partition(":")
+            if name in names and (layout := _layout(fields)) is not None:
+                formats.setdefault(name, layout)
+        elif kind == ord("A") and size > 3:
+            instance, number = struct.unpack_from("<BH", body)
+            name = body[3:].decode("utf-8", "replace")
+            if name in formats and instance <= instances.get(name, 255):
+                if instance < instances.get(name, 255):
+                    found[name] = []
+                    chosen = {n: other for n, other in chosen.items() if other != name}
+                instances[name] = instance
+                chosen[number] = name
+        elif kind == ord("D") and size > 2:
+            name_of = chosen.get(body[0] | body[1] << 8)
+            if name_of is not None and size - 2 >= formats[name_of].itemsize:
+                found[name_of].append(body[2 : 2 + formats[name_of].itemsize])
+        at = after
+    rows = {name: np.frombuffer(b"".join(parts), dtype=formats[name]) for name, parts in found.items() if parts}
+    return rows, skipped + max(0, end - at)
+
+
+def _appended(body: bytes, end: int) -> list[int]:
+    """Where data was appended after a crash."""
+    if len(body) < 40:
+        return []
+    incompatible = body[8:16]
+    if incompatible[0] & ~_APPENDED or any(incompatible[1:]):
+        raise MetadataError("was written by a newer PX4 than this reads", remedy="Convert it with pyulog first.")
+    return sorted(o for o in struct.unpack_from("<3Q", body, 16) if 16 < o < end)
+
+
+def _layout(fields: str) -> np.dtype[np.void] | None:
+    """The structure of a flat topic; trailing padding is not in the data. None where it is of another kind."""
+    columns: list[tuple[str, str, tuple[int, ...]]] = []
+    for text in fields.split(";"):
+        if not text:
+            continue
+        match = _FIELD.fullmatch(text)
+        if match is None or match[1] not in _TYPES or len(columns) > 500:
+            return None
+        shape = (int(match[2]),) if match[2] else ()
+        if shape and not 0 < shape[0] <= _MOST_BYTES:
+            return None
+        columns.append((match[3], _TYPES[match[1]], shape))
+    while columns and columns[-1][0].startswith("_padding"):
+        columns.pop()
+    if not columns or len({c[0] for c in columns}) != len(columns):
+        return None
+    dtype = np.dtype(columns)
+    return dtype if dtype.itemsize <= _MOST_BYTES else None

@@ -1,0 +1,139 @@
+"""fieldkit geotag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
+from fieldkit.cli.numbers import read_numbers
+from fieldkit.errors import UsageError
+
+if TYPE_CHECKING:
+    from fieldkit.captures.flight_logs import FixedMount
+    from fieldkit.geometry.geodesy import LocalFrame
+
+
+def command(
+    images: Annotated[Path, typer.Argument(help="Folder of the photographs of one flight.")],
+    log: Annotated[Path, typer.Option("--log", help="Flight log: .tlog, .BIN or .ulg, also as .gz.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="poses.csv to write.")] = Path("poses.csv"),
+    origin: Annotated[
+        str,
+        typer.Option(
+            "--origin", metavar="LAT,LON,ALT", help="Of the local frame, altitude above sea level. Without: the home."
+        ),
+    ] = "",
+    site: Annotated[Path | None, typer.Option("--site", help="Site file: its plot is the origin.")] = None,
+    plot: Annotated[str, typer.Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = "",
+    mount: Annotated[
+        str, typer.Option("--mount", metavar="PITCH[,YAW]", help="Of a camera without a gimbal, against the vehicle.")
+    ] = "",
+    accuracy: Annotated[
+        float | None, typer.Option("--accuracy", metavar="M", min=0.001, help="Of the positions. Without: the log's.")
+    ] = None,
+    camera_offset: Annotated[
+        float | None,
+        typer.Option("--camera-offset", metavar="S", help="Camera's clock less UTC, where several offsets fit."),
+    ] = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write where photographs were taken, from a flight log.
+
+    Photographs and triggers are matched by time and place, never by order: the camera's clock may be off, photographs
+    may be missing, and others may lie between them. The photographs are only read.
+
+    Example: fieldkit geotag flight_7/ --log 00000042.BIN -o flight_7/poses.csv
+    """
+    frame, fixed = _origin(origin, site, plot), _mount(mount)
+    from fieldkit.captures.geotag import geotag
+
+    report = geotag(
+        images, log, output, origin=frame, mount=fixed, accuracy_m=accuracy, offset_s=camera_offset,
+        overwrite=overwrite,
+    )  # fmt: skip
+    matches = report.matches
+    if as_json:
+        emit_json(
+            {
+                "output": output,
+                "images": report.images,
+                "triggers": report.triggers,
+                "matched": len(report.poses),
+                "images_without_trigger": list(matches.photographs),
+                "ambiguous": list(matches.ambiguous),
+                "triggers_without_image": list(matches.triggers),
+                "clock_offset_s": matches.offset_s,
+                "clock_drift_ppm": matches.drift_ppm,
+                "origin": {
+                    "latitude_deg": report.origin.latitude_deg,
+                    "longitude_deg": report.origin.longitude_deg,
+                    "altitude_m": report.origin.altitude_m,
+                    "datum": report.origin.datum,
+                    "source": report.origin_source,
+                },
+                "remarks": list(report.remarks),
+            }
+        )
+        return
+    say(f"{len(report.poses)} of {report.images} photographs matched to the log's {report.triggers} triggers: {output}")
+    if matches.photographs:
+        say(f"without a trigger: {', '.join(matches.photographs)}")
+    if matches.triggers:
+        say(f"triggers without a photograph: {', '.join(str(k) for k in matches.triggers)}")
+    for remark in report.remarks:
+        say(remark)
+
+
+def _origin(text: str, site: Path | None, plot: str) -> LocalFrame | None:
+    if text and site is not None:
+        raise UsageError("--origin and --site both say where the frame lies", remedy="Give one of them.")
+    if plot and site is None:
+        raise UsageError("--plot names a plot of a site file", remedy="Give --site, too.")
+    if site is not None:
+        return _of_site(site, plot)
+    if not text:
+        return None
+    latitude, longitude, altitude = read_numbers("--origin", text, (3,), least=-1000.0)
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0 or altitude > 10_000.0:
+        raise UsageError(
+            f"--origin: not on Earth: {text}", remedy="Write it like --origin 50.865,6.4473,92 (latitude first)."
+        )
+    from fieldkit.geometry.geodesy import LocalFrame
+
+    return LocalFrame(latitude, longitude, altitude, "sea level")
+
+
+def _of_site(path: Path, name: str) -> LocalFrame:
+    """East-north-up at a plot's origin; the row heading does not turn it."""
+    from fieldkit.geometry.geodesy import LocalFrame
+    from fieldkit.missions.site_file import load_site
+
+    site = load_site(path)
+    plot = next((p for p in site.plots if p.name == name or (not name and len(site.plots) == 1)), None)
+    if plot is None:
+        names = ", ".join(p.name for p in site.plots[:10])
+        raise UsageError(f"which plot? The site has {names}", path=path, remedy="Give --plot NAME.")
+    zero = 0.0 if plot.datum == "amsl" else site.home.amsl_m if plot.datum == "home" else None
+    if zero is None:
+        raise UsageError(
+            f"does not say how high {plot.name} lies above sea level, which logs count from",
+            path=path,
+            remedy="Give the home's amsl_m and the plot's height above home, or --origin LAT,LON,ALT.",
+        )
+    return LocalFrame(plot.latitude_deg, plot.longitude_deg, zero + plot.height_m, "sea level")
+
+
+def _mount(text: str) -> FixedMount | None:
+    if not text:
+        return None
+    numbers = read_numbers("--mount", text, (1, 2), least=-360.0)
+    if not -90.0 <= numbers[0] <= 90.0:
+        raise UsageError(f"--mount: not a pitch: {text}", remedy="Write it like --mount -60 (degrees; −90 is down).")
+    from fieldkit.captures.flight_logs import FixedMount
+
+    return FixedMount(numbers[0], numbers[1] if len(numbers) > 1 else 0.0)

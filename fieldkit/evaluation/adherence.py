@@ -1,0 +1,185 @@
+"""Poses of an evaluation's photographs from a flight log, and how the flight kept to the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.captures import Capture, Finding, PosePrior, read_capture
+from fieldkit.captures.flight_logs import FlightLog, Matches, match, read_flight_log
+from fieldkit.captures.flight_logs.adherence import Adherence, PlannedPose, adherence
+from fieldkit.captures.geotag import frame_of, local_poses, stamp
+from fieldkit.captures.priors import ANGLE_ACCURACY_DEG
+from fieldkit.errors import FieldkitError, UsageError
+from fieldkit.evaluation.figures import clean_text
+from fieldkit.evaluation.schema import AdherenceEntry, StationErrorEntry
+from fieldkit.geometry import Pose
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.plan import Plan
+from fieldkit.reconstruction.known_poses import SourceFrame
+
+SOURCE = "flight log"
+_LEAST_POSITIONS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A flight and the photographs that were taken on it.
+
+    Attributes:
+        log: as read.
+        matches: of all plots' photographs, whose names are PLOT/IMAGE here.
+        captures: by plot, as read without what lies beside the photographs.
+    """
+
+    log: FlightLog
+    matches: Matches
+    captures: Mapping[str, Capture]
+
+    @classmethod
+    def read(cls, log: Path, plots: Sequence[tuple[str, Path]]) -> Flight:
+        """Read a log and match all plots' photographs to it at once: one camera has one clock.
+
+        Plots that cannot be read are left out here; reading them again says why.
+
+        Raises:
+            MetadataError: the log cannot be used.
+        """
+        flight = read_flight_log(log)
+        captures: dict[str, Capture] = {}
+        for name, path in plots:
+            try:
+                captures[name] = read_capture(path, sidecars=False)
+            except FieldkitError:
+                continue
+        stamps = [
+            replace(stamp(photo), name=f"{name}/{photo.name}")
+            for name, capture in captures.items()
+            for photo in capture.photos
+        ]
+        return cls(flight, match(stamps, flight.triggers), captures)
+
+    def capture(self, plot: str) -> Capture | None:
+        """A plot's capture with the poses that the log gives; None where it could not be read.
+
+        Raises:
+            MetadataError: the log holds no position.
+        """
+        capture = self.captures.get(plot)
+        if capture is None:
+            return None
+        frame, _ = frame_of(self.log)
+        names = [f"{plot}/{photo.name}" for photo in capture.photos]
+        found = {p.image.removeprefix(f"{plot}/"): p for p in local_poses(self.log, self.matches, frame, names)}
+        priors = {
+            name: PosePrior(
+                position=pose.position,
+                position_accuracy_m=pose.accuracy_m,
+                yaw_deg=pose.yaw_deg,
+                pitch_deg=pose.pitch_deg,
+                angle_accuracy_deg=None if pose.yaw_deg is None else ANGLE_ACCURACY_DEG,
+                source=SOURCE,
+            )
+            for name, pose in found.items()
+        }
+        ambiguous = {n.removeprefix(f"{plot}/") for n in self.matches.ambiguous if n in names}
+        findings = [
+            Finding(p.name, "photo-without-trigger", _without(p.name in ambiguous))
+            for p in capture.photos
+            if p.name not in priors
+        ]
+        first = capture.photos[0].name
+        findings += [Finding(first, "flight-log", text) for text in (*self.log.remarks, *self.matches.remarks)]
+        enough = len(priors) >= _LEAST_POSITIONS
+        if not enough:
+            text = f"the flight log locates {len(priors)} photographs; scale and orientation need {_LEAST_POSITIONS}"
+            findings.append(Finding(first, "too-few-positions", text))
+        return replace(
+            capture,
+            priors=priors,
+            metric_source=SOURCE if enough else None,
+            origin=frame if enough else None,
+            height_source=SOURCE if enough else None,
+            crs_epsg=_utm(frame) if enough else None,
+            findings=(*capture.findings, *findings),
+        )
+
+    def adherence(self, plot: str, planned: Sequence[PlannedPose], datum: str) -> AdherenceEntry | None:
+        """How the photographs of a plot kept to its plan; None where none was taken near it."""
+        pairs = [pair for pair in self.matches.pairs if pair.photograph.startswith(f"{plot}/")]
+        triggers = [self.log.triggers[pair.trigger] for pair in pairs]
+        names = [pair.photograph.removeprefix(f"{plot}/") for pair in pairs]
+        found = adherence(planned, triggers, datum=datum)
+        return adherence_entry(found, names) if found.errors else None
+
+
+def planned_poses(plan: Plan, source: SourceFrame) -> tuple[list[PlannedPose], str]:
+    """A plan's stations on the Earth, where the reference that it was made on lies, and the datum of their heights.
+
+    Args:
+        plan: in the reference's plot frame.
+        source: the reference's georeferenced frame.
+
+    Raises:
+        UsageError: the reference is not georeferenced.
+    """
+    if source.origin is None:
+        raise UsageError(
+            f"the reference's positions come from {source.source}, so its plan has no place on the Earth",
+            remedy="Leave --plan out, or build the reference with GPS positions.",
+        )
+    to_source = source.from_source.inverse()
+    poses = []
+    for k, station in enumerate(plan.stations):
+        # Rows are the camera's axes: in the source's frame they are those in the plot's times the rotation between.
+        rotation = station.pose.rotation @ source.from_source.rotation
+        yaw, pitch, _ = Pose(rotation, np.zeros(3)).yaw_pitch_roll_deg()
+        place = to_source.apply(np.array(station.position_m))
+        latitude, longitude, height = (float(v[0]) for v in source.origin.to_geodetic(place))
+        poses.append(PlannedPose(f"station {k}", latitude, longitude, height, yaw % 360.0, pitch))
+    return poses, "amsl" if source.origin.datum == "sea level" else "none"
+
+
+def adherence_entry(found: Adherence, images: Sequence[str]) -> AdherenceEntry:
+    """What evaluation.json says of a flight's adherence; ``images`` are the triggers' photographs."""
+    stations = tuple(
+        StationErrorEntry(
+            station=clean_text(e.station),
+            image=clean_text(images[e.trigger]),
+            east_m=e.east_m,
+            north_m=e.north_m,
+            up_m=e.up_m,
+            yaw_deg=e.yaw_deg,
+            pitch_deg=e.pitch_deg,
+            speed_mps=e.speed_mps,
+            turning_dps=e.turning_dps,
+        )
+        for e in found.errors
+    )
+    return AdherenceEntry(
+        stations=stations,
+        missing=tuple(clean_text(name) for name in found.missing),
+        extra=tuple(clean_text(images[k]) for k in found.extra),
+        horizontal_rms_m=_rms([e.horizontal_m for e in found.errors]),
+        yaw_rms_deg=_rms([e.yaw_deg for e in found.errors]),
+        pitch_rms_deg=_rms([e.pitch_deg for e in found.errors]),
+    )
+
+
+def _rms(values: Sequence[float | None]) -> float | None:
+    known = np.array([v for v in values if v is not None])
+    return float(np.sqrt((known**2).mean())) if len(known) else None
+
+
+def _without(ambiguous: bool) -> str:
+    return "could belong to more than one trigger of the flight log" if ambiguous else "no trigger in the flight log"
+
+
+def _utm(frame: LocalFrame) -> int | None:
+    try:
+        return frame.utm_epsg()
+    except ValueError:
+        return None

@@ -1,0 +1,114 @@
+"""Poses of captures from a flight log, and how the flight kept to the plan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.captures.flight_logs import read_flight_log
+from fieldkit.errors import UsageError
+from fieldkit.evaluation.adherence import Flight, planned_poses
+from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.evaluation.schema import AdherenceEntry
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.missions.plan import Plan, Station
+from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from tests.captures.conftest import photo_file
+from tests.captures.flight_logs.recordings import description, recording
+from tests.captures.photographs import MakePhoto
+from tests.captures.test_geotag import make
+
+__all__ = ["photo_file"]
+
+
+@pytest.fixture
+def plots(photo_file: MakePhoto) -> list[tuple[str, Path]]:
+    """Two folders: photographs 0–7 of mount_then_yaw without the third, and 8–12 with an extra one."""
+    for k, trigger in enumerate(read_flight_log(recording("mount_then_yaw.tlog")).triggers):
+        assert trigger.utc_s is not None
+        if k != 2:
+            path = make(photo_file, f"{'a' if k < 8 else 'b'}/{k}.jpg", trigger.utc_s + 3600.1)
+    make(
+        photo_file,
+        "b/extra.jpg",
+        3600.1 + (read_flight_log(recording("mount_then_yaw.tlog")).triggers[9].utc_s or 0) + 4,
+    )
+    root = path.parent.parent
+    return [("a", root / "a"), ("b", root / "b")]
+
+
+def plan_of_the_flight(frame: LocalFrame, motion: Similarity) -> Plan:
+    """The stations of the recording in a plot frame that lies turned in the source frame."""
+    stations = []
+    home_m = 92.06
+    for s in description("mount_then_yaw")["stations"]:
+        at = frame.to_local(s["lat"] * 1e-7, s["lon"] * 1e-7, home_m + s["h"])[0]
+        x, y, z = motion.apply(at)
+        turned = np.degrees(np.arctan2(motion.rotation[1, 0], motion.rotation[0, 0]))
+        stations.append(
+            Station(
+                position_m=(float(x), float(y), float(z)),
+                yaw_deg=float((s["yaw"] - turned) % 360.0),
+                pitch_deg=s["pitch"],
+            )
+        )
+    return Plan(fieldkit="0", stations=tuple(stations))
+
+
+def test_captures_get_the_poses_of_their_triggers(plots: list[tuple[str, Path]]) -> None:
+    flight = Flight.read(recording("mount_then_yaw.tlog"), plots)
+    a, b = flight.capture("a"), flight.capture("b")
+    assert a is not None
+    assert b is not None
+    assert (len(a.priors), len(b.priors)) == (7, 5)
+    assert a.metric_source == b.metric_source == "flight log"
+    assert a.origin == b.origin
+    assert a.crs_epsg == 32632
+    assert [f.name for f in b.findings if f.code == "photo-without-trigger"] == ["extra.jpg"]
+    known = known_poses(a)
+    assert known.frame is not None
+    assert known.frame.source == "flight log"
+    told = description("mount_then_yaw")["triggers"]
+    assert a.origin is not None
+    for name, prior in a.priors.items():
+        t = told[int(name.removesuffix(".jpg"))]
+        east, north, _ = a.origin.to_local(t["est"]["lat"], t["est"]["lon"], a.origin.altitude_m)[0]
+        assert prior.position == pytest.approx((east, north, t["est"]["rel_alt"]), abs=0.02)
+        assert prior.yaw_deg == pytest.approx(t["est"]["yaw"], abs=0.2)
+        assert prior.pitch_deg == pytest.approx(t["gimbal"]["pitch"], abs=0.2)
+    assert flight.capture("none") is None
+
+
+def test_adherence_to_the_plan(plots: list[tuple[str, Path]]) -> None:
+    origin = LocalFrame(50.865, 6.4473, 92.0, "sea level")
+    motion = Similarity(1.0, rotation_from_vector([0.0, 0.0, 0.6]), np.array([0.3, -0.2, -0.05]))
+    source = SourceFrame("EXIF GPS", origin, motion)
+    planned, datum = planned_poses(plan_of_the_flight(origin, motion), source)
+    assert datum == "amsl"
+    for pose, s in zip(planned, description("mount_then_yaw")["stations"], strict=True):
+        assert pose.latitude_deg == pytest.approx(s["lat"] * 1e-7, abs=1e-9)
+        assert pose.yaw_deg == pytest.approx(s["yaw"], abs=1e-6)
+        assert pose.pitch_deg == pytest.approx(s["pitch"], abs=1e-6)
+    flight = Flight.read(recording("mount_then_yaw.tlog"), plots)
+    found = flight.adherence("a", planned, datum)
+    assert isinstance(found, AdherenceEntry)
+    assert [s.image for s in found.stations] == [f"{k}.jpg" for k in range(8) if k != 2]
+    assert set(found.missing) == {f"station {k}" for k in (2, 8, 9, 10, 11, 12)}
+    assert found.horizontal_rms_m is not None
+    assert found.horizontal_rms_m < 0.05
+    assert all(s.up_m is not None and abs(s.up_m) < 0.02 for s in found.stations)
+    assert all(s.yaw_deg is not None and abs(s.yaw_deg) < 0.1 for s in found.stations)
+    assert AdherenceEntry.model_validate_json(found.model_dump_json()) == found
+    assert flight.adherence("a", [], datum) is None
+
+
+def test_a_plan_needs_a_place(tmp_path: Path) -> None:
+    plan = Plan(fieldkit="0", stations=(Station(position_m=(0, 0, 1), yaw_deg=0, pitch_deg=0),))
+    with pytest.raises(UsageError, match="no place on the Earth"):
+        planned_poses(plan, SourceFrame("poses.csv", None, Similarity.identity()))
+    with pytest.raises(UsageError, match="compared with a flight"):
+        evaluate_captures(tmp_path, tmp_path / "out", plan=tmp_path, cache=None, progress=None)  # type: ignore[arg-type]
