@@ -20,6 +20,11 @@ from fieldkit.errors import EXIT_OK, UsageError
 COMMANDS = {
     "reference": "Build the reference cloud of a plot from a dense capture.",
     "plan": "Find the camera poses that reconstruct a plot best.",
+    "export-mission": "Write a plan as missions for a vehicle, over one plot or many.",
+    "check-mission": "Say what photographs a mission file would really give.",
+    "upload": "Bring a mission onto a vehicle and make sure that it is there.",
+    "replay": "Stand in for a vehicle, by the recording of a real one.",
+    "geotag": "Match photographs to a flight log and write their poses.",
     "evaluate": "Score new captures of one or many plots against a reference.",
     "scene new": "Write a new scene file: plants, soil and light of a simulated plot.",
     "scene show": "List the scenes that come with fieldkit, or draw one.",
@@ -45,7 +50,8 @@ Options:
 
 Every command takes --json (one JSON object on stdout, nothing else there) and
 --debug (tracebacks). Exit codes: 0 done, 1 a bug in fieldkit, 2 wrong usage,
-3 bad input, 4 reconstruction failed, 130 interrupted.
+3 bad input, 4 reconstruction failed, 5 mission unsafe or not for this vehicle,
+6 vehicle link failed, 130 interrupted.
 
 'fieldkit COMMAND --help' explains a command.
 """

@@ -1,0 +1,83 @@
+"""fieldkit replay."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
+
+
+def command(
+    recording: Annotated[Path, typer.Argument(help="Telemetry log of a flight (.tlog).")],
+    serve: Annotated[
+        str,
+        typer.Option(
+            "--serve", metavar="URL", help="udpout://127.0.0.1:PORT, as the SITL does, or udpin://127.0.0.1:PORT."
+        ),
+    ] = "udpout://127.0.0.1:14550",
+    speed: Annotated[float, typer.Option("--speed", metavar="X", help="Vehicle seconds per second.")] = 1.0,
+    begin: Annotated[
+        float, typer.Option("--from", metavar="S", min=0.0, help="Where in the recording to begin.")
+    ] = 0.0,
+    duration: Annotated[
+        float | None, typer.Option("--for", metavar="S", min=0.0, help="Stop after this time; else at Ctrl-C.")
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option("--rate", metavar="HZ", help="At most so many of each message per vehicle second.")
+    ] = None,
+    loss: Annotated[
+        float, typer.Option("--loss", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
+    ] = 0.0,
+    duplicate: Annotated[
+        float, typer.Option("--duplicate", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
+    ] = 0.0,
+    delay: Annotated[
+        float, typer.Option("--delay", metavar="S", min=0.0, max=60.0, help="Mean time under way, each way.")
+    ] = 0.0,
+    signing_key: Annotated[
+        Path | None, typer.Option("--signing-key", metavar="FILE", help="Sign with it, and hear nobody who does not.")
+    ] = None,
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Stand in for a vehicle: send a recording's telemetry on this machine and take missions as ArduCopter 4.5.6 does.
+
+    Any ground station on this machine can connect, upload and download missions and fences. Nothing flies.
+
+    Example: fieldkit replay sim/sitl/probe_items.tlog --from 45 --loss 0.05
+    """
+    from fieldkit.missions.link.faults import Faults
+    from fieldkit.missions.link.recording import read_recording
+    from fieldkit.missions.link.replay import Replay
+    from fieldkit.missions.link.signing import read_key
+
+    key = None if signing_key is None else read_key(signing_key)
+    faults = Faults(loss=loss, duplicate=duplicate, delay_s=delay, seed=seed)
+    source = read_recording(recording)
+    vehicle = Replay(source, serve=serve, speed=speed, faults=faults, begin_s=begin, rate_hz=rate, key=key)
+    with vehicle:
+        if not as_json:
+            say(
+                f"{recording.name}: {source.length_s:.0f} s of vehicle {source.system}; "
+                f"connect a station to {vehicle.url}"
+            )
+            say("Ctrl-C ends it." if duration is None else f"It ends by itself after {duration:g} s.")
+        with suppress(KeyboardInterrupt):  # the way to end it
+            vehicle.wait(duration)
+    held, traffic = vehicle.autopilot, vehicle.traffic
+    if as_json:
+        emit_json({
+            "recording": recording, "heard": traffic.heard, "said": traffic.said, "lost": traffic.lost,
+            "refused": traffic.refused, "items": len(held.items), "fence_items": len(held.fence.items),
+            "armed": held.armed, "mode": held.mode,
+        })  # fmt: skip
+    else:
+        say(
+            f"{traffic.heard} packets heard, {traffic.said} sent, {traffic.lost} lost; the vehicle holds "
+            f"{len(held.items)} mission items and {len(held.fence.items)} of a fence"
+        )

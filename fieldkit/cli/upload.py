@@ -1,0 +1,159 @@
+"""fieldkit upload."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say
+from fieldkit.errors import MissionError, UsageError
+
+if TYPE_CHECKING:
+    from fieldkit.missions.formats.read_mission import ReadMission
+    from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle
+    from fieldkit.missions.link.start import Standing
+    from fieldkit.missions.mission import Fence
+    from fieldkit.missions.site import Site
+
+_WORD = "START"
+
+
+def command(
+    mission: Annotated[Path, typer.Argument(help="Mission with MAVLink items: .plan or .waypoints.")],
+    connect: Annotated[
+        str,
+        typer.Option("--connect", metavar="URL", help="udpin://0.0.0.0:14550, udpout://…, tcpout://… or serial://…"),
+    ],
+    site: Annotated[
+        Path | None, typer.Option("--site", metavar="FILE", help="Site file: its fence is uploaded, its home checked.")
+    ] = None,
+    no_fence: Annotated[bool, typer.Option("--no-fence", help="Leave the vehicle's fence as it is.")] = False,
+    start: Annotated[
+        bool, typer.Option("--start", help="Arm and start, after checks and a typed confirmation; needs --site.")
+    ] = False,
+    within: Annotated[
+        float, typer.Option("--within", metavar="M", min=0.5, max=1000.0, help="From the site's home, to start.")
+    ] = 10.0,
+    signed: Annotated[bool, typer.Option("--signed", help="Refuse to run over an unsigned link.")] = False,
+    signing_key: Annotated[
+        Path | None,
+        typer.Option("--signing-key", metavar="FILE", help="MAVLink key: 32 bytes or 64 hex digits."),
+    ] = None,
+    attempts: Annotated[int, typer.Option("--attempts", min=1, max=100, help="Uploads before it is given up.")] = 6,
+    timeout: Annotated[
+        float, typer.Option("--timeout", metavar="S", min=1.0, max=600.0, help="To hear the vehicle.")
+    ] = 10.0,
+    reply: Annotated[
+        float,
+        typer.Option("--reply", metavar="S", min=0.05, max=30.0, help="Time for an answer; more on slow radios."),
+    ] = 0.5,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Upload a mission, read it back and compare it; clear it and try again after any failure.
+
+    However it ends, it says what the vehicle holds: the new mission whole, none, or that it is not known.
+
+    Example: fieldkit upload field.plan --connect udpin://0.0.0.0:14550 --site site.toml
+    """
+    if signed and signing_key is None:
+        raise UsageError("--signed needs a key", remedy="Give --signing-key FILE.")
+    if start and site is None:
+        raise UsageError("--start needs to know where home is", remedy="Give --site SITE.toml.")
+    if start and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UsageError(
+            "--start asks a person, and there is no terminal", remedy="Run it in a terminal, or without --start."
+        )
+
+    from fieldkit.cli.progress import open_progress
+    from fieldkit.missions.formats.reading import read_mission
+    from fieldkit.missions.link.signing import read_key
+    from fieldkit.missions.link.upload import check_size, connected, upload_to
+    from fieldkit.missions.link.upload_outcome import Patience
+    from fieldkit.missions.site_file import load_site
+
+    key = None if signing_key is None else read_key(signing_key)
+    read = read_mission(mission)
+    place = None if site is None else load_site(site)
+    if not read.items:
+        raise MissionError(
+            f"a {read.format} file holds no MAVLink items", path=mission,
+            remedy="Export the mission as .plan or .waypoints; take this one over with its own app.",
+        )  # fmt: skip
+    check_size(read.items)
+    fence = None if no_fence else _fence(read, place)
+    patience = Patience(connect_s=timeout, attempts=attempts, reply_s=reply)
+    standing = None
+    with connected(connect, key=key, patience=patience) as vehicle:
+        with open_progress(as_json=as_json) as progress, progress.stage("upload", len(read.items)) as advance:
+            report = upload_to(
+                vehicle, read.items, home=read.home, fence=fence, dialect=read.firmware, signed=key is not None,
+                patience=patience, advance=advance,
+            )  # fmt: skip
+        if not as_json:
+            _tell(report.items, report.fence_items, report.attempts, report.autopilot, report.roundings, read)
+        if start and place is not None:
+            standing = _start(vehicle, place, within, report.items)
+    if as_json:
+        emit_json({
+            "mission": mission, "autopilot": report.autopilot, "items": report.items,
+            "fence_items": report.fence_items, "attempts": report.attempts, "downloads": report.downloads,
+            "seconds": report.seconds, "signed": report.signed, "vehicle_holds": "new mission",
+            "roundings": list(report.roundings), "started": standing is not None,
+            "distance_from_home_m": None if standing is None else standing.distance_m,
+        })  # fmt: skip
+
+
+def _fence(read: ReadMission, site: Site | None) -> Fence | None:
+    from fieldkit.missions.mission import Fence
+
+    if read.fence is not None:
+        return read.fence
+    if site is not None and (site.fence or site.no_fly):
+        return Fence(inside=site.fence, outside=tuple(zone.corners for zone in site.no_fly), ceiling_m=site.ceiling_m)
+    return None
+
+
+def _tell(
+    items: int, fence_items: int, attempts: int, autopilot: str, roundings: tuple[str, ...], read: ReadMission
+) -> None:
+    tries = "" if attempts == 1 else f" in {attempts} attempts"
+    corners = f", a fence of {fence_items} corners" if fence_items else ""
+    say(f"The {autopilot} holds the new mission whole: {items} items{corners}, read back and compared{tries}.")
+    alike = Counter(note.split(" ", 2)[2] for note in roundings)  # without "item N"
+    for note, count in alike.most_common(10):
+        say(f"note: {note}{f' ({count} items)' if count > 1 else ''}")
+    if len(alike) > 10:
+        say(f"note: and {len(alike) - 10} more kinds of numbers that the autopilot rounds (all with --json)")
+    if read.rally:
+        say(f"note: the file's {len(read.rally)} rally points are not uploaded")
+    if read.fence is not None and read.fence.ceiling_m is not None:
+        say(f"note: the fence's ceiling is a parameter: set FENCE_ALT_MAX to {read.fence.ceiling_m:g} on an ArduPilot")
+
+
+def _start(vehicle: MavsdkVehicle, site: Site, within_m: float, items: int) -> Standing:
+    from fieldkit.missions.link.start import check_standing, start_mission
+    from fieldkit.missions.mission import Home
+
+    home = Home(site.home.latitude_deg, site.home.longitude_deg, site.home.amsl_m)
+    standing = check_standing(vehicle, home, within_m=within_m)
+    say(
+        f"The vehicle stands {standing.distance_m:.1f} m from the site's home, uses GPS "
+        f"({standing.satellites} satellites) and is disarmed."
+    )
+    if not _confirmed(f"It will ARM, TAKE OFF and fly {items} items. Type {_WORD} to do it: "):
+        raise MissionError("not started. The vehicle holds the new mission whole", remedy=f"Type {_WORD} to start it.")
+    # A person may take long to answer; the vehicle may have been carried away meanwhile.
+    standing = check_standing(vehicle, home, within_m=within_m)
+    start_mission(vehicle)
+    say("Started: armed, in AUTO.")
+    return standing
+
+
+def _confirmed(question: str) -> bool:
+    console().print(question, end="", markup=False)
+    return sys.stdin.readline().strip() == _WORD
