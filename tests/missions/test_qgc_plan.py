@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-import socket
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +11,12 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+from fieldkit.benchmarks.mission_trips import difference, mavsdk_importer
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.missions.dialects import render
 from fieldkit.missions.formats import FORMATS, mission_bytes, write_mission
 from fieldkit.missions.formats.qgc_plan import read_plan
-from fieldkit.missions.items import Command, MissionItem, same_item
+from fieldkit.missions.items import Command, same_item
 from fieldkit.missions.mission import Fence, GeoPoint, Mission
 from tests.missions.random_missions import missions
 from tests.missions.vehicles import HOME, small_mission, vehicle
@@ -151,84 +149,18 @@ def test_errors(tmp_path: Path, path: list[Any], value: Any, message: str) -> No
     assert caught.value.remedy
 
 
-class Importer:
-    """MAVSDK's mission importers. They belong to a system: a heartbeat on loopback makes one."""
-
-    def __init__(self, dialect: str) -> None:
-        from mavsdk.component_type import ComponentType
-        from mavsdk.mavsdk import Configuration, Mavsdk
-        from mavsdk.plugins.mission_raw import MissionRaw
-        from pymavlink.dialects.v20 import common
-
-        self.mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-            free.bind(("127.0.0.1", 0))
-            port = free.getsockname()[1]
-        self.mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
-        link = common.MAVLink(None, srcSystem=1, srcComponent=1)
-        autopilot = common.MAV_AUTOPILOT_PX4 if dialect == "px4" else common.MAV_AUTOPILOT_ARDUPILOTMEGA
-        beat = link.heartbeat_encode(common.MAV_TYPE_QUADROTOR, autopilot, 0, 0, 4).pack(link)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle_end:
-            deadline = time.monotonic() + 30
-            while not self.mavsdk.get_systems() and time.monotonic() < deadline:
-                vehicle_end.sendto(beat, ("127.0.0.1", port))
-                time.sleep(0.05)
-        self.raw = MissionRaw(self.mavsdk.get_systems()[0])
-
-    def items(self, plan: bytes) -> list[MissionItem]:
-        """What an upload would send, in degrees."""
-        found = []
-        for item in self.raw.import_qgroundcontrol_mission_from_string(plan.decode()).mission_items:
-            scale = 1e-7 if MissionItem(item.command, 0, (0.0,) * 7).positional else 1.0
-            params = (item.param1, item.param2, item.param3, item.param4, item.x * scale, item.y * scale, item.z)
-            found.append(MissionItem(item.command, item.frame, params, bool(item.autocontinue)))
-        return found
-
-
 @pytest.fixture(scope="module")
-def importers() -> Iterator[dict[str, Importer]]:
-    made = {dialect: Importer(dialect) for dialect in ("ardupilot", "px4")}
-    yield made
-    for importer in made.values():
-        importer.mavsdk.destroy()
+def importers() -> Iterator[dict[str, Any]]:
+    with mavsdk_importer("ardupilot") as ardupilot, mavsdk_importer("px4") as px4:
+        yield {"ardupilot": ardupilot, "px4": px4}
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mission=missions())
-def test_mavsdk_and_fieldkit_read_what_was_written(
-    importers: dict[str, Importer], tmp_path: Path, mission: Mission
-) -> None:
+def test_mavsdk_and_fieldkit_read_what_was_written(importers: dict[str, Any], tmp_path: Path, mission: Mission) -> None:
     for dialect in ("ardupilot", "px4"):
         by = vehicle(dialect)  # type: ignore[arg-type]
-        items = render(mission, by)
         content = mission_bytes("plan", mission, by)
         path = tmp_path / "random.plan"
         path.write_bytes(content)
-        own = read_plan(path).upload_items(dialect)
-        others = importers[dialect].items(content)
-        assert len(items) == len(own) == len(others)
-        for number, (item, ours, theirs) in enumerate(zip(items, own, others, strict=True)):
-            if number == 0 and dialect == "ardupilot":  # home: MAVSDK makes it of plannedHomePosition, too
-                assert theirs.command == Command.NAV_WAYPOINT
-                item = replace(item, params=(*theirs.params[:4], *item.params[4:]))
-                ours = item
-            assert same_item(item, ours), (item, ours)
-            assert same_item(item, theirs), (item, theirs)
-        assert heading_and_pitch(others, dialect) == len(mission.shots)
-
-
-def heading_and_pitch(items: list[MissionItem], dialect: str) -> int:
-    """Photographs that have both of their own."""
-    complete = 0
-    heading = pitch = False
-    for item in items:
-        if item.command in (Command.DO_MOUNT_CONTROL, Command.DO_GIMBAL_MANAGER_PITCHYAW):
-            pitch = math.isfinite(item.params[0])
-        elif item.command == Command.CONDITION_YAW:
-            heading = True
-        elif item.command == Command.NAV_WAYPOINT and dialect == "px4":
-            heading = math.isfinite(item.params[3])
-        elif item.command == Command.IMAGE_START_CAPTURE:
-            complete += heading and pitch
-            heading = pitch = False
-    return complete
+        assert not difference(mission, by, read_plan(path).upload_items(dialect), importers[dialect](content.decode()))

@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+from fieldkit.benchmarks.mission_trips import by_pymavlink, complete_photographs, difference, random_mission
 from fieldkit.errors import MetadataError
 from fieldkit.missions.dialects import render
 from fieldkit.missions.formats import mission_bytes
 from fieldkit.missions.formats.read_mission import ReadMission
 from fieldkit.missions.formats.waypoints import read_waypoints
-from fieldkit.missions.items import Command, MissionItem, same_item
+from fieldkit.missions.items import Command
 from fieldkit.missions.mission import Mission
 from tests.missions.random_missions import missions
-from tests.missions.test_qgc_plan import heading_and_pitch
 from tests.missions.vehicles import HOME, small_mission, vehicle
-
-
-def by_pymavlink(path: Path) -> list[MissionItem]:
-    from pymavlink import mavwp
-
-    loader = mavwp.MAVWPLoader()
-    loader.load(str(path))
-    return [
-        MissionItem(w.command, w.frame, (w.param1, w.param2, w.param3, w.param4, w.x, w.y, w.z), bool(w.autocontinue))
-        for w in loader.wpoints
-    ]
 
 
 def test_rows_and_columns() -> None:
@@ -50,17 +41,11 @@ def test_pymavlink_and_fieldkit_read_what_was_written(tmp_path: Path, mission: M
     path = tmp_path / "random.waypoints"
     for dialect in ("ardupilot", "px4"):
         by = vehicle(dialect)  # type: ignore[arg-type]
-        items = render(mission, by)
         path.write_bytes(mission_bytes("waypoints", mission, by))
-        others = by_pymavlink(path)
-        own = read_waypoints(path)
+        own, others = read_waypoints(path), by_pymavlink(path)
         assert own.home is not None
         others = others if dialect == "ardupilot" else others[1:]  # row 0 is home also where PX4 has none
-        assert len(items) == len(others) == len(own.upload_items(dialect))
-        for item, theirs, ours in zip(items, others, own.upload_items(dialect), strict=True):
-            assert same_item(item, theirs), (item, theirs)
-            assert same_item(item, ours), (item, ours)
-        assert heading_and_pitch(others, dialect) == len(mission.shots)
+        assert not difference(mission, by, own.upload_items(dialect), others)
 
 
 def test_files_of_other_programs(tmp_path: Path) -> None:
@@ -112,3 +97,18 @@ def read_of(folder: Path, content: bytes) -> ReadMission:
     path = folder / "file.waypoints"
     path.write_bytes(content)
     return read_waypoints(path)
+
+
+def test_what_is_lost_or_changed_on_the_way_is_noticed() -> None:
+    by = vehicle()
+    mission = random_mission(np.random.default_rng(3))
+    items = list(render(mission, by))
+    assert difference(mission, by, items, items) == ""
+    assert complete_photographs(items, "ardupilot") == len(mission.shots) > 1
+    assert "items became" in difference(mission, by, items, items[:-1])
+    place = next(k for k, item in enumerate(items) if k and item.command == Command.NAV_WAYPOINT)
+    moved = [*items[place].params]
+    moved[4] += 3e-7
+    changed = [*items[:place], replace(items[place], params=tuple(moved)), *items[place + 1 :]]
+    assert f"item {place}" in difference(mission, by, items, changed)
+    assert "by fieldkit" in difference(mission, by, changed, items)

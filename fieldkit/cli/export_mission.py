@@ -1,0 +1,101 @@
+"""fieldkit export-mission."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say, table
+
+
+class Format(StrEnum):
+    """Of mission files."""
+
+    PLAN = "plan"
+    WAYPOINTS = "waypoints"
+    WPML = "wpml"
+    LITCHI = "litchi"
+    KML = "kml"
+
+
+def command(
+    plan: Annotated[Path, typer.Argument(help="plan.json, or the folder that holds it.")],
+    vehicle: Annotated[str, typer.Option("--vehicle", metavar="NAME", help="A profile's name or file.")],
+    site: Annotated[Path, typer.Option("--site", help="Site file: home, plots, fence, obstacles.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The mission file; its suffix may be left out.")],
+    format: Annotated[  # noqa: A002 - the option's name
+        Format, typer.Option("--format", help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at.")
+    ] = Format.PLAN,
+    plots: Annotated[
+        Path | None, typer.Option("--plots", help="GeoJSON of plots, in place of those of the site file.")
+    ] = None,
+    adjust: Annotated[
+        bool, typer.Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
+    ] = False,
+    no_picture: Annotated[bool, typer.Option("--no-picture", help="Do not draw the flights.")] = False,
+    seed: SeedOption = 0,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write a plan as missions that a vehicle flies over the plots of a site.
+
+    Photographs have the plan's heading and gimbal pitch, each after standing still; legs keep clear of the plan's
+    plants, fences and obstacles; several flights are numbered where one battery does not do. Beside each mission its
+    route is written as GeoJSON, and one picture of all flights. Whatever is unsafe or out of reach is an error.
+
+    Example: fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml -o mission.plan
+    """
+    from fieldkit.missions.export_mission import export_mission
+
+    done = export_mission(
+        plan, vehicle, site, output, format=format.value, plots=plots, adjust=adjust, picture=not no_picture,
+        overwrite=overwrite, seed=seed,
+    )  # fmt: skip
+    routed = done.routed
+    if as_json:
+        emit_json(
+            {
+                "stations": routed.photographs,
+                "photographs": routed.photographs,
+                "length_m": routed.length_m,
+                "time_s": routed.time_s,
+                "files": list(done.files),
+                "flights": [
+                    {
+                        "file": file,
+                        "photographs": len(each.mission.shots),
+                        "plots": list(each.flight.plots),
+                        "length_m": each.flight.length_m,
+                        "time_s": each.flight.time.total_s,
+                        "battery": each.flight.time.battery,
+                    }
+                    for file, each in zip(done.files, routed.flights, strict=False)
+                ],
+                "lowest_m": routed.lowest_m,
+                "nearest_plant_m": routed.plants_m,
+                "moved": [str(each) for each in routed.moved],
+            }
+        )
+        return
+    for pose in routed.moved:
+        say(f"Moved: {pose}")
+    rows = table("Flights", "flight", "plots>", "photographs>", "length, m>", "time, min>", "battery>")
+    for file, each in zip(done.files, routed.flights, strict=False):
+        rows.add_row(
+            file.name, str(len(each.flight.plots)), str(len(each.mission.shots)), f"{each.flight.length_m:.0f}",
+            f"{each.flight.time.total_s / 60:.1f}", f"{each.flight.time.battery:.0%}",
+        )  # fmt: skip
+    show = console()
+    show.print(rows)
+    plants = "not known to the plan" if routed.plants_m is None else f"{routed.plants_m:.2f} m at the nearest"
+    show.print(
+        f"{routed.photographs} photographs, {routed.length_m:.0f} m, {routed.time_s / 60:.1f} min in the air; lowest "
+        f"camera {routed.lowest_m:.2f} m above the ground; plants: {plants}."
+    )
+    show.print("Battery: share of its usable time, reserve left out.")
+    for file in done.files:
+        show.print(str(file), soft_wrap=True)

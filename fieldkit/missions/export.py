@@ -1,0 +1,193 @@
+"""From a plan, a vehicle and a site to flights: placed, in reach, routed clear of everything, and split by battery."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Pose
+from fieldkit.missions.mission import Fence, GeoPoint, Mission, Shot, Via
+from fieldkit.missions.placement import PlotFrame, SiteFrame, ground_above_home, home_of, place
+from fieldkit.missions.plan import Plan
+from fieldkit.missions.reach import Unreachable, adjusted, require_reachable
+from fieldkit.missions.routing import Flight, Stop, plan_flights
+from fieldkit.missions.site import Site
+from fieldkit.missions.site_obstacles import site_obstacles
+from fieldkit.missions.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RoutedFlight:
+    """A flight with its mission.
+
+    Attributes:
+        mission: what autopilots get.
+        flight: its route in the site frame, times and battery.
+    """
+
+    mission: Mission
+    flight: Flight
+
+
+@dataclass(frozen=True, eq=False)
+class Routed:
+    """All flights of a plan on a site.
+
+    Attributes:
+        flights: in the order they are flown.
+        moved: poses that were out of the vehicle's reach and have been replaced by the nearest ones.
+        lowest_m: least height of a photograph above its plot's ground.
+        plants_m: least distance between a plant and anything that is flown; None where the plan does not say where the
+            plants are.
+        plants: (m, 3) of all plots, site frame.
+    """
+
+    flights: tuple[RoutedFlight, ...]
+    moved: tuple[Unreachable, ...]
+    lowest_m: float
+    plants_m: float | None
+    plants: Array
+
+    @property
+    def photographs(self) -> int:
+        """Of all flights."""
+        return sum(len(each.mission.shots) for each in self.flights)
+
+    @property
+    def length_m(self) -> float:
+        """Of all legs."""
+        return sum(each.flight.length_m for each in self.flights)
+
+    @property
+    def time_s(self) -> float:
+        """In the air."""
+        return sum(each.flight.time.total_s for each in self.flights)
+
+    def legs(self) -> list[Array]:
+        """(k, 3) places of every leg, site frame, in the order they are flown."""
+        return [np.array(leg.points) for each in self.flights for leg in each.flight.legs]
+
+    def cameras(self, site: Site) -> list[Pose]:
+        """Of all photographs in the order they are taken, site frame."""
+        frame = SiteFrame(site.home)
+        shots = [shot for each in self.flights for shot in each.mission.shots]
+        points = frame.points(shot.place for shot in shots)
+        return [Pose.from_yaw_pitch(p, s.yaw_deg, s.pitch_deg) for p, s in zip(points, shots, strict=True)]
+
+
+def route_plan(plan: Plan, vehicle: Vehicle, site: Site, *, adjust: bool = False, seed: int = 0) -> Routed:
+    """Put a plan on every plot of a site and find the flights over it.
+
+    The photographs' poses are the plan's, exactly; only with ``adjust`` are those that the vehicle cannot take replaced
+    by the nearest that it can. Flights keep the vehicle's clearance to the plan's plants on every leg.
+
+    Args:
+        plan: stations in the plot frame.
+        vehicle: flies it.
+        site: home, plots, fence, zones, obstacles.
+        adjust: fly the nearest poses where the plan's cannot be taken.
+        seed: of the search for the order of many plots.
+
+    Raises:
+        MissionError: a pose is out of reach, a station stands in an obstacle, there is no safe way, or a plot takes
+            more than a battery; stations and plots are named.
+        MetadataError: the height of a plot cannot be connected with home's.
+    """
+    shots = place(plan, site)
+    moved: tuple[Unreachable, ...] = ()
+    if adjust:
+        shots, moved = adjusted(shots, site, vehicle)
+    else:
+        require_reachable(shots, site, vehicle)
+    frame = SiteFrame(site.home)
+    points = frame.points(shot.place for shot in shots)
+    pause = vehicle.trigger.settle_s + vehicle.trigger.exposure_s
+    stops = [
+        Stop((float(x), float(y), float(z)), shot.yaw_deg, pause, shot.plot, shot.name)
+        for (x, y, z), shot in zip(points, shots, strict=True)
+    ]
+    landing = (0.0, 0.0, 0.0)
+    if site.landing is not None:
+        east, north, _ = frame.to_local(site.landing.latitude_deg, site.landing.longitude_deg, 0.0)[0]
+        landing = (float(east), float(north), 0.0)
+    obstacles = site_obstacles(site, vehicle.clearance_m, plan)
+    flights = plan_flights(
+        stops, (0.0, 0.0, 0.0), landing, obstacles, vehicle, takeoff_m=site.takeoff_m, transit_m=site.transit_m,
+        seed=seed,
+    )  # fmt: skip
+    plants = _plants(plan, site)
+    ground = {plot.name: ground_above_home(site, plot) for plot in site.plots}
+    routed = tuple(
+        RoutedFlight(_mission(flight, number, len(flights), shots, frame, site, vehicle), flight)
+        for number, flight in enumerate(flights, 1)
+    )
+    return Routed(
+        routed, moved, min(shot.place.height_m - ground[shot.plot] for shot in shots),
+        _nearest(flights, shots, plants) if plants else None, np.concatenate([np.zeros((0, 3)), *plants.values()]),
+    )  # fmt: skip
+
+
+def _mission(
+    flight: Flight, number: int, count: int, shots: Sequence[Shot], frame: SiteFrame, site: Site, vehicle: Vehicle
+) -> Mission:
+    stops: list[Shot | Via] = []
+    for leg, index in zip(flight.legs, (*flight.stops, None), strict=True):
+        stops += [Via(point) for point in frame.places(np.array(leg.via).reshape(-1, 3))]
+        if index is not None:
+            stops.append(shots[index])
+    (end,) = frame.places(np.array(flight.legs[-1].points[-1:]))
+    return Mission(
+        name=site.name if count == 1 else f"{site.name}, flight {number} of {count}",
+        home=home_of(site),
+        takeoff_m=site.takeoff_m,
+        stops=tuple(stops),
+        landing=end,
+        speed_mps=vehicle.speeds.cruise_mps,
+        settle_s=vehicle.trigger.settle_s,
+        exposure_s=vehicle.trigger.exposure_s,
+        rally=tuple(GeoPoint(r.latitude_deg, r.longitude_deg, site.transit_m) for r in site.rally),
+        fence=_fence(site),
+    )
+
+
+def _fence(site: Site) -> Fence | None:
+    if not site.fence and not site.no_fly and site.ceiling_m is None:
+        return None
+    return Fence(site.fence, tuple(zone.corners for zone in site.no_fly), site.ceiling_m)
+
+
+def _plants(plan: Plan, site: Site) -> dict[str, Array]:
+    """(m, 3) points of the plants in the site frame, by plot; none where the plan does not say where they are."""
+    if plan.plants is None or not plan.plants.points_m:
+        return {}
+    frame = SiteFrame(site.home)
+    return {
+        plot.name: frame.to_local(*PlotFrame.of(site, plot).to_geodetic(np.array(plan.plants.points_m)))
+        for plot in site.plots
+    }
+
+
+def _nearest(flights: Sequence[Flight], shots: Sequence[Shot], plants: dict[str, Array]) -> float:
+    """Least distance between a plot's plants and the legs to, at and from it."""
+    least = np.inf
+    for flight in flights:
+        plots = [None, *(shots[index].plot for index in flight.stops), None]
+        for leg, a, b in zip(flight.legs, plots, plots[1:], strict=False):
+            places = np.array(leg.points)
+            for name in {a, b} - {None}:
+                least = min(least, _distance(places[:-1], places[1:], plants[str(name)]))
+    return float(least)
+
+
+def _distance(a: Array, b: Array, points: Array) -> float:
+    """Least distance between stretches a–b, (n, 3) each, and points (m, 3)."""
+    along = b - a
+    length = np.maximum((along**2).sum(axis=1), 1e-18)
+    apart = points[None] - a[:, None]
+    share = np.clip(np.einsum("nmi,ni->nm", apart, along) / length[:, None], 0.0, 1.0)
+    return float(np.linalg.norm(apart - share[..., None] * along[:, None], axis=2).min())

@@ -1,0 +1,129 @@
+"""`fieldkit export-mission` as a function: mission files, their route as GeoJSON, and a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.errors import UsageError
+from fieldkit.files import write_atomic
+from fieldkit.missions.export import Routed, route_plan
+from fieldkit.missions.formats import FORMATS, mission_bytes
+from fieldkit.missions.placement import SiteFrame
+from fieldkit.missions.plan import Plan
+from fieldkit.missions.plan_file import load_plan
+from fieldkit.missions.site import Site
+from fieldkit.missions.site_file import load_plots, load_site, with_plots
+from fieldkit.missions.vehicle import Vehicle
+from fieldkit.missions.vehicle_file import load_vehicle
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedMission:
+    """What was written.
+
+    Attributes:
+        routed: the flights.
+        files: mission files first, one per flight in order; then their routes, then the picture.
+    """
+
+    routed: Routed
+    files: tuple[Path, ...]
+
+
+def export_mission(
+    plan: Path | Plan,
+    vehicle: str | Path | Vehicle,
+    site: Path | Site,
+    output: Path,
+    *,
+    format: str = "plan",  # noqa: A002
+    plots: Path | None = None,
+    adjust: bool = False,
+    route: bool = True,
+    picture: bool = True,
+    overwrite: bool = False,
+    seed: int = 0,
+) -> ExportedMission:
+    """Write a plan as missions that a vehicle flies over every plot of a site.
+
+    Everything is computed before anything is written. Several flights are numbered: mission-1.plan, mission-2.plan …
+
+    Args:
+        plan: plan.json, its folder, or a plan.
+        vehicle: a profile's name or file, or a profile.
+        site: a site file, or a site.
+        output: the mission file; its suffix may be left out.
+        format: "plan", "waypoints", "wpml", "litchi" or "kml".
+        plots: GeoJSON of plots that takes the place of the site's own.
+        adjust: fly the nearest poses where the vehicle cannot take the plan's.
+        route: write each flight's route as GeoJSON beside it.
+        picture: draw all flights from above and from the side.
+        overwrite: replace files that are there.
+        seed: of the search for the order of many plots.
+
+    Raises:
+        UsageError: no such format, another format's suffix, or a file is there.
+        MetadataError: a file that is given cannot be used.
+        MissionError: see `route_plan`; or the vehicle's dialect or the format does not take the mission.
+        StorageError: the place is full or not writable.
+    """
+    if format not in FORMATS:
+        raise UsageError(f"no such format: {format}", remedy=f"Choose one of {', '.join(FORMATS)}.")
+    suffix = FORMATS[format][0]
+    if output.suffix and output.suffix != suffix:
+        raise UsageError(
+            f"{format} missions are {suffix} files", path=output, remedy=f"Name it {output.with_suffix(suffix).name}."
+        )
+    output = output.with_suffix(suffix)
+    loaded = plan if isinstance(plan, Plan) else load_plan(plan)
+    profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    place = site if isinstance(site, Site) else load_site(site, plots)
+    if isinstance(site, Site) and plots is not None:
+        place = with_plots(site, load_plots(plots))
+    routed = route_plan(loaded, profile, place, adjust=adjust, seed=seed)
+    contents: dict[Path, bytes] = {}
+    names = _names(output, len(routed.flights))
+    for file, each in zip(names, routed.flights, strict=True):
+        contents[file] = mission_bytes(format, each.mission, profile)
+    for file, each in zip(names, routed.flights, strict=True) if route else ():
+        contents[file.with_suffix(".geojson")] = mission_bytes("geojson", each.mission, profile)
+    if picture:
+        contents[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
+    if not overwrite:
+        for file in contents:
+            if file.exists():
+                raise UsageError("exists already", path=file, remedy="Give --overwrite to replace it, or another name.")
+    for file, content in contents.items():
+        write_atomic(file, content)
+    return ExportedMission(routed, tuple(contents))
+
+
+def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
+    """PNG of all flights over a site: all of it, and the first plot more closely."""
+    from fieldkit.reporting.mission_picture import draw_mission  # these bring Matplotlib along
+    from fieldkit.reporting.objective_plots import png
+
+    frame = SiteFrame(site.home)
+    outlines = [*site.fence, *(zone.corners for zone in site.no_fly)]
+    title = f"{site.name}: {routed.photographs} photographs, {routed.length_m:.0f} m, {routed.time_s / 60:.0f} min"
+    figure = draw_mission(
+        title, routed.legs(), routed.cameras(site), vehicle.camera.intrinsics, Cloud(routed.plants),
+        [np.array(frame.outline(outline)) for outline in outlines], near=_of_first_plot(routed),
+    )  # fmt: skip
+    return png(figure)
+
+
+def _of_first_plot(routed: Routed) -> int:
+    shots = routed.flights[0].mission.shots
+    return sum(shot.plot == shots[0].plot for shot in shots)
+
+
+def _names(output: Path, flights: int) -> list[Path]:
+    if flights == 1:
+        return [output]
+    width = len(str(flights))
+    return [output.with_stem(f"{output.stem}-{number:0{width}}") for number in range(1, flights + 1)]

@@ -1,0 +1,133 @@
+"""From a plan to mission files, and back."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.errors import MissionError, UsageError
+from fieldkit.missions.check import check_mission
+from fieldkit.missions.export import route_plan
+from fieldkit.missions.export_mission import export_mission
+from fieldkit.missions.formats.reading import read_mission
+from fieldkit.missions.mission import Shot
+from fieldkit.missions.placement import SiteFrame, home_of, place
+from fieldkit.missions.plan import Plan, PlanPlants, Station
+from fieldkit.missions.site import NoFly, Site
+from fieldkit.missions.site_file import load_site
+from fieldkit.missions.site_obstacles import site_obstacles
+from fieldkit.missions.vehicle_file import load_vehicle
+from fieldkit.scenes.rigs import ring
+
+SITES = Path(__file__).parents[2] / "missions" / "sites"
+VEHICLE = load_vehicle("ardupilot-pitch")
+
+
+def site() -> Site:
+    return load_site(SITES / "example.toml")
+
+
+def planned(count: int = 7, *, height_m: float = 1.2, plants: bool = True) -> Plan:
+    stations = []
+    for pose in ring(count, 1.3, height_m):
+        yaw, pitch, _ = pose.yaw_pitch_roll_deg()
+        x, y, z = (float(v) for v in pose.center)
+        stations.append(Station(position_m=(x, y, z), yaw_deg=yaw, pitch_deg=pitch))
+    rng = np.random.default_rng(0)
+    points = rng.uniform((-0.3, -0.3, 0.0), (0.3, 0.3, 0.9), (200, 3)).round(3)
+    kept = PlanPlants(points_m=tuple((x, y, z) for x, y, z in points.tolist()), cell_m=0.05) if plants else None
+    return Plan(fieldkit="0", stations=tuple(stations), plants=kept)
+
+
+def test_every_photograph_is_the_plans_and_no_leg_comes_too_near() -> None:
+    plan, field = planned(), site()
+    routed = route_plan(plan, VEHICLE, field)
+    (flight,) = routed.flights
+    shots = {shot.station: shot for shot in place(plan, field)}
+    assert {shot.station: shot for shot in flight.mission.shots} == shots
+    assert routed.plants_m is not None
+    assert routed.plants_m > VEHICLE.clearance_m - 0.07
+    # By samples along the legs, against the plants themselves.
+    plants = np.array(plan.plants.points_m) if plan.plants else np.zeros((0, 3))
+    origin = SiteFrame(field.home).to_local(field.plots[0].latitude_deg, field.plots[0].longitude_deg, 0.0)[0]
+    nearest = min(
+        np.linalg.norm(a + share * (b - a) - origin - plants, axis=1).min()
+        for leg in routed.legs() for a, b in pairwise(leg) for share in np.linspace(0, 1, 60)
+    )  # fmt: skip
+    assert nearest == pytest.approx(routed.plants_m, abs=0.02)
+    assert routed.lowest_m == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "form", "suffix"),
+    [
+        ("ardupilot-pitch", "plan", ".plan"), ("ardupilot-pitch", "waypoints", ".waypoints"),
+        ("ardupilot-pan", "plan", ".plan"), ("px4-gimbal", "plan", ".plan"),
+        ("dji-mavic-3-enterprise", "wpml", ".kmz"), ("dji-mini-4-pro", "litchi", ".csv"),
+    ],
+)  # fmt: skip
+def test_what_is_written_passes_its_check_against_the_plan(
+    tmp_path: Path, vehicle: str, form: str, suffix: str
+) -> None:
+    plan, field, profile = planned(height_m=2.0, plants=False), site(), load_vehicle(vehicle)
+    done = export_mission(plan, vehicle, field, tmp_path / "mission", format=form, picture=False, adjust=True)
+    assert [file.name for file in done.files] == [f"mission{suffix}", "mission.geojson"]
+    read = read_mission(done.files[0])
+    shots = tuple(stop for each in done.routed.flights for stop in each.mission.stops if isinstance(stop, Shot))
+    report = check_mission(
+        read, profile, planned=shots, obstacles=site_obstacles(field, profile.clearance_m, plan), origin=home_of(field)
+    )
+    assert report.ok, report.findings
+    assert len(report.taken) == len(plan.stations)
+
+
+def test_many_plots_take_several_flights_in_numbered_files(tmp_path: Path) -> None:
+    vehicle = VEHICLE.model_copy(update={"battery": VEHICLE.battery.model_copy(update={"endurance_s": 320.0})})
+    done = export_mission(
+        planned(5), vehicle, SITES / "example.toml", tmp_path / "field.plan", plots=SITES / "plots.geojson"
+    )
+    plots = [plot for each in done.routed.flights for plot in each.flight.plots]
+    assert len(done.routed.flights) > 1
+    assert len(plots) == len(set(plots)) > 1
+    assert done.routed.photographs == 5 * len(plots)
+    assert all(each.flight.time.battery <= 1.0 for each in done.routed.flights)
+    assert [file.name for file in done.files[:2]] == ["field-1.plan", "field-2.plan"]
+    assert done.files[-1].read_bytes()[:4] == b"\x89PNG"
+    names = {each.mission.name for each in done.routed.flights}
+    assert len(names) == len(done.routed.flights)
+
+
+def test_out_of_reach_is_refused_or_adjusted_and_said() -> None:
+    low = planned(height_m=0.6, plants=False)
+    with pytest.raises(MissionError, match=r"station 0 of plot: .*the nearest pose is 1\.00 m") as caught:
+        route_plan(low, VEHICLE, site())
+    assert caught.value.exit_code == 5
+    routed = route_plan(low, VEHICLE, site(), adjust=True)
+    assert len(routed.moved) == 7
+    assert routed.lowest_m == pytest.approx(VEHICLE.min_height_m)
+
+
+def test_a_zone_over_the_plot_is_an_error_that_names_it() -> None:
+    field = site()
+    lat, lon = field.plots[0].latitude_deg, field.plots[0].longitude_deg
+    zone = NoFly(name="nest", corners=((lat - 1e-5, lon - 3e-5), (lat - 1e-5, lon + 3e-5), (lat + 5e-5, lon)))
+    with pytest.raises(MissionError, match="station"):
+        route_plan(planned(), VEHICLE, field.model_copy(update={"no_fly": (zone,)}))
+
+
+def test_files_are_kept_and_wrong_names_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "m.plan"
+    file.write_text("mine")
+    with pytest.raises(UsageError, match="exists already"):
+        export_mission(planned(), VEHICLE, site(), file, picture=False)
+    assert file.read_text() == "mine"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["m.plan"]
+    export_mission(planned(), VEHICLE, site(), file, picture=False, overwrite=True)
+    assert len(read_mission(file).items) > 20
+    with pytest.raises(UsageError, match=r"waypoints missions are \.waypoints files"):
+        export_mission(planned(), VEHICLE, site(), file, format="waypoints")
+    with pytest.raises(UsageError, match="no such format"):
+        export_mission(planned(), VEHICLE, site(), file, format="gpx")
