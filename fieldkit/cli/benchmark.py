@@ -21,6 +21,7 @@ class Suite(StrEnum):
     ENGINE = "engine"
     OBJECTIVE = "objective"
     PLANNER = "planner"
+    MISSIONS = "missions"
 
 
 class Study(StrEnum):
@@ -48,6 +49,11 @@ class Study(StrEnum):
     SURROGATE = "surrogate"
     ABLATION = "ablation"
     CHOSEN = "chosen"
+    TRIPS = "trips"
+    POSES = "poses"
+    UPLOADS = "uploads"
+    ROUTES = "routes"
+    FUZZ = "fuzz"
 
 
 def command(
@@ -93,6 +99,10 @@ def command(
         list[str] | None,
         typer.Option("--onto", metavar="SCENE", help="Repeatable; in transfer: where plans are taken to."),
     ] = None,
+    count: Annotated[
+        int | None,
+        typer.Option("--count", min=1, help="In missions: of missions, uploads, plots or changed files."),
+    ] = None,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="In scaling: plants only, in half the time.")] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -102,14 +112,15 @@ def command(
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
-    recorded and proxy; the planner's are simulated, transfer, surrogate, ablation and chosen (of recorded sets).
-    FIELDKIT_DATA names the recorded image sets; what needs them is left out without it. The result holds results.json,
-    results.md and pictures.
+    recorded and proxy; the planner's are simulated, transfer, surrogate, ablation and chosen (of recorded sets);
+    those of missions are trips, poses, uploads, routes and fuzz. FIELDKIT_DATA names the recorded image sets; what
+    needs them is left out without it. The result holds results.json, results.md and pictures.
 
     Example: fieldkit benchmark engine --only dense -o benchmark-results
     """
     cache = open_cache(no_cache=False, resume=False)
     from fieldkit.benchmarks.engine import EngineOptions, run_engine
+    from fieldkit.benchmarks.missions import MissionOptions, run_missions
     from fieldkit.benchmarks.objective import ObjectiveOptions, run_objective
     from fieldkit.benchmarks.planner import PlannerOptions, run_planner
     from fieldkit.benchmarks.suite import report
@@ -128,6 +139,9 @@ def command(
                 workers, tuple(method or ()), *([tuple(onto)] if onto else []),
             )  # fmt: skip
             results = run_planner(output, names, planner, progress=progress, overwrite=overwrite)
+        elif suite is Suite.MISSIONS:
+            missions = MissionOptions(data, **({} if count is None else _counts(count)))
+            results = run_missions(output, names, missions, progress=progress, overwrite=overwrite)
         else:
             if seeds < 2:
                 raise UsageError("noise takes two seeds at least", remedy="Give --seeds 2 or more.")
@@ -154,3 +168,7 @@ def _mapping(name: str) -> Literal["prior", "incremental"]:
     if name == "incremental":
         return "incremental"
     raise UsageError(f"--mapping: cannot be {name}", remedy="Give prior or incremental.")
+
+
+def _counts(count: int) -> dict[str, int]:
+    return dict.fromkeys(("missions", "uploads", "plots", "files"), count)

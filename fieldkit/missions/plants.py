@@ -47,18 +47,23 @@ def no_fly_bands(plants: PlanPlants, clearance_m: float) -> tuple[Band, ...]:
     highest = float(points[:, 2].max()) + clearance_m
     steps = max(1, math.ceil((highest - float(points[:, 2].min())) / BAND_M))
     found: list[Band] = []
-    for top in highest - BAND_M * np.arange(steps, 0, -1):
-        below = np.maximum(top - points[:, 2], 0.0)
-        inside = below < clearance_m
-        radii = np.sqrt(clearance_m**2 - below[inside] ** 2)
-        for polygon in _union(points[inside, :2], radii):
-            corners = tuple((float(x), float(y)) for x, y in shapely.get_coordinates(polygon.exterior)[:-1])
-            found.append(Band(corners, float(top)))
-    return tuple(found)
+    whole, above = shapely.Polygon(), np.zeros(len(points), dtype=np.bool_)
+    for top in highest - BAND_M * np.arange(1, steps + 1):
+        # Downwards, so that discs that have their full size are united once.
+        rising = ~above & (points[:, 2] >= top)
+        whole, above = shapely.union_all([whole, *_discs(points[rising], clearance_m)]), above | rising
+        shoulder = ~above & (points[:, 2] + clearance_m > top)
+        radii = np.sqrt(clearance_m**2 - (top - points[shoulder, 2]) ** 2)
+        plan = shapely.simplify(shapely.union_all([whole, *_discs(points[shoulder], radii)]), _SIMPLER_M)
+        for part in shapely.get_parts(plan):
+            if isinstance(part, shapely.Polygon) and not part.is_empty:
+                corners = tuple((float(x), float(y)) for x, y in shapely.get_coordinates(part.exterior)[:-1])
+                found.append(Band(corners, float(top)))
+    return tuple(reversed(found))
 
 
-def _union(centers: NDArray[np.float64], radii: NDArray[np.float64]) -> list[shapely.Polygon]:
-    discs = shapely.buffer(shapely.points(centers), np.maximum(radii - _SIMPLER_M, 0.0), quad_segs=_ARC)
-    joined = shapely.simplify(shapely.union_all(discs), _SIMPLER_M)
-    parts = [part for part in shapely.get_parts(joined) if isinstance(part, shapely.Polygon) and not part.is_empty]
-    return [shapely.Polygon(part.exterior) for part in parts]
+def _discs(points: NDArray[np.float64], radii: NDArray[np.float64] | float) -> NDArray[np.object_]:
+    discs: NDArray[np.object_] = shapely.buffer(
+        shapely.points(points[:, :2]), np.maximum(radii - _SIMPLER_M, 0.0), quad_segs=_ARC
+    )
+    return discs

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from fieldkit.missions.obstacles import Obstacles, Volume
-from fieldkit.missions.placement import PlotFrame, SiteFrame, ground_above_home
+from fieldkit.missions.placement import PlotFrame, SiteFrame
 from fieldkit.missions.plan import Plan
 from fieldkit.missions.plants import no_fly_bands
 from fieldkit.missions.site import Site
@@ -28,13 +30,14 @@ def site_obstacles(site: Site, clearance_m: float, plan: Plan | None = None) -> 
     ]
     volumes += [Volume.no_fly(zone.name, frame.outline(zone.corners)) for zone in site.no_fly]
     bands = () if plan is None or plan.plants is None else no_fly_bands(plan.plants, clearance_m)
+    outlines = np.array([(x, y, 0.0) for band in bands for x, y in band.corners]).reshape(-1, 3)
+    ends = np.cumsum([len(band.corners) for band in bands])
     for plot in site.plots if bands else ():
-        ground = ground_above_home(site, plot)
         to_plot = PlotFrame.of(site, plot)
-        for band in bands:
-            latitude, longitude, height = to_plot.to_geodetic([[x, y, 0.0] for x, y in band.corners])
-            footprint = tuple((float(x), float(y)) for x, y, _ in frame.to_local(latitude, longitude, height))
-            volumes.append(Volume(plot.name, footprint, ground + band.top_m, kind="plants"))
+        local = frame.to_local(*to_plot.to_geodetic(outlines))[:, :2].tolist()
+        for band, end in zip(bands, ends.tolist(), strict=True):
+            corners = tuple((x, y) for x, y in local[end - len(band.corners) : end])
+            volumes.append(Volume(plot.name, corners, to_plot.ground_m + band.top_m, kind="plants"))
     fence = tuple(frame.outline(corners) for corners in site.fence)
     return Obstacles(tuple(volumes), fence, ceiling_m=site.ceiling_m)
 

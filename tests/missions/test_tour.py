@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from fieldkit.benchmarks.tsplib import OPTIMA, distances
 from fieldkit.errors import MissionError
 from fieldkit.missions.tour import EXACT_PLACES, grouped_routes, shortest_paths, shortest_tour
-from tests.missions.tsplib import OPTIMA, distances
 
 Array = NDArray[np.float64]
 
