@@ -13,12 +13,12 @@ One camera, or a list of them under ``cameras`` (JSON: also a bare list):
 from __future__ import annotations
 
 import json
-import tomllib
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+from fieldkit import safe_toml
 from fieldkit.captures.tables import read_text
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
@@ -65,7 +65,7 @@ def read_camera_file(path: Path) -> list[CameraEntry]:
 def parse_camera_file(text: str, path: Path) -> list[CameraEntry]:
     """As `read_camera_file`, from text; the path's suffix says which format."""
     try:
-        data = tomllib.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
+        data = safe_toml.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
     except (ValueError, RecursionError) as error:
         raise MetadataError(f"cannot be parsed ({error})", path=path, remedy=_REMEDY) from error
     several = True

@@ -14,13 +14,13 @@ Either ``side_m`` or at least one distance is needed.
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import cv2
 
+from fieldkit import safe_toml
 from fieldkit.captures.tables import read_text
 from fieldkit.errors import MetadataError
 
@@ -97,7 +97,7 @@ def parse_markers_file(text: str, path: Path | None = None) -> MarkersFile:
         return MetadataError(message, path=path, remedy=remedy)
 
     try:
-        data = tomllib.loads(text)
+        data = safe_toml.loads(text)
     except (ValueError, RecursionError) as error:
         raise fail(f"cannot be parsed ({error})") from error
     for key in sorted(data):

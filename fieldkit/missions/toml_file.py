@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import json
-import re
-import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from fieldkit import safe_toml
 from fieldkit.errors import MetadataError
 
 FORMAT = 1
 Model = TypeVar("Model", bound=BaseModel)
-
-# tomllib takes time and memory that grow with the square of a dotted key's parts, and a key is on one line. Numbers
-# have dots, too, and comments rows of them.
-_NUMBER = re.compile(r"(?<![\w.])[+-]?\d{1,20}\.\d{1,20}(?:[eE][+-]?\d{1,3})?(?![\w.])")
-_DOTS = re.compile(r"\.+")
-_MOST_DOTS = 64
 
 
 def read_toml(path: Path, noun: str, remedy: str, max_bytes: int) -> dict[str, Any]:
@@ -48,10 +41,8 @@ def read_toml(path: Path, noun: str, remedy: str, max_bytes: int) -> dict[str, A
         raise MetadataError("is not text in UTF-8", path=path, remedy="Save it as UTF-8.") from error
     except ValueError as error:  # a NUL in the path
         raise MetadataError(f"is no path of a {noun}", path=path, remedy=remedy) from error
-    if any(line.count(".") > _MOST_DOTS and _other_dots(line) > _MOST_DOTS for line in text.split("\n")):
-        raise MetadataError(f"has keys that a {noun} does not have", path=path, remedy=remedy)
     try:
-        document = tomllib.loads(text)
+        document = safe_toml.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also integers with thousands of digits
         raise MetadataError(f"is not TOML: {_line(error)}", path=path, remedy=remedy) from error
     _check_format(document.pop("format", None), path)
@@ -99,11 +90,6 @@ def sentence(error: ValidationError) -> str:
             problem = problem[:1].lower() + problem[1:]
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return f"{key}: {problem}{more}" if key else f"{problem}{more}"
-
-
-def _other_dots(line: str) -> int:
-    """Dots of a line that are not in numbers; those in a row are one."""
-    return len(_DOTS.findall(_NUMBER.sub("0", line)))
 
 
 def _check_format(found: Any, path: Path) -> None:

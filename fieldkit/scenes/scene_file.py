@@ -10,13 +10,13 @@ import dataclasses
 import json
 import os
 import re
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
 from pydantic import TypeAdapter, ValidationError
 
+from fieldkit import safe_toml
 from fieldkit.documents import schema_text
 from fieldkit.errors import SceneError
 from fieldkit.files import write_atomic
@@ -59,8 +59,8 @@ def read_scene(path: Path) -> SceneDescription:
 def parse_scene(text: str, path: Path) -> SceneDescription:
     """As `read_scene`, from text; ``path`` says where the files that it names lie."""
     try:
-        document = tomllib.loads(text.removeprefix("\ufeff"))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        document = safe_toml.loads(text.removeprefix("\ufeff"))
+    except (ValueError, RecursionError) as error:
         raise SceneError(f"is not TOML: {error}", path=path, remedy=_REMEDY) from error
     _check_format(document.pop("format", None), path)
     for place, plant in _plants(document):
