@@ -41,4 +41,5 @@ OPTIMA = {"berlin52": 7542, "eil51": 426, "st70": 675, "kroA100": 21282}
 def distances(name: str) -> NDArray[np.float64]:
     """(n, n) EUC_2D distances: rounded to whole numbers."""
     places = np.array(_PLACES[name].split(), dtype=np.float64).reshape(-1, 2)
-    return np.rint(np.linalg.norm(places[:, None] - places[None], axis=2))
+    matrix: NDArray[np.float64] = np.rint(np.linalg.norm(places[:, None] - places[None], axis=2))
+    return matrix

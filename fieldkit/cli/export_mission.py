@@ -83,6 +83,10 @@ def command(
         return
     for pose in routed.moved:
         say(f"Moved: {pose}")
+    if routed.plants_m is None:
+        say(
+            "Warning: the plan does not say where plants are. Legs between its stations are straight, through them or not."
+        )
     rows = table("Flights", "flight", "plots>", "photographs>", "length, m>", "time, min>", "battery>")
     for file, each in zip(done.files, routed.flights, strict=False):
         rows.add_row(
@@ -91,7 +95,7 @@ def command(
         )  # fmt: skip
     show = console()
     show.print(rows)
-    plants = "not known to the plan" if routed.plants_m is None else f"{routed.plants_m:.2f} m at the nearest"
+    plants = "not known" if routed.plants_m is None else f"{routed.plants_m:.2f} m at the nearest"
     show.print(
         f"{routed.photographs} photographs, {routed.length_m:.0f} m, {routed.time_s / 60:.1f} min in the air; lowest "
         f"camera {routed.lowest_m:.2f} m above the ground; plants: {plants}."

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from fieldkit.missions.plan import Strict
-from fieldkit.missions.vehicle import NotNegative, Positive
+from fieldkit.missions.vehicle import Positive
 
 Datum = Literal["home", "amsl", "ellipsoid"]
 """What a height is above: home, mean sea level, the WGS 84 ellipsoid."""
@@ -137,8 +137,6 @@ class Site(Strict):
     no_fly: Annotated[tuple[NoFly, ...], Field(max_length=1000)] = ()
     obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = ()
     rally: Annotated[tuple[Landing, ...], Field(max_length=100)] = ()
-    plants_m: NotNegative | None = None
-    """Height of the plants where the plan does not say it."""
 
     @model_validator(mode="after")
     def _plots_have_names_and_ground(self) -> Self:
