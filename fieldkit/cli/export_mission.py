@@ -84,9 +84,7 @@ def command(
     for pose in routed.moved:
         say(f"Moved: {pose}")
     if routed.plants_m is None:
-        say(
-            "Warning: the plan does not say where plants are. Legs between its stations are straight, through them or not."
-        )
+        say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
     rows = table("Flights", "flight", "plots>", "photographs>", "length, m>", "time, min>", "battery>")
     for file, each in zip(done.files, routed.flights, strict=False):
         rows.add_row(
