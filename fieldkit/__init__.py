@@ -1,7 +1,7 @@
-"""fieldkit: reference clouds, capture scores and camera plans of field plots from photographs.
+"""fieldkit: reference clouds, capture scores, camera plans and missions of field plots from photographs.
 
-The commands as functions: `build_reference`, `plan_views` and `evaluate_captures`. They are imported when first used,
-so that ``import fieldkit`` stays light.
+The commands as functions: `build_reference`, `plan_views`, `export_mission` and `evaluate_captures`. They are imported
+when first used, so that ``import fieldkit`` stays light.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from fieldkit.evaluation.reference import build_reference
     from fieldkit.evaluation.report_files import load_evaluation_report, load_reference_report
     from fieldkit.evaluation.schema import EvaluationReport, ReferenceReport
+    from fieldkit.missions.export_mission import export_mission
     from fieldkit.missions.plan import Plan
     from fieldkit.missions.plan_file import load_plan
     from fieldkit.planning.asked import search_settings
@@ -35,6 +36,7 @@ __all__ = [
     "__version__",
     "build_reference",
     "evaluate_captures",
+    "export_mission",
     "load_evaluation_report",
     "load_plan",
     "load_reference_report",
@@ -53,6 +55,7 @@ _HOMES = {
     "SearchSettings": "fieldkit.planning.run_settings",
     "build_reference": "fieldkit.evaluation.reference",
     "evaluate_captures": "fieldkit.evaluation.evaluate",
+    "export_mission": "fieldkit.missions.export_mission",
     "load_evaluation_report": "fieldkit.evaluation.report_files",
     "load_plan": "fieldkit.missions.plan_file",
     "load_reference_report": "fieldkit.evaluation.report_files",
