@@ -26,6 +26,10 @@ IMPORTS = {
     "torch": "torch",
     "gpytorch": "gpytorch",
     "botorch": "botorch.acquisition",
+    "shapely": "shapely",
+    "pyvrp": "pyvrp",
+    "pymavlink": "pymavlink.dialects.v20.ardupilotmega",
+    "mavsdk": "mavsdk.plugins.mission_raw",
 }
 """Distribution and the module that shows whether it works; pyrender and pycolmap have probes of their own."""
 

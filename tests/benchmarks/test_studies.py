@@ -15,6 +15,7 @@ from fieldkit.benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
 from fieldkit.benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
 from fieldkit.benchmarks.full_evaluation import Side, stage_table, summary
 from fieldkit.benchmarks.mappings import run_mappings
+from fieldkit.benchmarks.missions import STUDIES as MISSION_STUDIES
 from fieldkit.benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
 from fieldkit.benchmarks.planner import STUDIES as PLANNER_STUDIES
 from fieldkit.benchmarks.references import ReferenceResult, recall_of, reference_table
@@ -180,7 +181,8 @@ def test_camera_toml_reads_back(tmp_path: Path) -> None:
 
 class TestEngine:
     def test_the_command_knows_every_study(self) -> None:
-        assert {study.value for study in Study} == set(STUDIES) | set(OBJECTIVE_STUDIES) | set(PLANNER_STUDIES)
+        suites = (STUDIES, OBJECTIVE_STUDIES, PLANNER_STUDIES, MISSION_STUDIES)
+        assert {study.value for study in Study} == {name for suite in suites for name in suite}
         assert set(SPEED) < set(STUDIES)
 
     def test_without_recorded_sets_studies_say_so(self, tmp_path: Path) -> None:
