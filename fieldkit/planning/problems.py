@@ -106,7 +106,7 @@ def open_problem(
         if not scene.is_dir():
             images = None if settings.images_path is None else Path(settings.images_path)
             make_proxy(Path(settings.path), scene, images=images, progress=progress)
-        scene = find_scene(scene)
+    scene = find_scene(scene)
     with progress.stage("Building the scene"):
         description = read_scene(scene)
         source = SimulatedSource.from_description(
