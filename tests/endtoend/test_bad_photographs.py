@@ -286,6 +286,7 @@ def test_masks_from_files_that_are_not_there(line: CommandLine, photographs: Pho
     assert not (line.folder / "out").exists()
 
 
+@pytest.mark.slow
 def test_masks_from_files_say_what_is_plant(line: CommandLine, photographs: Photographs) -> None:
     """Masks with a small window in the middle leave a small part of the cloud."""
     folder = photographs()

@@ -133,6 +133,7 @@ def test_a_described_proxy_is_photographed_as_its_file_says(
     assert shot.views == plain.views
 
 
+@pytest.mark.slow
 def test_serial_and_parallel_agree(source: SimulatedSource, arc: Cameras) -> None:
     sets = [arc, arc.select([0, 1, 2]), arc.select([3, 4, 5, 0])]
     objective = Objective(source, DRAFT)

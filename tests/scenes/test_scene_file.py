@@ -202,6 +202,7 @@ def test_a_scene_is_recorded_or_grown() -> None:
         SceneDescription(PlotDescription((MaizeDescription(1),)), recorded=surface)
 
 
+@pytest.mark.slow
 def test_the_same_file_is_the_same_scene_in_another_process(tmp_path: Path, small_plot: PlotDescription) -> None:
     plants = (*small_plot.plants[:1],)
     file = tmp_path / "scene.toml"

@@ -51,6 +51,7 @@ def test_a_capture_with_everything(tmp_path: Path, description: SceneDescription
     assert len(read_cloud(tmp_path / "truth.ply")) == 3_000
 
 
+@pytest.mark.slow
 def test_the_same_seed_is_the_same_folder(tmp_path: Path, description: SceneDescription) -> None:
     effects = CameraEffects(exposure_s=0.01, exposure_ev=0.2, read_noise=2.0)
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
