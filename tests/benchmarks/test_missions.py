@@ -33,6 +33,7 @@ def test_studies_are_written(tmp_path: Path) -> None:
         run_missions(tmp_path / "other", ["speed"], OPTIONS, progress=Silent())
 
 
+@pytest.mark.slow
 def test_routes_are_measured() -> None:
     found = {tour.name: tour for tour in tours(0)}
     assert all(0.0 - 1e-9 <= tour.excess < 0.05 for tour in found.values())

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.endtoend.commands import DRAFT, CommandLine, differing
 from tests.endtoend.conftest import Built
 
@@ -35,6 +37,7 @@ def test_cloud_does_not_depend_on_the_scene(line: CommandLine, small_plot: Path,
     assert not (out / "scene.ply").exists()
 
 
+@pytest.mark.slow
 def test_a_damaged_cache_is_computed_again(line: CommandLine, small_plot: Path, built: Built) -> None:
     build(line, small_plot, "first", "--no-scene", hash_seed=5)
     for number, entry in enumerate(sorted(line.cache.glob("*/*/*.npz"))):

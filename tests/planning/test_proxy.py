@@ -46,6 +46,7 @@ def pixels(source: SimulatedSource, cameras: Cameras, seed: int) -> list[np.ndar
         return [read_image(photo).astype(int) for photo in shot.capture.photos]
 
 
+@pytest.mark.slow
 def test_a_proxy_of_maize_has_the_descriptions_camera_and_truth() -> None:
     proxy = Proxy.from_description(SCENE)
     assert proxy.camera == CAMERA
@@ -105,6 +106,7 @@ def test_effects_and_wind_depend_on_seed_and_photograph_only(source: SimulatedSo
         each.close()
 
 
+@pytest.mark.slow
 def test_cameras_keep_clear_of_neighbour_rows() -> None:
     rows = NeighboursDescription(seed=3, rows=1, row_spacing_m=0.6, plant_spacing_m=0.3, length_m=0.6)
     proxy = Proxy.from_description(replace(SCENE, plot=replace(SCENE.plot, neighbours=rows)))
