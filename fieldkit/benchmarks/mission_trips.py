@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from fieldkit.errors import FieldkitError
+from fieldkit.mavlink.dialect import mavlink
 from fieldkit.missions.dialects import render
 from fieldkit.missions.formats import mission_bytes
 from fieldkit.missions.formats.reading import read_mission
 from fieldkit.missions.items import Command, MissionItem, same_item
-from fieldkit.missions.link.dialect import mavlink
 from fieldkit.missions.mission import GeoPoint, Home, Mission, Shot, Via
 from fieldkit.missions.vehicle import Vehicle
 

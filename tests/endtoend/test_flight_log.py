@@ -11,7 +11,7 @@ import pytest
 
 from fieldkit.captures import read_capture
 from fieldkit.captures.poses_csv import parse_poses_csv
-from fieldkit.missions.link.dialect import mavlink
+from fieldkit.mavlink.dialect import mavlink
 from fieldkit.scenes.simulate import Site
 from tests.endtoend.commands import DRAFT, CommandLine
 from tests.endtoend.test_simulated_plot import run, write_scene

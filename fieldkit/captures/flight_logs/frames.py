@@ -7,14 +7,15 @@ import struct
 from collections.abc import Iterator, Set
 from typing import Any
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import MAGIC_1, MAGIC_2, frame_length, message_id
 
-_V1, _V2 = 0xFE, 0xFD
 _STAMP = 8
-_V1_LEAST, _V2_LEAST = 8, 12
-"""Bytes of a frame without payload and signature."""
+_LEAST = 8
+"""Bytes of a frame of MAVLink 1 without payload; those of MAVLink 2 have more."""
+_HEAD = 10
+"""Bytes of a frame that its length and its message's id are in, at most."""
 _MAGIC = re.compile(rb"[\xfd\xfe]")
-_SIGNED = 1
 _MOST_FAILURES = 20_000
 """Frames whose checksum is wrong, before a file is given up: it bounds the time that a hostile one takes."""
 
@@ -37,7 +38,7 @@ class FrameReader:
     def __iter__(self) -> Iterator[tuple[float, Any]]:
         """Stamps (seconds since 1970) and pymavlink's messages of the wanted ids, MAVLink 1 and 2, either direction."""
         data, at, end = self._data, 0, len(self._data)
-        while at + _STAMP + _V1_LEAST <= end and self._failures < _MOST_FAILURES:
+        while at + _STAMP + _LEAST <= end and self._failures < _MOST_FAILURES:
             size, identity = self._head(at + _STAMP)
             if not size:
                 at = self._next(at)
@@ -57,19 +58,12 @@ class FrameReader:
     def _head(self, at: int) -> tuple[int, int]:
         """Size and message id of the frame there; size 0 where none can be."""
         data, end = self._data, len(self._data)
-        if data[at] == _V2:
-            if at + _V2_LEAST > end:
-                return 0, 0
-            size = data[at + 1] + _V2_LEAST + (13 if data[at + 2] & _SIGNED else 0)
-            identity = data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16
-        elif data[at] == _V1:
-            size, identity = data[at + 1] + _V1_LEAST, data[at + 5]
-        else:
+        head = data[at : at + _HEAD]
+        size = frame_length(head)
+        after = at + (size or 0) + _STAMP
+        if not size or at + size > end or (after < end and data[after] not in (MAGIC_1, MAGIC_2)):
             return 0, 0
-        after = at + size + _STAMP
-        if at + size > end or (after < end and data[after] not in (_V1, _V2)):
-            return 0, 0
-        return size, identity
+        return size, message_id(head)
 
     def _decoded(self, at: int, size: int) -> Any:
         try:

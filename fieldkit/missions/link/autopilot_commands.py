@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import Message
 from fieldkit.missions.link.autopilot_state import AUTO, GUIDED, LAND, LOITER, RTL, STABILIZE, Autopilot, Step, sender
-from fieldkit.missions.link.dialect import mavlink
-from fieldkit.missions.link.frames import Message
 
 _SET_MODE = 176
 _ACCEPTED, _UNSUPPORTED, _FAILED = 0, 3, 4

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import Message
 from fieldkit.missions.link import autopilot_commands
 from fieldkit.missions.link.autopilot_commands import text_message
 from fieldkit.missions.link.autopilot_state import Autopilot, Step, sender
-from fieldkit.missions.link.dialect import mavlink
-from fieldkit.missions.link.frames import Message
 from fieldkit.missions.link.item_rules import WireItem
 from fieldkit.missions.link.transfers import Acknowledge, Answers, Ask, Count, Item, ItemList, Kind, Peer, Text
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fieldkit.missions.link.frames import Message
+from fieldkit.mavlink.frames import Message
 from fieldkit.missions.link.item_rules import WireItem
 from fieldkit.missions.link.transfers import ItemList, Kind, Peer
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from fieldkit.missions.link.dialect import mavlink
-from fieldkit.missions.link.frames import Message, decode, message_id
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import Message, decode, message_id
 
 ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT of those that fieldkit writes missions for."""

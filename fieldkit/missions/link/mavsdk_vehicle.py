@@ -15,8 +15,8 @@ from types import TracebackType
 from typing import Any
 
 from fieldkit.errors import LinkError
-from fieldkit.missions.link.dialect import mavlink
-from fieldkit.missions.link.frames import Splitter
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import Splitter
 from fieldkit.missions.link.item_rules import WireItem
 from fieldkit.missions.link.listener import Listener
 from fieldkit.missions.link.signing import Signer

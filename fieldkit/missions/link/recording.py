@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
-from fieldkit.missions.link.dialect import mavlink
-from fieldkit.missions.link.frames import Message, decode, message_id
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import Message, decode, message_id
 from fieldkit.missions.link.tlog import read_frames
 
 _ANSWERS = frozenset({

@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
-from fieldkit.missions.link.frames import MAGIC_2, SIGNATURE_BYTES, SIGNED, checksum
+from fieldkit.mavlink.frames import MAGIC_2, SIGNATURE_BYTES, SIGNED, checksum
 
 KEY_BYTES = 32
 _EPOCH_S = 1_420_070_400.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fieldkit.missions.link.dialect import mavlink
+from fieldkit.mavlink.dialect import mavlink
 from fieldkit.missions.link.recording import Recording, Telemetry
 
 _KEPT_ALIVE = (

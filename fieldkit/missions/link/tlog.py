@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
-from fieldkit.missions.link.frames import MAGIC_1, MAGIC_2, MAX_FRAME_BYTES, Message, decode, frame_length, intact
+from fieldkit.mavlink.frames import MAGIC_1, MAGIC_2, MAX_FRAME_BYTES, Message, decode, frame_length, intact
 
 MAX_BYTES = 2 << 30
 _CHUNK = 1 << 20

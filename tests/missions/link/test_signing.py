@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MetadataError
-from fieldkit.missions.link.dialect import mavlink
-from fieldkit.missions.link.frames import decode, intact
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import decode, intact
 from fieldkit.missions.link.signing import Signer, read_key, sign, signed_at, unsigned
 
 KEY = bytes(range(32))

@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MetadataError
-from fieldkit.missions.link.dialect import mavlink
-from fieldkit.missions.link.frames import Splitter, decode, frame_length, intact
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import Splitter, decode, frame_length, intact
 from fieldkit.missions.link.recording import read_recording
 from fieldkit.missions.link.tlog import read_frames, read_messages
 

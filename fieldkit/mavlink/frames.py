@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import Any
 
-from fieldkit.missions.link.dialect import mavlink
+from fieldkit.mavlink.dialect import mavlink
 
 MAGIC_2 = 0xFD
 MAGIC_1 = 0xFE
@@ -34,7 +34,7 @@ def frame_length(head: bytes | bytearray | memoryview) -> int | None:
 
 
 def message_id(frame: bytes) -> int:
-    """Of a whole frame."""
+    """Of a frame, or of its first ten bytes."""
     return frame[5] if frame[0] == MAGIC_1 else frame[7] | frame[8] << 8 | frame[9] << 16
 
 

@@ -1,0 +1,1 @@
+"""MAVLink frames and messages, for whatever reads or speaks them."""
