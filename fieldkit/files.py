@@ -71,6 +71,27 @@ def check_writable(path: Path) -> None:
             file.write(b"\0")
 
 
+def file_beside(name: Path, owner: Path) -> Path | None:
+    """The file that another one names: in its folder or below; only an absolute path leads elsewhere.
+
+    Args:
+        name: as it is named.
+        owner: the file that names it.
+
+    Returns:
+        The file, links followed unless it was named absolutely; None where it leads out of the folder.
+
+    Raises:
+        OSError, RuntimeError: links in a circle.
+        ValueError: a NUL in the name.
+    """
+    if name.is_absolute():
+        return name
+    folder = owner.absolute().parent.resolve()
+    found = (folder / name).resolve()
+    return found if found.is_relative_to(folder) else None
+
+
 def write_atomic(path: Path, data: bytes | str) -> None:
     """Write a file under a temporary name, sync it and rename it to ``path``; text is written as UTF-8.
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from fieldkit.errors import StorageError, UsageError
-from fieldkit.files import atomic_folder, check_writable, storage_errors, write_atomic
+from fieldkit.files import atomic_folder, check_writable, file_beside, storage_errors, write_atomic
 
 
 def names(folder: Path) -> list[str]:
@@ -218,3 +218,14 @@ class TestStorageErrors:
 def _make_folder(path: Path) -> None:
     with atomic_folder(path):
         pass
+
+
+def test_a_named_file_lies_in_its_owners_folder_or_is_named_absolutely(tmp_path: Path) -> None:
+    owner = tmp_path / "site" / "site.toml"
+    (owner.parent / "deep").mkdir(parents=True)
+    (owner.parent / "out").symlink_to(tmp_path)
+    folder = owner.parent.resolve()
+    assert file_beside(Path("deep/../a.json"), owner) == folder / "a.json"
+    assert file_beside(tmp_path / "a.json", owner) == tmp_path / "a.json"
+    for name in ("../a.json", "deep/../../a.json", "out/a.json"):
+        assert file_beside(Path(name), owner) is None

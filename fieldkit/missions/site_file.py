@@ -15,6 +15,7 @@ import shapely
 from pydantic import ValidationError
 
 from fieldkit.errors import MetadataError
+from fieldkit.files import file_beside
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
 from fieldkit.missions.geojson import Feature, read_features
 from fieldkit.missions.plot_shapes import heading_near, plot_shape
@@ -188,14 +189,11 @@ def _beside(name: str, site: Path, key: str) -> Path:
     """The file that a site file names."""
     if not name or "\0" in name or len(name) > 1000:
         raise MetadataError(f"{key}: is not a path", path=site, remedy="Name a GeoJSON file beside the site file.")
-    if Path(name).is_absolute():
-        return Path(name)
     try:
-        folder = site.absolute().parent.resolve()
-        found = (folder / name).resolve()
+        found = file_beside(Path(name), site)
     except (OSError, RuntimeError) as error:  # links in a circle
         raise MetadataError(f"{key}: {name} cannot be followed", path=site, remedy="Check the links there.") from error
-    if not found.is_relative_to(folder):
+    if found is None:
         raise MetadataError(
             f"{key}: {name} leads out of the site file's folder", path=site,
             remedy="Copy the file beside the site file, or give its absolute path.",

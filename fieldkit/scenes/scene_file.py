@@ -19,7 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 from fieldkit import safe_toml
 from fieldkit.documents import schema_text
 from fieldkit.errors import SceneError
-from fieldkit.files import write_atomic
+from fieldkit.files import file_beside, write_atomic
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.mesh_plant import MeshPlantDescription, check_mesh_file
 from fieldkit.scenes.toml_text import toml_text
@@ -209,14 +209,11 @@ def _existing(file: Path, scene: Path, key: str) -> Path:
 def _resolved(file: Path, scene: Path, key: str) -> Path:
     if "\0" in str(file):
         raise SceneError(f"{key}: not a path", path=scene, remedy="Name a file beside the scene file.")
-    if file.is_absolute():
-        return file
-    folder = scene.absolute().parent.resolve()
     try:
-        found = (folder / file).resolve()
+        found = file_beside(file, scene)
     except (OSError, RuntimeError) as error:  # links in a circle
         raise SceneError(f"{key}: {file} cannot be followed", path=scene, remedy="Check the links there.") from error
-    if not found.is_relative_to(folder):
+    if found is None:
         raise SceneError(
             f"{key}: {file} leads out of the scene's folder", path=scene,
             remedy="Copy the file beside the scene file, or give its absolute path.",
