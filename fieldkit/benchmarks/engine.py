@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from fieldkit.benchmarks.result import StudyResult
-from fieldkit.benchmarks.suite import choose, run_studies
+from fieldkit.benchmarks.suite import run_studies
 from fieldkit.cache import StageCache
 from fieldkit.progress import Progress
 
@@ -155,6 +154,4 @@ def run_engine(
     Raises:
         UsageError: there is no such study, or ``output`` exists.
     """
-    chosen = choose(names, STUDIES, SPEED)
-    studies = {name: partial(STUDIES[name], options) for name in chosen}
-    return run_studies(output, studies, progress=progress, overwrite=overwrite)
+    return run_studies(output, names, STUDIES, SPEED, options, progress=progress, overwrite=overwrite)

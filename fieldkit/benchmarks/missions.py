@@ -7,7 +7,6 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from fieldkit.benchmarks.mission_fuzz import fuzz_all, targets
 from fieldkit.benchmarks.mission_routes import route_field, tours
 from fieldkit.benchmarks.mission_trips import make_trips, random_mission
 from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult
-from fieldkit.benchmarks.suite import choose, run_studies
+from fieldkit.benchmarks.suite import run_studies
 from fieldkit.missions.dialects import render
 from fieldkit.missions.link.trials import cut_trials, upload_trials
 from fieldkit.missions.mission import Mission
@@ -244,6 +243,4 @@ def run_missions(
     Raises:
         UsageError: there is no such study, or ``output`` exists.
     """
-    chosen = choose(names, STUDIES, ["poses", "routes"])
-    studies = {name: partial(STUDIES[name], options) for name in chosen}
-    return run_studies(output, studies, progress=progress, overwrite=overwrite)
+    return run_studies(output, names, STUDIES, ["poses", "routes"], options, progress=progress, overwrite=overwrite)

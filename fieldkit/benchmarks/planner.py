@@ -7,7 +7,6 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all, run
 from fieldkit.benchmarks.planner_transfer import carry, transfer_table
 from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.benchmarks.rigs import load_rig
-from fieldkit.benchmarks.suite import choose, run_studies
+from fieldkit.benchmarks.suite import run_studies
 from fieldkit.cache import StageCache
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.missions.plan import PlanSource
@@ -368,6 +367,4 @@ def run_planner(
     Raises:
         UsageError: there is no such study, or ``output`` exists.
     """
-    chosen = choose(names, STUDIES, ["simulated"])
-    studies = {name: partial(STUDIES[name], options) for name in chosen}
-    return run_studies(output, studies, progress=progress, overwrite=overwrite)
+    return run_studies(output, names, STUDIES, ["simulated"], options, progress=progress, overwrite=overwrite)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from fieldkit import __version__
 from fieldkit.benchmarks.result import StudyResult
@@ -16,45 +16,44 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.machine import this_machine
 from fieldkit.progress import Progress
 
+Options = TypeVar("Options")
+"""What a suite's studies are run with."""
 RESULT_FILE, TABLES_FILE = "results.json", "results.md"
 _LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pycolmap", "point-cloud-utils")
 
 
-def choose(names: Sequence[str], known: Collection[str], default: Sequence[str]) -> list[str]:
-    """The names without repeats, or the default.
+def run_studies(
+    output: Path,
+    names: Sequence[str],
+    known: Mapping[str, Callable[[Options, Progress], StudyResult]],
+    default: Sequence[str],
+    options: Options,
+    *,
+    progress: Progress,
+    overwrite: bool = False,
+) -> list[StudyResult]:
+    """Run studies one after the other and write results.json, results.md and their pictures.
+
+    Args:
+        output: folder of the result.
+        names: of studies, of which each is run once; none takes ``default``.
+        known: studies by name.
+        default: names.
+        options: for all of them.
+        progress: told of stages.
+        overwrite: replace an earlier result in ``output``.
 
     Raises:
-        UsageError: there is no such study.
+        UsageError: there is no such study, or ``output`` exists.
     """
     chosen = list(dict.fromkeys(names)) or list(default)
     unknown = [name for name in chosen if name not in known]
     if unknown:
         raise UsageError(f"there is no study {unknown[0]!r}", remedy=f"Choose of {', '.join(known)}.")
-    return chosen
-
-
-def run_studies(
-    output: Path,
-    studies: Mapping[str, Callable[[Progress], StudyResult]],
-    *,
-    progress: Progress,
-    overwrite: bool = False,
-) -> list[StudyResult]:
-    """Run studies in order and write results.json, results.md and their pictures.
-
-    Args:
-        output: folder of the result.
-        studies: by name.
-        progress: told of stages.
-        overwrite: replace an earlier result in ``output``.
-
-    Raises:
-        UsageError: ``output`` exists.
-    """
     with atomic_folder(output, overwrite=overwrite, marker=RESULT_FILE) as folder:
         results = []
-        for name, study in studies.items():
-            result = study(progress)
+        for name in chosen:
+            result = known[name](options, progress)
             if result.skipped:
                 progress.note(f"{name}: {result.skipped}")
             for picture, data in result.pictures.items():
