@@ -11,6 +11,7 @@ import numpy as np
 
 from fieldkit.captures.flight_logs import achieved_pose, read_flight_log
 from fieldkit.errors import MetadataError
+from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import LocalFrame
 
 
@@ -83,4 +84,4 @@ def _apart(latitude: float, longitude: float, above_home: float | None, to: Mapp
 
 
 def _turn(a: float, b: float) -> float:
-    return abs((a - b + 180.0) % 360.0 - 180.0)
+    return abs(wrapped_deg(a - b))

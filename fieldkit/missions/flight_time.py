@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.missions.vehicle import Speeds, Vehicle
 
 ARRIVAL_S = 1.9
@@ -101,7 +102,7 @@ def path_time_s(points: ArrayLike, speeds: Speeds) -> float:
 
 def turn_time_s(turns_deg: ArrayLike, speeds: Speeds) -> Array:
     """Seconds of turns, degrees in either direction, the shorter way around."""
-    turns = np.abs((np.asarray(turns_deg, dtype=np.float64) + 180.0) % 360.0 - 180.0)
+    turns = np.abs(wrapped_deg(np.asarray(turns_deg, dtype=np.float64)))
     seconds: Array = turns / speeds.yaw_dps
     return seconds
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.missions.vehicle import Speeds
 
 JERK_MPS3 = 1.0
@@ -97,4 +98,4 @@ def turn_seconds(from_deg: float | None, to_deg: float, speeds: Speeds) -> float
 
 def turn_deg(from_deg: float, to_deg: float) -> float:
     """The turn from one heading to another, clockwise positive, in [−180, 180)."""
-    return (to_deg - from_deg + 180.0) % 360.0 - 180.0
+    return wrapped_deg(to_deg - from_deg)

@@ -9,6 +9,7 @@ from datetime import datetime
 from PIL import ExifTags, Image, TiffImagePlugin
 
 from fieldkit.geometry import Intrinsics
+from fieldkit.geometry.angles import wrapped_deg
 
 _SENSOR_WIDTH_MM = 13.2
 """A one-inch sensor's, which gives the focal length in millimetres its scale."""
@@ -94,10 +95,10 @@ def xmp_packet(geotag: Geotag) -> bytes:
         "AbsoluteAltitude": f"{geotag.altitude_m:+.3f}",
         "RelativeAltitude": f"{geotag.relative_altitude_m:+.3f}",
         "GimbalRollDegree": f"{geotag.roll_deg:+.2f}",
-        "GimbalYawDegree": f"{_wrapped(geotag.yaw_deg):+.2f}",
+        "GimbalYawDegree": f"{wrapped_deg(geotag.yaw_deg):+.2f}",
         "GimbalPitchDegree": f"{geotag.pitch_deg:+.2f}",
         "FlightRollDegree": "+0.00",
-        "FlightYawDegree": f"{_wrapped(geotag.yaw_deg):+.2f}",
+        "FlightYawDegree": f"{wrapped_deg(geotag.yaw_deg):+.2f}",
         "FlightPitchDegree": "+0.00",
         "RtkFlag": str(_RTK_FIXED if geotag.rtk else 0),
     }
@@ -125,8 +126,3 @@ def _sexagesimal(degrees: float) -> tuple[TiffImagePlugin.IFDRational, ...]:
     total = round(abs(degrees) * 3600 * 1_000_000)
     whole, micro = divmod(total, 60_000_000)
     return _rational(whole // 60, 1), _rational(whole % 60, 1), TiffImagePlugin.IFDRational(micro, 1_000_000)
-
-
-def _wrapped(degrees: float) -> float:
-    """The same direction in [−180, 180)."""
-    return (degrees + 180.0) % 360.0 - 180.0

@@ -10,6 +10,7 @@ from scipy.optimize import linear_sum_assignment
 
 from fieldkit.captures.flight_logs.achieved import AchievedPose, FixedMount, achieved_pose
 from fieldkit.captures.flight_logs.model import Trigger
+from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import LocalFrame
 
 REACH_M = 3.0
@@ -118,7 +119,7 @@ def adherence(
     up = np.array([np.nan if h is None else h for h in heights])[:, None] - np.array([p.height_m for p in planned])
     apart = places[:, None, :] - wanted[None, :, :]
     yaws = np.array([np.nan if p.yaw_deg is None else p.yaw_deg for p in poses])
-    turn = (yaws[:, None] - np.array([p.yaw_deg for p in planned]) + 180.0) % 360.0 - 180.0
+    turn = wrapped_deg(yaws[:, None] - np.array([p.yaw_deg for p in planned]))
     distance = np.sqrt((apart**2).sum(axis=2) + np.nan_to_num(up) ** 2)
     cost = distance + np.abs(np.nan_to_num(turn)) * _METRES_PER_DEGREE
     # Leaving a pose and a trigger alone costs the reach, so that one of each does not shift all the others.

@@ -9,6 +9,7 @@ import numpy as np
 
 from fieldkit.captures.flight_logs.model import Attitude, Gimbal, Place, Series, Track, Trigger
 from fieldkit.captures.flight_logs.values import as_attitude, as_place
+from fieldkit.geometry.angles import wrapped_deg
 
 _GIMBAL_REACH_S = 2.0
 _FASTEST_GIMBAL_DPS = 100.0
@@ -120,5 +121,5 @@ def _rate(series: Series, time_s: float, *, yaw_only: bool = False) -> float:
     span = float(series.times_s[after] - series.times_s[after - 1])
     if span > 2.0 * _GIMBAL_REACH_S:
         return 0.0
-    step = (series.values[after] - series.values[after - 1] + 180.0) % 360.0 - 180.0
+    step = wrapped_deg(series.values[after] - series.values[after - 1])
     return float(np.abs(step[2:] if yaw_only else step).max()) / span

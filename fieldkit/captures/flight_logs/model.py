@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldkit.geometry.angles import wrapped_deg
+
 Clock = Literal["boot", "UTC"]
 """Seconds since the autopilot started, or since 1970-01-01 UTC."""
 LogKind = Literal["tlog", "dataflash", "ulog"]
@@ -149,7 +151,7 @@ class Series:
             return np.array(self.values[nearest])
         step = self.values[after] - self.values[before]
         for column in self.angles:
-            step[column] = (step[column] + 180.0) % 360.0 - 180.0
+            step[column] = wrapped_deg(step[column])
         return np.asarray(self.values[before] + step * ((time_s - self.times_s[before]) / span))
 
 

@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 
 from fieldkit.errors import MetadataError, MissionError
+from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.missions.dialects.stops import LEAST_EXPOSURE_S
 from fieldkit.missions.formats.archive import read_members, zip_bytes
 from fieldkit.missions.formats.limits import MAX_ITEMS, number, read_bytes
@@ -150,16 +151,11 @@ def _heading(point: RoutePoint) -> str:
         "waypointHeadingParam",
         _tags(
             waypointHeadingMode="smoothTransition",
-            waypointHeadingAngle=f"{_signed(point.yaw_deg):.2f}",
+            waypointHeadingAngle=f"{wrapped_deg(point.yaw_deg):.2f}",
             waypointHeadingAngleEnable=1,
             waypointHeadingPathMode="followBadArc",
         ),
     )
-
-
-def _signed(yaw_deg: float) -> float:
-    """In [−180, 180), as WPML has headings."""
-    return (yaw_deg + 180.0) % 360.0 - 180.0
 
 
 def _actions(mission: Mission, index: int, point: RoutePoint) -> str:
@@ -167,7 +163,7 @@ def _actions(mission: Mission, index: int, point: RoutePoint) -> str:
         return ""
     suffix = re.sub(r"[^A-Za-z0-9_-]", "-", f"{point.shot.plot}_{point.shot.station}")
     steps = [
-        ("rotateYaw", _tags(aircraftHeading=f"{_signed(point.yaw_deg):.2f}", aircraftPathMode="clockwise")),
+        ("rotateYaw", _tags(aircraftHeading=f"{wrapped_deg(point.yaw_deg):.2f}", aircraftPathMode="clockwise")),
         ("gimbalRotate", _tags(
             gimbalHeadingYawBase="aircraft", gimbalRotateMode="absoluteAngle",
             gimbalPitchRotateEnable=1, gimbalPitchRotateAngle=f"{point.pitch_deg:.2f}",
