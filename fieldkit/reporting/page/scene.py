@@ -1,0 +1,86 @@
+"""What the report's 3D view shows, as values: layers in one frame, metres, z up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.geometry import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class PointLayer:
+    """A cloud.
+
+    Attributes:
+        name: on the layer's switch.
+        points: (n, 3) metres.
+        colors: (n, 3) of 0 to 255, uint8; None draws all points in one colour.
+        values: (n,) metres to colour the points by, with a scale beside the view; None takes ``colors``.
+        limit: value at which the scale ends; ``values`` beyond it have its last colour.
+        shown: whether it is switched on at first.
+    """
+
+    name: str
+    points: NDArray[np.float32]
+    colors: NDArray[np.uint8] | None = None
+    values: NDArray[np.float32] | None = None
+    limit: float = 0.02
+    shown: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class FrustumLayer:
+    """Cameras as pyramids.
+
+    Attributes:
+        name: on the layer's switch.
+        poses: extrinsics, world to camera.
+        labels: one per pose, shown when the pointer is over it.
+        half_width, half_height: tangents of half the field of view.
+        color: CSS hexadecimal, "#rrggbb".
+        shown: whether it is switched on at first.
+    """
+
+    name: str
+    poses: Sequence[Pose]
+    labels: Sequence[str]
+    half_width: float
+    half_height: float
+    color: str
+    shown: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class LineLayer:
+    """Polylines: legs of a mission, a fence.
+
+    Attributes:
+        name: on the layer's switch.
+        lines: each (k, 3) metres.
+        color: CSS hexadecimal.
+        shown: whether it is switched on at first.
+    """
+
+    name: str
+    lines: Sequence[NDArray[np.float32]]
+    color: str
+    shown: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class ViewerScene:
+    """One 3D view.
+
+    Attributes:
+        title: above the view, and its accessible name.
+        points, frusta, lines: its layers, in the order of their switches.
+    """
+
+    title: str
+    points: Sequence[PointLayer] = field(default=())
+    frusta: Sequence[FrustumLayer] = field(default=())
+    lines: Sequence[LineLayer] = field(default=())
