@@ -18,7 +18,7 @@ from fieldkit.planning.objective import Mapping
 from fieldkit.planning.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.plan_views import plan_views, resume_plan
 from fieldkit.planning.problems import describe_source
-from fieldkit.planning.run_folder import SETTINGS_FILE, LogEntry, read_log, read_settings, searched
+from fieldkit.planning.run_folder import LOG_FILE, SETTINGS_FILE, LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run_settings import SearchSettings, lag_for
 from fieldkit.progress import Progress
 
@@ -125,22 +125,43 @@ def run_all(
         UsageError: a run in ``folder`` has other settings, or more evaluations.
         FieldkitError: as `plan_views`.
     """
+    runs = {
+        folder / run_name(place, cameras, mapping, contender.method, seed): place.settings(
+            cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
+            fidelity=fidelity, confirm_fidelity=confirm_fidelity, repeats=repeats,
+            lag=lag_for(workers, deterministic=False),
+        )
+        for contender in contenders
+        for seed in contender.seeds
+    }  # fmt: skip
+    kept = [output for output, settings in runs.items() if _is_kept(output, settings)]
+    # Also of runs that come later here: an earlier call left them.
+    known = [entry for output in kept for entry in read_log(output)]
     found: list[Ran] = []
-    known: list[LogEntry] = []
-    for contender in contenders:
-        for seed in contender.seeds:
-            output = folder / run_name(place, cameras, mapping, contender.method, seed)
-            settings = place.settings(
-                cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
-                fidelity=fidelity, confirm_fidelity=confirm_fidelity, repeats=repeats,
-                lag=lag_for(workers, deterministic=False),
-            )  # fmt: skip
-            with progress.stage(output.name):
-                outcome = _outcome(output, settings, workers, cache, progress, known)
-            entries = read_log(output)
-            known += entries
-            found.append(_ran(settings, outcome, entries))
+    for output, settings in runs.items():
+        with progress.stage(output.name):
+            outcome = _outcome(output, settings, workers, cache, progress, known)
+        entries = read_log(output)
+        known += entries
+        found.append(_ran(settings, outcome, entries))
     return found
+
+
+def _is_kept(output: Path, settings: SearchSettings) -> bool:
+    """Whether there is a run of these settings, or of fewer evaluations.
+
+    Raises:
+        UsageError: the run there has other settings.
+    """
+    if not (output / SETTINGS_FILE).is_file():
+        return False
+    kept = read_settings(output)
+    extended = kept.model_copy(update={"evaluations": settings.evaluations})
+    if kept.evaluations > settings.evaluations or extended != settings:
+        raise UsageError(
+            "holds a run of other settings", path=output, remedy="Give another folder with --runs, or remove that run."
+        )
+    return (output / LOG_FILE).is_file()
 
 
 def _outcome(
@@ -149,13 +170,7 @@ def _outcome(
 ) -> Outcome:  # fmt: skip
     if not (output / SETTINGS_FILE).is_file():
         return plan_views(output, settings, cache=cache, workers=workers, progress=progress, known=known)
-    kept = read_settings(output)
-    more = settings.evaluations - kept.evaluations
-    if more < 0 or kept.model_copy(update={"evaluations": settings.evaluations}) != settings:
-        raise UsageError(
-            "holds a run of other settings", path=output, remedy="Give another folder with --runs, or remove that run."
-        )
-    if more == 0 and (output / PLAN_FILE).is_file():
+    if read_settings(output) == settings and (output / PLAN_FILE).is_file():
         return read_outcome(output)
     return resume_plan(output, settings, cache=cache, workers=workers, progress=progress, known=known)
 

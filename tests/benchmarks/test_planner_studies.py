@@ -130,6 +130,7 @@ def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
         )  # fmt: skip
 
     contenders = [Contender("random", 3), Contender("bosfm", 2)]
+    planned(contenders[1:])  # an earlier call for one method: what it left serves the one before it, too
     first = planned(contenders)
     logs = [read_log(runs / f"tiny-5-prior-{method}-0") for method in ("random", "bosfm")]
     for ours, theirs in zip(logs[1][:2], logs[0][:2], strict=True):
