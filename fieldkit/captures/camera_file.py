@@ -18,10 +18,10 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from fieldkit import safe_toml
 from fieldkit.captures.tables import read_text
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
+from fieldkit.toml_file import toml_document
 
 _KEYS = {"model", "width", "height", "params", "images", "fixed"}
 _REMEDY = "Expected model, width, height and params (COLMAP's order), once or in a list 'cameras'."
@@ -64,10 +64,13 @@ def read_camera_file(path: Path) -> list[CameraEntry]:
 
 def parse_camera_file(text: str, path: Path) -> list[CameraEntry]:
     """As `read_camera_file`, from text; the path's suffix says which format."""
-    try:
-        data = safe_toml.loads(text) if path.suffix.lower() == ".toml" else json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise MetadataError(f"cannot be parsed ({error})", path=path, remedy=_REMEDY) from error
+    if path.suffix.lower() == ".toml":
+        data: Any = toml_document(text, path, _REMEDY)
+    else:
+        try:
+            data = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise MetadataError(f"cannot be parsed ({error})", path=path, remedy=_REMEDY) from error
     several = True
     if isinstance(data, dict) and "cameras" in data:
         unknown = set(data) - {"cameras"}

@@ -20,9 +20,9 @@ from typing import Any
 
 import cv2
 
-from fieldkit import safe_toml
 from fieldkit.captures.tables import read_text
 from fieldkit.errors import MetadataError
+from fieldkit.toml_file import toml_document
 
 _REMEDY = "Expected dictionary, then side_m or [[distance]] tables with a, b and distance_m, or both."
 _KEYS = {"dictionary", "side_m", "distance"}
@@ -96,10 +96,7 @@ def parse_markers_file(text: str, path: Path | None = None) -> MarkersFile:
     def fail(message: str, remedy: str = _REMEDY) -> MetadataError:
         return MetadataError(message, path=path, remedy=remedy)
 
-    try:
-        data = safe_toml.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise fail(f"cannot be parsed ({error})") from error
+    data = toml_document(text, path, _REMEDY)
     for key in sorted(data):
         if key not in _KEYS:
             raise fail(f"unknown key {key[:80]!r}")

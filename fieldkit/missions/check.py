@@ -7,10 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
-from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
 from fieldkit.missions.check_photographs import deviations, photograph_findings, plan_findings
 from fieldkit.missions.execution import Execution, distance
@@ -19,6 +17,8 @@ from fieldkit.missions.formats.read_mission import ReadMission
 from fieldkit.missions.interpret import interpret
 from fieldkit.missions.mission import Fence, GeoPoint, Home, Shot
 from fieldkit.missions.obstacles import Obstacles, Volume
+from fieldkit.missions.placement import SiteFrame
+from fieldkit.missions.site import SiteHome
 from fieldkit.missions.vehicle import Vehicle
 
 _MOST_LEG_FINDINGS = 50
@@ -96,7 +96,7 @@ def _leg_findings(
     """What the legs meet; every leg is tested along its whole length."""
     if origin is None:
         return
-    frame = LocalFrame(origin.latitude_deg, origin.longitude_deg)
+    frame = _frame(origin)
     everything = [] if obstacles is None else [obstacles]
     if read.fence is not None:
         try:
@@ -113,7 +113,7 @@ def _leg_findings(
     ]  # those left out are spoken of elsewhere: another datum, or far from home
     if not legs:
         return
-    starts, ends = (_local(frame, [getattr(leg, end) for leg in legs]) for end in ("start", "end"))
+    starts, ends = (frame.points(getattr(leg, end) for leg in legs) for end in ("start", "end"))
     reported = left = 0
     for each in everything:
         for k in np.flatnonzero(each.blocked(starts, ends)):
@@ -128,11 +128,10 @@ def _leg_findings(
         yield error("legs", f"{left} more legs meet something")
 
 
-def _local(frame: LocalFrame, places: Sequence[GeoPoint]) -> NDArray[np.float64]:
-    """(n, 3) metres east and north of home and above it."""
-    local = frame.to_local([p.latitude_deg for p in places], [p.longitude_deg for p in places], 0.0)
-    local[:, 2] = [p.height_m for p in places]
-    return local
+def _frame(home: Home) -> SiteFrame:
+    """The frame of the obstacles; a height of home that is none on Earth is taken as not known."""
+    amsl = home.amsl_m if home.amsl_m is not None and -1000.0 <= home.amsl_m <= 10_000.0 else None
+    return SiteFrame(SiteHome(latitude_deg=home.latitude_deg, longitude_deg=home.longitude_deg, amsl_m=amsl))
 
 
 _LEG_CODES = {
@@ -144,14 +143,7 @@ _LEG_CODES = {
 }
 
 
-def _fence(fence: Fence, frame: LocalFrame) -> Obstacles:
+def _fence(fence: Fence, frame: SiteFrame) -> Obstacles:
     """A file's fence in the local frame."""
-
-    def corners(polygon: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-        local = frame.to_local([c[0] for c in polygon], [c[1] for c in polygon], 0.0)
-        return tuple((float(east), float(north)) for east, north, _ in local)
-
-    zones = tuple(
-        Volume.no_fly(f"{k} of the file", corners(polygon)) for k, polygon in enumerate(fence.outside, 1)
-    )  # fmt: skip
-    return Obstacles(zones, tuple(corners(polygon) for polygon in fence.inside), ceiling_m=fence.ceiling_m)
+    zones = tuple(Volume.no_fly(f"{k} of the file", frame.outline(ring)) for k, ring in enumerate(fence.outside, 1))
+    return Obstacles(zones, tuple(frame.outline(ring) for ring in fence.inside), ceiling_m=fence.ceiling_m)

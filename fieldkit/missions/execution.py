@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import pairwise
 
 from fieldkit.geometry.geodesy import LocalFrame
@@ -132,13 +133,20 @@ class Track:
 
 def distance(a: GeoPoint, b: GeoPoint) -> tuple[float, float]:
     """Metres from a to b, horizontally and up; up is 0 where a height is not known."""
+    east, north, up = offset(a, b)
+    return math.hypot(east, north), up
+
+
+@lru_cache(maxsize=8)  # a leg is measured as the next one, as the one that is flown, and as the one before
+def offset(a: GeoPoint, b: GeoPoint) -> tuple[float, float, float]:
+    """Metres east, north and up from a to b; 0 where a place is none on Earth or a height is not known."""
     if not all(map(math.isfinite, (a.latitude_deg, a.longitude_deg, b.latitude_deg, b.longitude_deg))):
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     if abs(a.latitude_deg) > 90.0 or abs(b.latitude_deg) > 90.0:
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     east, north, _ = LocalFrame(a.latitude_deg, a.longitude_deg).to_local(b.latitude_deg, b.longitude_deg, 0.0)[0]
     up = b.height_m - a.height_m
-    return math.hypot(float(east), float(north)), up if math.isfinite(up) else 0.0
+    return float(east), float(north), up if math.isfinite(up) else 0.0
 
 
 def along(path: Sequence[GeoPoint], share: float) -> GeoPoint:

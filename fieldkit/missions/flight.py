@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from fieldkit.missions.dialects.acceptance import HOLD_WRAPS_S
-from fieldkit.missions.execution import Execution, Photograph, Track, Turning, aim, along
-from fieldkit.missions.flight_time import SPOOL_S, landing_s
+from fieldkit.missions.dialects.ardupilot_items import kept_params
+from fieldkit.missions.execution import Execution, Photograph, Track, Turning, aim, along, offset
+from fieldkit.missions.flight_time import landing_s, takeoff_s
 from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.missions.mission import GeoPoint, Home
-from fieldkit.missions.motion import TURN_LAG_S, Leg, leg
+from fieldkit.missions.motion import TURN_LAG_S, Even, Leg, Way, corner, leg, turn_cosine
 from fieldkit.missions.vehicle import Vehicle
 
 RETURN_M = 15.0
 """ArduPilot's RTL_ALT as it comes: RTL climbs there first (measured)."""
 _PX4_RETURN_M = 30.0
 """PX4's RTL_RETURN_ALT as it comes; near home it may stay lower."""
+_RETURN_PAUSE_S = 5.0
+"""ArduPilot's RTL_LOIT_TIME as it comes: RTL stands over home before it lands (read from mount_then_yaw.BIN)."""
 LONGEST_S = 1e6
 
 RESTING = frozenset({Command.NAV_LOITER_TIME, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS})
@@ -25,6 +27,10 @@ TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
 GOING = frozenset({
     Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TO_ALT, *RESTING, *LANDINGS, *TAKEOFFS,
 })  # fmt: skip
+_PASSED_FOR = frozenset({
+    Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TIME,
+})  # fmt: skip
+"""A waypoint without a hold is passed if one of these follows (ArduCopter's ModeAuto::set_next_wp)."""
 _SHUTTERS = frozenset({Command.IMAGE_START_CAPTURE, Command.DO_DIGICAM_CONTROL})
 
 
@@ -41,7 +47,7 @@ class Nav:
     begin_s: float
     start: GeoPoint | None
     end: GeoPoint | None
-    way: Leg | None
+    way: Leg | Way | None
     path: tuple[GeoPoint, ...]
     travel_s: float
     dwell_s: float
@@ -66,7 +72,7 @@ class Flight:
     def __init__(self, vehicle: Vehicle, home: Home | None, dialect: str) -> None:
         self.vehicle, self.home, self.dialect = vehicle, home, dialect
         self.clock = 0.0
-        self.extra_s = 0.0
+        self.ahead_s = 0.0
         self.track = Track()
         if home is not None:
             self.track.here = GeoPoint(home.latitude_deg, home.longitude_deg, 0.0)
@@ -120,44 +126,75 @@ class Flight:
             if shot.after_s > 0.0 or self.dialect == "px4":
                 self.photographs[k] = replace(shot, after_s=shot.after_s + seconds)
 
-    def go(self, number: int, item: MissionItem) -> Leg:
-        """Fly to an item's place."""
-        here = self.track.here
-        ups: list[GeoPoint] = []
-        if item.command == Command.NAV_RETURN_TO_LAUNCH:
-            self.lands = "return"
-            if here is None or self.home is None:
-                return leg(0.0, 0.0, self.vehicle.speeds)
-            over = RETURN_M if self.dialect == "ardupilot" else _PX4_RETURN_M
-            height = max(over, here.height_m) if math.isfinite(here.height_m) else over
-            ups = [GeoPoint(here.latitude_deg, here.longitude_deg, height)]
-            ups += [GeoPoint(self.home.latitude_deg, self.home.longitude_deg, h) for h in (height, 0.0)]
-        elif item.command in GOING:
-            place = self._place(item)
-            self.takeoff = self.takeoff or item.command in TAKEOFFS
-            if item.command in LANDINGS:
-                self.lands = "land"
-                if here is not None and place is not None:
-                    ups = [GeoPoint(place.latitude_deg, place.longitude_deg, here.height_m)]
-            if place is not None:
-                ups.append(place)
-        if item.command in TAKEOFFS:
-            self.extra_s += SPOOL_S
-        elif ups and (item.command in LANDINGS or self.lands == "return"):
-            drop = self._drop(ups, here)
-            self.extra_s += max(0.0, landing_s(drop, self.vehicle.speeds) - drop / self.vehicle.speeds.descent_mps)
-        horizontal = up = 0.0
-        for place in ups:
-            h, u = self.track.go(place, number)
-            horizontal, up = horizontal + h, up + abs(u) if len(ups) > 1 else u
-        return leg(horizontal, up, self.vehicle.speeds, self.cruise)
+    def go(self, number: int, item: MissionItem, following: MissionItem | None = None) -> Leg | Way:
+        """Fly to an item's place.
 
-    @staticmethod
-    def _drop(places: list[GeoPoint], here: GeoPoint | None) -> float:
-        """Metres of the last way down."""
-        before = places[-2] if len(places) > 1 else here
-        drop = 0.0 if before is None else before.height_m - places[-1].height_m
-        return drop if math.isfinite(drop) else 0.0
+        Args:
+            number: of the item.
+            item: whose place it is.
+            following: the NAV item after it, where the autopilot does not stop at waypoints before some of these.
+        """
+        ahead, self.ahead_s = self.ahead_s, 0.0
+        here = self.track.here
+        if item.command == Command.NAV_RETURN_TO_LAUNCH:
+            return self._return(number)
+        place = self._place(item) if item.command in GOING else None
+        self.takeoff = self.takeoff or item.command in TAKEOFFS
+        if item.command in LANDINGS:
+            self.lands = "land"
+        if place is None:
+            return self._leg(0.0, 0.0)
+        if item.command in LANDINGS and here is not None:
+            over = self._leg(*self.track.go(replace(place, height_m=here.height_m), number))
+            return Way((*((over,) if over.length_m > 0.0 else ()), self._down(place, number)))
+        horizontal, up = self.track.go(place, number)
+        if item.command in TAKEOFFS:
+            climb = Even(max(up, 0.0), takeoff_s(max(up, 0.0), self.vehicle.speeds))
+            return Way((climb, self._leg(horizontal, 0.0)) if horizontal > self.vehicle.acceptance_m else (climb,))
+        return self._passing(here, replace(self._leg(horizontal, up), ahead_s=ahead), item, following)
+
+    def _passing(self, start: GeoPoint | None, flown: Leg, item: MissionItem, following: MissionItem | None) -> Leg:
+        """The leg just flown, cut at its end where the waypoint there is passed; so is the next one at its start."""
+        here = self.track.here
+        holds = item.command != Command.NAV_WAYPOINT or dwell_seconds(item) > 0.0
+        if holds or following is None or following.command not in _PASSED_FOR or start is None or here is None:
+            return flown
+        next_place = self._place(following)
+        if next_place is None:
+            return flown
+        before, after = offset(start, here), offset(here, next_place)
+        onward = self._leg(math.hypot(*after[:2]), after[2])
+        flown, onward = corner(flown, onward, turn_cosine(before, after), self.vehicle.acceptance_m)
+        self.ahead_s = onward.ahead_s
+        return flown
+
+    def _return(self, number: int) -> Leg | Way:
+        """Up, home and down, at the profile's speeds: DO_CHANGE_SPEED does not count here (ArduCopter's ModeRTL).
+
+        ArduPilot passes the corner between climbing and flying home.
+        """
+        self.lands = "return"
+        here, speeds = self.track.here, self.vehicle.speeds
+        if here is None or self.home is None:
+            return leg(0.0, 0.0, speeds)
+        ardupilot = self.dialect == "ardupilot"
+        over = RETURN_M if ardupilot else _PX4_RETURN_M
+        height = max(over, here.height_m) if math.isfinite(here.height_m) else over
+        climb = leg(*self.track.go(GeoPoint(here.latitude_deg, here.longitude_deg, height), number), speeds)
+        above = GeoPoint(self.home.latitude_deg, self.home.longitude_deg, height)
+        back = leg(*self.track.go(above, number), speeds)
+        if ardupilot:
+            climb, back = corner(climb, back, 0.0, self.vehicle.acceptance_m)
+        pause = Even(0.0, _RETURN_PAUSE_S if ardupilot else 0.0)
+        return Way((climb, back, pause, self._down(replace(above, height_m=0.0), number)))
+
+    def _down(self, place: GeoPoint, number: int) -> Even:
+        """The last way, straight down, until the motors stop."""
+        _, up = self.track.go(place, number)
+        return Even(abs(up), landing_s(-up, self.vehicle.speeds))
+
+    def _leg(self, horizontal: float, up: float) -> Leg:
+        return leg(horizontal, up, self.vehicle.speeds, self.cruise)
 
     def _place(self, item: MissionItem) -> GeoPoint | None:
         latitude, longitude, altitude = item.params[4:]
@@ -252,7 +289,7 @@ class Flight:
         return Execution(
             tuple(self.photographs),
             tuple(self.track.legs),
-            self.clock + self.extra_s,
+            self.clock,
             tuple(self.skipped),
             self.lands,
             self.takeoff,
@@ -265,5 +302,5 @@ def dwell_seconds(item: MissionItem, *, whole: bool = True) -> float:
     if item.command in (Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TIME):
         if not math.isfinite(seconds):
             return 0.0
-        return float(int(seconds) % HOLD_WRAPS_S) if whole else min(max(seconds, 0.0), LONGEST_S)
+        return kept_params(item.command, (seconds, 0.0, 0.0, 0.0))[0] if whole else min(max(seconds, 0.0), LONGEST_S)
     return 0.0

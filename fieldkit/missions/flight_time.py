@@ -1,11 +1,8 @@
 """How long a flight takes, and how much of a battery.
 
-A straight stretch of L metres is flown from standstill to standstill with a trapezoid of speed: at the vehicle's
-acceleration a up to the speed v, on at v, down again. It takes L/v + v/a, or 2·√(L/a) where v is not reached
-(L < v²/a). v is the greatest speed along the stretch whose horizontal part is not above cruise and whose vertical part
-is not above the climb or descent rate. An autopilot also limits jerk, and counts a place as reached only once it has
-come to rest near it: in recorded flights (ArduCopter 4.5.6, 1 m/s², 37 legs of 1.6 to 13.5 m, wind up to 4 m/s) each
-stretch took 1.6 to 2.2 s more than the trapezoid, whatever its length; `ARRIVAL_S` is the mean.
+Stretches are the S-curves of `motion`, each counted until the place at its end is reached. Take-off and landing are no
+such curves: ArduPilot's vertical controller gains speed at the vehicle's acceleration a almost at once, so H metres
+take H/v + v/a, or 2·√(H/a) where v is not reached; to that comes what spooling up and down take.
 
 The heading turns while a leg is flown, so a leg takes the longer of the two. Energy is counted in seconds of hovering,
 which is all that a vehicle profile says of it: climbing takes more, going down and cruising at a few m/s somewhat
@@ -14,19 +11,18 @@ less; the battery's reserve is for that and for wind.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.missions.motion import ARRIVAL_LAG_S, curve_s, turns_s
 from fieldkit.missions.vehicle import Speeds, Vehicle
 
-ARRIVAL_S = 1.9
-"""Of every stretch, beyond the trapezoid."""
 SPOOL_S = 3.4
-"""From arming to the end of the take-off, beyond the trapezoid; measured in the same flights."""
+"""From arming to the end of the take-off, beyond the climb itself; measured in the flights of sim/sitl."""
 TOUCHDOWN_S = 2.1
 """From the ground's touch until the motors stop; measured in the same flights."""
 LANDING_MPS = 0.5
@@ -102,40 +98,29 @@ def path_time_s(points: ArrayLike, speeds: Speeds) -> float:
 
 def turn_time_s(turns_deg: ArrayLike, speeds: Speeds) -> Array:
     """Seconds of turns, degrees in either direction, the shorter way around."""
-    turns = np.abs(wrapped_deg(np.asarray(turns_deg, dtype=np.float64)))
-    seconds: Array = turns / speeds.yaw_dps
-    return seconds
+    return turns_s(np.asarray(turns_deg, dtype=np.float64), speeds)
 
 
 def takeoff_s(height_m: float, speeds: Speeds) -> float:
-    """Seconds of the climb from the ground at home."""
-    return float(_trapezoid(np.zeros(1), np.array([height_m]), speeds)[0]) + SPOOL_S
+    """Seconds of the climb from the ground at home, from arming."""
+    return _upright_s(height_m, speeds.climb_mps, speeds) + SPOOL_S
 
 
 def landing_s(height_m: float, speeds: Speeds) -> float:
     """Seconds of the way down to the ground at home: the last `LANDING_BELOW_M` at no more than `LANDING_MPS`."""
     slow = min(max(height_m, 0.0), LANDING_BELOW_M)
-    fast = max(height_m, 0.0) - slow
-    down = float(_trapezoid(np.zeros(1), np.array([-fast]), speeds)[0])
+    down = _upright_s(max(height_m, 0.0) - slow, speeds.descent_mps, speeds)
     return down + slow / min(LANDING_MPS, speeds.descent_mps) + TOUCHDOWN_S
+
+
+def _upright_s(metres: float, top_mps: float, speeds: Speeds) -> float:
+    acceleration = speeds.acceleration_mps2
+    if metres * acceleration >= top_mps**2:
+        return metres / top_mps + top_mps / acceleration
+    return 2.0 * math.sqrt(max(metres, 0.0) / acceleration)
 
 
 def _arrived(level: Array, rise: Array, speeds: Speeds) -> Array:
     """Of a stretch to a place: nothing where it is there already."""
-    seconds: Array = _trapezoid(level, rise, speeds) + np.where((level > 0) | (rise != 0), ARRIVAL_S, 0.0)
-    return seconds
-
-
-def _trapezoid(level: Array, rise: Array, speeds: Speeds) -> Array:
-    length = np.hypot(level, rise)
-    # Seconds at full speed: the slower of the two parts sets the pace.
-    steady = np.maximum(
-        level / speeds.cruise_mps, np.where(rise > 0, rise / speeds.climb_mps, -rise / speeds.descent_mps)
-    )
-    speed = np.divide(length, steady, out=np.full_like(length, speeds.cruise_mps), where=steady > 0)
-    seconds: Array = np.where(
-        length * speeds.acceleration_mps2 >= speed**2,
-        steady + speed / speeds.acceleration_mps2,
-        2.0 * np.sqrt(length / speeds.acceleration_mps2),
-    )
+    seconds: Array = curve_s(level, rise, speeds) + np.where((level > 0) | (rise != 0), ARRIVAL_LAG_S, 0.0)
     return seconds

@@ -51,14 +51,11 @@ def _ardupilot(flight: Flight, numbered: Numbered) -> Execution:
     """NAV items in turn, each with the queue of items that stand before it."""
     queue: list[tuple[int, MissionItem]] = []
     rested, passing = 0.0, False
-    for number, item in numbered:
-        if refusal(item, "ardupilot") is not None:
-            flight.refused(number, item)
-            continue
-        if not _is_nav(item):
+    for at, (number, item) in enumerate(numbered):
+        if refusal(item, "ardupilot") is not None or not _is_nav(item):
             queue.append((number, item))
             continue
-        nav = _ardupilot_nav(flight, number, item, rested, passing)
+        nav = _ardupilot_nav(flight, number, item, _next_nav(numbered, at), rested, passing)
         before = len(flight.photographs)
         _run(flight, queue, nav)
         queue = []
@@ -71,6 +68,9 @@ def _ardupilot(flight: Flight, numbered: Numbered) -> Execution:
             rested = nav.dwell_s
             flight.waypoint, flight.arrived_s = number, flight.clock - nav.dwell_s
     for number, item in queue:
+        if refusal(item, "ardupilot") is not None:
+            flight.refused(number, item)
+            continue
         why = "the mission is over before it: no NAV item follows"
         flight.skipped.append((number, why))
         if is_shutter(item):
@@ -78,13 +78,24 @@ def _ardupilot(flight: Flight, numbered: Numbered) -> Execution:
     return flight.done()
 
 
-def _ardupilot_nav(flight: Flight, number: int, item: MissionItem, rested: float, passing: bool) -> Nav:
+def _next_nav(numbered: Numbered, at: int) -> MissionItem | None:
+    """The NAV item after the one at an index."""
+    for k in range(at + 1, len(numbered)):
+        item = numbered[k][1]
+        if _is_nav(item) and refusal(item, "ardupilot") is None:
+            return item
+    return None
+
+
+def _ardupilot_nav(
+    flight: Flight, number: int, item: MissionItem, following: MissionItem | None, rested: float, passing: bool
+) -> Nav:
     begin, start = flight.clock, flight.track.here
     if item.command == Command.NAV_DELAY:
         seconds = min(max(item.params[0], 0.0), LONGEST_S)
         return Nav(number, begin, start, start, None, (), 0.0, seconds, rested, passing)
     known = len(flight.track.legs)
-    way = flight.go(number, item)
+    way = flight.go(number, item, following)
     path = tuple(leg_.end for leg_ in flight.track.legs[known:])
     return Nav(number, begin, start, flight.track.here, way, path, way.seconds, dwell_seconds(item), rested, passing)
 
@@ -94,6 +105,9 @@ def _run(flight: Flight, queue: Numbered, nav: Nav) -> None:
     now = nav.begin_s
     leaves = nav.way is not None
     for number, item in queue:
+        if refusal(item, "ardupilot") is not None:
+            flight.refused(number, item)
+            continue
         if now > nav.begin_s and now >= nav.over_s:
             why = f"item {nav.number} is over before the items in front of it are done"
             flight.skipped.append((number, why))

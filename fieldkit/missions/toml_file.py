@@ -1,4 +1,4 @@
-"""TOML files that people write: vehicle profiles and site files."""
+"""Vehicle profiles and site files: TOML of a format version, as models of pydantic's."""
 
 from __future__ import annotations
 
@@ -8,43 +8,23 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from fieldkit import safe_toml
 from fieldkit.errors import MetadataError
+from fieldkit.toml_file import one_line, read_toml
 
 FORMAT = 1
 Model = TypeVar("Model", bound=BaseModel)
 
 
-def read_toml(path: Path, noun: str, remedy: str, max_bytes: int) -> dict[str, Any]:
+def read_versioned(path: Path, noun: str, remedy: str, max_bytes: int) -> dict[str, Any]:
     """The TOML document that a file holds, its ``format`` checked and left out.
 
     Args:
-        path: to read; UTF-8.
-        noun: what the file is, for its errors: "vehicle profile", "site file".
-        remedy: of every error that has no better one.
-        max_bytes: a larger file is refused unread.
+        path, noun, remedy, max_bytes: as of `read_toml`.
 
     Raises:
-        MetadataError: it is missing, unreadable, too large, no TOML, or of another format version.
+        MetadataError: as `read_toml`; or it is of another format version.
     """
-    try:
-        with path.open("rb") as file:
-            data = file.read(max_bytes + 1)
-        if len(data) > max_bytes:
-            raise MetadataError(f"is far too large for a {noun}", path=path, remedy=remedy)
-        text = data.decode("utf-8-sig")
-    except FileNotFoundError as error:
-        raise MetadataError(f"there is no such {noun}", path=path, remedy=remedy) from error
-    except OSError as error:
-        raise MetadataError(f"cannot be read: {error.strerror}", path=path, remedy="Check its permissions.") from error
-    except UnicodeDecodeError as error:
-        raise MetadataError("is not text in UTF-8", path=path, remedy="Save it as UTF-8.") from error
-    except ValueError as error:  # a NUL in the path
-        raise MetadataError(f"is no path of a {noun}", path=path, remedy=remedy) from error
-    try:
-        document = safe_toml.loads(text)
-    except (ValueError, RecursionError) as error:  # ValueError: also integers with thousands of digits
-        raise MetadataError(f"is not TOML: {_line(error)}", path=path, remedy=remedy) from error
+    document = read_toml(path, noun, remedy, max_bytes)
     _check_format(document.pop("format", None), path)
     return document
 
@@ -61,7 +41,7 @@ def validated_toml(model: type[Model], document: dict[str, Any], path: Path, rem
     except ValidationError as error:
         raise MetadataError(sentence(error), path=path, remedy=remedy) from error
     except (ValueError, RecursionError) as error:
-        raise MetadataError(f"cannot be understood: {_line(error)}", path=path, remedy=remedy) from error
+        raise MetadataError(f"cannot be understood: {one_line(error)}", path=path, remedy=remedy) from error
 
 
 def sentence(error: ValidationError) -> str:
@@ -101,9 +81,3 @@ def _check_format(found: Any, path: Path) -> None:
         shown = repr(found) if isinstance(found, int | float) and abs(found) < 1e6 else "something else"
         remedy = "Install a newer fieldkit." if newer else first_line
         raise MetadataError(f"has format {shown}; this fieldkit reads {FORMAT}", path=path, remedy=remedy)
-
-
-def _line(error: BaseException) -> str:
-    """The message of an error, as one short line."""
-    text = "brackets without end" if isinstance(error, RecursionError) else str(error).partition("\n")[0]
-    return text if len(text) <= 200 else f"{text[:200]}…"

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
-from fieldkit.missions.toml_file import read_toml, validated_toml
+from fieldkit.missions.toml_file import read_versioned, validated_toml
 from fieldkit.missions.vehicle import Vehicle
 
 _SUFFIX = ".toml"
@@ -64,4 +64,4 @@ def load_vehicle(name: str | Path) -> Vehicle:
         MetadataError: it is missing, no TOML, of another format version, or a key is missing, unknown or wrong.
     """
     path = find_vehicle(name)
-    return validated_toml(Vehicle, read_toml(path, "vehicle profile", _REMEDY, _MAX_BYTES), path, _REMEDY)
+    return validated_toml(Vehicle, read_versioned(path, "vehicle profile", _REMEDY, _MAX_BYTES), path, _REMEDY)

@@ -16,17 +16,18 @@ from typing import Any, cast
 
 from pydantic import TypeAdapter, ValidationError
 
-from fieldkit import safe_toml
 from fieldkit.documents import schema_text
 from fieldkit.errors import SceneError
 from fieldkit.files import file_beside, write_atomic
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.mesh_plant import MeshPlantDescription, check_mesh_file
 from fieldkit.scenes.toml_text import toml_text
+from fieldkit.toml_file import read_toml, toml_document
 
 FORMAT = 1
 _MAX_BYTES = 16 << 20
 _REMEDY = "sim/README.md lists the keys of a scene file."
+_MISSING = "`fieldkit scene new` makes a scene file; `fieldkit scene show` lists those that come with fieldkit."
 _ADAPTER = TypeAdapter(SceneDescription)
 _KINDS = {"maize": "MaizeDescription", "mesh": "MeshPlantDescription"}
 
@@ -42,26 +43,16 @@ def read_scene(path: Path) -> SceneDescription:
             file it names that is not there.
     """
     path = Path(path)
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise SceneError("is far too large for a scene file", path=path, remedy=_REMEDY)
-        text = path.read_bytes().decode("utf-8")
-    except FileNotFoundError as error:
-        remedy = "`fieldkit scene new` makes a scene file; `fieldkit scene show` lists those that come with fieldkit."
-        raise SceneError("there is no such scene file", path=path, remedy=remedy) from error
-    except OSError as error:
-        raise SceneError(f"cannot be read: {error.strerror}", path=path, remedy="Check its permissions.") from error
-    except UnicodeDecodeError as error:
-        raise SceneError("is not text in UTF-8", path=path, remedy="Save it as UTF-8.") from error
-    return parse_scene(text, path)
+    document = read_toml(path, "scene file", _REMEDY, _MAX_BYTES, missing=_MISSING, error=SceneError)
+    return _scene(document, path)
 
 
 def parse_scene(text: str, path: Path) -> SceneDescription:
     """As `read_scene`, from text; ``path`` says where the files that it names lie."""
-    try:
-        document = safe_toml.loads(text.removeprefix("\ufeff"))
-    except (ValueError, RecursionError) as error:
-        raise SceneError(f"is not TOML: {error}", path=path, remedy=_REMEDY) from error
+    return _scene(toml_document(text, path, _REMEDY, error=SceneError), path)
+
+
+def _scene(document: dict[str, Any], path: Path) -> SceneDescription:
     _check_format(document.pop("format", None), path)
     for place, plant in _plants(document):
         kind = plant.setdefault("kind", "mesh" if "file" in plant else "maize")

@@ -116,7 +116,7 @@ def test_mixed_captures_are_split_and_reported(photo_file: MakePhoto, options: d
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("model = OPENCV", "cannot be parsed"),
+        ("model = OPENCV", "is not TOML: Invalid value (at line 1"),
         ("", "'model' is missing"),
         ('model = "OPENCV"\n', "'width' is missing"),
         (TOML + "focal = 3\n", "unknown key 'focal'"),

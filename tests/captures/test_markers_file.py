@@ -43,7 +43,7 @@ def test_dictionaries_have_one_name(name: str) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("dictionary = DICT", "cannot be parsed"),
+        ("dictionary = DICT", "is not TOML"),
         ("", "no dictionary"),
         ("dictionary = 4\n", "no dictionary"),
         ('dictionary = ""\nside_m = 1\n', "no dictionary"),

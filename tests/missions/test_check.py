@@ -16,7 +16,7 @@ from fieldkit.errors import UsageError
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.dialects import render
 from fieldkit.missions.findings import Report
-from fieldkit.missions.formats import write_mission
+from fieldkit.missions.formats import mission_bytes
 from fieldkit.missions.formats.qgc_plan import plan_bytes
 from fieldkit.missions.formats.read_mission import ReadMission
 from fieldkit.missions.formats.reading import read_mission
@@ -92,13 +92,13 @@ def test_what_fieldkit_writes_has_nothing_against_it(tmp_path: Path) -> None:
     for dialect, name in (("ardupilot", "plan"), ("ardupilot", "waypoints"), ("px4", "plan"), ("px4", "waypoints")):
         by = vehicle(dialect)  # type: ignore[arg-type]
         path = tmp_path / f"{dialect}.{name}"
-        write_mission(path, name, small_mission(), by)
+        path.write_bytes(mission_bytes(name, small_mission(), by))
         report = check_mission(read_mission(path), by, planned=small_mission().shots, origin=HOME)
         assert report.findings == ()
         assert len(report.deviations) == 3
     for name, suffix in (("wpml", "kmz"), ("litchi", "csv")):
         path = tmp_path / f"dji.{suffix}"
-        write_mission(path, name, small_mission(), vehicle("dji"))
+        path.write_bytes(mission_bytes(name, small_mission(), vehicle("dji")))
         report = check_mission(read_mission(path), vehicle("dji"), planned=small_mission().shots, origin=HOME)
         assert report.ok
         assert counted(report, "warning") == ({"heading-mode": 1} if name == "litchi" else {})
@@ -295,7 +295,7 @@ def test_the_command_with_a_plan_and_a_site(tmp_path: Path, capsys: pytest.Captu
         "ring", home_of(site), 5.0, place(plan, site), start, speed_mps=2.0, settle_s=4.0, exposure_s=1.0
     )  # fmt: skip
     by = load_vehicle("ardupilot-pitch")
-    write_mission(tmp_path / "ring.plan", "plan", mission, by)
+    (tmp_path / "ring.plan").write_bytes(mission_bytes("plan", mission, by))
     options: dict[str, Any] = {"plan": tmp_path / "plan.json", "site": site_file, "as_json": True}
     assert command(tmp_path / "ring.plan", "ardupilot-pitch", **options) == 0
     answer = json.loads(capsys.readouterr().out)
@@ -303,7 +303,7 @@ def test_the_command_with_a_plan_and_a_site(tmp_path: Path, capsys: pytest.Captu
     assert max(pose["off_plan_m"] for pose in answer["poses"]) < 0.002
     # To the weather station, a no-fly zone of the site.
     astray = replace(mission, landing=GeoPoint(50.86516, 6.44699, 5.0))
-    write_mission(tmp_path / "astray.plan", "plan", astray, by)
+    (tmp_path / "astray.plan").write_bytes(mission_bytes("plan", astray, by))
     assert command(tmp_path / "astray.plan", "ardupilot-pitch", **options) == 5
     answer = json.loads(capsys.readouterr().out)
     assert {f["code"] for f in answer["findings"]} == {"leg-no-fly"}

@@ -84,7 +84,14 @@ def test_what_ardupilot_would_take_otherwise_is_refused(item: MissionItem, probl
     ("item", "problem"),
     [
         (action(Command.CONDITION_YAW, 90), "UNSUPPORTED"),
-        (action(Command.NAV_DELAY, 1, -1, -1, -1, frame=3), "UNSUPPORTED_FRAME"),
+        # Each in the frame that it is not taken in.
+        (action(Command.NAV_DELAY, 1, -1, -1, -1, frame=3), "(UNSUPPORTED)"),
+        (action(Command.IMAGE_START_CAPTURE, 0, 0, 1, frame=3), "(UNSUPPORTED)"),
+        (waypoint(1, 0.2, frame=2), "(UNSUPPORTED)"),
+        (action(Command.DO_SET_ROI_LOCATION), "(UNSUPPORTED)"),
+        (action(Command.DO_SET_ROI, 3), "INVALID_PARAM1"),
+        # Taken by the upload, rejected before the flight.
+        (action(Command.CONDITION_DELAY, 3), "UNSUPPORTED"),
         (action(Command.DO_DIGICAM_CONTROL, 0, 0, 0, 0, 1), "need not release"),
         (waypoint(1, frame=10), "UNSUPPORTED_FRAME"),
         (waypoint(1, 0.2, 0, 500), "no heading"),
@@ -98,6 +105,8 @@ def test_px4_takes_what_ardupilot_does_not() -> None:
     assert item_problem(waypoint(1.5, 0.2, 0, 90), "px4") is None
     assert item_problem(waypoint(1, 0.2, 0, math.nan), "px4") is None
     assert item_problem(action(Command.DO_GIMBAL_MANAGER_CONFIGURE, -2, -2, -1, -1), "px4") is None
+    assert refusal(action(Command.DO_SET_ROI_NONE), "px4") is None
+    assert refusal(action(Command.DO_LAND_START), "px4") is None  # without a place
 
 
 def test_the_error_names_item_and_station() -> None:

@@ -1,21 +1,24 @@
-"""MAVLink frames out of a .tlog: each lies after an 8-byte big-endian time stamp in microseconds."""
+"""MAVLink frames out of a .tlog, for the log of a flight: past whatever is damaged, and counting it.
+
+`fieldkit.missions.link.tlog` reads the same layout (`fieldkit.mavlink.tlog`) for the stand-in of a vehicle. It sends
+frames on, so it takes none whose checksum it cannot tell, and reads piece by piece what may be larger than memory. Here
+a frame of a kind that no dialect has must count as one, by what follows it, or whole logs would be called damaged; and
+only wanted kinds are checked and decoded. One loop for both would ask at every step which of them it is.
+"""
 
 from __future__ import annotations
 
-import re
-import struct
 from collections.abc import Iterator, Set
 from typing import Any
 
 from fieldkit.mavlink.dialect import mavlink
 from fieldkit.mavlink.frames import MAGIC_1, MAGIC_2, frame_length, message_id
+from fieldkit.mavlink.tlog import STAMP_BYTES, next_stamp, stamp_s
 
-_STAMP = 8
 _LEAST = 8
 """Bytes of a frame of MAVLink 1 without payload; those of MAVLink 2 have more."""
 _HEAD = 10
 """Bytes of a frame that its length and its message's id are in, at most."""
-_MAGIC = re.compile(rb"[\xfd\xfe]")
 _MOST_FAILURES = 20_000
 """Frames whose checksum is wrong, before a file is given up: it bounds the time that a hostile one takes."""
 
@@ -38,21 +41,21 @@ class FrameReader:
     def __iter__(self) -> Iterator[tuple[float, Any]]:
         """Stamps (seconds since 1970) and pymavlink's messages of the wanted ids, MAVLink 1 and 2, either direction."""
         data, at, end = self._data, 0, len(self._data)
-        while at + _STAMP + _LEAST <= end and self._failures < _MOST_FAILURES:
-            size, identity = self._head(at + _STAMP)
+        while at + STAMP_BYTES + _LEAST <= end and self._failures < _MOST_FAILURES:
+            size, identity = self._head(at + STAMP_BYTES)
             if not size:
                 at = self._next(at)
                 continue
             message = None
             if identity in self._wanted:
-                message = self._decoded(at + _STAMP, size)
+                message = self._decoded(at + STAMP_BYTES, size)
                 if message is None:
                     at = self._next(at)
                     continue
             self.frames += 1
             if message is not None:
-                yield struct.unpack_from(">Q", data, at)[0] * 1e-6, message
-            at += _STAMP + size
+                yield stamp_s(data, at), message
+            at += STAMP_BYTES + size
         self.skipped += max(0, end - at)
 
     def _head(self, at: int) -> tuple[int, int]:
@@ -60,7 +63,7 @@ class FrameReader:
         data, end = self._data, len(self._data)
         head = data[at : at + _HEAD]
         size = frame_length(head)
-        after = at + (size or 0) + _STAMP
+        after = at + (size or 0) + STAMP_BYTES
         if not size or at + size > end or (after < end and data[after] not in (MAGIC_1, MAGIC_2)):
             return 0, 0
         return size, message_id(head)
@@ -74,7 +77,6 @@ class FrameReader:
 
     def _next(self, at: int) -> int:
         """Where the next frame's stamp may begin."""
-        found = _MAGIC.search(self._data, at + _STAMP + 1)
-        after = found.start() - _STAMP if found else len(self._data)
+        after = next_stamp(self._data, at)
         self.skipped += after - at
         return after

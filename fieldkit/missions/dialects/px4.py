@@ -3,6 +3,12 @@
 The heading stands in the waypoint, the gimbal manager is configured once, and every item without a place is in
 MAV_FRAME_MISSION. The shutter fires at the instant the vehicle would leave (PX4-Autopilot issue 12539), so a delay
 stands before it to settle and another one behind it for the exposure.
+
+Checked against PX4-Autopilot's source (mavlink_mission.cpp, FeasibilityChecker.cpp, mission_block.cpp): all items that
+are written here are taken in their frames. A waypoint is done when place, height and heading count as reached
+(horizontally within parameter 2, vertically within NAV_MC_ALT_RAD, the heading within MIS_YAW_ERR, 12° unless it was
+set) and its hold, which counts from the place, is over; what is left the vehicle makes up for while it settles. Older
+releases reject a mission that takes off to less than NAV_ACC_RAD + 1 m (3 m on multicopters), on the ground.
 """
 
 from __future__ import annotations

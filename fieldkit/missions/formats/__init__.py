@@ -1,12 +1,10 @@
-"""Mission files: writers are pure functions of a mission, and one function writes what they give."""
+"""Mission files: writers are pure functions from a mission to bytes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 from fieldkit.errors import MissionError, UsageError
-from fieldkit.files import write_atomic
 from fieldkit.missions.dialects import render
 from fieldkit.missions.formats.geojson_route import geojson_bytes
 from fieldkit.missions.formats.kml import kml_bytes
@@ -65,24 +63,3 @@ def mission_bytes(format: str, mission: Mission, vehicle: Vehicle) -> bytes:  # 
     if format not in FORMATS:
         raise UsageError(f"no such format: {format}", remedy=f"Choose one of {', '.join(FORMATS)}.")
     return FORMATS[format][1](mission, vehicle)
-
-
-def write_mission(
-    path: Path,
-    format: str,  # noqa: A002
-    mission: Mission,
-    vehicle: Vehicle,
-    *,
-    overwrite: bool = False,
-) -> None:
-    """Write a mission file in one step: it is whole, or what was there before is untouched.
-
-    Raises:
-        UsageError: there is no such format, or the file exists and ``overwrite`` is off.
-        MissionError: the vehicle, its dialect or the format does not take the mission.
-        StorageError: the place is full or not writable.
-    """
-    path = Path(path)
-    if path.exists() and not overwrite:
-        raise UsageError("exists already", path=path, remedy="Give --overwrite to replace it, or choose another name.")
-    write_atomic(path, mission_bytes(format, mission, vehicle))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fieldkit.errors import MissionError
+from fieldkit.missions.dialects.ardupilot_items import MEASURED
 from fieldkit.missions.items import MissionItem, command_name, plain_frame
 from fieldkit.missions.link.item_rules import WireItem, stored, stored_fence_item
 from fieldkit.missions.link.listener import ARDUPILOT
@@ -122,7 +123,7 @@ def _does_not_fit(number: int, item: MissionItem, value: float) -> MissionError:
 
 
 def _same(given: WireItem, found: WireItem, autopilot: int, kind: Kind) -> bool:
-    if autopilot == ARDUPILOT:
+    if autopilot == ARDUPILOT and (kind is Kind.FENCE or given.command in MEASURED):
         expected = stored_fence_item(given) if kind is Kind.FENCE else stored(given)
         if isinstance(expected, WireItem):
             return _equal(expected, found, (0, 0, 1e-4))

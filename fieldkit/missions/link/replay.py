@@ -16,13 +16,14 @@ from types import TracebackType
 from fieldkit.errors import LinkError, UsageError
 from fieldkit.mavlink.dialect import mavlink
 from fieldkit.mavlink.frames import MAGIC_2, Message, Splitter, checksum, decode
+from fieldkit.missions.dialects.ardupilot_items import Result, in_centimetres
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.missions.link import autopilot_model
 from fieldkit.missions.link.autopilot_state import Autopilot
 from fieldkit.missions.link.compare import home_item, to_wire
 from fieldkit.missions.link.faults import Channel, Faults
 from fieldkit.missions.link.filter_flags import uses_gps
-from fieldkit.missions.link.item_rules import Result, in_centimetres, stored
+from fieldkit.missions.link.item_rules import stored
 from fieldkit.missions.link.recording import Recording, Telemetry
 from fieldkit.missions.link.signing import Signer
 from fieldkit.missions.link.telemetry_source import TelemetrySource

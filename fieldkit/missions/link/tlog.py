@@ -1,21 +1,22 @@
-"""Telemetry logs (.tlog): MAVLink frames, each after its time.
+"""Telemetry logs (.tlog) as what a vehicle sent: intact frames only, read piece by piece.
 
-What QGroundControl, Mission Planner and MAVProxy write: 8 bytes, big-endian, microseconds since 1970, then a frame.
+The stand-in for a vehicle sends these frames on, so one whose checksum is wrong or cannot be told is left out.
+`fieldkit.captures.flight_logs.frames` reads the same layout (`fieldkit.mavlink.tlog`) for the log of a flight and says
+why it is another reader.
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
-from fieldkit.mavlink.frames import MAGIC_1, MAGIC_2, MAX_FRAME_BYTES, Message, decode, frame_length, intact
+from fieldkit.mavlink.frames import MAGIC_1, MAX_FRAME_BYTES, Message, decode, frame_length, intact
+from fieldkit.mavlink.tlog import STAMP_BYTES, next_stamp, stamp_s
 
 MAX_BYTES = 2 << 30
 _CHUNK = 1 << 20
-_STAMP = 8
 _REMEDY = "Give a telemetry log as QGroundControl, Mission Planner or MAVProxy writes it (.tlog)."
 
 
@@ -89,21 +90,15 @@ def _cut(held: bytes, *, last: bool) -> tuple[list[LogFrame], int]:
     """Frames in some bytes of a log, and how many bytes they and the noise before them take."""
     frames = []
     start = 0
-    limit = len(held) if last else len(held) - _STAMP - MAX_FRAME_BYTES
+    limit = len(held) if last else len(held) - STAMP_BYTES - MAX_FRAME_BYTES
     while start < limit:
-        begin = start + _STAMP
+        begin = start + STAMP_BYTES
         length = frame_length(held[begin : begin + 3])
         if not length or begin + length > len(held) or not intact(data := held[begin : begin + length]):
             # The stamp of a frame that begins in the next bytes may lie in these.
-            start = min(_next_magic(held, begin + 1, len(held)) - _STAMP, max(limit, start + 1))
+            start = min(next_stamp(held, start), max(limit, start + 1))
             continue
-        time_us = struct.unpack_from(">Q", held, start)[0]
         system, component = (data[3], data[4]) if data[0] == MAGIC_1 else (data[5], data[6])
-        frames.append(LogFrame(time_us / 1e6, system, component, data))
+        frames.append(LogFrame(stamp_s(held, start), system, component, data))
         start = begin + length
     return frames, min(start, len(held))
-
-
-def _next_magic(held: bytes, start: int, end: int) -> int:
-    places = [place for magic in (MAGIC_1, MAGIC_2) if (place := held.find(magic, start, end)) >= 0]
-    return min(places, default=end + _STAMP)

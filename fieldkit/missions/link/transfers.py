@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
+from fieldkit.missions.dialects.ardupilot_items import Result
 from fieldkit.missions.link.item_rules import (
-    Result,
     WireItem,
     fence_problem,
     stored,

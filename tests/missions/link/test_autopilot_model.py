@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from fieldkit.mavlink.dialect import mavlink
+from fieldkit.missions.dialects.ardupilot_items import in_centimetres
 from fieldkit.missions.link import autopilot_model
 from fieldkit.missions.link.autopilot_state import AUTO, Autopilot
-from fieldkit.missions.link.item_rules import in_centimetres
 from fieldkit.missions.link.tlog import read_messages
 
 T0 = 1781000000.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fieldkit.missions.dialects.ardupilot_items import MAX_ALTITUDE_M, MEASURED, TAKEN, Result, in_centimetres
 from fieldkit.missions.link.item_rules import (
-    Result,
     WireItem,
     fence_problem,
-    in_centimetres,
     stored,
     stored_fence_item,
     stored_rally_item,
@@ -67,9 +67,30 @@ def test_measured_rally_point(probe: dict[str, Any]) -> None:
     assert stored_rally_item(WireItem(5100, 6, (0.0, 0.0, 0.0, 0.0), 508650000, 64473000, 5.0)) == wire(read_back)
 
 
+def test_what_was_measured_and_what_was_not(probe: dict[str, Any]) -> None:
+    accepted = {case["sent"]["cmd"] for case in probe["cases"] if case["ack"] == "MAV_MISSION_ACCEPTED"}
+    sent = {case["sent"]["cmd"] for case in probe["cases"]}
+    assert accepted == MEASURED
+    # What the source takes was never sent; it is kept as it comes.
+    assert not (TAKEN - MEASURED) & sent
+    for command in TAKEN - MEASURED:
+        item = WireItem(command, 3, (1.0, 2.5, 0.0, -3.0), 508650000, 64473000, 2.0)
+        kept = stored(item)
+        assert isinstance(kept, WireItem)
+        assert kept.params == item.params
+
+
+def test_the_highest_altitude_is_the_sources() -> None:
+    item = WireItem(16, 3, (1.0, 0.0, 0.0, 0.0), 508650000, 64473000, MAX_ALTITUDE_M - 1.0)
+    assert isinstance(stored(item), WireItem)
+    assert stored(replace(item, z=MAX_ALTITUDE_M)) is Result.INVALID_PARAM7
+
+
 @settings(max_examples=300, deadline=None)
 @given(
-    st.sampled_from([16, 18, 19, 21, 31, 93, 94, 115, 177, 201, 203, 205, 1000, 2000, 5001, 5100, 42703, 65535]),
+    st.sampled_from(
+        [16, 18, 19, 21, 31, 85, 93, 94, 115, 177, 201, 203, 205, 1000, 2000, 5001, 5100, 42600, 42703, 65535]
+    ),
     st.integers(0, 255),
     st.tuples(*[st.floats(width=32)] * 4),
     st.integers(-(2**31), 2**31 - 1),
