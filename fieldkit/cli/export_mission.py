@@ -10,6 +10,8 @@ import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say, table
 
+_MOST_MOVED = 20
+
 
 class Format(StrEnum):
     """Of mission files."""
@@ -81,8 +83,10 @@ def command(
             }
         )
         return
-    for pose in routed.moved:
+    for pose in routed.moved[:_MOST_MOVED]:
         say(f"Moved: {pose}")
+    if len(routed.moved) > _MOST_MOVED:
+        say(f"Moved: {len(routed.moved) - _MOST_MOVED} more; --json lists all.")
     if routed.plants_m is None:
         say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
     rows = table("Flights", "flight", "plots>", "photographs>", "length, m>", "time, min>", "battery>")
@@ -94,9 +98,12 @@ def command(
     show = console()
     show.print(rows)
     plants = "not known" if routed.plants_m is None else f"{routed.plants_m:.2f} m at the nearest"
+    count = len({shot.plot for each in routed.flights for shot in each.mission.shots})
+    on = f"{routed.photographs // count} stations on " + ("1 plot" if count == 1 else f"{count} plots")
+    batteries = "1 battery" if len(routed.flights) == 1 else f"{len(routed.flights)} batteries"
     show.print(
-        f"{routed.photographs} photographs, {routed.length_m:.0f} m, {routed.time_s / 60:.1f} min in the air; lowest "
-        f"camera {routed.lowest_m:.2f} m above the ground; plants: {plants}."
+        f"{on}: {routed.photographs} photographs, {routed.length_m:.0f} m, {routed.time_s / 60:.1f} min in the air, "
+        f"{batteries}; lowest camera {routed.lowest_m:.2f} m above the ground; plants: {plants}."
     )
     show.print("Battery: share of its usable time, reserve left out.")
     for file in done.files:

@@ -17,6 +17,7 @@ from fieldkit.missions.plan import Plan
 from fieldkit.missions.plan_file import load_plan
 from fieldkit.missions.site import Site
 from fieldkit.missions.site_file import load_plots, load_site, with_plots
+from fieldkit.missions.site_obstacles import site_obstacles
 from fieldkit.missions.vehicle import Vehicle
 from fieldkit.missions.vehicle_file import load_vehicle
 
@@ -108,11 +109,12 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     from fieldkit.reporting.objective_plots import png
 
     frame = SiteFrame(site.home)
-    outlines = [*site.fence, *(zone.corners for zone in site.no_fly)]
+    outlines = [np.array(frame.outline(corners)) for corners in site.fence]
+    outlines += [np.array(volume.footprint) for volume in site_obstacles(site, 0.0).volumes]
     title = f"{site.name}: {routed.photographs} photographs, {routed.length_m:.0f} m, {routed.time_s / 60:.0f} min"
     figure = draw_mission(
         title, routed.legs(), routed.cameras(site), vehicle.camera.intrinsics, Cloud(routed.plants),
-        [np.array(frame.outline(outline)) for outline in outlines], near=_of_first_plot(routed),
+        outlines, near=_of_first_plot(routed),
     )  # fmt: skip
     return png(figure)
 

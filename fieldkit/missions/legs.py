@@ -126,24 +126,30 @@ def check_places(places: Array, names: tuple[str, ...] | list[str], obstacles: O
     """See that places (n, 3) are clear of every obstacle.
 
     Raises:
-        MissionError: one is not; it names the first of them, and what it is in.
+        MissionError: one is not; it names the first of them, what it is in, and of plants from where it is clear.
     """
     wrong = np.flatnonzero(obstacles.blocked(places, places))
     if not len(wrong):
         return
     problem = obstacles.leg_problems(places[wrong[0]], places[wrong[0]])[0]
-    where = {
-        "plants": f"among the plants of {problem.name}, or nearer to them than the clearance",
-        "obstacle": f"in {problem.name}, or nearer to it than the clearance",
-        "no-fly zone": f"in the no-fly zone {problem.name}, or nearer to it than the clearance",
-        "fence": "outside the fence, or nearer to it than the clearance",
-        "ceiling": "above the ceiling",
-    }[problem.kind]
-    more = f" ({len(wrong)} places in all are like that)" if len(wrong) > 1 else ""
     east, north, up = problem.place
+    remedy = "Move it, or correct the site file."
+    if problem.kind == "plants":
+        top = obstacles.plants_top_m(problem.place)
+        over = f"over the plants of {problem.name}, which are kept clear of up to {top:.2f} m here"
+        where = f"{top - up:.2f} m too low {over}"
+        remedy = "Plan for this vehicle (fieldkit plan --vehicle): the air below leaves counts as plants, too."
+    else:
+        where = {
+            "obstacle": f"in {problem.name}, or nearer to it than the clearance",
+            "no-fly zone": f"in the no-fly zone {problem.name}, or nearer to it than the clearance",
+            "fence": "outside the fence, or nearer to it than the clearance",
+            "ceiling": "above the ceiling",
+        }[problem.kind]
+    more = f" ({len(wrong)} places in all are like that)" if len(wrong) > 1 else ""
     raise MissionError(
         f"{names[wrong[0]]} is {where}: {east:.2f} m east, {north:.2f} m north, {up:.2f} m above home{more}",
-        remedy="Move it, or correct the site file.",
+        remedy=remedy,
     )
 
 

@@ -100,7 +100,7 @@ class LegProblem:
 
     def __str__(self) -> str:
         what = {
-            "plants": f"goes through the plants of {self.name}",
+            "plants": f"goes through or below the plants of {self.name}",
             "obstacle": f"comes too near to {self.name}",
             "no-fly zone": f"enters the no-fly zone {self.name}",
             "fence": "leaves the fence",
@@ -231,6 +231,16 @@ class Obstacles:
             share = 0.0 if start[0, 2] > self.highest_m else (self.highest_m - start[0, 2]) / rise
             problems.append(LegProblem("ceiling", "", _along(start, stop, float(share))))
         return tuple(problems)
+
+    def plants_top_m(self, place: ArrayLike) -> float:
+        """Height above home that a place (3,) is clear of the plants from, at its east and north; −∞ beside them."""
+        below = _places(place).copy()
+        below[:, 2] = -FARTHEST_M
+        over = np.flatnonzero(self.prisms.met(below, below)).tolist()
+        return max(
+            (float(self.tops[k]) for k in over if k < len(self.volumes) and self.volumes[k].kind == "plants"),
+            default=-math.inf,
+        )
 
     @cached_property
     def _bodies(self) -> dict[tuple[int, ...], Array]:

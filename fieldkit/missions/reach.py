@@ -2,7 +2,8 @@
 
 A multicopter turns to any heading and is as level as it flies, so what limits a pose is the mount's pitch and the least
 height above the ground. The nearest pose keeps place and heading: the pitch is turned to the mount's limit (to its only
-pitch, where it is fixed), the camera is raised straight up. What it then sees is not what the plan chose.
+pitch, where it is fixed), the camera is raised straight up. What it then sees is not what the plan chose, and two
+stations that differed in what is taken from them would be photographed twice: that is an error.
 """
 
 from __future__ import annotations
@@ -12,15 +13,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
 from fieldkit.errors import MissionError
+from fieldkit.geometry import Pose
 from fieldkit.missions.mission import Shot
-from fieldkit.missions.placement import ground_above_home
+from fieldkit.missions.placement import SiteFrame, ground_above_home
 from fieldkit.missions.site import Site
 from fieldkit.missions.vehicle import Vehicle
 
 TOLERANCE_DEG = 1e-6
 TOLERANCE_M = 1e-4
 """Rounding, not leeway: files hold heights to 0.1 mm."""
+
+SAME_M, SAME_DEG = 0.1, 2.0
+"""Poses nearer than both are one photograph: flown ones miss by up to 0.07 m and 0.85° (sim/sitl)."""
 
 Limit = Literal["pitch", "height"]
 
@@ -72,11 +81,53 @@ def adjusted(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> tuple[tuple
     """All shots, those out of reach replaced by their nearest poses, and which those are.
 
     Raises:
-        MissionError, MetadataError: as `unreachable`.
+        MissionError: two stations of a plot become one photograph; or as `unreachable`.
+        MetadataError: as `unreachable`.
     """
     problems = unreachable(shots, site, vehicle)
     nearest = {id(problem.shot): problem.nearest for problem in problems}
-    return tuple(nearest.get(id(shot), shot) for shot in shots), problems
+    changed = tuple(nearest.get(id(shot), shot) for shot in shots)
+    _require_different(shots, changed, site)
+    return changed, problems
+
+
+def _require_different(before: Sequence[Shot], after: Sequence[Shot], site: Site) -> None:
+    """Refuse two stations of a plot that are one photograph and were not, as planned."""
+    moved = np.array([a is not b for a, b in zip(before, after, strict=True)], dtype=np.bool_)
+    if not moved.any():
+        return
+    frame = SiteFrame(site.home)
+    planned, points = (frame.points(shot.place for shot in shots) for shots in (before, after))
+    plots: dict[str, list[int]] = {}
+    for index, shot in enumerate(after):
+        plots.setdefault(shot.plot, []).append(index)
+    for rows in map(np.array, plots.values()):
+        tree = KDTree(points[rows])
+        for row in rows[moved[rows]].tolist():
+            for other in rows[tree.query_ball_point(points[row], SAME_M)].tolist():
+                if other == row or _turn_deg(after[row], after[other]) >= SAME_DEG:
+                    continue
+                was_m, was_deg = _apart(planned[row], planned[other], before[row], before[other])
+                if was_m < SAME_M and was_deg < SAME_DEG:
+                    continue
+                first, second = sorted((row, other))
+                now_m, now_deg = _apart(points[row], points[other], after[row], after[other])
+                raise MissionError(
+                    f"{after[first].name} and station {after[second].station} become one photograph when they are "
+                    f"adjusted to this vehicle: {now_m:.2f} m and {now_deg:.1f}° apart, {was_m:.2f} m and "
+                    f"{was_deg:.1f}° as planned",
+                    remedy="Plan for this vehicle (fieldkit plan --vehicle), or leave one of the two out of the plan.",
+                )
+
+
+def _apart(a: NDArray[np.float64], b: NDArray[np.float64], one: Shot, other: Shot) -> tuple[float, float]:
+    return float(np.linalg.norm(a - b)), _turn_deg(one, other)
+
+
+def _turn_deg(a: Shot, b: Shot) -> float:
+    """Angle of the rotation from one pose to the other."""
+    one, other = (Pose.from_yaw_pitch(np.zeros(3), shot.yaw_deg, shot.pitch_deg).rotation for shot in (a, b))
+    return math.degrees(math.acos(min(max((float(np.trace(one @ other.T)) - 1.0) / 2.0, -1.0), 1.0)))
 
 
 def require_reachable(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> None:

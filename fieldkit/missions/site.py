@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from scipy.spatial import KDTree
 
+from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.plan import Strict
 from fieldkit.missions.vehicle import Positive
 
@@ -15,6 +18,8 @@ Datum = Literal["home", "amsl", "ellipsoid"]
 UNDULATION_M = 110.0
 """The geoid is nowhere farther than this from the ellipsoid (EGM96: −107 m to 86 m)."""
 _MIXED_UP_M = 10.0
+_STEEPEST = 1.0  # no field is taken off from across such a slope
+_SAME_PLACE_M = 0.1
 
 
 def _printable(name: str) -> str:
@@ -146,6 +151,7 @@ class Site(Strict):
                 raise ValueError(f'plots: two of them are called "{plot.name}"')
             seen.add(plot.name)
             self._check_datum(plot)
+        self._check_places()
         for name, height in (("takeoff_m", self.takeoff_m), ("transit_m", self.transit_m)):
             if self.ceiling_m is not None and height > self.ceiling_m:
                 raise ValueError(f"{name} is {height:g}, above ceiling_m, which is {self.ceiling_m:g}")
@@ -186,3 +192,24 @@ class Site(Strict):
                         f"{plot.name} is given as {plot.height_m:g} m above home, and home is {height:g} m high: "
                         f'this looks like datum "{datum}"'
                     )
+
+    def _check_places(self) -> None:
+        """Refuse plots across a slope that no field has, and two at one place: mixed-up heights, copied plots."""
+        frame = LocalFrame(self.home.latitude_deg, self.home.longitude_deg)
+        latitudes, longitudes = ([getattr(p, f"{key}_deg") for p in self.plots] for key in ("latitude", "longitude"))
+        origins = frame.to_local(latitudes, longitudes, 0.0)
+        away = np.hypot(origins[:, 0], origins[:, 1])
+        for plot, distance in zip(self.plots, away.tolist(), strict=True):
+            ground = self.ground_m(plot)
+            if abs(ground) > max(_MIXED_UP_M, _STEEPEST * distance):
+                side = "below" if ground < 0 else "above"
+                raise ValueError(
+                    f"{plot.name} lies {abs(ground):.0f} m {side} home and {distance:.0f} m away: "
+                    "is one of the heights above another datum?"
+                )
+        if len(self.plots) > 1:
+            near, other = KDTree(origins).query(origins, k=2)
+            first = int(np.argmin(near[:, 1]))
+            if near[first, 1] < _SAME_PLACE_M:
+                names = sorted({self.plots[first].name, *(self.plots[k].name for k in other[first].tolist())})
+                raise ValueError(f"plots: {' and '.join(names[:2])} lie {near[first, 1]:.2f} m apart, at one place")

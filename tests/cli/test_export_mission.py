@@ -46,13 +46,33 @@ def test_people_are_told(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     told = capsys.readouterr()
     assert told.out == ""
     assert "does not say where plants are" in told.err
-    assert "5 photographs" in told.err
+    assert "5 stations on 1 plot: 5 photographs" in " ".join(told.err.split())
+    assert "1 battery" in " ".join(told.err.split())
     assert main(export(plan, "-o", str(tmp_path / "m"))) == 2
     assert "exists already" in capsys.readouterr().err
     save_plan(plan, planned(5, height_m=0.4))
     assert main(export(plan, "-o", str(tmp_path / "low"))) == 5
     assert "station 0 of plot" in capsys.readouterr().err
     assert not (tmp_path / "low.plan").exists()
+
+
+def test_moved_stations_are_told_and_those_that_coincide_are_refused(
+    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = planned(5)
+    first = given.stations[0]
+    tilted = [s.model_copy(update={"pitch_deg": -50.0 - k}) for k, s in enumerate(given.stations)]
+    fixed = ["export-mission", str(plan), "--vehicle", "fixed-gimbal", "--site", str(SITES / "example.toml")]
+    save_plan(plan, given.model_copy(update={"stations": tuple(tilted)}))
+    assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture"]) == 5
+    assert "(4 more stations are out of reach)" in capsys.readouterr().err
+    assert main([*fixed, "-o", str(tmp_path / "m"), "--no-picture", "--adjust"]) == 0
+    assert capsys.readouterr().err.count("Moved: station") == 5
+    twice = (first, first.model_copy(update={"pitch_deg": -80.0}), *given.stations[2:])
+    save_plan(plan, given.model_copy(update={"stations": twice}))
+    assert main([*fixed, "-o", str(tmp_path / "n"), "--no-picture", "--adjust"]) == 5
+    assert "station 0 of plot and station 1 become one photograph" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "n.plan").exists()
 
 
 def test_a_faulty_mission_is_told_by_its_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

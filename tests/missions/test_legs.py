@@ -138,8 +138,11 @@ def test_why_there_is_no_way() -> None:
 @pytest.mark.parametrize(
     ("place", "message"),
     [
-        ((0, 0, 2), "station 4 is among the plants of plot-1"),
-        ((2.3, 0, 2), "nearer to them than the clearance"),
+        (
+            (0, 0, 2),
+            r"station 4 is 0.98 m too low over the plants of plot-1, which are kept clear of up to 2.98 m here",
+        ),
+        ((2.3, 0, 2), "0.98 m too low over the plants of plot-1"),
         ((6, 0, 2), "station 4 is in mast"),
         ((8.5, -3, 2), "station 4 is in the no-fly zone yard"),
         ((0, -30, 2), "station 4 is outside the fence"),

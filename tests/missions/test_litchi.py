@@ -84,3 +84,8 @@ def test_too_many_waypoints() -> None:
 def test_errors(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(MetadataError, match=message):
         read_of(tmp_path, text)
+
+
+def test_a_pause_that_litchi_cannot_hold() -> None:
+    with pytest.raises(MissionError, match="40 s; Litchi pauses for at most 32 s"):
+        mission_bytes("litchi", replace(small_mission(), settle_s=40.0), vehicle("dji"))

@@ -125,7 +125,7 @@ def test_a_plot_far_from_home_is_as_high_as_its_ground() -> None:
 @settings(max_examples=100, deadline=None)
 @given(
     st.sampled_from(sorted(PLACES)), st.floats(-360, 360), st.floats(-360, 360),
-    st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(0, 100)), st.floats(-50, 50),
+    st.tuples(st.floats(-500, 500), st.floats(-500, 500), st.floats(0, 100)), st.floats(-10, 10),
 )  # fmt: skip
 def test_round_trips(
     where: str, row_heading: float, yaw: float, point: tuple[float, float, float], ground: float
@@ -208,7 +208,7 @@ def test_what_no_flight_can_be() -> None:
     site = site_at(50.0, 6.0)
     with pytest.raises(MissionError, match="station 1 of the plan is farther than 10 km"):
         place(plan_of((0, 0, 2, 0, -90), (0, 1e300, 2, 0, -90)), site)
-    many = tuple(SitePlot(name=str(k), latitude_deg=50.0, longitude_deg=6.0) for k in range(1000))
+    many = tuple(SitePlot(name=str(k), latitude_deg=50.0 + 1e-5 * k, longitude_deg=6.0) for k in range(1000))
     stations = ((0, 0, 2, 0, -90),) * (MAX_SHOTS // 1000 + 1)
     with pytest.raises(MissionError, match="photographs"):
         place(plan_of(*stations), Site(home=site.home, plots=many))

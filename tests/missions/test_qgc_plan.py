@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from fieldkit.benchmarks.mission_trips import difference, mavsdk_importer
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.missions.dialects import render
-from fieldkit.missions.formats import FORMATS, mission_bytes, write_mission
+from fieldkit.missions.formats import FORMATS, mission_bytes
 from fieldkit.missions.formats.qgc_plan import read_plan
 from fieldkit.missions.items import Command, same_item
 from fieldkit.missions.mission import Fence, GeoPoint, Mission
@@ -60,7 +60,7 @@ def test_nan_is_null_only_where_it_may_be() -> None:
 def test_read_back(tmp_path: Path) -> None:
     mission = replace(small_mission(), fence=Fence((RING,), (HOLE,)), rally=(GeoPoint(50.8649, 6.4474, 5.0),))
     for dialect in ("ardupilot", "px4"):
-        write_mission(tmp_path / f"{dialect}.plan", "plan", mission, vehicle(dialect))  # type: ignore[arg-type]
+        (tmp_path / f"{dialect}.plan").write_bytes(mission_bytes("plan", mission, vehicle(dialect)))  # type: ignore[arg-type]
         read = read_plan(tmp_path / f"{dialect}.plan")
         items = render(mission, vehicle(dialect))  # type: ignore[arg-type]
         sent = read.upload_items(dialect)
@@ -70,18 +70,9 @@ def test_read_back(tmp_path: Path) -> None:
         assert (read.firmware, read.remarks) == (dialect, ())
 
 
-def test_a_file_is_not_replaced_and_the_same_mission_is_the_same_bytes(tmp_path: Path) -> None:
-    path = tmp_path / "a.plan"
-    write_mission(path, "plan", small_mission(), vehicle())
-    before = path.read_bytes()
-    with pytest.raises(UsageError, match="exists already"):
-        write_mission(path, "plan", replace(small_mission(), takeoff_m=6.0), vehicle())
-    assert path.read_bytes() == before == mission_bytes("plan", small_mission(), vehicle())
-    write_mission(path, "plan", replace(small_mission(), takeoff_m=6.0), vehicle(), overwrite=True)
-    assert path.read_bytes() != before
+def test_a_mission_that_is_not_taken_gives_no_bytes() -> None:
     with pytest.raises(MissionError):
-        write_mission(tmp_path / "b.plan", "plan", replace(small_mission(), takeoff_m=0.1), vehicle())
-    assert [p.name for p in tmp_path.iterdir()] == ["a.plan"]
+        mission_bytes("plan", replace(small_mission(), takeoff_m=0.1), vehicle())
     with pytest.raises(UsageError, match="no such format"):
         mission_bytes("gpx", small_mission(), vehicle())
 

@@ -72,6 +72,37 @@ def test_a_fixed_camera_has_one_pitch() -> None:
     assert "is fixed at -45°" in problems[0].what
 
 
+def test_stations_that_become_one_photograph_are_named() -> None:
+    """On a fixed mount, two stations at a place that looked down and ahead."""
+    vehicle = load_vehicle("fixed-gimbal")
+    at = [((0.0, 0.0, 2.0), -80.0), ((1.0, 0.0, 2.0), -45.0), ((0.04, 0.0, 2.0), -20.0)]
+
+    def plan(*stations: tuple[tuple[float, float, float], float], yaw_deg: float = 10.0) -> tuple[Shot, ...]:
+        made = tuple(Station(position_m=place, yaw_deg=yaw_deg, pitch_deg=pitch) for place, pitch in stations)
+        return place(Plan(fieldkit="0", stations=made), SITE)
+
+    with pytest.raises(MissionError) as caught:
+        adjusted(plan(*at), SITE, vehicle)
+    assert caught.value.exit_code == 5
+    assert caught.value.message == (
+        "station 0 of low and station 2 become one photograph when they are adjusted to this vehicle: "
+        "0.04 m and 0.0° apart, 0.04 m and 60.0° as planned"
+    )
+    # One of them as planned; and by height alone.
+    with pytest.raises(MissionError, match="station 0 of low and station 1 become one photograph"):
+        adjusted(plan(((0.0, 0.0, 2.0), -45.0), ((0.0, 0.02, 2.0), -60.0)), SITE, vehicle)
+    low = (((0.0, 0.0, 0.2), -45.0), ((0.0, 0.0, 0.7), -45.0))
+    with pytest.raises(MissionError, match=r"0.00 m and 0.0° apart, 0.50 m and 0.0° as planned"):
+        adjusted(plan(*low), SITE, vehicle)
+    # Apart, or planned so, or looking elsewhere: left alone.
+    far = plan(at[0], ((0.12, 0.0, 2.0), -20.0))
+    assert len(adjusted(far, SITE, vehicle)[1]) == 4
+    twice = plan(((0.0, 0.0, 2.0), -60.0), ((0.0, 0.0, 2.0), -60.0))
+    assert len(adjusted(twice, SITE, vehicle)[1]) == 4
+    (a, *_), (b, *_) = plan(at[0]), plan(at[2], yaw_deg=15.0)
+    assert len(adjusted((a, replace(b, station=1)), SITE, vehicle)[1]) == 2
+
+
 def test_the_error_names_the_first_and_counts_the_others() -> None:
     vehicle = load_vehicle("ardupilot-pitch")
     with pytest.raises(MissionError) as caught:

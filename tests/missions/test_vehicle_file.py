@@ -61,7 +61,8 @@ def test_what_is_shipped() -> None:
         camera = vehicle.camera.intrinsics
         across = np.degrees(2 * np.arctan(camera.width / 2 / camera.fx))
         assert 40 < across < 90, name
-        assert (camera.cx, camera.cy) == (camera.width / 2, camera.height / 2), name
+        off = 20.0 if camera.distorted else 0.0  # a calibrated one
+        assert abs(camera.cx - camera.width / 2) <= off >= abs(camera.cy - camera.height / 2), name
         assert f"| `{name}` |" in README, name
     assert vehicles["ardupilot-pitch"].battery.usable_s == pytest.approx(1080 * 0.75)
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from fieldkit.errors import MetadataError, MissionError
-from fieldkit.missions.formats import mission_bytes, write_mission
+from fieldkit.missions.formats import mission_bytes
 from fieldkit.missions.formats.wpml import TEMPLATE, WAYLINES, read_wpml
-from fieldkit.missions.formats.xml_tree import parse
+from fieldkit.missions.formats.xml_tree import Element, parse
 from fieldkit.missions.mission import Shot
 from tests.missions.vehicles import small_mission, vehicle
 
@@ -41,7 +41,7 @@ def test_the_archive_has_the_two_files_under_their_fixed_names() -> None:
 
 def test_read_back(tmp_path: Path) -> None:
     mission = small_mission()
-    write_mission(tmp_path / "a.kmz", "wpml", mission, DJI)
+    (tmp_path / "a.kmz").write_bytes(mission_bytes("wpml", mission, DJI))
     read = read_wpml(tmp_path / "a.kmz")
     photographed = [stop for stop in read.stops if stop.photographs]
     assert len(photographed) == len(mission.shots) == 3
@@ -58,7 +58,7 @@ def test_read_back(tmp_path: Path) -> None:
 def test_names_of_plots_cannot_break_the_xml(tmp_path: Path) -> None:
     mission = small_mission()
     stops = tuple(replace(s, plot='<&"\x00]]>') if isinstance(s, Shot) else s for s in mission.stops)
-    write_mission(tmp_path / "a.kmz", "wpml", replace(mission, stops=stops, name="<!DOCTYPE x>\x01"), DJI)
+    (tmp_path / "a.kmz").write_bytes(mission_bytes("wpml", replace(mission, stops=stops, name="<!DOCTYPE x>\x01"), DJI))
     assert len(read_wpml(tmp_path / "a.kmz").stops) == 6
     for name in ("kml", "geojson"):
         assert mission_bytes(name, replace(mission, stops=stops, name="<!DOCTYPE x>\x01"), DJI)
@@ -71,6 +71,66 @@ def test_only_models_that_wpml_has_a_number_for() -> None:
     assert "litchi" in caught.value.remedy
     with pytest.raises(MissionError, match="does not fly DJI WPML"):
         mission_bytes("wpml", small_mission(), vehicle())
+
+
+@pytest.mark.parametrize(
+    ("title", "numbers"),
+    [
+        ("DJI Mavic 3 Enterprise", ("77", "0", "66", "wide")),
+        ("M3T", ("77", "1", "67", "wide")),
+        ("DJI Mavic 3 Multispectral", ("77", "2", "68", "visable")),
+        ("DJI Matrice 4E", ("99", "0", "88", "wide")),
+        ("our M4T", ("99", "1", "89", "wide")),
+        ("Matrice 3D", ("91", "0", "80", "wide")),
+        ("Matrice 3TD", ("91", "1", "81", "wide")),
+        ("Matrice 30", ("67", "0", "52", "wide")),
+        ("DJI M30T", ("67", "1", "53", "wide")),
+        ("DJI Matrice 350 RTK with H20T", ("89", "0", "43", "wide")),
+        ("DJI Matrice 300, H30", ("60", "0", "82", "wide")),
+        ("DJI Mini 4 Pro", ("68", "0", None, "wide")),
+    ],
+)
+def test_models_have_the_numbers_of_djis_documentation(title: str, numbers: tuple[str, str, str | None, str]) -> None:
+    for root in contents(mission_bytes("wpml", small_mission(), vehicle("dji", title=title))):
+        config = root.child("Document").child("missionConfig")  # type: ignore[union-attr]
+        assert config is not None
+        photo = next(a for a in root.all("action") if a.value("actionActuatorFunc") == "takePhoto")
+        assert numbers == (
+            config.value("droneInfo", "droneEnumValue"),
+            config.value("droneInfo", "droneSubEnumValue"),
+            config.value("payloadInfo", "payloadEnumValue"),
+            photo.value("actionActuatorFuncParam", "payloadLensIndex"),
+        )
+
+
+def test_an_aircraft_that_carries_different_cameras_names_its_one() -> None:
+    with pytest.raises(MissionError, match="does not name the camera") as caught:
+        mission_bytes("wpml", small_mission(), vehicle("dji", title="DJI Matrice 350 RTK"))
+    assert "H20T" in caught.value.remedy
+
+
+def test_it_turns_on_the_short_way_and_groups_count_from_0() -> None:
+    mission = small_mission()
+    for root in contents(mission_bytes("wpml", mission, DJI)):
+        groups = list(root.all("actionGroup"))
+        assert [g.value("actionGroupId") for g in groups] == ["0", "1", "2"]
+        assert [g.value("actionGroupStartIndex") for g in groups] == ["1", "2", "4"]
+        turns = [a for a in root.all("action") if a.value("actionActuatorFunc") == "rotateYaw"]
+        headings = [float(t.value("actionActuatorFuncParam", "aircraftHeading") or "nan") for t in turns]
+        assert all(-180.0 <= heading <= 180.0 for heading in headings)
+        ways = [t.value("actionActuatorFuncParam", "aircraftPathMode") for t in turns]
+    # From above home already 180°; 55° to the right; then turned on the way, over the place between.
+    assert ways == ["clockwise", "clockwise", "clockwise"]
+    west = replace(mission, stops=tuple(replace(s, yaw_deg=350.0 - 20.0 * k) for k, s in enumerate(mission.shots)))
+    for root in contents(mission_bytes("wpml", west, DJI)):
+        turns = [a for a in root.all("action") if a.value("actionActuatorFunc") == "rotateYaw"]
+        ways = [t.value("actionActuatorFuncParam", "aircraftPathMode") for t in turns]
+        assert ways == ["clockwise", "counterClockwise", "counterClockwise"]
+
+
+def contents(data: bytes) -> list[Element]:
+    with zipfile.ZipFile(io.BytesIO(data)) as opened:
+        return [parse(opened.read(name)) for name in (TEMPLATE, WAYLINES)]
 
 
 def archive(*members: tuple[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> bytes:

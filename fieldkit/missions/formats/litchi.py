@@ -2,6 +2,7 @@
 
 Columns and codes as Litchi's Mission Hub exports them and litchiutilities.com describes them. The file holds nothing
 global: Heading Mode must be set to Custom by hand, or every heading in it is ignored; Path Mode to Straight Lines.
+Limits as Litchi's forum lists them ("DJI SDK limits"): 99 waypoints, pauses of 32 s.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import csv
 import io
 from pathlib import Path
 
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, MissionError
 from fieldkit.missions.dialects.stops import LEAST_EXPOSURE_S
 from fieldkit.missions.formats.limits import MAX_ITEMS, number, read_text
 from fieldkit.missions.formats.read_mission import ReadMission, ReadStop, Remark
@@ -20,6 +21,7 @@ from fieldkit.missions.vehicle import Vehicle
 
 _ACTIONS = 15
 _MOST_WAYPOINTS = 99
+_LONGEST_PAUSE_S = 32.0
 _NONE, _STAY, _PHOTO, _ROTATE, _TILT = -1, 0, 1, 4, 5
 _INTERPOLATE = 2
 _FEET_M = 0.3048
@@ -37,8 +39,14 @@ def litchi_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
     """A Litchi CSV, heights above take-off.
 
     Raises:
-        MissionError: a pose is beyond the mount, or there are more waypoints than Litchi takes.
+        MissionError: a pose is beyond the mount, there are more waypoints than Litchi takes, or a pause is longer.
     """
+    longest = max(mission.settle_s, mission.exposure_s)
+    if not longest <= _LONGEST_PAUSE_S:
+        raise MissionError(
+            f"settling or exposing takes {longest:g} s; Litchi pauses for at most {_LONGEST_PAUSE_S:g} s",
+            remedy="Set settle_s and exposure_s in the vehicle's profile.",
+        )
     lines = [",".join(COLUMNS)]
     lines += [_row(mission, point) for point in route_points(mission, vehicle, _MOST_WAYPOINTS, "Litchi")]
     return ("\n".join(lines) + "\n").encode("ascii")

@@ -1,8 +1,12 @@
 """DJI's WPML: a .kmz with wpmz/template.kml and wpmz/waylines.wpml.
 
-Elements as in DJI's Cloud API documentation ("DJI WPML": template.kml, waylines.wpml, common elements), version 1.0.2
-of the namespace, which all its aircraft read. Heights are above the take-off point. At each photograph the aircraft
-stops, turns to the heading, turns the gimbal, hovers, photographs and hovers again, one after the other.
+Elements, values and their ranges as in DJI's Cloud API documentation ("DJI WPML": template.kml, waylines.wpml, common
+elements), version 1.0.2 of the namespace. Heights are above the take-off point. At each photograph the aircraft stops,
+turns to the heading, turns the gimbal, hovers, photographs and hovers again, one after the other.
+
+Two things are not as that documentation has them. ``gimbalHeadingYawBase`` is "aircraft", as DJI's own apps write it,
+where it knows "north" only; the gimbal's yaw is not turned, so that it does not matter. ``globalRTHHeight`` is left
+out, as in its samples: the height that is set in the controller counts.
 """
 
 from __future__ import annotations
@@ -10,37 +14,23 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from fieldkit.errors import MetadataError, MissionError
+from fieldkit.errors import MetadataError
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.missions.dialects.stops import LEAST_EXPOSURE_S
 from fieldkit.missions.formats.archive import read_members, zip_bytes
 from fieldkit.missions.formats.limits import MAX_ITEMS, number, read_bytes
 from fieldkit.missions.formats.read_mission import ReadMission, ReadStop, Remark
 from fieldkit.missions.formats.route import RoutePoint, route_points
+from fieldkit.missions.formats.wpml_models import DjiModel, dji_model
 from fieldkit.missions.formats.xml_tree import Element, XmlError, escaped, parse
 from fieldkit.missions.mission import GeoPoint, Home, Mission
 from fieldkit.missions.vehicle import Vehicle
 
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
 _MOST_WAYPOINTS = 200
+"""Not in the documentation, whose index goes to 65535: what DJI's apps are said to take."""
+_LEAST_TAKEOFF_M = 1.2
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
-
-# What a profile's title may hold: droneEnumValue, droneSubEnumValue, payloadEnumValue (DJI Cloud API, "Product
-# support"; the Mini's as its own app writes it).
-_MODELS: tuple[tuple[str, tuple[int, int, int | None]], ...] = (
-    (r"(mavic 3|m3) ?(enterprise|e)\b", (77, 0, 66)),
-    (r"(mavic 3|m3) ?(thermal|t)\b", (77, 1, 67)),
-    (r"(mavic 3|m3) ?(multispectral|m)\b", (77, 2, 68)),
-    (r"(matrice|m) ?4 ?e\b", (99, 0, 88)),
-    (r"(matrice|m) ?4 ?t\b", (99, 1, 89)),
-    (r"(matrice|m) ?3 ?td\b", (91, 1, 81)),
-    (r"(matrice|m) ?3 ?d\b", (91, 0, 80)),
-    (r"(matrice|m) ?30 ?t\b", (67, 1, 53)),
-    (r"(matrice|m) ?30\b", (67, 0, 52)),
-    (r"(matrice|m) ?350\b", (89, 0, None)),
-    (r"(matrice|m) ?300\b", (60, 0, None)),
-    (r"mini (4|5) pro\b", (68, 0, None)),
-)
 
 
 def wpml_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
@@ -53,22 +43,13 @@ def wpml_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
         MissionError: the profile's title names no DJI model that WPML has a number for, a pose is beyond the mount, or
             there are too many waypoints.
     """
-    model = _model(vehicle)
+    model = dji_model(vehicle)
     points = route_points(mission, vehicle, _MOST_WAYPOINTS, "DJI WPML")
     config = _config(mission, model)
-    template = _document(config + _template_folder(mission, points))
-    waylines = _document(config + _wayline_folder(mission, points))
+    actions = _all_actions(mission, points, model)
+    template = _document(config + _template_folder(mission, points, actions))
+    waylines = _document(config + _wayline_folder(mission, points, actions))
     return zip_bytes([(TEMPLATE, template), (WAYLINES, waylines)])
-
-
-def _model(vehicle: Vehicle) -> tuple[int, int, int | None]:
-    for pattern, numbers in _MODELS:
-        if re.search(pattern, vehicle.title.lower()):
-            return numbers
-    raise MissionError(
-        f"{vehicle.title!r} is no DJI model that WPML has a number for",
-        remedy="Name the model in the profile's title, such as DJI Mavic 3 Enterprise, or use --format litchi.",
-    )
 
 
 def _document(body: str) -> bytes:
@@ -87,23 +68,23 @@ def _within(name: str, body: str) -> str:
     return f"<wpml:{name}>\n{body}</wpml:{name}>\n"
 
 
-def _config(mission: Mission, model: tuple[int, int, int | None]) -> str:
-    drone, variant, payload = model
+def _config(mission: Mission, model: DjiModel) -> str:
+    drone, variant = model.drone
     body = _tags(
         flyToWaylineMode="safely",
         finishAction="autoLand",
         exitOnRCLost="executeLostAction",
         executeRCLostAction="goBack",
-        takeOffSecurityHeight=f"{max(mission.takeoff_m, 1.2):.2f}",
+        takeOffSecurityHeight=f"{max(mission.takeoff_m, _LEAST_TAKEOFF_M):.2f}",
         globalTransitionalSpeed=f"{mission.speed_mps:.2f}",
     )
     body += _within("droneInfo", _tags(droneEnumValue=drone, droneSubEnumValue=variant))
-    if payload is not None:
-        body += _within("payloadInfo", _tags(payloadEnumValue=payload, payloadPositionIndex=0))
+    if model.payload is not None:
+        body += _within("payloadInfo", _tags(payloadEnumValue=model.payload, payloadPositionIndex=0))
     return _within("missionConfig", body)
 
 
-def _template_folder(mission: Mission, points: list[RoutePoint]) -> str:
+def _template_folder(mission: Mission, points: list[RoutePoint], actions: list[str]) -> str:
     body = _tags(templateType="waypoint", templateId=0, autoFlightSpeed=f"{mission.speed_mps:.2f}")
     body += _within(
         "waylineCoordinateSysParam", _tags(coordinateMode="WGS84", heightMode="relativeToStartPoint")
@@ -118,12 +99,12 @@ def _template_folder(mission: Mission, points: list[RoutePoint]) -> str:
         height = f"{point.place.height_m:.3f}"
         inner = _point(point) + _tags(index=index, ellipsoidHeight=height, height=height, useGlobalHeight=0)
         inner += _tags(useGlobalSpeed=1, useGlobalHeadingParam=0, useGlobalTurnParam=1, useStraightLine=1)
-        inner += _heading(point) + _tags(gimbalPitchAngle=f"{point.pitch_deg:.2f}") + _actions(mission, index, point)
+        inner += _heading(point) + _tags(gimbalPitchAngle=f"{point.pitch_deg:.2f}") + actions[index]
         body += f"<Placemark>\n{inner}</Placemark>\n"
     return f"<Folder>\n{body}</Folder>\n"
 
 
-def _wayline_folder(mission: Mission, points: list[RoutePoint]) -> str:
+def _wayline_folder(mission: Mission, points: list[RoutePoint], actions: list[str]) -> str:
     body = _tags(
         templateId=0, executeHeightMode="relativeToStartPoint", waylineId=0, autoFlightSpeed=f"{mission.speed_mps:.2f}"
     )
@@ -136,7 +117,7 @@ def _wayline_folder(mission: Mission, points: list[RoutePoint]) -> str:
             "waypointTurnParam",
             _tags(waypointTurnMode="toPointAndStopWithDiscontinuityCurvature", waypointTurnDampingDist=0),
         )
-        inner += _tags(useStraightLine=1) + _actions(mission, index, point)
+        inner += _tags(useStraightLine=1) + actions[index]
         body += f"<Placemark>\n{inner}</Placemark>\n"
     return f"<Folder>\n{body}</Folder>\n"
 
@@ -158,12 +139,27 @@ def _heading(point: RoutePoint) -> str:
     )
 
 
-def _actions(mission: Mission, index: int, point: RoutePoint) -> str:
+def _all_actions(mission: Mission, points: list[RoutePoint], model: DjiModel) -> list[str]:
+    """Action groups by waypoint, empty where nothing is photographed; numbered from 0 without gaps, as DJI asks."""
+    found: list[str] = []
+    group, before = 0, 0.0
+    for index, point in enumerate(points):
+        turn = wrapped_deg(point.yaw_deg - before)
+        found.append("" if point.shot is None else _actions(mission, index, group, point, turn, model.lens))
+        group += point.shot is not None
+        before = point.yaw_deg
+    return found
+
+
+def _actions(mission: Mission, index: int, group: int, point: RoutePoint, turn_deg: float, lens: str) -> str:
     if point.shot is None:
         return ""
     suffix = re.sub(r"[^A-Za-z0-9_-]", "-", f"{point.shot.plot}_{point.shot.station}")
+    # The waypoint's own heading is in whole degrees by the documentation, this one is not. It goes on the same way
+    # round, so that a turn that is not over by then is not begun anew.
+    way = "clockwise" if turn_deg >= 0.0 else "counterClockwise"
     steps = [
-        ("rotateYaw", _tags(aircraftHeading=f"{wrapped_deg(point.yaw_deg):.2f}", aircraftPathMode="clockwise")),
+        ("rotateYaw", _tags(aircraftHeading=f"{wrapped_deg(point.yaw_deg):.2f}", aircraftPathMode=way)),
         ("gimbalRotate", _tags(
             gimbalHeadingYawBase="aircraft", gimbalRotateMode="absoluteAngle",
             gimbalPitchRotateEnable=1, gimbalPitchRotateAngle=f"{point.pitch_deg:.2f}",
@@ -172,12 +168,12 @@ def _actions(mission: Mission, index: int, point: RoutePoint) -> str:
         )),
         ("hover", _tags(hoverTime=f"{max(mission.settle_s, LEAST_EXPOSURE_S):.1f}")),
         ("takePhoto", _tags(
-            payloadPositionIndex=0, fileSuffix=suffix, payloadLensIndex="wide", useGlobalPayloadLensIndex=0
+            payloadPositionIndex=0, fileSuffix=suffix, payloadLensIndex=lens, useGlobalPayloadLensIndex=0
         )),
         ("hover", _tags(hoverTime=f"{max(mission.exposure_s, LEAST_EXPOSURE_S):.1f}")),
     ]  # fmt: skip
     body = _tags(
-        actionGroupId=index, actionGroupStartIndex=index, actionGroupEndIndex=index, actionGroupMode="sequence"
+        actionGroupId=group, actionGroupStartIndex=index, actionGroupEndIndex=index, actionGroupMode="sequence"
     )
     body += _within("actionTrigger", _tags(actionTriggerType="reachPoint"))
     for step_id, (function, values) in enumerate(steps):
