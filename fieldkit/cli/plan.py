@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from fieldkit.planning.outcome import Outcome
     from fieldkit.planning.run_settings import SearchSettings
 
+_FROM = "from:"
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 
@@ -95,7 +96,10 @@ def command(
     repeats: Annotated[int | None, typer.Option("--repeats", min=1, help="Fresh seeds for each finalist.")] = None,
     mapping: Annotated[Mapping | None, typer.Option("--mapping", help="Of the evaluations.")] = None,
     pose_noise: Annotated[
-        str, typer.Option("--pose-noise", metavar="M,DEG", help="Plan for flights that miss their stations by this.")
+        str,
+        typer.Option(
+            "--pose-noise", metavar="M,DEG", help="Plan for flights that miss their stations by this; from:EVAL as one."
+        ),
     ] = "",
     image_noise: Annotated[
         float | None, typer.Option("--image-noise", metavar="GREY", min=0, help="Plan for noise of this size.")
@@ -114,6 +118,15 @@ def command(
         float | None, typer.Option("--clearance", metavar="M", min=0, help="From cameras to plants.")
     ] = None,
     pitch: Annotated[str, typer.Option("--pitch", metavar="LOW,HIGH", help="Of the gimbal, degrees.")] = "",
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            "--vehicle", metavar="NAME", help="A profile's name or file: plan what it can fly, with its camera."
+        ),
+    ] = None,
+    camera_file: Annotated[
+        Path | None, typer.Option("--camera-file", help="camera.toml: instead of the vehicle's or the scene's.")
+    ] = None,
     separation: Annotated[
         float | None, typer.Option("--separation", metavar="M", min=0, help="Between stations.")
     ] = None,
@@ -149,7 +162,7 @@ def command(
         "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,
     }  # fmt: skip
     given = {key: str(value) if isinstance(value, StrEnum) else value for key, value in given.items()}
-    pose = read_numbers("--pose-noise", pose_noise, (2,)) if pose_noise else (None, None)
+    pose = _pose_noise(pose_noise) if pose_noise else (None, None)
     noise = {"pose_m": pose[0], "pose_deg": pose[1], "image_grey": image_noise, "wind_m": wind, "risk": risk}
     envelope = {
         "margin_m": margin, "height_m": read_numbers("--height", height, (2,)) if height else None,
@@ -170,7 +183,7 @@ def command(
 
     limit_threads(1)
     count = workers or os.cpu_count() or 1
-    wishes = asked.Asked(given, noise, envelope, scene, reference, captures, images)
+    wishes = asked.Asked(given, noise, envelope, scene, reference, captures, images, vehicle, camera_file)
     settings = read_settings(output) if resume else asked.new_settings(wishes, count, deterministic=deterministic)
     if resume:
         settings = asked.resumed_settings(settings, wishes)
@@ -213,6 +226,20 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
         markup=False, soft_wrap=True,
     )  # fmt: skip
     show.print(f"{output / 'plan.json'}\n{output / 'plan.png'}", markup=False, soft_wrap=True)
+
+
+def _pose_noise(text: str) -> tuple[float, float]:
+    """M,DEG, or from:EVAL."""
+    if not text.startswith(_FROM):
+        numbers = read_numbers("--pose-noise", text, (2,))
+        return numbers[0], numbers[1]
+    from fieldkit.evaluation.adherence import flown_noise
+    from fieldkit.evaluation.report_files import load_evaluation_report
+
+    file = Path(text.removeprefix(_FROM))
+    if not file.name:
+        raise UsageError("--pose-noise: from what?", remedy="Write it like --pose-noise from:EVAL, a folder or a file.")
+    return flown_noise(load_evaluation_report(file), file)
 
 
 def _seconds(text: str) -> float:

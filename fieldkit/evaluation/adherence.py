@@ -13,9 +13,9 @@ from fieldkit.captures.flight_logs import FlightLog, Matches, match, read_flight
 from fieldkit.captures.flight_logs.adherence import Adherence, PlannedPose, adherence
 from fieldkit.captures.geotag import frame_of, local_poses, stamp
 from fieldkit.captures.priors import ANGLE_ACCURACY_DEG
-from fieldkit.errors import FieldkitError, UsageError
+from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.figures import clean_text
-from fieldkit.evaluation.schema import AdherenceEntry, StationErrorEntry
+from fieldkit.evaluation.schema import AdherenceEntry, EvaluationReport, StationErrorEntry
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.plan import Plan
@@ -23,6 +23,7 @@ from fieldkit.reconstruction.known_poses import SourceFrame
 
 SOURCE = "flight log"
 _LEAST_POSITIONS = 3
+_LEAST_STATIONS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +168,54 @@ def adherence_entry(found: Adherence, images: Sequence[str]) -> AdherenceEntry:
         yaw_rms_deg=_rms([e.yaw_deg for e in found.errors]),
         pitch_rms_deg=_rms([e.pitch_deg for e in found.errors]),
     )
+
+
+def flown_noise(report: EvaluationReport, path: Path) -> tuple[float, float]:
+    """Standard deviations of a vehicle's pose errors, of all plots of an evaluation: what plans are to survive.
+
+    Positions: of each coordinate, about each plot's mean error. What all stations of a plot have in common lies between
+    the reference's GPS and the vehicle's, often metres and in height always; it moves no camera against another.
+    Angles: of yaw and pitch about 0, since an offset of the compass or the mount turns every photograph away from what
+    it was aimed at.
+
+    Args:
+        report: of an evaluation with --log and --plan.
+        path: where it lies, for the errors.
+
+    Returns:
+        Metres and degrees, to 0.01 mm and 10⁻⁵ degrees.
+
+    Raises:
+        MetadataError: the evaluation does not say how a flight kept to its plan, or of too few stations.
+    """
+    flown = [plot.adherence for plot in report.plots if plot.adherence is not None]
+    if not flown:
+        raise MetadataError(
+            "the evaluation does not say how a flight kept to its plan", path=path,
+            remedy="Evaluate the flight again with --log, --plan and --reference, or give --pose-noise M,DEG.",
+        )  # fmt: skip
+    squares, degrees_of_freedom = 0.0, 0
+    angles: list[float] = []
+    for each in flown:
+        for name in ("east_m", "north_m", "up_m"):
+            errors = np.array([e for station in each.stations if (e := getattr(station, name)) is not None])
+            if len(errors) > 1:
+                squares += float(((errors - errors.mean()) ** 2).sum())
+                degrees_of_freedom += len(errors) - 1
+        angles += [e for station in each.stations for e in (station.yaw_deg, station.pitch_deg) if e is not None]
+    stations = sum(len(each.stations) for each in flown)
+    if stations < _LEAST_STATIONS or not degrees_of_freedom:
+        raise MetadataError(
+            f"the evaluation has the pose errors of {stations} stations; {_LEAST_STATIONS} of a plot are the least",
+            path=path, remedy="Take an evaluation of a longer flight, or give --pose-noise M,DEG.",
+        )  # fmt: skip
+    if len(angles) < _LEAST_STATIONS:
+        raise MetadataError(
+            "the flight's log said nothing of heading and gimbal, so the evaluation has no angle errors", path=path,
+            remedy="Take an evaluation of a log with attitude and gimbal, or give --pose-noise M,DEG.",
+        )  # fmt: skip
+    turned = float(np.sqrt(np.mean(np.square(angles))))
+    return round(float(np.sqrt(squares / degrees_of_freedom)), 5), round(turned, 5)
 
 
 def _rms(values: Sequence[float | None]) -> float | None:

@@ -10,8 +10,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from fieldkit import __version__
+from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents import first_problem
-from fieldkit.errors import UsageError
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.missions.plan import PlanCamera
+from fieldkit.planning.flyable import read_vehicle, vehicle_envelope
 from fieldkit.planning.problems import describe_source
 from fieldkit.planning.run_settings import CHANGEABLE, EnvelopeSettings, NoiseSettings, SearchSettings, lag_for
 
@@ -34,6 +37,8 @@ class Asked:
         envelope: by `EnvelopeSettings`' keys.
         scene, reference, captures: what to plan on; see `describe_source`.
         images: the reference's photographs.
+        vehicle: a profile's name or file.
+        camera: a camera.toml or camera.json.
     """
 
     settings: Mapping[str, Any]
@@ -43,11 +48,14 @@ class Asked:
     reference: Path | None = None
     captures: Path | None = None
     images: Path | None = None
+    vehicle: str | Path | None = None
+    camera: Path | None = None
 
 
 def search_settings(
     *, scene: Path | None = None, reference: Path | None = None, captures: Path | None = None,
-    images: Path | None = None, noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
+    images: Path | None = None, vehicle: str | Path | None = None, camera: Path | None = None,
+    noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
     workers: int = 1, deterministic: bool = False, **more: Any,
 ) -> SearchSettings:  # fmt: skip
     """The settings of a new run, for `plan_views`.
@@ -55,6 +63,8 @@ def search_settings(
     Args:
         scene, reference, captures: what to plan on, as `fieldkit plan` takes them.
         images: the reference's photographs.
+        vehicle: a profile's name or file: its camera, and its limits where ``envelope`` says nothing.
+        camera: calibration (camera.toml) to use instead of the vehicle's or the scene's.
         noise: fields of `NoiseSettings`.
         envelope: fields of `EnvelopeSettings`.
         workers: that will evaluate.
@@ -62,13 +72,13 @@ def search_settings(
         more: fields of `SearchSettings`: cameras, evaluations, method, seed and others.
 
     Raises:
-        UsageError: they contradict themselves.
-        InputError: what is to be planned on cannot be used.
+        UsageError: they contradict themselves, or leave the vehicle's limits.
+        InputError: what is to be planned on, the vehicle or the camera cannot be used.
 
     Example:
         >>> settings = search_settings(scene=Path("case-1"), cameras=10, evaluations=60)
     """
-    asked = Asked(more, noise or {}, envelope or {}, scene, reference, captures, images)
+    asked = Asked(more, noise or {}, envelope or {}, scene, reference, captures, images, vehicle, camera)
     return new_settings(asked, workers, deterministic=deterministic)
 
 
@@ -81,11 +91,12 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         deterministic: see `lag_for`.
 
     Raises:
-        UsageError: they contradict themselves.
-        InputError: what is to be planned on cannot be used.
+        UsageError: they contradict themselves, or leave the vehicle's limits.
+        InputError: what is to be planned on, the vehicle or the camera cannot be used.
     """
     source, path = describe_source(asked.scene, asked.reference, asked.captures)
     given = _given(asked.settings)
+    envelope = _given(asked.envelope)
     values: dict[str, Any] = {
         "fieldkit": __version__,
         "source": source,
@@ -103,10 +114,19 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         if source.kind != "reference":
             raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
         values["images_path"] = str(asked.images.resolve())
+    if asked.vehicle is not None:
+        vehicle, values["vehicle"] = read_vehicle(asked.vehicle)
+        envelope = vehicle_envelope(vehicle, envelope)
+        if source.kind != "captures":
+            values["camera"] = vehicle.camera
+    if asked.camera is not None:
+        if source.kind == "captures":
+            raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
+        values["camera"] = _camera(asked.camera)
     values |= _PRESETS[given.get("preset", "field")] | given
     try:
         return SearchSettings(
-            **values, noise=NoiseSettings(**_given(asked.noise)), envelope=EnvelopeSettings(**_given(asked.envelope))
+            **values, noise=NoiseSettings(**_given(asked.noise)), envelope=EnvelopeSettings(**envelope)
         )
     except ValidationError as error:
         raise UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.") from error
@@ -122,6 +142,12 @@ def resumed_settings(settings: SearchSettings, asked: Asked) -> SearchSettings:
     fixed = {key: value for key, value in given.items() if key not in CHANGEABLE and getattr(settings, key) != value}
     for own, wished in ((settings.noise, asked.noise), (settings.envelope, asked.envelope)):
         fixed |= {key: value for key, value in _given(wished).items() if getattr(own, key) != value}
+    if asked.vehicle is not None:
+        _, vehicle = read_vehicle(asked.vehicle)
+        if settings.vehicle is None or settings.vehicle.sha256 != vehicle.sha256:
+            fixed["vehicle"] = vehicle.name if settings.vehicle is None else f"{vehicle.name} as it is now"
+    if asked.camera is not None and _camera(asked.camera) != settings.camera:
+        fixed["camera"] = asked.camera.name
     if fixed:
         key, value = next(iter(fixed.items()))
         raise UsageError(
@@ -134,6 +160,16 @@ def resumed_settings(settings: SearchSettings, asked: Asked) -> SearchSettings:
             raise UsageError(f"this run was not planned on {path.name}", remedy="Leave it out to go on with this run.")
         settings = settings.model_copy(update={"path": str(path)})
     return settings.model_copy(update={key: value for key, value in given.items() if key in CHANGEABLE})
+
+
+def _camera(file: Path) -> PlanCamera:
+    cameras = read_camera_file(file)
+    if len(cameras) != 1:
+        raise MetadataError(
+            f"holds {len(cameras)} cameras; a plan is made for one", path=file, remedy="Give a file of one camera."
+        )
+    camera = cameras[0].intrinsics
+    return PlanCamera(model=camera.model, width=camera.width, height=camera.height, params=camera.params)
 
 
 def _given(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
@@ -13,11 +14,18 @@ from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
+from fieldkit.missions.plan import PlanPlants
+from fieldkit.missions.plants import no_fly_bands
+from fieldkit.missions.prisms import Prisms
 from fieldkit.planning.cameras import Array, Cameras
 
 TOLERANCE = 1e-9
 """Metres or degrees by which a constraint may be missed: rounding in files and changes of units."""
 _THINNED_M = 0.02
+_PLAN_CELL_M = 0.05
+_BESIDE_M = 0.5
+_OFF_BANDS_M = 0.001
+"""Kept from the vehicle's no-fly bands: files hold positions to less than that."""
 _SAMPLE_STREAM = 21
 _BATCH = 64
 _BATCHES = 500
@@ -30,7 +38,8 @@ class Violations:
     Attributes:
         bounds_m: (n,) horizontal distance out of the plot's flight box.
         height_m: (n,) out of the height band.
-        plants_m: (n,) clearance that lacks towards the plants.
+        plants_m: (n,) clearance that lacks towards the plants; below leaves, where a vehicle shall fly, the height that
+            lacks if that is more.
         separation_m: (n,) distance that lacks towards the nearest other camera.
         pitch_deg: (n,) out of the gimbal's range.
     """
@@ -62,6 +71,9 @@ class Envelope:
         pitch_deg: the gimbal's range; there is no roll.
         separation_m: least distance between two stations.
         target: what sampled cameras look at.
+        vehicle_clearance_m: that a vehicle keeps to the plants. Cameras are then outside of its no-fly bands, too
+            (`no_fly_bands`, which missions are routed around): not below leaves, not in gaps that plants surround.
+            None: where no vehicle is planned for.
 
     Raises:
         ValueError: a range that is empty, or points that are no (m, 3) array.
@@ -76,6 +88,7 @@ class Envelope:
     clearance_m: float = 0.5
     pitch_deg: tuple[float, float] = (-90.0, 0.0)
     separation_m: float = 0.10
+    vehicle_clearance_m: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("x_m", "y_m", "height_m", "pitch_deg"):
@@ -84,7 +97,7 @@ class Envelope:
                 raise ValueError(f"{name}: {low} is not below {high}")
         if self.pitch_deg[0] < -90.0 or self.pitch_deg[1] > 90.0:
             raise ValueError("a gimbal's pitch lies between −90° and 90°")
-        if self.clearance_m < 0 or self.separation_m < 0:
+        if self.clearance_m < 0 or self.separation_m < 0 or (self.vehicle_clearance_m or 0.0) < 0:
             raise ValueError("distances cannot be negative")
         plants = np.array(self.plants, dtype=np.float64).reshape(-1, 3)
         plants.setflags(write=False)
@@ -102,6 +115,7 @@ class Envelope:
         clearance_m: float = 0.5,
         pitch_deg: tuple[float, float] = (-90.0, 0.0),
         separation_m: float = 0.10,
+        vehicle_clearance_m: float | None = None,
     ) -> Envelope:
         """An envelope about a plot's plants.
 
@@ -114,16 +128,35 @@ class Envelope:
             clearance_m: to the plants.
             pitch_deg: of the gimbal.
             separation_m: between stations.
+            vehicle_clearance_m: of a vehicle to the plants.
         """
         low, high = np.array(target.lower) - margin_m, np.array(target.upper) + margin_m
         return cls(
             (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), height_m, target, ground,
-            voxel_thin(plants, _THINNED_M).points, clearance_m, pitch_deg, separation_m,
+            voxel_thin(plants, _THINNED_M).points, clearance_m, pitch_deg, separation_m, vehicle_clearance_m,
         )  # fmt: skip
 
     @cached_property
     def _index(self) -> PointIndex | None:
         return PointIndex(self.plants) if len(self.plants) else None
+
+    @cached_property
+    def _bands(self) -> Prisms | None:
+        if self.vehicle_clearance_m is None or not len(self.plants):
+            return None
+        bands = no_fly_bands(self.plan_plants(self.plants), self.vehicle_clearance_m)
+        return Prisms.of([(shapely.Polygon(b.corners).buffer(_OFF_BANDS_M), b.top_m + _OFF_BANDS_M) for b in bands])
+
+    def plan_plants(self, points: NDArray[np.float64]) -> PlanPlants:
+        """Those of points (m, 3) that lie within the flight box and half a metre about it, as plan.json holds them; mm.
+
+        They are thinned to one per 5 cm.
+        """
+        low = np.array([self.x_m[0], self.y_m[0]]) - _BESIDE_M
+        high = np.array([self.x_m[1], self.y_m[1]]) + _BESIDE_M
+        near = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
+        thinned = voxel_thin(Cloud(points[near]), _PLAN_CELL_M).points.round(3)
+        return PlanPlants(points_m=tuple((x, y, z) for x, y, z in thinned.tolist()), cell_m=_PLAN_CELL_M)
 
     def ground_m(self, positions: Array) -> Array:
         """(n,) z of the ground below positions (n, 3)."""
@@ -195,6 +228,10 @@ class Envelope:
             return np.full(len(positions), -np.inf)
         distances, _ = self._index.nearest(positions)
         lacking: Array = self.clearance_m - distances
+        if self._bands is not None:
+            lacking = np.maximum(
+                lacking, self._bands.tops_below(positions, positions, positions[:, 2]) - positions[:, 2]
+            )
         return lacking
 
 

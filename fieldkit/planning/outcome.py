@@ -7,11 +7,8 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from pydantic import BaseModel
 
-from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.documents import read_json_object, schema_text, validated
 from fieldkit.files import write_atomic
 from fieldkit.missions.plan import Count, Length, Plan, PlanMethod, PlanPlants, Strict
@@ -26,8 +23,6 @@ from fieldkit.reporting.search_plots import draw_plan, draw_search
 
 OUTCOME_FILE, PROGRESS_FILE, SEARCH_PICTURE, PLAN_PICTURE = "outcome.json", "progress.csv", "search.png", "plan.png"
 _MAX_BYTES = 16 << 20
-_PLANT_CELL_M = 0.05
-_BESIDE_M = 0.5
 _REMEDY = "Give the folder of a finished run of `fieldkit plan`."
 
 
@@ -180,14 +175,9 @@ def weights_of(entry: LogEntry) -> dict[str, float]:
 
 
 def plants_of(problem: Problem) -> PlanPlants:
-    """The plants within the flight box and half a metre about it, as plan.json holds them; mm."""
+    """The plants within the flight box and half a metre about it, as plan.json holds them."""
     envelope = problem.envelope
-    points = envelope.plants if len(envelope.plants) else problem.reference.points
-    low = np.array([envelope.x_m[0], envelope.y_m[0]]) - _BESIDE_M
-    high = np.array([envelope.x_m[1], envelope.y_m[1]]) + _BESIDE_M
-    near = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
-    thinned = voxel_thin(Cloud(points[near]), _PLANT_CELL_M).points.round(3)
-    return PlanPlants(points_m=tuple((x, y, z) for x, y, z in thinned.tolist()), cell_m=_PLANT_CELL_M)
+    return envelope.plan_plants(envelope.plants if len(envelope.plants) else problem.reference.points)
 
 
 def _plan(run: RunFolder, plannable: Plannable, chosen: Finalist, outcome: Outcome) -> Plan:

@@ -18,6 +18,7 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.missions.plan import PlanEnvelope, PlanSource
 from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.fidelity import FIDELITIES
+from fieldkit.planning.flyable import check_views
 from fieldkit.planning.match_graph import match_graph
 from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.recorded import EXACT, RecordedSource
@@ -109,13 +110,17 @@ def open_problem(
     scene = find_scene(scene)
     with progress.stage("Building the scene"):
         description = read_scene(scene)
+        camera = description.camera
+        if settings.camera is not None:
+            camera = _rendered(settings.camera.intrinsics, camera)
         source = SimulatedSource.from_description(
-            description, _capture_noise(settings.noise, description.noise), wind_m=settings.noise.wind_m
+            description, _capture_noise(settings.noise, description.noise), camera=camera, wind_m=settings.noise.wind_m
         )
     proxy, wanted = source.proxy, settings.envelope
     envelope = Envelope.around(
         proxy.obstacles, proxy.volume, margin_m=wanted.margin_m, height_m=wanted.height_m,
         clearance_m=wanted.clearance_m, pitch_deg=wanted.pitch_deg, separation_m=wanted.separation_m,
+        vehicle_clearance_m=wanted.vehicle_clearance_m,
     )  # fmt: skip
     problem = Problem(settings.cameras, envelope, proxy.camera, proxy.reference, proxy.obstacles.points)
     objective = Objective(source, ObjectiveSettings(settings.fidelity, settings.mapping), seed=settings.seed)
@@ -138,6 +143,7 @@ def _recorded(
     noise = CaptureNoise(position_m=settings.noise.pose_m, angle_deg=settings.noise.pose_deg, image_sigma=0.0)
     source = RecordedSource(capture, plot, reference.cloud, cache=cache, noise=noise if settings.noise.any else EXACT)
     views = source.cameras()
+    check_views(views, settings, progress)
     # Two rounds of matching do what three do where positions are good to millimetres, at half the cost.
     good = float(np.median([view.position_sigma_m for view in source.views])) <= _GOOD_POSES_M
     wanted = ObjectiveSettings(
@@ -155,6 +161,16 @@ def _recorded(
         matches,
     )  # fmt: skip
     return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
+
+
+def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
+    """A camera without its distortion, whose longer side is at most that of the scene's camera.
+
+    Reconstruction looks at no more than about 1,600 pixels, and a scene's defocus and grain are stated in its pixels.
+    """
+    ideal = camera.without_distortion()
+    scale = max(scene.width, scene.height) / max(ideal.width, ideal.height)
+    return ideal if scale >= 1.0 else ideal.scaled(round(ideal.width * scale), round(ideal.height * scale))
 
 
 def _check_unchanged(settings: SearchSettings) -> None:

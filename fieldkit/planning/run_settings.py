@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from fieldkit.missions.plan import Count, Length, PlanSource, Strict
+from fieldkit.missions.plan import Count, Length, PlanCamera, PlanSource, Strict
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping
 
@@ -33,6 +33,8 @@ class EnvelopeSettings(Strict):
     """The gimbal's range."""
     separation_m: Length = 0.1
     """Between stations."""
+    vehicle_clearance_m: Length | None = None
+    """That the vehicle keeps to plants; stations are then not below leaves. Null where no vehicle is planned for."""
 
     @model_validator(mode="after")
     def _ranges_are_in_order(self) -> EnvelopeSettings:
@@ -40,6 +42,16 @@ class EnvelopeSettings(Strict):
             if low > high:
                 raise ValueError(f"{low:g} is above {high:g}")
         return self
+
+
+class SearchVehicle(Strict):
+    """The vehicle profile that the envelope's limits come from."""
+
+    name: str
+    """Of a profile of fieldkit's own, or the file's."""
+    title: str
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    """Of the file."""
 
 
 class NoiseSettings(Strict):
@@ -81,6 +93,10 @@ class SearchSettings(Strict):
     """Where the photographs of a reference's proxy were."""
     cameras: Annotated[int, Field(ge=3)]
     """N."""
+    camera: PlanCamera | None = None
+    """That the plan is made for, at its full size; null takes the scene's or the reference's."""
+    vehicle: SearchVehicle | None = None
+    """That the plan is made for; its limits are in ``envelope``."""
     method: str
     preset: Preset = "field"
     seed: Count = 0

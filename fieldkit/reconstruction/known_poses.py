@@ -93,12 +93,26 @@ def _frame_of(capture: Capture) -> SourceFrame | None:
 
 def _check_common(own: SourceFrame, within: SourceFrame, capture: Capture) -> None:
     if own.georeferenced == within.georeferenced:
+        _check_heights(own, within, capture)
         return
     raise ReconstructionError(
         f"the photographs' positions come from {own.source}, the reference's from {within.source}; "
         "these frames are not related",
         path=capture.folder,
         remedy=f"Give the photographs positions of the reference's kind ({within.source}).",
+    )
+
+
+def _check_heights(own: SourceFrame, within: SourceFrame, capture: Capture) -> None:
+    datums = [None if frame.origin is None else frame.origin.datum for frame in (own, within)]
+    if set(datums) != {"ellipsoid", "sea level"}:
+        return
+    above = {"ellipsoid": "the ellipsoid", "sea level": "sea level"}
+    raise ReconstructionError(
+        f"the heights of {own.source} are above {above[str(datums[0])]}, the reference's above "
+        f"{above[str(datums[1])]}: they differ by up to 110 m",
+        path=capture.folder,
+        remedy="Give the photographs heights of the reference's kind, in a geo.txt or with the same receiver.",
     )
 
 

@@ -9,8 +9,11 @@ import pytest
 
 from fieldkit.cli.live_plan import Status, sparkline
 from fieldkit.cli.main import main
+from fieldkit.evaluation.report_files import save_report
 from fieldkit.missions.plan_file import load_plan
 from fieldkit.planning.run_folder import create_run, read_log
+from fieldkit.planning.run_settings import NoiseSettings
+from tests.evaluation.test_adherence import flown
 from tests.planning.bowl import bowl_settings
 from tests.planning.test_run_folder import entry
 
@@ -31,6 +34,12 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "--height", "3,2"], 2, "3 is above 2"),
         (["--scene", "case-1", "--risk", "0"], 2, "risk"),
         (["--scene", "case-1", "--time-budget", "soon"], 2, "--time-budget"),
+        (["--scene", "case-1", "--pose-noise", "from:"], 2, "from what?"),
+        (["--scene", "case-1", "--pose-noise", "from:nowhere"], 3, "nowhere"),
+        (["--scene", "case-1", "--vehicle", "ardupilot-pich"], 3, "Did you mean ardupilot-pitch"),
+        (["--scene", "case-1", "--vehicle", "px4-gimbal", "--height", "1,2"], 2, "flies no lower than 1.2 m"),
+        (["--scene", "case-1", "--vehicle", "fixed-gimbal", "--pitch", "-50,-40"], 2, "is fixed at -45°"),
+        (["--scene", "case-1", "--camera-file", "nowhere.toml"], 3, "nowhere.toml"),
         (["--resume", "--overwrite"], 2, "--overwrite"),
         (["--resume"], 3, "search.json"),
     ],
@@ -51,6 +60,22 @@ def test_a_run_goes_on_as_it_began(tmp_path: Path, capsys: pytest.CaptureFixture
         pass
     assert main(["plan", "--resume", *arguments, "-o", str(tmp_path / "run")]) == 2
     assert "did not begin with" in capsys.readouterr().err
+
+
+def test_noise_is_taken_from_an_evaluation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [(x, 0.0, 0.0, 1.5, -1.5) for x in (-0.03, 0.0, 0.03)]
+    save_report(tmp_path / "evaluation.json", flown(rows))
+    source = bowl_settings().source.model_copy(update={"sha256": "0" * 64})
+    noise = NoiseSettings(pose_m=round((2 * 0.03**2 / 6) ** 0.5, 5), pose_deg=1.5)
+    for name, settings, words in (
+        ("same", bowl_settings(noise=noise, source=source), "gone"),  # so far, the noise is the run's
+        ("other", bowl_settings(source=source), "did not begin with pose_m = 0.01732"),
+    ):
+        with create_run(tmp_path / name, settings):
+            pass
+        for given in (tmp_path, tmp_path / "evaluation.json"):
+            assert main(["plan", "--resume", "--pose-noise", f"from:{given}", "-o", str(tmp_path / name)]) == 2
+            assert words in capsys.readouterr().err
 
 
 def test_a_scene_that_is_gone_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

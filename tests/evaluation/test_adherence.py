@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fieldkit.captures.flight_logs import read_flight_log
-from fieldkit.errors import UsageError
-from fieldkit.evaluation.adherence import Flight, planned_poses
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.evaluation.adherence import Flight, flown_noise, planned_poses
+from fieldkit.evaluation.conversion import failed_plot
 from fieldkit.evaluation.evaluate import evaluate_captures
-from fieldkit.evaluation.schema import AdherenceEntry
+from fieldkit.evaluation.schema import AdherenceEntry, EvaluationReport, StationErrorEntry
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
@@ -112,3 +114,62 @@ def test_a_plan_needs_a_place(tmp_path: Path) -> None:
         planned_poses(plan, SourceFrame("poses.csv", None, Similarity.identity()))
     with pytest.raises(UsageError, match="compared with a flight"):
         evaluate_captures(tmp_path, tmp_path / "out", plan=tmp_path, cache=None, progress=None)  # type: ignore[arg-type]
+
+
+def flown(*plots: Sequence[tuple[float | None, ...]] | None) -> EvaluationReport:
+    """An evaluation whose plots have these errors: east, north, up, yaw, pitch per station; None: no adherence."""
+    entries = []
+    for errors in plots:
+        stations = tuple(
+            StationErrorEntry(
+                station=f"station {k}", image=f"{k}.jpg", east_m=e or 0.0, north_m=n or 0.0, up_m=u, yaw_deg=yaw,
+                pitch_deg=pitch, speed_mps=None, turning_dps=None,
+            )
+            for k, (e, n, u, yaw, pitch) in enumerate(errors or [])
+        )  # fmt: skip
+        kept = AdherenceEntry(
+            stations=stations, missing=(), extra=(), horizontal_rms_m=None, yaw_rms_deg=None, pitch_rms_deg=None
+        )
+        plot = failed_plot("a", MetadataError("none"), seconds=0.0, cpu_seconds=0.0)
+        entries.append(plot.model_copy(update={"adherence": None if errors is None else kept}))
+    return EvaluationReport(
+        fieldkit="0", source="flights", reference_sha256=None, refine=False, distances_m=(0.005,), settings={},
+        plots=tuple(entries), seconds=0.0, cpu_seconds=0.0, files=(),
+    )  # fmt: skip
+
+
+def test_noise_is_that_of_the_flights_errors() -> None:
+    """Gaussian errors about another offset on every plot; the offsets are no noise."""
+    rng = np.random.default_rng(4)
+    plots = []
+    for offset in ((1.2, -0.4, 46.0), (0.9, -0.2, 45.0)):
+        place = rng.normal(offset, 0.03, (400, 3))
+        turn = rng.normal(0.0, 0.8, (400, 2))
+        plots.append([tuple(row) for row in np.hstack([place, turn]).tolist()])
+    position_m, angle_deg = flown_noise(flown(None, *plots), Path("scores"))
+    assert position_m == pytest.approx(0.03, rel=0.05)
+    assert angle_deg == pytest.approx(0.8, rel=0.05)
+
+
+def test_an_offset_of_the_compass_counts_and_unknown_heights_do_not() -> None:
+    errors = [(e, 0.0, None, 3.0, None) for e in (-0.02, 0.0, 0.02)]
+    position_m, angle_deg = flown_noise(flown(errors), Path("scores"))
+    assert position_m == pytest.approx(np.sqrt(2 * 0.02**2 / 4), abs=1e-5)
+    assert angle_deg == 3.0
+
+
+@pytest.mark.parametrize(
+    ("report", "words"),
+    [
+        (flown(None), "does not say how a flight kept to its plan"),
+        (flown(), "does not say how a flight kept to its plan"),
+        (flown([(0.1, 0.0, 0.0, 1.0, 1.0)] * 2), "of 2 stations"),
+        (flown(*[[(0.1, 0.0, 0.0, 1.0, 1.0)]] * 5), "3 of a plot are the least"),
+        (flown([(0.1, 0.0, 0.0, None, None)] * 5), "nothing of heading and gimbal"),
+    ],
+)
+def test_evaluations_without_noise_are_refused(report: EvaluationReport, words: str) -> None:
+    with pytest.raises(MetadataError, match=words) as caught:
+        flown_noise(report, Path("scores"))
+    assert "--pose-noise M,DEG" in caught.value.remedy
+    assert caught.value.path == Path("scores")

@@ -68,3 +68,13 @@ def test_frames_that_are_not_related_are_refused() -> None:
     within = SourceFrame("EXIF GPS", LocalFrame(50.0, 6.0), Similarity.identity())
     with pytest.raises(ReconstructionError, match=r"poses\.csv.*EXIF GPS"):
         known_poses(_capture(_priors(), "poses.csv"), within)
+
+
+def test_heights_above_sea_level_and_above_the_ellipsoid_are_not_mixed() -> None:
+    sea, ellipsoid, unknown = (LocalFrame(50.0, 6.0, 100.0, datum) for datum in ("sea level", "ellipsoid", "unknown"))
+    within = SourceFrame("EXIF GPS", ellipsoid, Similarity.identity())
+    with pytest.raises(
+        ReconstructionError, match="flight log are above sea level, the reference's above the ellipsoid"
+    ):
+        known_poses(_capture(_priors(), "flight log", sea), within)
+    assert known_poses(_capture(_priors(), "flight log", unknown), within).frame is within
