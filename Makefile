@@ -3,27 +3,35 @@
 SHELL := /bin/bash
 BIN := .venv/bin
 STAMP := .venv/.installed
+PAGE := fieldkit/reporting/page
+VIEWER := $(PAGE)/vendor/viewer.min.js
 PYTEST_ARGS ?=
 
-.PHONY: help setup demo test test-all check bench clean
+.PHONY: help setup browser demo test test-all check bench docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-setup: $(STAMP) ## make .venv, install fieldkit and check the system libraries
+setup: $(STAMP) $(VIEWER) ## make .venv, install fieldkit and check the system libraries
 	@$(BIN)/python scripts/system_libraries.py --install
 
 $(STAMP): pyproject.toml constraints.txt scripts/make_venv.sh
 	@scripts/make_venv.sh .venv
 	@touch $@
 
-demo: setup ## build and score a small rendered example in demo-output/
-	$(BIN)/fieldkit demo -o demo-output --overwrite
+$(VIEWER): scripts/build_viewer.sh $(wildcard $(PAGE)/web/*.js $(PAGE)/web/*.json) $(PAGE)/web/.npmrc
+	@scripts/build_viewer.sh --if-possible
 
-test: setup ## run the tests that take less than ten seconds each
+browser: $(STAMP)
+	@$(BIN)/python scripts/system_libraries.py --install --tests
+
+demo: setup ## run the whole loop on two small simulated plots, in demo-output/
+	$(BIN)/fieldkit demo -o demo-output --overwrite --workers 2
+
+test: setup browser ## run the tests that take less than ten seconds each
 	$(BIN)/pytest -m "not slow" -n auto --dist loadfile $(PYTEST_ARGS)
 
-test-all: setup ## run all tests
+test-all: setup browser ## run all tests
 	$(BIN)/pytest $(PYTEST_ARGS)
 
 check: $(STAMP) ## lint, check the format and the types
@@ -34,6 +42,9 @@ check: $(STAMP) ## lint, check the format and the types
 bench: setup ## measure the engine's speed
 	$(BIN)/fieldkit benchmark engine --overwrite
 
+docs: $(STAMP) ## write the documentation as a site to site/
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
 clean: ## remove what the other targets wrote, except .venv
-	rm -rf demo-output build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf demo-output build dist site $(PAGE)/vendor .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find fieldkit tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,7 +1,7 @@
 """fieldkit: reference clouds, capture scores, camera plans and missions of field plots from photographs.
 
-The commands as functions: `build_reference`, `plan_views`, `export_mission` and `evaluate_captures`. They are imported
-when first used, so that ``import fieldkit`` stays light.
+The commands as functions: `build_reference`, `plan_views`, `export_mission`, `evaluate_captures`, `compare_evaluations`
+and `write_report`. They are imported when first used, so that ``import fieldkit`` stays light.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from fieldkit.errors import FieldkitError
+    from fieldkit.evaluation.compare import Comparison, compare_evaluations
     from fieldkit.evaluation.evaluate import evaluate_captures
     from fieldkit.evaluation.reference import build_reference
     from fieldkit.evaluation.report_files import load_evaluation_report, load_reference_report
@@ -24,8 +25,10 @@ if TYPE_CHECKING:
     from fieldkit.planning.plan_views import plan_views, resume_plan
     from fieldkit.planning.run_settings import SearchSettings
     from fieldkit.reconstruction.settings import ReconstructionSettings
+    from fieldkit.report.write import write_report
 
 __all__ = [
+    "Comparison",
     "EvaluationReport",
     "FieldkitError",
     "Outcome",
@@ -35,6 +38,7 @@ __all__ = [
     "SearchSettings",
     "__version__",
     "build_reference",
+    "compare_evaluations",
     "evaluate_captures",
     "export_mission",
     "load_evaluation_report",
@@ -43,9 +47,11 @@ __all__ = [
     "plan_views",
     "resume_plan",
     "search_settings",
+    "write_report",
 ]
 
 _HOMES = {
+    "Comparison": "fieldkit.evaluation.compare",
     "EvaluationReport": "fieldkit.evaluation.schema",
     "FieldkitError": "fieldkit.errors",
     "Outcome": "fieldkit.planning.outcome",
@@ -54,6 +60,7 @@ _HOMES = {
     "ReferenceReport": "fieldkit.evaluation.schema",
     "SearchSettings": "fieldkit.planning.run_settings",
     "build_reference": "fieldkit.evaluation.reference",
+    "compare_evaluations": "fieldkit.evaluation.compare",
     "evaluate_captures": "fieldkit.evaluation.evaluate",
     "export_mission": "fieldkit.missions.export_mission",
     "load_evaluation_report": "fieldkit.evaluation.report_files",
@@ -62,6 +69,7 @@ _HOMES = {
     "plan_views": "fieldkit.planning.plan_views",
     "resume_plan": "fieldkit.planning.plan_views",
     "search_settings": "fieldkit.planning.asked",
+    "write_report": "fieldkit.report.write",
 }
 
 

@@ -35,6 +35,10 @@ def scenes() -> dict[str, SceneDescription]:
         found[name] = without_plant(found[base], plant, name=name, notes=f"{base} without its plant {plant}.")
     found |= tuning_scenes()
     found["demo"] = demo_scene()
+    found["demo-unseen"] = varied(
+        found["demo"], 402, name="demo-unseen",
+        notes="The demo's plants re-scaled and re-rotated: the plot that is not planned on.",
+    )  # fmt: skip
     return found
 
 

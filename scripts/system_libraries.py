@@ -1,8 +1,11 @@
 #!/usr/bin/env python3
 """Checks that OpenGL works without a screen (EGL), and installs the libraries where it may.
 
-Needs the standard library only. The exit code is 0 in any case: only rendering needs these libraries, and
-`fieldkit doctor` shows what is missing.
+    python scripts/system_libraries.py [--install] [--tests]
+
+With --tests it looks for the browser instead that tests open reports in. Needs the standard library only. The exit code
+is 0 in any case: only rendering needs these libraries, and `fieldkit doctor` shows what is missing; tests without a
+browser are skipped and say so.
 """
 
 import ctypes
@@ -10,12 +13,19 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 PACKAGES = ["libegl1", "libgl1-mesa-dri"]
 LINES = """\
   Debian, Ubuntu:  sudo apt-get install libegl1 libgl1-mesa-dri
   Fedora:          sudo dnf install libglvnd-egl mesa-dri-drivers
   Arch:            sudo pacman -S libglvnd mesa"""
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+BROWSER_LINES = """\
+  Debian:  sudo apt-get install chromium
+  Ubuntu:  sudo snap install chromium
+  Fedora:  sudo dnf install chromium
+  Arch:    sudo pacman -S chromium"""
 EGL_PLATFORM_DEVICE_EXT = 0x313F
 
 
@@ -67,17 +77,44 @@ def apt_get():
     return None
 
 
-def install(command):
-    """Install the packages, with a fresh package list only if the one at hand does not do."""
-    arguments = ["install", "-y", "-q", "--no-install-recommends", *PACKAGES]
+def install(command, packages):
+    """Install packages, with a fresh package list only if the one at hand does not do."""
+    arguments = ["install", "-y", "-q", "--no-install-recommends", *packages]
     environment = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
     if subprocess.run(command + arguments, env=environment).returncode != 0:
         subprocess.run([*command, "update", "-q"], env=environment)
         subprocess.run(command + arguments, env=environment)
 
 
+def browser():
+    """Check for a browser, install Debian's if asked to and able to, and say how it stands."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    command = apt_get() if found is None and "--install" in sys.argv else None
+    if command and debian():
+        print("browser for the tests: installing chromium", flush=True)
+        install(command, ["chromium"])
+        found = shutil.which("chromium")
+    if found:
+        print(f"browser for the tests: {found}")
+    else:
+        print(
+            f"browser for the tests: none was found, so tests of reports are skipped; install one with\n{BROWSER_LINES}"
+        )
+
+
+def debian():
+    """Whether this is Debian: Ubuntu's package of that name only asks for a snap, which may not run here."""
+    try:
+        return "ID=debian" in Path("/etc/os-release").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return False
+
+
 def main():
     """Check, install if asked to and able to, and say how it stands."""
+    if "--tests" in sys.argv:
+        browser()
+        return
     if "--probe" in sys.argv:
         found = probe()
         if found:
@@ -87,7 +124,7 @@ def main():
     command = apt_get() if found and "--install" in sys.argv else None
     if command:
         print(f"system libraries: {found}; installing {' '.join(PACKAGES)}", flush=True)
-        install(command)
+        install(command, PACKAGES)
         found = problem()
     if found:
         print(f"system libraries: {found}.\nRendering (make demo) needs them; install them with\n{LINES}")

@@ -29,7 +29,9 @@ _MAX_FILE_BYTES = 2 << 30
 
 
 @dataclass(frozen=True)
-class _Read:
+class ReadPhoto:
+    """A file that was read: the photograph, None where it cannot be used, and what is odd about it."""
+
     photo: Photo | None
     findings: tuple[Finding, ...]
 
@@ -59,7 +61,7 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
     photos: list[Photo] = []
     findings = list(contents.findings)
     for candidate in contents.candidates:
-        read = _read_photo(candidate, max_pixels)
+        read = read_photo(candidate, max_pixels)
         findings.extend(read.findings)
         if read.photo is not None:
             photos.append(read.photo)
@@ -103,12 +105,12 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
     )
 
 
-def _read_photo(candidate: Candidate, max_pixels: int) -> _Read:
-    """The photograph, or the finding that leaves it out."""
+def read_photo(candidate: Candidate, max_pixels: int = MAX_PIXELS) -> ReadPhoto:
+    """The photograph that a file is, or the finding that leaves it out. Only a TIFF is decoded."""
     name = candidate.name
 
-    def leave_out(code: str, message: str) -> _Read:
-        return _Read(None, (Finding(name, code, message, True),))
+    def leave_out(code: str, message: str) -> ReadPhoto:
+        return ReadPhoto(None, (Finding(name, code, message, True),))
 
     png: PngMetadata | None = None
     try:
@@ -163,7 +165,7 @@ def _read_photo(candidate: Candidate, max_pixels: int) -> _Read:
         roll_deg=exif.xmp.gimbal_roll_deg,
         flight_yaw_deg=exif.xmp.flight_yaw_deg,
     )
-    return _Read(photo, tuple(Finding(name, code, message) for code, message in exif.problems))
+    return ReadPhoto(photo, tuple(Finding(name, code, message) for code, message in exif.problems))
 
 
 def _distinct(photos: list[Photo], contents: FolderContents) -> tuple[list[Photo], list[Finding]]:

@@ -22,6 +22,7 @@ class Suite(StrEnum):
     OBJECTIVE = "objective"
     PLANNER = "planner"
     MISSIONS = "missions"
+    CAMPAIGN = "campaign"
 
 
 class Study(StrEnum):
@@ -54,6 +55,12 @@ class Study(StrEnum):
     UPLOADS = "uploads"
     ROUTES = "routes"
     FUZZ = "fuzz"
+    SEASON = "season"
+    FIELD_CHECK = "field-check"
+    PLANT_FIGURES = "plant-figures"
+    SCORE_PREDICTION = "score-prediction"
+    PLAN_REUSE = "plan-reuse"
+    REPORT_SIZE = "report-size"
 
 
 def command(
@@ -81,7 +88,7 @@ def command(
             "--scene",
             metavar="SCENE",
             help="Repeatable; in match-decay, blind-rings and planner: a name or file; all for every one of "
-            "fieldkit's. The tuning scenes where not given. In chosen: a recorded set.",
+            "fieldkit's. The tuning scenes where not given. In chosen: a recorded set. In field-check: those held out.",
         ),
     ] = None,
     scenes: Annotated[int, typer.Option("--scenes", min=1, max=3, help="In ranks.")] = 3,
@@ -101,7 +108,17 @@ def command(
     ] = None,
     count: Annotated[
         int | None,
-        typer.Option("--count", min=1, help="In missions: of missions, uploads, plots or changed files."),
+        typer.Option(
+            "--count",
+            min=1,
+            help="In missions: missions, uploads, plots or changed files. In field-check: captures; in season: plots.",
+        ),
+    ] = None,
+    width: Annotated[
+        int, typer.Option("--width", metavar="PX", min=400, max=6000, help="In season: of the photographs.")
+    ] = 2000,
+    work: Annotated[
+        Path | None, typer.Option("--work", metavar="DIR", help="In campaign: keeps photographs and evaluations.")
     ] = None,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="In scaling: plants only, in half the time.")] = False,
     overwrite: OverwriteOption = False,
@@ -113,12 +130,24 @@ def command(
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
     recorded and proxy; the planner's are simulated, transfer, surrogate, ablation and chosen (of recorded sets);
-    those of missions are trips, poses, uploads, routes and fuzz. FIELDKIT_DATA names the recorded image sets; what
-    needs them is left out without it. The result holds results.json, results.md and pictures.
+    those of missions are trips, poses, uploads, routes and fuzz; campaign's are season,
+    field-check, plant-figures, score-prediction, plan-reuse and report-size. FIELDKIT_DATA names the
+    recorded image sets; what needs them is left out without it. The result holds results.json, results.md and pictures.
 
-    Example: fieldkit benchmark engine --only dense -o benchmark-results
+    Examples:
+        fieldkit benchmark engine --only dense -o benchmark-results
+        fieldkit benchmark planner --only simulated --scene case-1 --seeds 3 --workers 2 --overwrite
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the output exists already
+        3  what is measured with cannot be used, or this machine cannot render
+
+    See Also:
+        fieldkit doctor
     """
     cache = open_cache(no_cache=False, resume=False)
+    from fieldkit.benchmarks.campaign import CampaignOptions, run_campaign
     from fieldkit.benchmarks.engine import EngineOptions, run_engine
     from fieldkit.benchmarks.missions import MissionOptions, run_missions
     from fieldkit.benchmarks.objective import ObjectiveOptions, run_objective
@@ -142,6 +171,9 @@ def command(
         elif suite is Suite.MISSIONS:
             missions = MissionOptions(data, **({} if count is None else _counts(count)))
             results = run_missions(output, names, missions, progress=progress, overwrite=overwrite)
+        elif suite is Suite.CAMPAIGN:
+            campaign = CampaignOptions(data, cache, tuple(scene or ()), count, width, workers=workers, work=work)
+            results = run_campaign(output, names, campaign, progress=progress, overwrite=overwrite)
         else:
             if seeds < 2:
                 raise UsageError("noise takes two seeds at least", remedy="Give --seeds 2 or more.")

@@ -43,6 +43,19 @@ def command(
 
     Features, matches, models and depth maps are kept, so that a repeated or extended run computes only what changed.
     Removing them loses time, never results. FIELDKIT_CACHE chooses the folder.
+
+    Examples:
+        fieldkit cache
+        fieldkit cache prune --max-size 10G --older-than 30d
+        fieldkit cache clear
+
+    Exit codes:
+        0  done
+        2  wrong usage
+        3  the folder cannot be read or written
+
+    See Also:
+        fieldkit doctor
     """
     from fieldkit.cache import StageCache, default_cache_root
 

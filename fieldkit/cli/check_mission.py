@@ -36,7 +36,18 @@ def command(
     The items are carried out as the vehicle's autopilot does, also in files that other programs wrote. Ends with exit
     code 5 where there is an error.
 
-    Example: fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml
+    Examples:
+        fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml
+        fieldkit check-mission from_qgc.waypoints --vehicle ./my_drone.toml --json
+
+    Exit codes:
+        0  no errors
+        2  wrong usage
+        3  a file cannot be used
+        5  there are errors: the mission must not be flown
+
+    See Also:
+        fieldkit export-mission, fieldkit upload
     """
     if plan is not None and site is None:
         raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where the plot is.")
@@ -46,8 +57,8 @@ def command(
 
     flown_by = load_vehicle(vehicle)
     read = read_mission(file)
-    planned, obstacles, origin = _from_site(plan, site, flown_by)
-    report = check_mission(read, flown_by, planned=planned, obstacles=obstacles, origin=origin)
+    planned, grounds, obstacles, origin = _from_site(plan, site, flown_by)
+    report = check_mission(read, flown_by, planned=planned, grounds=grounds, obstacles=obstacles, origin=origin)
     if as_json:
         emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report)})
     else:
@@ -114,11 +125,11 @@ def _show(report: Report, file: Path) -> None:
 
 def _from_site(
     plan: Path | None, site: Path | None, vehicle: Vehicle
-) -> tuple[tuple[Shot, ...], Obstacles | None, Home | None]:
-    """The plan's photographs, what legs keep clear of, and home."""
+) -> tuple[tuple[Shot, ...], list[float], Obstacles | None, Home | None]:
+    """The plan's photographs, the ground's height below each, what legs keep clear of, and home."""
     if site is None:
-        return (), None, None
-    from fieldkit.missions.placement import home_of, place
+        return (), [], None, None
+    from fieldkit.missions.placement import grounds_m, home_of, place
     from fieldkit.missions.plan_file import load_plan
     from fieldkit.missions.site_file import load_site
     from fieldkit.missions.site_obstacles import site_obstacles
@@ -126,4 +137,5 @@ def _from_site(
     where = load_site(site)
     stations = None if plan is None else load_plan(plan)
     shots = () if stations is None else place(stations, where)
-    return shots, site_obstacles(where, vehicle.clearance_m, stations), home_of(where)
+    grounds = grounds_m(where, shots).tolist()
+    return shots, grounds, site_obstacles(where, vehicle.clearance_m, stations), home_of(where)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fieldkit.cli.boundary import emit_json, say
+from fieldkit.cli.help_page import OUTPUT, RUN
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -18,14 +19,20 @@ __all__ = [
     "console", "emit_json", "say", "table",
 ]  # fmt: skip
 
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
-DebugOption = Annotated[bool, typer.Option("--debug", help="Show tracebacks and other libraries' warnings.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="The same seed gives the same result, byte for byte.")]
+JsonOption = Annotated[
+    bool, typer.Option("--json", rich_help_panel=OUTPUT, help="Print one JSON object on stdout and nothing else there.")
+]
+DebugOption = Annotated[
+    bool, typer.Option("--debug", rich_help_panel=OUTPUT, help="Show tracebacks and other libraries' warnings.")
+]
+SeedOption = Annotated[
+    int, typer.Option("--seed", min=0, rich_help_panel=RUN, help="The same seed gives the same result, byte for byte.")
+]
 OutputOption = Annotated[
     Path, typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
 ]
-OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace an existing result.")]
-ResumeOption = Annotated[bool, typer.Option("--resume", help="Go on with an interrupted run.")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", rich_help_panel=RUN, help="Replace an existing result.")]
+ResumeOption = Annotated[bool, typer.Option("--resume", rich_help_panel=RUN, help="Go on with an interrupted run.")]
 
 
 def console() -> Console:

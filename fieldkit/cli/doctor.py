@@ -11,7 +11,16 @@ EXIT_UNUSABLE = 3
 def command(as_json: JsonOption = False, debug: DebugOption = False) -> int:
     """Check this machine: packages, renderer, GPU, cores, memory and cache, each with a remedy.
 
-    The exit code is 0 where fieldkit works, warnings or not, and 3 where something it needs does not.
+    Examples:
+        fieldkit doctor
+        fieldkit doctor --json > machine.json
+
+    Exit codes:
+        0  fieldkit works here, warnings or not
+        3  something that it needs does not
+
+    See Also:
+        fieldkit cache, fieldkit benchmark
     """
     from dataclasses import asdict
 

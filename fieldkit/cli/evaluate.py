@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fieldkit.cli.common import (
     DebugOption,
     JsonOption,
-    OutputOption,
     OverwriteOption,
     ResumeOption,
     SeedOption,
@@ -34,12 +33,35 @@ from fieldkit.cli.reconstruction_options import (
     parse_distances,
     run_context,
 )
-from fieldkit.errors import EXIT_OK, ReconstructionError
+from fieldkit.errors import EXIT_OK, ReconstructionError, UsageError
+
+if TYPE_CHECKING:
+    from fieldkit.cache import StageCache
+
+# What campaign.toml says for all visits alike, by the name of its parameter here.
+_OF_CAMPAIGN = {
+    "reference": "--reference", "plan": "--plan", "refine": "--refine", "distances": "--distances",
+    "mapping": "--mapping", "fidelity": "--fidelity", "mask": "--mask", "backend": "--backend", "bounds": "--bounds",
+    "seed": "--seed",
+}  # fmt: skip
 
 
 def command(
-    captures: Annotated[Path, typer.Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
-    output: OutputOption,
+    context: typer.Context,
+    captures: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder of photographs of one plot, or a folder of such folders; in a campaign any folder."
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete."),
+    ] = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option("--campaign", help="Campaign to add to. Without -o: the one about the current folder."),
+    ] = None,
     reference: Annotated[
         Path | None, typer.Option("--reference", help="What `fieldkit reference` wrote. Without: no distances.")
     ] = None,
@@ -50,8 +72,14 @@ def command(
         ),
     ] = None,
     plan: Annotated[
-        Path | None, typer.Option("--plan", help="plan.json that was flown: how the flight kept to it, with --log.")
+        Path | None, typer.Option("--plan", help="plan.json that was flown: how the photographs kept to it.")
     ] = None,
+    mission: Annotated[
+        Path | None, typer.Option("--mission", help="With --plan: the mission file that the vehicle was given.")
+    ] = None,
+    vehicle: Annotated[
+        str, typer.Option("--vehicle", help="With --mission: the vehicle's profile, a name or a TOML file.")
+    ] = "",
     refine: Annotated[
         bool, typer.Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
     ] = False,
@@ -64,6 +92,9 @@ def command(
     backend: BackendOption = Backend.AUTO,
     bounds: BoundsOption = "",
     workers: WorkersOption = 1,
+    no_wait: Annotated[
+        bool, typer.Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
+    ] = False,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     resume: ResumeOption = False,
@@ -77,9 +108,37 @@ def command(
     --reference the figures that need none are reported. The result holds evaluation.json, plots.csv, and for each plot
     its cloud and a picture. Plots that fail are listed; the exit code is 4 only where all of them do.
 
-    Example: fieldkit evaluate flights/ --reference plot_7-reference -o scores
+    In a campaign's folder, or with --campaign, the photographs are sorted into its plots and dates by geotag and time,
+    or by folders, and every visit that is new or changed is scored by the campaign's settings. A run that was stopped
+    goes on when the same command is given again.
+
+    Examples:
+        fieldkit evaluate flights/ --reference plot_7-reference -o scores
+        fieldkit evaluate flight_7/ --log flight_7.tlog --plan plot_7-plan --reference plot_7-reference -o scores
+        fieldkit evaluate card/DCIM --campaign season --workers 2
+
+    Files:
+        OUTPUT/evaluation.json, plots.csv  the scores
+        OUTPUT/PLOT/cloud.ply, overview.png  each plot's cloud, and a picture
+
+    Exit codes:
+        0  done, also where some plots failed
+        2  wrong usage, or the output exists already
+        3  the reference, the photographs or the output folder cannot be used
+        4  every plot failed
+
+    See Also:
+        fieldkit check, fieldkit campaign init, fieldkit compare, fieldkit report
     """
     cache = open_cache(no_cache=no_cache, resume=resume)
+    if output is None and mission is not None:
+        raise UsageError("--mission is not taken in a campaign", remedy="Leave it out, or give -o.")
+    if output is None:
+        return _in_campaign(context, captures, campaign, cache, log, workers, not no_wait, overwrite, as_json)
+    if campaign is not None:
+        raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
+    if (mission is None) != (not vehicle):
+        raise UsageError("--mission and --vehicle belong together", remedy="Give both, or leave both out.")
     distances_m = parse_distances(distances)
     settings = make_settings(mapping=mapping, fidelity=fidelity, mask=mask, backend=backend, bounds=bounds, seed=seed)
     from fieldkit.evaluation.evaluate import evaluate_captures
@@ -94,6 +153,7 @@ def command(
             distances_m=distances_m,
             log=log,
             plan=plan,
+            mission=None if mission is None else (mission, vehicle),
             cache=cache,
             progress=progress,
             overwrite=overwrite,
@@ -104,10 +164,67 @@ def command(
             {"output": output, **report.model_dump(mode="json", exclude={"plots": {"__all__": {"image_reports"}}})}
         )
     else:
+        from fieldkit.reporting.adherence_table import adherence_tables
         from fieldkit.reporting.tables import evaluation_tables
 
         show = console()
-        for table in evaluation_tables(report):
+        for table in (*evaluation_tables(report), *adherence_tables(report)):
             show.print(table)
         show.print(f"{output}", markup=False, soft_wrap=True)
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
+
+
+def _in_campaign(
+    context: typer.Context, captures: Path, campaign: Path | None, cache: StageCache, log: Path | None, workers: int,
+    wait: bool, overwrite: bool, as_json: bool,
+) -> int:  # fmt: skip
+    """Evaluate the photographs' visits in a campaign."""
+    from fieldkit.evaluation.campaign.campaign import find_campaign
+
+    folder = campaign or find_campaign(Path.cwd())
+    if folder is None:
+        raise UsageError("missing option '--output' / '-o'", remedy="Give -o FOLDER, or --campaign CAMPAIGN.")
+    given = [flag for name, flag in _OF_CAMPAIGN.items() if _was_given(context, name)]
+    if given:
+        raise UsageError(
+            f"{given[0]} is one for all visits of a campaign", remedy=f"Edit campaign.toml in {folder}, or give -o."
+        )
+    if log is not None:
+        raise UsageError(
+            "--log is not taken in a campaign", remedy="Write the poses with `fieldkit geotag` first, or give -o."
+        )
+    from dataclasses import asdict
+
+    from fieldkit.evaluation.campaign.run import evaluate_campaign
+
+    with run_context(as_json=as_json) as progress:
+        done = evaluate_campaign(
+            folder, captures, cache=cache, progress=progress, workers=workers, wait=wait, overwrite=overwrite
+        )
+    if as_json:
+        emit_json(
+            {
+                "campaign": folder, "photographs": done.photographs,
+                "evaluated": [asdict(visit) for visit in done.evaluated],
+                "kept": [asdict(visit) for visit in done.kept],
+                "failed": done.failed, "left_out": [asdict(finding) for finding in done.left_out],
+                "findings": [asdict(finding) for finding in done.findings], "vanished": list(done.campaign.vanished),
+            }
+        )  # fmt: skip
+    else:
+        from fieldkit.evaluation.campaign.overview import campaign_tables
+
+        show = console()
+        for table in campaign_tables(done.campaign):
+            show.print(table)
+        left = f"; {len(done.left_out)} files left out" if done.left_out else ""
+        show.print(
+            f"{len(done.evaluated)} visits evaluated, {len(done.kept)} were there already, {done.failed} failed{left}",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
+    return ReconstructionError.exit_code if done.failed == len(done.evaluated) + len(done.kept) else EXIT_OK
+
+
+def _was_given(context: typer.Context, name: str) -> bool:
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"

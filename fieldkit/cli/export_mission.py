@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say, table
 
+if TYPE_CHECKING:
+    from fieldkit.missions.fit import FitFinding
+
 _MOST_MOVED = 20
+_MOST_NAMED = 3
 
 
 class Format(StrEnum):
@@ -47,9 +53,22 @@ def command(
 
     Photographs have the plan's heading and gimbal pitch, each after standing still; legs keep clear of the plan's
     plants, fences and obstacles; several flights are numbered where one battery does not do. Beside each mission its
-    route is written as GeoJSON, and one picture of all flights. Whatever is unsafe or out of reach is an error.
+    route is written as GeoJSON, and one picture of all flights. Whatever is unsafe or out of reach is an error; where a
+    plot is sloping, larger or planted otherwise than the plan's, that is said.
 
-    Example: fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml -o mission.plan
+    Examples:
+        fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml -o mission.plan
+        fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.geojson -o field
+        fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
+
+    Exit codes:
+        0  done
+        2  wrong usage, or a file exists already
+        3  a file cannot be used
+        5  unsafe, out of reach, or nothing that this vehicle can fly
+
+    See Also:
+        fieldkit check-mission, fieldkit upload
     """
     from fieldkit.missions.export_mission import export_mission
 
@@ -80,6 +99,7 @@ def command(
                 "lowest_m": routed.lowest_m,
                 "nearest_plant_m": routed.plants_m,
                 "moved": [str(each) for each in routed.moved],
+                "fit": [asdict(each) for each in routed.fit],
             }
         )
         return
@@ -89,6 +109,7 @@ def command(
         say(f"Moved: {len(routed.moved) - _MOST_MOVED} more; --json lists all.")
     if routed.plants_m is None:
         say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
+    _say_fit(routed.fit)
     rows = table("Flights", "flight", "plots>", "photographs>", "length, m>", "time, min>", "battery>")
     for file, each in zip(done.files, routed.flights, strict=False):
         rows.add_row(
@@ -108,3 +129,13 @@ def command(
     show.print("Battery: share of its usable time, reserve left out.")
     for file in done.files:
         show.print(str(file), soft_wrap=True)
+
+
+def _say_fit(findings: Sequence[FitFinding]) -> None:
+    """What does not fit, warnings first; what is the same of several plots once."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for each in findings:
+        groups.setdefault((each.severity, each.message, each.remedy), []).append(each.plot)
+    for (severity, message, remedy), plots in sorted(groups.items(), key=lambda group: group[0][0] != "warning"):
+        more = f" and {len(plots) - _MOST_NAMED} more" if len(plots) > _MOST_NAMED else ""
+        say(f"{severity.capitalize()}: {', '.join(plots[:_MOST_NAMED])}{more}: {message}. {remedy}".rstrip())

@@ -47,7 +47,18 @@ def command(
     Photographs and triggers are matched by time and place, never by order: the camera's clock may be off, photographs
     may be missing, and others may lie between them. The photographs are only read.
 
-    Example: fieldkit geotag flight_7/ --log 00000042.BIN -o flight_7/poses.csv
+    Examples:
+        fieldkit geotag flight_7/ --log 00000042.BIN -o flight_7/poses.csv
+        fieldkit geotag flight_7/ --log flight_7.ulg --site field.toml --plot r3c2 -o flight_7/poses.csv
+        fieldkit geotag flight_7/ --log flight_7.tlog --mount -90 --camera-offset 7200 -o poses.csv
+
+    Exit codes:
+        0  done, also where some photographs have no trigger
+        2  wrong usage, or the file exists already
+        3  photographs or log cannot be used, or none of them matches
+
+    See Also:
+        fieldkit evaluate --log
     """
     frame, fixed = _origin(origin, site, plot), _mount(mount)
     from fieldkit.captures.geotag import geotag

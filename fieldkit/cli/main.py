@@ -10,38 +10,61 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Sequence
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from fieldkit import __version__
 from fieldkit.cli.boundary import Boundary
 from fieldkit.errors import EXIT_OK, UsageError
 
-# name: one line for `fieldkit --help`. The command is the function `command` in fieldkit/cli/<name>.py; a name may be
-# of two words, and its file is then <first>_<second>.py.
-COMMANDS = {
-    "reference": "Build the reference cloud of a plot from a dense capture.",
-    "plan": "Find the camera poses that reconstruct a plot best.",
-    "export-mission": "Write a plan as missions for a vehicle, over one plot or many.",
-    "check-mission": "Say what photographs a mission file would really give.",
-    "upload": "Bring a mission onto a vehicle and make sure that it is there.",
-    "replay": "Stand in for a vehicle, by the recording of a real one.",
-    "geotag": "Match photographs to a flight log and write their poses.",
-    "evaluate": "Score new captures of one or many plots against a reference.",
-    "scene new": "Write a new scene file: plants, soil and light of a simulated plot.",
-    "scene show": "List the scenes that come with fieldkit, or draw one.",
-    "scene from-reference": "Make a scene of a reference's clouds, to plan on.",
-    "simulate": "Photograph a simulated plot as a drone would.",
-    "demo": "Try fieldkit on a small rendered plot, in two to three minutes.",
-    "benchmark": "Measure speed and accuracy against the alternatives.",
-    "doctor": "Check this machine: packages, renderer, GPU, memory, cache.",
-    "cache": "Show, prune or clear what earlier runs keep for later ones.",
+if TYPE_CHECKING:
+    from fieldkit.cli.help_page import HelpPage
+
+# By stage of the work; in each, name: one line for `fieldkit --help`. The command is the function `command` in
+# fieldkit/cli/<name>.py; a name may be of two words, and its file is then <first>_<second>.py.
+STAGES: dict[str, dict[str, str]] = {
+    "Plan, once for a field": {
+        "reference": "Build a plot's reference cloud from a dense capture.",
+        "scene from-reference": "Make a scene of a reference's clouds, to plan on.",
+        "plan": "Find the camera poses that reconstruct a plot best.",
+    },
+    "Fly": {
+        "export-mission": "Write a plan as missions for a vehicle and its plots.",
+        "check-mission": "Say what photographs a mission would really give.",
+        "upload": "Bring a mission onto a vehicle, and make sure of it.",
+        "replay": "Stand in for a vehicle, by the recording of a real one.",
+    },
+    "Check and score, every date": {
+        "geotag": "Match photographs to a flight log, write their poses.",
+        "check": "Before leaving the field: will the photographs do?",
+        "evaluate": "Score new captures of one or many plots.",
+    },
+    "Many plots and dates, results": {
+        "campaign init": "Make a campaign: one plan over many plots and dates.",
+        "campaign show": "Show a campaign's plots, dates, ranking and drift.",
+        "campaign export": "Write its table as CSV, GeoJSON or GeoPackage.",
+        "compare": "Compare evaluations: what differs, what is noise.",
+        "report": "Show results as one HTML file, with 3D views.",
+    },
+    "Simulate": {
+        "demo": "Try fieldkit on a small simulated plot, in minutes.",
+        "scene new": "Write a new scene file: plants, soil and light.",
+        "scene show": "List fieldkit's own scenes, or draw one.",
+        "simulate": "Photograph a simulated plot as a drone would.",
+    },
+    "This machine": {
+        "doctor": "Check this machine: packages, renderer, memory.",
+        "cache": "Show, prune or clear what runs keep for later ones.",
+        "benchmark": "Measure speed and accuracy against the alternatives.",
+        "completion": "Print the script for completion with the Tab key.",
+    },
 }
+COMMANDS = {name: line for commands in STAGES.values() for name, line in commands.items()}
 
 _INTRODUCTION = """\
 Usage: fieldkit COMMAND [OPTIONS] ...
 
-  Reference clouds and capture scores of field plots from photographs.
-
-Commands:
+  Photographs of field plots: where to take them, how to fly there, and what
+  they are worth.
 """
 _CLOSING = """
 Options:
@@ -53,7 +76,7 @@ Every command takes --json (one JSON object on stdout, nothing else there) and
 3 bad input, 4 reconstruction failed, 5 mission unsafe or not for this vehicle,
 6 vehicle link failed, 130 interrupted.
 
-'fieldkit COMMAND --help' explains a command.
+'fieldkit COMMAND --help' explains a command, with examples.
 """
 
 
@@ -67,12 +90,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def overview() -> str:
     """What `fieldkit --help` prints."""
-    return _INTRODUCTION + _list(COMMANDS) + _CLOSING
+    stages = (f"\n{title}:\n{_list(commands)}" for title, commands in STAGES.items())
+    return _INTRODUCTION + "".join(stages) + _CLOSING
 
 
 def module_name(command: str) -> str:
     """The module in fieldkit.cli that holds a command."""
     return command.replace("-", "_").replace(" ", "_")
+
+
+def typer_command(name: str) -> HelpPage:
+    """The parser of a command and its options; imports the command's file."""
+    import typer
+
+    from fieldkit.cli.help_page import HelpPage
+
+    module = import_module(f"fieldkit.cli.{module_name(name)}")
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    app.command(cls=HelpPage, context_settings={"help_option_names": ["--help", "-h"]})(module.command)
+    parser = typer.main.get_command(app)
+    assert isinstance(parser, HelpPage)
+    return parser
 
 
 def _list(names: Iterable[str]) -> str:
@@ -89,6 +127,11 @@ def _dispatch(arguments: list[str], boundary: Boundary) -> int:
             return _run([*name, "--help"], boundary)
         case ["--version" | "-V", *_]:
             sys.stdout.write(f"fieldkit {__version__}\n")
+            return EXIT_OK
+        case ["__complete", *words]:  # for the scripts that `fieldkit completion` prints
+            from fieldkit.cli.candidates import candidates
+
+            sys.stdout.write(candidates(words, COMMANDS, typer_command).text())
             return EXIT_OK
         case _:
             return _run(arguments, boundary)
@@ -109,14 +152,9 @@ def _run(words: list[str], boundary: Boundary) -> int:
 
     set_thread_environment()  # before anything imports NumPy
     boundary.command = name
-    module = import_module(f"fieldkit.cli.{module_name(name)}")
-    boundary.resumable = "resume" in module.command.__annotations__
-
-    import typer
-
-    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(context_settings={"help_option_names": ["--help", "-h"]})(module.command)
-    result = app(args=arguments, prog_name=f"fieldkit {name}", standalone_mode=False)
+    parser = typer_command(name)
+    boundary.resumable = any(param.name == "resume" for param in parser.params)
+    result = parser.main(args=arguments, prog_name=f"fieldkit {name}", standalone_mode=False)
     return result if isinstance(result, int) else EXIT_OK
 
 

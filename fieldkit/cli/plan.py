@@ -11,6 +11,7 @@ import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, ResumeOption, console, emit_json
 from fieldkit.cli.common import table as new_table
+from fieldkit.cli.help_page import RUN
 from fieldkit.cli.numbers import read_numbers
 from fieldkit.errors import UsageError
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from fieldkit.planning.run_settings import SearchSettings
 
 _FROM = "from:"
+_PLOT, _SEARCH, _NOISE, _ENVELOPE = "What to plan on", "Search", "Noise to plan for", "Where cameras may be"
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 
@@ -63,84 +65,141 @@ class Mapping(StrEnum):
 def command(
     output: OutputOption,
     scene: Annotated[
-        Path | None, typer.Option("--scene", help="Plan on a scene: a file, a folder or a name such as case-1.")
+        Path | None,
+        typer.Option(
+            "--scene", rich_help_panel=_PLOT, help="Plan on a scene: a file, a folder or a name such as case-1."
+        ),
     ] = None,
     reference: Annotated[
-        Path | None, typer.Option("--reference", help="Plan on a proxy of a reference; with --captures: their truth.")
+        Path | None,
+        typer.Option(
+            "--reference", rich_help_panel=_PLOT, help="Plan on a proxy of a reference; with --captures: their truth."
+        ),
     ] = None,
     captures: Annotated[
-        Path | None, typer.Option("--captures", help="Choose of recorded photographs with known poses.")
+        Path | None,
+        typer.Option("--captures", rich_help_panel=_PLOT, help="Choose of recorded photographs with known poses."),
     ] = None,
     images: Annotated[
-        Path | None, typer.Option("--images", help="With --reference: its photographs, for a finer proxy.")
+        Path | None,
+        typer.Option("--images", rich_help_panel=_PLOT, help="With --reference: its photographs, for a finer proxy."),
     ] = None,
     cameras: Annotated[int | None, typer.Option("--cameras", "-n", min=3, help="N; 10 where not given.")] = None,
     preset: Annotated[
-        Preset | None, typer.Option("--preset", help="paper: Algorithm 1, blind incremental mapping, 50 initial.")
+        Preset | None,
+        typer.Option(
+            "--preset", rich_help_panel=_SEARCH, help="paper: Algorithm 1, blind incremental mapping, 50 initial."
+        ),
     ] = None,
-    method: Annotated[Method | None, typer.Option("--method", help="Instead of the preset's.")] = None,
+    method: Annotated[
+        Method | None, typer.Option("--method", rich_help_panel=_SEARCH, help="Instead of the preset's.")
+    ] = None,
     evaluations: Annotated[
-        int | None, typer.Option("--evaluations", min=1, help="Of the search; 100 where not given.")
+        int | None,
+        typer.Option("--evaluations", rich_help_panel=_SEARCH, min=1, help="Of the search; 100 where not given."),
     ] = None,
-    initial: Annotated[int | None, typer.Option("--initial", min=1, help="Trials before a model is asked.")] = None,
+    initial: Annotated[
+        int | None, typer.Option("--initial", rich_help_panel=_SEARCH, min=1, help="Trials before a model is asked.")
+    ] = None,
     time_budget: Annotated[
-        str, typer.Option("--time-budget", metavar="TIME", help="No trial starts later: 600, 10m, 2h.")
+        str,
+        typer.Option(
+            "--time-budget", rich_help_panel=_SEARCH, metavar="TIME", help="No trial starts later: 600, 10m, 2h."
+        ),
     ] = "",
     fidelity: Annotated[
-        Fidelity | None, typer.Option("--fidelity", help="Of the search; draft, with --captures standard.")
+        Fidelity | None,
+        typer.Option("--fidelity", rich_help_panel=_SEARCH, help="Of the search; draft, with --captures standard."),
     ] = None,
     confirm: Annotated[
-        Fidelity | None, typer.Option("--confirm", help="Of the finalists; standard, with --captures fine.")
+        Fidelity | None,
+        typer.Option("--confirm", rich_help_panel=_SEARCH, help="Of the finalists; standard, with --captures fine."),
     ] = None,
-    finalists: Annotated[int | None, typer.Option("--finalists", min=1, help="Evaluated again at fresh seeds.")] = None,
-    repeats: Annotated[int | None, typer.Option("--repeats", min=1, help="Fresh seeds for each finalist.")] = None,
-    mapping: Annotated[Mapping | None, typer.Option("--mapping", help="Of the evaluations.")] = None,
+    finalists: Annotated[
+        int | None, typer.Option("--finalists", rich_help_panel=_SEARCH, min=1, help="Evaluated again at fresh seeds.")
+    ] = None,
+    repeats: Annotated[
+        int | None, typer.Option("--repeats", rich_help_panel=_SEARCH, min=1, help="Fresh seeds for each finalist.")
+    ] = None,
+    mapping: Annotated[
+        Mapping | None, typer.Option("--mapping", rich_help_panel=_SEARCH, help="Of the evaluations.")
+    ] = None,
     pose_noise: Annotated[
         str,
         typer.Option(
-            "--pose-noise", metavar="M,DEG", help="Plan for flights that miss their stations by this; from:EVAL as one."
+            "--pose-noise",
+            rich_help_panel=_NOISE,
+            metavar="M,DEG",
+            help="Plan for flights that miss their stations by this; from:EVAL as one.",
         ),
     ] = "",
     image_noise: Annotated[
-        float | None, typer.Option("--image-noise", metavar="GREY", min=0, help="Plan for noise of this size.")
+        float | None,
+        typer.Option(
+            "--image-noise", rich_help_panel=_NOISE, metavar="GREY", min=0, help="Plan for noise of this size."
+        ),
     ] = None,
     wind: Annotated[
-        float | None, typer.Option("--wind", metavar="M", min=0, max=0.2, help="Plan for leaves that sway by this.")
+        float | None,
+        typer.Option(
+            "--wind", rich_help_panel=_NOISE, metavar="M", min=0, max=0.2, help="Plan for leaves that sway by this."
+        ),
     ] = None,
     risk: Annotated[
-        float | None, typer.Option("--risk", metavar="SHARE", help="Count the worst share of repeats (CVaR); 1: all.")
+        float | None,
+        typer.Option(
+            "--risk", rich_help_panel=_NOISE, metavar="SHARE", help="Count the worst share of repeats (CVaR); 1: all."
+        ),
     ] = None,
     margin: Annotated[
-        float | None, typer.Option("--margin", metavar="M", min=0, help="Beyond the plants, for cameras.")
+        float | None,
+        typer.Option("--margin", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="Beyond the plants, for cameras."),
     ] = None,
-    height: Annotated[str, typer.Option("--height", metavar="LOW,HIGH", help="Above the ground, metres.")] = "",
+    height: Annotated[
+        str, typer.Option("--height", rich_help_panel=_ENVELOPE, metavar="LOW,HIGH", help="Above the ground, metres.")
+    ] = "",
     clearance: Annotated[
-        float | None, typer.Option("--clearance", metavar="M", min=0, help="From cameras to plants.")
+        float | None,
+        typer.Option("--clearance", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="From cameras to plants."),
     ] = None,
-    pitch: Annotated[str, typer.Option("--pitch", metavar="LOW,HIGH", help="Of the gimbal, degrees.")] = "",
+    pitch: Annotated[
+        str, typer.Option("--pitch", rich_help_panel=_ENVELOPE, metavar="LOW,HIGH", help="Of the gimbal, degrees.")
+    ] = "",
     vehicle: Annotated[
         str | None,
         typer.Option(
-            "--vehicle", metavar="NAME", help="A profile's name or file: plan what it can fly, with its camera."
+            "--vehicle",
+            rich_help_panel=_ENVELOPE,
+            metavar="NAME",
+            help="A profile's name or file: plan what it can fly, with its camera.",
         ),
     ] = None,
     camera_file: Annotated[
-        Path | None, typer.Option("--camera-file", help="camera.toml: instead of the vehicle's or the scene's.")
+        Path | None,
+        typer.Option(
+            "--camera-file", rich_help_panel=_ENVELOPE, help="camera.toml: instead of the vehicle's or the scene's."
+        ),
     ] = None,
     separation: Annotated[
-        float | None, typer.Option("--separation", metavar="M", min=0, help="Between stations.")
+        float | None,
+        typer.Option("--separation", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="Between stations."),
     ] = None,
     seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="The same seed gives the same result, byte for byte.")
+        int | None,
+        typer.Option("--seed", rich_help_panel=RUN, min=0, help="The same seed gives the same result, byte for byte."),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Processes; as many as cores where not given.")
+        int | None,
+        typer.Option("--workers", rich_help_panel=RUN, min=1, help="Processes; as many as cores where not given."),
     ] = None,
     scheduler: Annotated[
-        str, typer.Option("--scheduler", metavar="URL", help="Evaluate on a Dask cluster: tcp://host:8786.")
+        str,
+        typer.Option(
+            "--scheduler", rich_help_panel=RUN, metavar="URL", help="Evaluate on a Dask cluster: tcp://host:8786."
+        ),
     ] = "",
     deterministic: Annotated[
-        bool, typer.Option("--deterministic", help="The same plan whatever --workers is.")
+        bool, typer.Option("--deterministic", rich_help_panel=RUN, help="The same plan whatever --workers is.")
     ] = False,
     resume: ResumeOption = False,
     overwrite: OverwriteOption = False,
@@ -154,7 +213,26 @@ def command(
     goes on with an interrupted run, and with more --evaluations a finished one. With --json a line per evaluation goes
     to stderr.
 
-    Example: fieldkit plan --reference plot_7-reference --images plot_7/ -n 12 -o plot_7-plan
+    Examples:
+        fieldkit plan --reference plot_7-reference --images plot_7/ -n 12 -o plot_7-plan
+        fieldkit plan --reference plot_7-reference --vehicle ardupilot-pitch --pose-noise from:flight_1 -o plot_7-plan
+        fieldkit plan --captures plot_7/ --reference plot_7-reference -n 13 -o plot_7-best-views
+        fieldkit plan --scene case-1 --preset paper --evaluations 200 -o case-1-paper
+        fieldkit plan --resume --evaluations 150 -o plot_7-plan
+
+    Files:
+        OUTPUT/plan.json  the stations, for simulate, export-mission and evaluate
+        OUTPUT/search.json, evaluations.jsonl  what was asked for, every evaluation
+        OUTPUT/outcome.json, plan.png, search.png  what came of it
+
+    Exit codes:
+        0  done
+        2  wrong usage, limits that the vehicle does not keep, or the output exists already
+        3  what is planned on cannot be used, or this machine cannot render
+        4  no evaluation gave anything
+
+    See Also:
+        fieldkit reference, fieldkit export-mission, fieldkit simulate
     """
     given: dict[str, Any] = {
         "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "initial": initial,

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fieldkit.cli.help_page import RUN
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
     from fieldkit.progress import Progress
     from fieldkit.reconstruction.settings import ReconstructionSettings
+
+_GROUP = "Reconstruction"
 
 
 class Mapping(StrEnum):
@@ -54,28 +57,49 @@ class Backend(StrEnum):
 
 MappingOption = Annotated[
     Mapping,
-    typer.Option("--mapping", help="How poses are found; auto: prior with known positions, else incremental."),
+    typer.Option(
+        "--mapping",
+        rich_help_panel=_GROUP,
+        help="How poses are found; auto: prior with known positions, else incremental.",
+    ),
 ]
 FidelityOption = Annotated[
     Fidelity,
-    typer.Option("--fidelity", help="Size of dense stereo: 500×375, 750×562, 1000×750 pixels, or the photographs'."),
+    typer.Option(
+        "--fidelity",
+        rich_help_panel=_GROUP,
+        help="Size of dense stereo: 500×375, 750×562, 1000×750 pixels, or the photographs'.",
+    ),
 ]
 MaskOption = Annotated[
-    Mask, typer.Option("--mask", help="What is plant: exg what is green, none everything, file masks/NAME.png.")
+    Mask,
+    typer.Option(
+        "--mask", rich_help_panel=_GROUP, help="What is plant: exg what is green, none everything, file masks/NAME.png."
+    ),
 ]
 BackendOption = Annotated[
-    Backend, typer.Option("--backend", help="What computes depth; auto: cuda with the CUDA build and a GPU, else cpu.")
+    Backend,
+    typer.Option(
+        "--backend",
+        rich_help_panel=_GROUP,
+        help="What computes depth; auto: cuda with the CUDA build and a GPU, else cpu.",
+    ),
 ]
 BoundsOption = Annotated[
     str,
     typer.Option(
         "--bounds",
+        rich_help_panel=_GROUP,
         metavar="X,Y,Z,X,Y,Z",
         help="Lowest and highest corner of the volume of interest, metres in the plot frame. Found where not given.",
     ),
 ]
-WorkersOption = Annotated[int, typer.Option("--workers", min=1, help="Processes. The result does not depend on it.")]
-NoCacheOption = Annotated[bool, typer.Option("--no-cache", help="Neither use nor keep what stages computed.")]
+WorkersOption = Annotated[
+    int, typer.Option("--workers", min=1, rich_help_panel=RUN, help="Processes. The result does not depend on it.")
+]
+NoCacheOption = Annotated[
+    bool, typer.Option("--no-cache", rich_help_panel=RUN, help="Neither use nor keep what stages computed.")
+]
 
 
 def make_settings(

@@ -60,7 +60,26 @@ def command(
     the model into the plot's metric frame, and reconstructs plants and scene. The result holds reference.json,
     cloud.ply, scene.ply, the model in COLMAP's format and overview.png.
 
-    Example: fieldkit reference plot_7/ -o plot_7-reference
+    Examples:
+        fieldkit reference plot_7/ -o plot_7-reference
+        fieldkit reference plot_7/ --fidelity fine --workers 4 -o plot_7-reference
+        fieldkit reference plot_7/ --bounds -1.5,-0.75,0,1.5,0.75,1.2 --resume -o plot_7-reference
+
+    Files:
+        IMAGES/poses.csv, geo.txt  where the photographs were taken; without, EXIF's GPS
+        IMAGES/camera.toml  the camera's calibration; without, it is found
+        IMAGES/masks/NAME.png  what is plant, with --mask file
+        OUTPUT/reference.json  what was found, and how well
+        OUTPUT/cloud.ply, scene.ply  the plants; the plants and the ground
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the output exists already
+        3  photographs, files beside them or the output folder cannot be used
+        4  too few photographs register, or they see nothing of the plot
+
+    See Also:
+        fieldkit plan, fieldkit evaluate, fieldkit scene from-reference
     """
     cache = open_cache(no_cache=no_cache, resume=resume)
     settings = make_settings(mapping=mapping, fidelity=fidelity, mask=mask, backend=backend, bounds=bounds, seed=seed)

@@ -49,7 +49,19 @@ def command(
 
     Any ground station on this machine can connect, upload and download missions and fences. Nothing flies.
 
-    Example: fieldkit replay sim/sitl/probe_items.tlog --from 45 --loss 0.05
+    Examples:
+        fieldkit replay sim/sitl/mount_then_yaw.tlog
+        fieldkit replay sim/sitl/probe_items.tlog --from 45 --loss 0.05 --duplicate 0.02 --delay 0.2
+        fieldkit replay flight.tlog --serve udpin://127.0.0.1:14551 --speed 10 --for 60
+
+    Exit codes:
+        0  done
+        2  wrong usage
+        3  the recording or the key cannot be used
+        6  the port is taken
+
+    See Also:
+        fieldkit upload
     """
     from fieldkit.missions.link.faults import Faults
     from fieldkit.missions.link.recording import read_recording

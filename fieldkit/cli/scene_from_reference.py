@@ -28,7 +28,20 @@ def command(
     Every point becomes a small square in its photographed colour, with --images in the photographs' own resolution.
     The result is a folder with scene.toml that goes wherever a scene file does.
 
-    Example: fieldkit scene from-reference plot_7-reference --images plot_7/ -o plot_7-scene
+    Examples:
+        fieldkit scene from-reference plot_7-reference --images plot_7/ -o plot_7-scene
+        fieldkit scene from-reference plot_7-reference --max-surfels 300000 -o small-scene
+
+    Files:
+        OUTPUT/scene.toml  the scene; name it or the folder
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the output exists already
+        3  the reference or its photographs cannot be used
+
+    See Also:
+        fieldkit plan --reference, fieldkit simulate, fieldkit scene show
     """
     from fieldkit.cli.progress import open_progress
     from fieldkit.evaluation.proxy import make_proxy

@@ -40,7 +40,17 @@ def command(
 
     Edit it as you like; sim/README.md explains every key.
 
-    Example: fieldkit scene new --plants 6 --seed 7 --layout rows -o plot.toml
+    Examples:
+        fieldkit scene new --plants 6 --seed 7 --layout rows -o plot.toml
+        fieldkit scene new --plants 3 --complete
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the file exists already
+        3  the file cannot be written
+
+    See Also:
+        fieldkit scene show, fieldkit simulate, fieldkit plan --scene
     """
     if output is not None and output.is_dir():
         raise UsageError("is a folder", path=output, remedy="Name a file, such as plot.toml.")

@@ -27,7 +27,18 @@ def command(
 ) -> None:
     """List the scenes that come with fieldkit, or check a scene file and draw it.
 
-    Example: fieldkit scene show case-2 -o case-2.png
+    Examples:
+        fieldkit scene show
+        fieldkit scene show case-2 -o case-2.png
+        fieldkit scene show plot.toml
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the picture exists already
+        3  the scene cannot be used, or this machine cannot render
+
+    See Also:
+        fieldkit scene new, fieldkit simulate
     """
     if scene is None:
         if output is not None:

@@ -76,7 +76,23 @@ def command(
     `fieldkit reference` and `fieldkit evaluate` take. The true poses go to CAPTURES.truth.csv beside the folder. Noise,
     camera effects and wind that are not given are the scene file's.
 
-    Example: fieldkit simulate case-1 --dense 45 -o case-1-dense
+    Examples:
+        fieldkit simulate case-1 --dense 45 -o case-1-dense
+        fieldkit simulate case-1 --plan case-1-plan --pose-noise 0.05,2 -o flight_1
+        fieldkit simulate plot.toml --ring 10,1.5,1.2 --size 1000x750 --blur 0.002 -o ring
+
+    Files:
+        OUTPUT/IMG_0001.jpg …  photographs with EXIF and XMP
+        OUTPUT/poses.csv, camera.toml  the commanded poses, the exact camera
+        OUTPUT.truth.csv  the true poses, beside the folder
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the output exists already
+        3  scene, plan or output cannot be used, or this machine cannot render
+
+    See Also:
+        fieldkit scene new, fieldkit reference, fieldkit evaluate
     """
     if sum([plan is not None, poses is not None, bool(ring), dense > 0]) != 1:
         raise UsageError("which stations?", remedy="Give one of --plan, --poses, --ring and --dense.")

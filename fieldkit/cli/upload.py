@@ -58,7 +58,20 @@ def command(
 
     However it ends, it says what the vehicle holds: the new mission whole, none, or that it is not known.
 
-    Example: fieldkit upload field.plan --connect udpin://0.0.0.0:14550 --site site.toml
+    Examples:
+        fieldkit upload field.plan --connect udpin://0.0.0.0:14550 --site site.toml
+        fieldkit upload field.plan --connect serial:///dev/ttyUSB0:57600 --reply 2 --site site.toml
+        fieldkit upload field.plan --connect udpin://0.0.0.0:14550 --site site.toml --signing-key key --signed --start
+
+    Exit codes:
+        0  the vehicle holds the new mission whole, and is started with --start
+        2  wrong usage
+        3  a file cannot be used
+        5  too large or empty, an item is refused, the vehicle is armed or may not start
+        6  the link failed
+
+    See Also:
+        fieldkit check-mission, fieldkit replay
     """
     if signed and signing_key is None:
         raise UsageError("--signed needs a key", remedy="Give --signing-key FILE.")

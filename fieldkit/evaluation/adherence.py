@@ -15,6 +15,7 @@ from fieldkit.captures.geotag import frame_of, local_poses, stamp
 from fieldkit.captures.priors import ANGLE_ACCURACY_DEG
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.figures import clean_text
+from fieldkit.evaluation.pose_table import ACHIEVED
 from fieldkit.evaluation.schema import AdherenceEntry, EvaluationReport, StationErrorEntry
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
@@ -178,8 +179,11 @@ def flown_noise(report: EvaluationReport, path: Path) -> tuple[float, float]:
     Angles: of yaw and pitch about 0, since an offset of the compass or the mount turns every photograph away from what
     it was aimed at.
 
+    Where plots know their poses from different sources (`AdherenceEntry.achieved_by`), only those by the best one
+    count: the autopilot's report, then structure from motion, then tags.
+
     Args:
-        report: of an evaluation with --log and --plan.
+        report: of an evaluation with --plan.
         path: where it lies, for the errors.
 
     Returns:
@@ -188,12 +192,14 @@ def flown_noise(report: EvaluationReport, path: Path) -> tuple[float, float]:
     Raises:
         MetadataError: the evaluation does not say how a flight kept to its plan, or of too few stations.
     """
-    flown = [plot.adherence for plot in report.plots if plot.adherence is not None]
-    if not flown:
+    known = [plot.adherence for plot in report.plots if plot.adherence is not None]
+    if not known:
         raise MetadataError(
             "the evaluation does not say how a flight kept to its plan", path=path,
-            remedy="Evaluate the flight again with --log, --plan and --reference, or give --pose-noise M,DEG.",
+            remedy="Evaluate the flight again with --plan and --reference, or give --pose-noise M,DEG.",
         )  # fmt: skip
+    best = next(source for source in ACHIEVED if any(each.achieved_by == source for each in known))
+    flown = [each for each in known if each.achieved_by == best]
     squares, degrees_of_freedom = 0.0, 0
     angles: list[float] = []
     for each in flown:
@@ -210,8 +216,9 @@ def flown_noise(report: EvaluationReport, path: Path) -> tuple[float, float]:
             path=path, remedy="Take an evaluation of a longer flight, or give --pose-noise M,DEG.",
         )  # fmt: skip
     if len(angles) < _LEAST_STATIONS:
+        what = "flight's log" if best == "reported" else "photographs"
         raise MetadataError(
-            "the flight's log said nothing of heading and gimbal, so the evaluation has no angle errors", path=path,
+            f"the {what} said nothing of heading and gimbal, so the evaluation has no angle errors", path=path,
             remedy="Take an evaluation of a log with attitude and gimbal, or give --pose-noise M,DEG.",
         )  # fmt: skip
     turned = float(np.sqrt(np.mean(np.square(angles))))

@@ -11,17 +11,23 @@ import numpy as np
 import fieldkit
 from fieldkit.captures.model import Finding
 from fieldkit.clouds import CloudScore
+from fieldkit.clouds.plant_figures import plant_figures
 from fieldkit.errors import FieldkitError
 from fieldkit.evaluation.figures import clean_text, figures, findings_entries, image_entry, mean, reasons
+from fieldkit.evaluation.prediction import plot_features, predict
 from fieldkit.evaluation.schema import (
     CorrectionEntry,
     ErrorEntry,
     EvaluationReport,
     FileEntry,
+    PlantEntry,
     PlotEvaluation,
+    PredictionEntry,
     ReferenceReport,
     distance_key,
 )
+from fieldkit.reconstruction.colmap_model import model_points
+from fieldkit.reconstruction.evidence import evidence, shared_points
 from fieldkit.reconstruction.result import ImageReport, Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 
@@ -85,9 +91,46 @@ def plot_evaluation(
         unregistered=reasons(reconstruction.sparse.images),
         **_score(score),
         correction=correction,
+        plants=plant_entry(reconstruction),
+        prediction=None if score is not None else prediction_entry(reconstruction, found),
         error=None,
         **found,
     )
+
+
+def plant_entry(reconstruction: Reconstruction) -> PlantEntry | None:
+    """Figures of the plants; None without a scale, or where nothing as large as a leaf was reconstructed."""
+    frame = reconstruction.sparse.frame
+    if not frame.metric:
+        return None
+    found = plant_figures(reconstruction.plants, reconstruction.volume, frame.ground, reconstruction.gsd_m)
+    if found is None:
+        return None
+    return PlantEntry(covered_m2=found.covered_m2, **dataclasses.asdict(found))
+
+
+def prediction_entry(reconstruction: Reconstruction, figures_: Mapping[str, Any]) -> PredictionEntry:
+    """What the chamfer distance is likely to be, or why nothing can be said.
+
+    Args:
+        reconstruction: of the plot.
+        figures_: its fields of `ReconstructionEntry`.
+    """
+    found = predict(reconstruction_features(reconstruction, figures_))
+    return PredictionEntry(**dataclasses.asdict(found) | {"reason": clean_text(found.reason)})
+
+
+def reconstruction_features(reconstruction: Reconstruction, figures_: Mapping[str, Any]) -> dict[str, float] | str:
+    """The figures that predictions are made from, or why there are none."""
+    found = None
+    if figures_["plant_voxel_m"] is not None:
+        sparse = reconstruction.sparse
+        names = list(sparse.poses)
+        found = evidence(
+            reconstruction.plants, [sparse.poses[n] for n in names], [sparse.intrinsics[n] for n in names],
+            model_points(sparse.model), shared_points(sparse.model, names), figures_["plant_voxel_m"],
+        )  # fmt: skip
+    return plot_features(figures_, found)
 
 
 def failed_plot(

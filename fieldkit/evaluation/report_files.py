@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from fieldkit.documents import read_json_object, schema_text
 from fieldkit.errors import MetadataError
+from fieldkit.evaluation.comparison_schema import ComparisonReport
 from fieldkit.evaluation.schema import EvaluationReport, FileEntry, ReferenceReport
 from fieldkit.files import write_atomic
 
@@ -20,6 +21,7 @@ EVALUATION_FILE = "evaluation.json"
 SCHEMA_FILES: dict[str, type[BaseModel]] = {
     "reference.schema.json": ReferenceReport,
     "evaluation.schema.json": EvaluationReport,
+    "comparison.schema.json": ComparisonReport,
 }
 
 _MAX_BYTES = 256 << 20

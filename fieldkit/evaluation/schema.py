@@ -257,8 +257,69 @@ class ErrorEntry(Strict):
     remedy: str
 
 
+PoseSource = Literal["planned", "commanded", "reported", "tagged", "reconstructed"]
+AchievedSource = Literal["reported", "reconstructed", "tagged"]
+
+
+class PoseEntry(Strict):
+    """A camera's pose by one source, in the plot frame."""
+
+    position_m: Vector
+    yaw_deg: float | None
+    """Of the optical axis, clockwise from +y, in [−180, 180); steeper than 75° down, of the image's upper edge."""
+    pitch_deg: float | None
+    """0 at the horizon, −90 straight down."""
+
+
+class PhotographPosesEntry(Strict):
+    """One photograph's pose by every source; null where the source does not say it (`AdherenceEntry.unknown`)."""
+
+    image: str
+    station: str | None
+    """That it belongs to; null where it belongs to none, and planned and commanded are null."""
+    planned: PoseEntry | None
+    """The plan's station."""
+    commanded: PoseEntry | None
+    """What the mission told the autopilot."""
+    reported: PoseEntry | None
+    """The autopilot's estimate at the shutter, from the flight log."""
+    tagged: PoseEntry | None
+    """What poses.csv, geo.txt or the photograph's own tags say."""
+    reconstructed: PoseEntry | None
+    """By structure from motion; null also for photographs that do not count."""
+
+
+class SpreadEntry(Strict):
+    """Statistics of differences."""
+
+    count: Annotated[int, Field(gt=0)]
+    bias: float
+    """Their mean."""
+    std_dev: Length | None
+    """About the mean, with count − 1; null for a single one."""
+    rms: Length
+    """About 0."""
+    max: Length
+    """Largest absolute value."""
+
+
+class PoseDifferenceEntry(Strict):
+    """One source's poses less another's, of the photographs that both know."""
+
+    of: PoseSource
+    less: PoseSource
+    east_m: SpreadEntry | None
+    """Along the plot frame's x, y and z where it is not georeferenced; so north_m and up_m."""
+    north_m: SpreadEntry | None
+    up_m: SpreadEntry | None
+    """Its bias is void where the sources' heights have no datum in common."""
+    yaw_deg: SpreadEntry | None
+    """The short way about."""
+    pitch_deg: SpreadEntry | None
+
+
 class StationErrorEntry(Strict):
-    """A photograph's pose against its station: achieved less planned, by the autopilot's estimate."""
+    """A photograph's pose against its station: achieved less planned, by the source `AdherenceEntry.achieved_by`."""
 
     station: str
     image: str
@@ -277,7 +338,7 @@ class StationErrorEntry(Strict):
 
 
 class AdherenceEntry(Strict):
-    """How a flight kept to its plan (--log with --plan)."""
+    """How a flight kept to its plan (--plan)."""
 
     stations: tuple[StationErrorEntry, ...]
     """Those that were photographed, in the plan's order."""
@@ -289,6 +350,54 @@ class AdherenceEntry(Strict):
     """Of the position errors over ground; null without a station."""
     yaw_rms_deg: Length | None
     pitch_rms_deg: Length | None
+    achieved_by: AchievedSource = "reported"
+    """Which source ``stations`` and the figures above are by: the first of these that knows three stations' poses."""
+    shift_m: Vector | None = None
+    """East, north, up: what all photographs of that source have in common against their stations (median): the offset
+    of a receiver above all. It is in ``stations`` and the statistics, and left out of the matching."""
+    photographs: tuple[PhotographPosesEntry, ...] = ()
+    """All of the plot, in its order; empty in older files."""
+    differences: tuple[PoseDifferenceEntry, ...] = ()
+    """Of every two sources that know photographs in common."""
+    unknown: dict[PoseSource, str] = {}
+    """Sources that say nothing of any photograph, and why."""
+
+
+class PlantEntry(Strict):
+    """Figures of the plants of a plot (docs/scores.md). Voxels count, not points, and stray clumps do not."""
+
+    height_m: float | None
+    """Above the fitted ground: 95 % of the plants' voxels are lower; null where no ground was found."""
+    height_max_m: float | None
+    """Of the highest point that is no stray."""
+    cover: Share
+    """Share of area_m2 below plants, seen from straight above."""
+    covered_m2: Length
+    """cover · area_m2."""
+    area_m2: Annotated[float, Field(gt=0)]
+    """Of the ground that cover refers to: the footprint of the volume of interest."""
+    hull_m3: Length
+    """Volume of the convex hull about all plants."""
+    voxel_m: Annotated[float, Field(gt=0)]
+    """Edge of the voxels."""
+    cell_m: Annotated[float, Field(gt=0)]
+    """Edge of the cells that cover is counted in."""
+    stray: Share
+    """Share of the points that were left out."""
+
+
+class PredictionEntry(Strict):
+    """What the chamfer distance to the plot's true plants is likely to be, from figures that need no reference."""
+
+    chamfer_m: Length | None
+    """Median of what is to be expected; null where nothing can be said."""
+    low_m: Length | None
+    high_m: Length | None
+    """Nine in ten plots like those of the fit lie between low_m and high_m."""
+    reason: str
+    """Why nothing can be said; empty otherwise."""
+    model: Annotated[int, Field(ge=1)]
+    """Version of the fit."""
 
 
 class PlotEvaluation(ReconstructionEntry):
@@ -313,7 +422,11 @@ class PlotEvaluation(ReconstructionEntry):
     correction: CorrectionEntry | None
     """Null without --refine."""
     adherence: AdherenceEntry | None = None
-    """Null without --log and --plan."""
+    """Null without --plan, and where no photograph was taken near the plan's stations."""
+    plants: PlantEntry | None = None
+    """Null without a metric scale, where nothing as large as a leaf was reconstructed, and in older files."""
+    prediction: PredictionEntry | None = None
+    """Null with a reference, where the plot failed, and in older files."""
     error: ErrorEntry | None
     """Null where the plot was reconstructed and, with a reference, scored."""
 

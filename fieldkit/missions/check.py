@@ -12,7 +12,7 @@ from fieldkit.errors import MissionError
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
 from fieldkit.missions.check_photographs import deviations, photograph_findings, plan_findings
 from fieldkit.missions.execution import Execution, distance
-from fieldkit.missions.findings import Deviation, Finding, Report, error, warning
+from fieldkit.missions.findings import Finding, Report, error, warning
 from fieldkit.missions.formats.read_mission import ReadMission
 from fieldkit.missions.interpret import interpret
 from fieldkit.missions.mission import Fence, GeoPoint, Home, Shot
@@ -29,6 +29,7 @@ def check_mission(
     vehicle: Vehicle,
     *,
     planned: Sequence[Shot] = (),
+    grounds: Sequence[float] = (),
     obstacles: Obstacles | None = None,
     origin: Home | None = None,
 ) -> Report:
@@ -38,6 +39,7 @@ def check_mission(
         read: the file.
         vehicle: that is to fly it; its dialect says how items are understood.
         planned: photographs as they should be; nothing is compared without.
+        grounds: heights above home of the ground below these; home's own height where not given.
         obstacles: that legs keep clear of, metres east and north of ``origin`` and above it; the file's own fence is
             looked at besides.
         origin: home as the site has it; stands in for a home that the file lacks.
@@ -56,17 +58,17 @@ def check_mission(
         findings += item_findings(read, vehicle, dialect)
     findings += place_findings(read, origin)
     places = {leg.item: leg.end for leg in flown.legs}
-    findings += photograph_findings(flown, vehicle, places)
+    home = origin or read.home
+    matched = deviations(flown.photographs, planned, home) if planned and home is not None else ()
+    above = {shot.name: ground for shot, ground in zip(planned, grounds, strict=True)} if grounds else {}
+    findings += photograph_findings(flown, vehicle, places, {d.item: above.get(d.planned, 0.0) for d in matched})
     findings += _stop_findings(read)
-    findings += _leg_findings(read, flown, obstacles, origin or read.home)
+    findings += _leg_findings(read, flown, obstacles, home)
     usable = vehicle.battery.usable_s
     if flown.seconds > usable:
         message = f"takes about {flown.seconds:.0f} s; a battery gives {usable:.0f} s with its reserve"
         findings.append(error("endurance", message))
-    matched: tuple[Deviation, ...] = ()
-    home = origin or read.home
     if planned and home is not None:
-        matched = deviations(flown.photographs, planned, home)
         findings += plan_findings(matched, flown.photographs, planned)
     length = sum(math.hypot(*distance(leg.start, leg.end)) for leg in flown.legs)
     findings.sort(key=lambda f: (f.severity != "error", -1 if f.item is None else f.item, f.code))

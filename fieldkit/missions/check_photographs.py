@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -28,13 +28,17 @@ _METRES_PER_DEGREE = 0.1
 """When photographs are matched to stations: places of one station's neighbours may be the same."""
 
 
-def photograph_findings(flown: Execution, vehicle: Vehicle, places: dict[int, GeoPoint]) -> Iterator[Finding]:
+def photograph_findings(
+    flown: Execution, vehicle: Vehicle, places: Mapping[int, GeoPoint], grounds: Mapping[int, float]
+) -> Iterator[Finding]:
     """Of each photograph.
 
     Args:
         flown: the mission, carried out.
         vehicle: its mount, its times.
         places: where each item leads to, by its number.
+        grounds: heights above home of the ground below photographs, by the number of the item that takes them; home's
+            own where one is missing.
     """
     if not flown.photographs:
         yield error("no-photographs", "the mission takes no photograph")
@@ -43,13 +47,13 @@ def photograph_findings(flown: Execution, vehicle: Vehicle, places: dict[int, Ge
             yield error("photo-never", f"this photograph is never taken: {shot.never}", shot.item, shot.station)
             continue
         yield from _when(shot, vehicle, places)
-        yield from _pose(shot, vehicle)
+        yield from _pose(shot, vehicle, grounds.get(shot.item))
     for number, why in flown.skipped:
         if not any(shot.item == number for shot in flown.photographs) and "refuses" not in why:
             yield error("item-skipped", f"is never carried out: {why}", number)
 
 
-def _when(shot: Photograph, vehicle: Vehicle, places: dict[int, GeoPoint]) -> Iterator[Finding]:
+def _when(shot: Photograph, vehicle: Vehicle, places: Mapping[int, GeoPoint]) -> Iterator[Finding]:
     settle, exposure = vehicle.trigger.settle_s, vehicle.trigger.exposure_s
     where = (shot.item, shot.station)
     if shot.late_s > 0.0:
@@ -85,7 +89,7 @@ def _when(shot: Photograph, vehicle: Vehicle, places: dict[int, GeoPoint]) -> It
         yield warning("short-delay", message, *where)
 
 
-def _pose(shot: Photograph, vehicle: Vehicle) -> Iterator[Finding]:
+def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterator[Finding]:
     where = (shot.item, shot.station)
     if shot.heading_deg is None:
         yield error("no-heading", "nothing turns the camera to a heading: it is the autopilot's own", *where)
@@ -99,8 +103,10 @@ def _pose(shot: Photograph, vehicle: Vehicle) -> Iterator[Finding]:
             yield error("pitch-limit", message, *where)
     if shot.place is None:
         yield error("no-place", "where it is taken cannot be said", *where)
-    elif shot.place.height_m < vehicle.min_height_m - 1e-3:
-        message = f"{shot.place.height_m:.2f} m above home is below the vehicle's {vehicle.min_height_m:g} m"
+    elif shot.place.height_m - (ground_m or 0.0) < vehicle.min_height_m - 1e-3:
+        above = "home" if ground_m is None else "its plot's ground"
+        height = shot.place.height_m - (ground_m or 0.0)
+        message = f"{height:.2f} m above {above} is below the vehicle's {vehicle.min_height_m:g} m"
         yield error("too-low", message, *where)
 
 

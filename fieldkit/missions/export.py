@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Pose
+from fieldkit.missions.fit import FitFinding, fit_site, require_fit
 from fieldkit.missions.mission import Fence, GeoPoint, Mission, Shot, Via
-from fieldkit.missions.placement import PlotFrame, SiteFrame, ground_above_home, home_of, place
+from fieldkit.missions.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
 from fieldkit.missions.plan import Plan
+from fieldkit.missions.plot_plants import PlanFacts, plants_on
 from fieldkit.missions.reach import Unreachable, adjusted, require_reachable
 from fieldkit.missions.routing import Flight, Stop, plan_flights
 from fieldkit.missions.site import Site
@@ -44,7 +46,9 @@ class Routed:
         lowest_m: least height of a photograph above its plot's ground.
         plants_m: least distance between a plant and anything that is flown; None where the plan does not say where the
             plants are.
-        plants: (m, 3) of all plots, site frame.
+        plants: (m, 3) of all plots, site frame; as high as they are taken to be there.
+        plants_of: the same by plot.
+        fit: what does not fit on which plot, or is worth knowing; errors are none of it.
     """
 
     flights: tuple[RoutedFlight, ...]
@@ -52,6 +56,8 @@ class Routed:
     lowest_m: float
     plants_m: float | None
     plants: Array
+    plants_of: Mapping[str, Array]
+    fit: tuple[FitFinding, ...] = ()
 
     @property
     def photographs(self) -> int:
@@ -94,11 +100,13 @@ def route_plan(plan: Plan, vehicle: Vehicle, site: Site, *, adjust: bool = False
         seed: of the search for the order of many plots.
 
     Raises:
-        MissionError: a pose is out of reach, a station stands in an obstacle, there is no safe way, or a plot takes
-            more than a battery; stations and plots are named.
+        MissionError: the plan does not fit a plot (see `fieldkit.missions.fit`), a pose is out of reach, a station
+            stands in an obstacle, there is no safe way, or a plot takes more than a battery; stations and plots are
+            named.
         MetadataError: the height of a plot cannot be connected with home's.
     """
     shots = place(plan, site)
+    fit = require_fit(fit_site(plan, site, vehicle.clearance_m))
     moved: tuple[Unreachable, ...] = ()
     if adjust:
         shots, moved = adjusted(shots, site, vehicle)
@@ -121,14 +129,14 @@ def route_plan(plan: Plan, vehicle: Vehicle, site: Site, *, adjust: bool = False
         seed=seed,
     )  # fmt: skip
     plants = _plants(plan, site)
-    ground = {plot.name: ground_above_home(site, plot) for plot in site.plots}
+    heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
     routed = tuple(
         RoutedFlight(_mission(flight, number, len(flights), shots, frame, site, vehicle), flight)
         for number, flight in enumerate(flights, 1)
     )
     return Routed(
-        routed, moved, min(shot.place.height_m - ground[shot.plot] for shot in shots),
-        _nearest(flights, shots, plants) if plants else None, np.concatenate([np.zeros((0, 3)), *plants.values()]),
+        routed, moved, float(heights.min()), _nearest(flights, shots, plants) if plants else None,
+        np.concatenate([np.zeros((0, 3)), *plants.values()]), plants, fit,
     )  # fmt: skip
 
 
@@ -163,13 +171,13 @@ def _fence(site: Site) -> Fence | None:
 
 def _plants(plan: Plan, site: Site) -> dict[str, Array]:
     """(m, 3) points of the plants in the site frame, by plot; none where the plan does not say where they are."""
-    if plan.plants is None or not plan.plants.points_m:
-        return {}
-    frame = SiteFrame(site.home)
-    return {
-        plot.name: frame.to_local(*PlotFrame.of(site, plot).to_geodetic(np.array(plan.plants.points_m)))
-        for plot in site.plots
-    }
+    frame, facts = SiteFrame(site.home), PlanFacts(plan)
+    found = {}
+    for plot in site.plots:
+        plants = plants_on(facts, plot)
+        if plants is not None:
+            found[plot.name] = frame.to_local(*PlotFrame.of(site, plot).to_geodetic(plants.points))
+    return found
 
 
 def _nearest(flights: Sequence[Flight], shots: Sequence[Shot], plants: dict[str, Array]) -> float:

@@ -112,9 +112,10 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     outlines = [np.array(frame.outline(corners)) for corners in site.fence]
     outlines += [np.array(volume.footprint) for volume in site_obstacles(site, 0.0).volumes]
     title = f"{site.name}: {routed.photographs} photographs, {routed.length_m:.0f} m, {routed.time_s / 60:.0f} min"
+    first = routed.flights[0].mission.shots[0].plot
     figure = draw_mission(
         title, routed.legs(), routed.cameras(site), vehicle.camera.intrinsics, Cloud(routed.plants),
-        outlines, near=_of_first_plot(routed),
+        outlines, near=_of_first_plot(routed), near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
     )  # fmt: skip
     return png(figure)
 

@@ -13,6 +13,13 @@ of ellipsoidal heights. Two frames follow from that:
 Horizontal scale grows with height by 1.6·10⁻⁷ per metre. Where home says its height above the ellipsoid all is exact;
 the height above sea level, taken in its place, is off by up to 110 m: 2 mm over 100 m, nothing over a plot.
 
+Slopes. Where a plot's ground rises by g along x and h along y, everything of the plan is sheared upright: a point at
+(x, y, z) comes to (x, y, z + g·x + h·y). Plants on a slope grow upright and stand on it, so this is where they are, and
+a station keeps its place in the plan, its height above the ground below it, and its heading. The optical axis is
+sheared alike: the pitch turns by at most the slope's angle, and the camera looks at the same place of the same plant.
+Turning the rig as one piece with the ground would lay it over to one side of upright plants, and take a roll that
+gimbals do not have. docs/vehicles-and-sites.md says what each way scores.
+
 Headings. A plan's yaw is measured clockwise from the plot frame's y axis; ``row_heading_deg`` of the site's plot is the
 compass heading of its x axis, and is all that turns it. The plan's own ``row_heading_deg`` says how the plot lay that
 the plan was made on, so it is not added: to fly that plot again, its site file says the same heading.
@@ -21,7 +28,7 @@ the plan was made on, so it is not added: to fly that plot again, its site file 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +39,7 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.mission import GeoPoint, Home, Shot
 from fieldkit.missions.plan import Plan
 from fieldkit.missions.site import Site, SiteHome, SitePlot
+from fieldkit.missions.terrain import LEVEL, Gradient
 
 MAX_SHOTS = 100_000
 FARTHEST_STATION_M = 10_000.0
@@ -96,17 +104,19 @@ class SiteFrame:
 
 @dataclass(frozen=True)
 class PlotFrame:
-    """A plan's frame on one plot: x along the row, y to its left, z above the ground at the plot's origin.
+    """A plan's frame on one plot: x along the row, y to its left, z above the plot's ground.
 
     Attributes:
         tangent: east-north-up at the origin.
         ground_m: height of the origin above home.
         row_heading_deg: compass heading of x.
+        gradient: rise of the ground per metre along x and y.
     """
 
     tangent: LocalFrame
     ground_m: float
     row_heading_deg: float
+    gradient: Gradient = LEVEL
 
     @classmethod
     def of(cls, site: Site, plot: SitePlot) -> PlotFrame:
@@ -117,18 +127,56 @@ class PlotFrame:
         """
         ground = ground_above_home(site, plot)
         tangent = LocalFrame(plot.latitude_deg, plot.longitude_deg, _altitude(site.home) + ground)
-        return cls(tangent, ground, plot.row_heading_deg)
+        return cls(tangent, ground, plot.row_heading_deg, plot.gradient)
 
     def to_geodetic(self, points: ArrayLike) -> Geodetic:
         """(n, 3) or (3,) metres of the plot frame to latitudes, longitudes and heights above home."""
-        plot = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        plot = self.upright(points)
         latitude, longitude, altitude = self.tangent.to_geodetic(plot @ self._enu_from_plot.T)
         return latitude, longitude, altitude - self.tangent.altitude_m + self.ground_m
 
     def to_plot(self, latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike) -> Array:
         """Degrees, degrees and metres above home, scalars or (n,), to (n, 3) metres of the plot frame."""
         altitude = np.asarray(height_m, dtype=np.float64) - self.ground_m + self.tangent.altitude_m
-        return self.tangent.to_local(latitude_deg, longitude_deg, altitude) @ self._enu_from_plot
+        plot = self.tangent.to_local(latitude_deg, longitude_deg, altitude) @ self._enu_from_plot
+        if self.gradient != LEVEL:
+            plot[:, 2] -= self.rise_m(plot)
+        return plot
+
+    def rise_m(self, points: ArrayLike) -> Array:
+        """(n,) height of the ground below points (n, 3) or (n, 2) above that at the origin; 0 on a level plot."""
+        plot = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        rise: Array = self.gradient[0] * plot[:, 0] + self.gradient[1] * plot[:, 1]
+        return rise
+
+    def upright(self, points: ArrayLike) -> Array:
+        """(n, 3) points (n, 3) or (3,) of the plot frame with z above the ground at the origin."""
+        plot = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        if self.gradient == LEVEL:
+            return plot
+        return np.column_stack([plot[:, :2], plot[:, 2] + self.rise_m(plot)])
+
+    @property
+    def level(self) -> PlotFrame:
+        """The frame with z above the ground at the origin, in which what `upright` gives is put on Earth."""
+        return replace(self, gradient=LEVEL)
+
+    def pitches(self, yaw_deg: ArrayLike, pitch_deg: ArrayLike) -> Array:
+        """(n,) pitches on the slope of cameras with yaws and pitches in the plot frame; as they are on a level plot."""
+        return self._pitches(yaw_deg, pitch_deg, 1.0)
+
+    def planned_pitches(self, yaw_deg: ArrayLike, pitch_deg: ArrayLike) -> Array:
+        """(n,) pitches in the plot frame of cameras with yaws there and pitches on the slope: reverse of `pitches`."""
+        return self._pitches(yaw_deg, pitch_deg, -1.0)
+
+    def _pitches(self, yaw_deg: ArrayLike, pitch_deg: ArrayLike, sign: float) -> Array:
+        pitch = np.atleast_1d(np.asarray(pitch_deg, dtype=np.float64))
+        if self.gradient == LEVEL:
+            return pitch
+        yaw, down = np.radians(np.atleast_1d(np.asarray(yaw_deg, dtype=np.float64))), np.radians(pitch)
+        ahead = np.sin(yaw) * self.gradient[0] + np.cos(yaw) * self.gradient[1]
+        turned: Array = np.degrees(np.arctan2(np.sin(down) + sign * ahead * np.cos(down), np.cos(down)))
+        return turned
 
     def headings(self, points: ArrayLike, yaw_deg: ArrayLike) -> Array:
         """(n,) true headings, in [0, 360), of yaws in the plot frame at places in it, (n, 3).
@@ -157,7 +205,8 @@ class PlotFrame:
 def place(plan: Plan, site: Site) -> tuple[Shot, ...]:
     """A plan's stations on all plots of a site, in the plots' order.
 
-    Pitch is kept: within a plot the plumb line turns by less than 10⁻⁵ degrees a metre.
+    On a level plot pitch is kept: within a plot the plumb line turns by less than 10⁻⁵ degrees a metre. On a slope it
+    turns so that the camera looks at the same place of the ground, see above.
 
     Raises:
         MetadataError: the height of a plot cannot be connected with home's.
@@ -185,8 +234,11 @@ def place(plan: Plan, site: Site) -> tuple[Shot, ...]:
         frame = PlotFrame.of(site, plot)
         places = _geo_points(frame.to_geodetic(positions))
         headings = frame.headings(positions, yaws).tolist()
-        for index, station in enumerate(plan.stations):
-            shots.append(Shot(places[index], headings[index], station.pitch_deg, plot.name, index))
+        pitches = frame.pitches(yaws, [station.pitch_deg for station in plan.stations]).tolist()
+        shots += [
+            Shot(where, heading, pitch, plot.name, index)
+            for index, (where, heading, pitch) in enumerate(zip(places, headings, pitches, strict=True))
+        ]
     return tuple(shots)
 
 
@@ -200,6 +252,24 @@ def ground_above_home(site: Site, plot: SitePlot) -> float:
         return site.ground_m(plot)
     except ValueError as error:
         raise MetadataError(str(error), remedy="Add it to [home] in the site file.") from error
+
+
+def grounds_m(site: Site, shots: Sequence[Shot]) -> Array:
+    """(n,) heights above home of the ground below photographs.
+
+    Raises:
+        KeyError: one is of a plot that the site does not have.
+        MetadataError: home's height above a plot's datum is not known.
+    """
+    frames = {plot.name: PlotFrame.of(site, plot) for plot in site.plots}
+    found = np.array([frames[shot.plot].ground_m for shot in shots], dtype=np.float64)
+    for name, frame in frames.items():
+        rows = [k for k, shot in enumerate(shots) if shot.plot == name] if frame.gradient != LEVEL else []
+        if rows:
+            places = [shots[k].place for k in rows]
+            table = np.array([(p.latitude_deg, p.longitude_deg, p.height_m) for p in places])
+            found[rows] += frame.rise_m(frame.to_plot(table[:, 0], table[:, 1], table[:, 2]))
+    return found
 
 
 def _altitude(home: SiteHome) -> float:

@@ -31,6 +31,15 @@ class PlotShape:
     side_deg: float
     sides_m: tuple[float, float]
 
+    def along_m(self, heading_deg: float) -> tuple[float, float]:
+        """Length and width of that rectangle for a plot whose x axis points to a heading.
+
+        The length is that of the side which is nearer to the heading.
+        """
+        off = abs(heading_near(self.side_deg, heading_deg) - heading_deg % 360.0)
+        long, short = self.sides_m
+        return (long, short) if min(off, 360.0 - off) <= 45.0 else (short, long)
+
     @property
     def nearly_square(self) -> bool:
         """Whether the longer side is less than 5 % longer, so that the drawing decides which one it is."""

@@ -20,7 +20,7 @@ from scipy.spatial import KDTree
 from fieldkit.errors import MissionError
 from fieldkit.geometry import Pose
 from fieldkit.missions.mission import Shot
-from fieldkit.missions.placement import SiteFrame, ground_above_home
+from fieldkit.missions.placement import SiteFrame, grounds_m
 from fieldkit.missions.site import Site
 from fieldkit.missions.vehicle import Vehicle
 
@@ -59,19 +59,20 @@ def unreachable(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> tuple[Un
 
     Args:
         shots: on the site's plots, as `place` gives them.
-        site: whose plots say where the ground is.
+        site: whose plots say where the ground is, on slopes that below each station.
         vehicle: its mount and least height.
 
     Raises:
         MissionError: a shot is of a plot that the site does not have, or its pose is not finite.
         MetadataError: the height of a plot cannot be connected with home's.
     """
-    ground = {plot.name: ground_above_home(site, plot) for plot in site.plots}
-    found = []
+    known = {plot.name for plot in site.plots}
     for shot in shots:
-        if shot.plot not in ground:
+        if shot.plot not in known:
             raise MissionError(f"{shot.name}: the site has no plot of that name", remedy="Place the plan on this site.")
-        problem = _problem(shot, ground[shot.plot], vehicle)
+    found = []
+    for shot, ground in zip(shots, grounds_m(site, shots).tolist(), strict=True):
+        problem = _problem(shot, ground, vehicle)
         if problem is not None:
             found.append(problem)
     return tuple(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.plan import Strict
+from fieldkit.missions.terrain import STEEPEST_PERCENT, Gradient, gradient, with_plane
 from fieldkit.missions.vehicle import Positive
 
 Datum = Literal["home", "amsl", "ellipsoid"]
@@ -39,6 +40,10 @@ Latitude = Annotated[float, Field(ge=-90, le=90)]
 Longitude = Annotated[float, Field(ge=-180, le=180)]
 Heading = Annotated[float, Field(ge=-360, le=360)]
 Height = Annotated[float, Field(ge=-1000, le=10_000)]
+Side = Annotated[float, Field(ge=0.1, le=1000)]
+PlantHeight = Annotated[float, Field(ge=0, le=20)]
+RowSpacing = Annotated[float, Field(ge=0.05, le=10)]
+Slope = Annotated[float, Field(ge=0, le=STEEPEST_PERCENT)]
 Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_printable)]
 Polygon = Annotated[
     tuple[tuple[Latitude, Longitude], ...], Field(min_length=3, max_length=20_000), AfterValidator(_open_ring)
@@ -72,7 +77,11 @@ class SiteHome(Strict):
 
 
 class SitePlot(Strict):
-    """Where a plot's frame lies: the plan's origin and its axes."""
+    """Where a plot's frame lies: the plan's origin and its axes, its ground, and what is known of what grows there.
+
+    A file may give ``slope_deg`` in place of ``slope_percent``, or ``ground_points``, three of latitude, longitude and
+    height above ``datum``, in place of slope and ``height_m``; see `fieldkit.missions.terrain`.
+    """
 
     name: Name = "plot"
     latitude_deg: Latitude
@@ -83,6 +92,44 @@ class SitePlot(Strict):
     """What that height is above."""
     row_heading_deg: Heading = 90.0
     """Compass heading of the plot frame's x axis: 90 where x is east."""
+    slope_percent: Slope = 0.0
+    """Rise of the ground per 100 m, towards ``uphill_heading_deg``; against the ground of the plan's own plot."""
+    uphill_heading_deg: Heading | None = None
+    """Compass heading of steepest ascent."""
+    length_m: Side | None = None
+    """Of the plot, along x and about its origin."""
+    width_m: Side | None = None
+    """Across."""
+    plant_height_m: PlantHeight | None = None
+    """Of the highest plants above the ground."""
+    row_spacing_m: RowSpacing | None = None
+    """From row to row."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _ground(cls, values: Any) -> Any:
+        return with_plane(values) if isinstance(values, dict) else values
+
+    @model_validator(mode="after")
+    def _slope_and_size(self) -> Self:
+        if self.slope_percent > 0.0 and self.uphill_heading_deg is None:
+            raise ValueError(
+                f"rises by {self.slope_percent:g} %, but where to? Give uphill_heading_deg, the compass heading of "
+                "steepest ascent"
+            )
+        if (self.length_m is None) != (self.width_m is None):
+            raise ValueError("length_m and width_m belong together; one is missing")
+        return self
+
+    @property
+    def gradient(self) -> Gradient:
+        """Rise of the ground per metre along x and y of the plot frame."""
+        return gradient(self.slope_percent, self.uphill_heading_deg, self.row_heading_deg)
+
+    @property
+    def size_m(self) -> tuple[float, float] | None:
+        """Length along x and width; None where nobody said."""
+        return None if self.length_m is None or self.width_m is None else (self.length_m, self.width_m)
 
     @model_validator(mode="after")
     def _height_has_a_datum(self) -> Self:

@@ -20,7 +20,7 @@ from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
 from fieldkit.missions.geojson import Feature, read_features
 from fieldkit.missions.plot_shapes import heading_near, plot_shape
 from fieldkit.missions.site import Site, SiteHome, SitePlot
-from fieldkit.missions.toml_file import read_toml, sentence, validated_toml
+from fieldkit.missions.toml_file import read_versioned, sentence, validated_toml
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
@@ -29,6 +29,10 @@ _EARTH_M = 6_371_000.0
 _REMEDY = "missions/README.md lists the keys of a site file."
 _PLOTS_REMEDY = "missions/README.md says what a plots file holds."
 _ORDER = "A site file gives the latitude first, GeoJSON the longitude."
+_AS_THEY_ARE = (
+    "height_m", "datum", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m"
+)  # fmt: skip
+_SIDES_M = (0.1, 1000.0)
 _NO_PLOTS = 'Give it [[plots]], or plots = "plots.geojson"; --plots takes such a file, too.'
 
 
@@ -48,7 +52,7 @@ def load_site(path: Path, plots: Path | None = None) -> Site:
             `FARTHEST_M` from home.
     """
     path = Path(path)
-    document = read_toml(path, "site file", _REMEDY, _MAX_BYTES)
+    document = read_versioned(path, "site file", _REMEDY, _MAX_BYTES)
     document.setdefault("name", path.stem)
     own = document.get("plots")
     if plots is None and isinstance(own, str):
@@ -75,7 +79,8 @@ def load_plots(path: Path) -> tuple[SitePlot, ...]:
     Of a polygon the origin is the centroid, and x points along the longer side of its least rectangle (see
     `plot_shape`), unless its ``row_heading_deg`` says otherwise. Of the two directions of that side the first polygon
     takes the one from 315° over north to 135°, and all others the one nearer to the first's, so that no plot of a field
-    lies the other way round.
+    lies the other way round. That rectangle's sides are the plot's length and width, unless ``length_m`` and
+    ``width_m`` are given.
 
     Raises:
         MetadataError: as `read_features`; a property is wrong, a point has no heading, a polygon is nearly square and
@@ -139,6 +144,7 @@ def _plot(feature: Feature, towards: float | None) -> tuple[SitePlot, bool]:
     latitude, longitude = ring[0]
     heading = given.get("row_heading_deg")
     from_shape = feature.kind == "Polygon" and heading is None
+    shape = None
     if feature.kind == "Polygon":
         shape = plot_shape(ring)
         latitude, longitude = shape.latitude_deg, shape.longitude_deg
@@ -162,8 +168,23 @@ def _plot(feature: Feature, towards: float | None) -> tuple[SitePlot, bool]:
         "longitude_deg": longitude,
         "row_heading_deg": heading,
     }
-    values |= {key: given[key] for key in ("height_m", "datum") if key in given}
+    values |= {key: given[key] for key in _AS_THEY_ARE if key in given}
+    if "ground_points" in given:
+        values["ground_points"] = _latitude_first(given["ground_points"])
+    if "length_m" in given or "width_m" in given:
+        values |= {key: given[key] for key in ("length_m", "width_m") if key in given}
+    elif shape is not None and isinstance(heading, int | float) and abs(heading) <= 360:
+        length, width = shape.along_m(float(heading))
+        if _SIDES_M[0] <= width <= _SIDES_M[1] and _SIDES_M[0] <= length <= _SIDES_M[1]:
+            values |= {"length_m": length, "width_m": width}
     return SitePlot.model_validate(values), from_shape
+
+
+def _latitude_first(points: Any) -> Any:
+    """GeoJSON's positions [longitude, latitude, height] as a site file has them; anything else as it is."""
+    if not isinstance(points, list):
+        return points
+    return [[p[1], p[0], *p[2:]] if isinstance(p, list) and len(p) > 1 else p for p in points]
 
 
 def _bad_plot(feature: Feature, problem: str, path: Path) -> MetadataError:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Finding, find_mask, quality_findings, read_image
@@ -37,6 +38,7 @@ from fieldkit.reconstruction.stages import load_quality
 _MIN_DENSE_VIEWS = 2
 _CLEARANCE_RMS = 3.0
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
+Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
 _VIEWS_VERSION = 1  # part of the views' keys: raised when preparing them changes its results
 
 
@@ -51,6 +53,9 @@ class KnownPlot:
         calibrated: intrinsics by camera group key.
         region: what the cameras look at, for prior mapping; None finds it from each capture's own cameras. A search
             gives one for all its sets of views, so that pairs are matched once; see `map_capture`.
+        settle: where the place on the ground is known but not its height: from the sparse points (n, 3) and the poses,
+            both in the frame of ``source``, the rigid motion into the plot frame and the ground there, which then takes
+            the place of ``ground``.
     """
 
     source: SourceFrame
@@ -58,6 +63,7 @@ class KnownPlot:
     ground: Plane | None
     calibrated: Mapping[str, Intrinsics] = field(default_factory=dict)
     region: Region | None = None
+    settle: Settle | None = None
 
 
 def reconstruct(
@@ -205,7 +211,9 @@ def _frame(
     source = known.frame if mapped.metric else None
     to_working = source.from_source if source is not None else Similarity.identity()
     upright = source is not None and source.georeferenced
-    if known_plot is not None:
+    if known_plot is not None and known_plot.settle is not None and poses:
+        motion, ground = known_plot.settle(points, poses)
+    elif known_plot is not None:
         ground = known_plot.ground
         motion = Similarity.identity()
     else:

@@ -29,8 +29,11 @@ def draw_mission(
     outlines: Sequence[Array] = (),
     *,
     near: int | None = None,
+    near_plants: Cloud | None = None,
 ) -> Figure:
     """A flight about the plants: all of it from above, and its first plot from above and from the front.
+
+    From the front only what is of the first plot is drawn: other plots lie before and behind it.
 
     Args:
         title: of the figure.
@@ -39,32 +42,37 @@ def draw_mission(
         camera: whose frusta are drawn.
         plants: in the same frame; may be empty.
         outlines: (k, 2) each: fences, zones and obstacles from above.
-        near: how many of the cameras are the first plot's; all unless given.
+        near: how many of the cameras are the first plot's, the first ones; all unless given.
+        near_plants: of that plot; those of ``plants`` about its cameras unless given.
     """
     centers = np.array([pose.center for pose in cameras])
     first = centers[:near]
     spread = float(np.linalg.norm(np.ptp(first, axis=0)))
     depth = max(_SHARE * spread, 0.05)
     frusta = [frustum(pose, camera, depth) for pose in cameras]
-    low, high = first.min(axis=0) - 0.3 * spread, first.max(axis=0) + 0.3 * spread
-    beside = ((plants.points >= low) & (plants.points <= high)).all(axis=1)
-    close = np.concatenate([*frusta[:near], plants.points[beside]])
+    low, high = first[:, :2].min(axis=0) - 0.3 * spread, first[:, :2].max(axis=0) + 0.3 * spread
+    beside = ((plants.points[:, :2] >= low) & (plants.points[:, :2] <= high)).all(axis=1)
+    if near_plants is None:
+        near_plants = plants if near is None else plants.select(beside)
+    close = np.concatenate([*frusta[:near], near_plants.points])
     whole = np.concatenate([*legs, *frusta, plants.points])
     names = ("All of it from above", "The first plot from above", "The first plot from the front")
     figure, views = view_row(title, [(TOP, whole), (TOP, close), (FRONT, close)], names=names)
     for direction, axes, window in views:
-        if len(plants):
-            draw_cloud(axes, plants.points, colors_or_grey(plants.points, plants.colors), direction, window)
+        beyond = direction is not FRONT
+        shown = plants if beyond else near_plants
+        if len(shown):
+            draw_cloud(axes, shown.points, colors_or_grey(shown.points, shown.colors), direction, window)
         if direction is TOP:
             for outline in outlines:
                 axes.plot(
                     *np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2, scalex=False,
                     scaley=False,
                 )  # fmt: skip
-        for leg in legs:
+        for leg in legs if beyond or near is None else legs[: near + 1]:
             axes.plot(leg[:, direction.right], leg[:, direction.up], color=_LEG, linewidth=0.9, alpha=0.8, zorder=3)
         closer = axes is not figure.axes[0]
-        for number, corners in enumerate(frusta, 1):
+        for number, corners in enumerate(frusta if beyond else frusta[:near], 1):
             _draw_frustum(axes, corners, direction)
             x, y = direction.flat(corners[0])
             if closer and window.left < x < window.right and window.bottom < y < window.top:

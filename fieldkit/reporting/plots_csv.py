@@ -7,7 +7,7 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from fieldkit.evaluation.schema import EvaluationReport, PlotEvaluation, distance_key
+from fieldkit.evaluation.schema import EvaluationReport, PlantEntry, PlotEvaluation, PredictionEntry, distance_key
 from fieldkit.files import write_atomic
 
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
@@ -29,7 +29,7 @@ def plots_csv(report: EvaluationReport) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(column_names(distances))
     for plot in report.plots:
-        writer.writerow([_cell(value) for value in _row(plot, distances)])
+        writer.writerow([csv_cell(value) for value in _row(plot, distances)])
     return text.getvalue()
 
 
@@ -41,6 +41,8 @@ def column_names(distances: Sequence[str]) -> list[str]:
         "chamfer_m", "accuracy_m", "completeness_m", *scores,
         "points", "gsd_m", "features_per_image", "reprojection_px", "track_length", "points_per_plant_voxel",
         "correction_m", "correction_deg", "correction_scale", "correction_rms_m", "seconds", "cpu_seconds", "error",
+        "height_m", "height_max_m", "cover", "covered_m2", "area_m2", "hull_m3",
+        "predicted_chamfer_m", "predicted_low_m", "predicted_high_m", "no_prediction",
     ]  # fmt: skip
 
 
@@ -59,11 +61,26 @@ def _row(plot: PlotEvaluation, distances: Sequence[str]) -> list[object]:
         plot.metric, plot.pose_rms_m, plot.chamfer_m, plot.accuracy_m, plot.completeness_m, *scores,
         plot.points, plot.gsd_m, plot.features_per_image, plot.reprojection_px, plot.track_length,
         plot.points_per_plant_voxel, *correction, plot.seconds, plot.cpu_seconds,
-        None if plot.error is None else plot.error.message,
+        None if plot.error is None else plot.error.message, *_plants(plot.plants), *_prediction(plot.prediction),
     ]  # fmt: skip
 
 
-def _cell(value: object) -> str:
+def _plants(plants: PlantEntry | None) -> list[object]:
+    if plants is None:
+        return [None] * 6
+    return [
+        plants.height_m, plants.height_max_m, plants.cover, plants.covered_m2, plants.area_m2, plants.hull_m3,
+    ]  # fmt: skip
+
+
+def _prediction(prediction: PredictionEntry | None) -> list[object]:
+    if prediction is None:
+        return [None] * 4
+    return [prediction.chamfer_m, prediction.low_m, prediction.high_m, prediction.reason]
+
+
+def csv_cell(value: object) -> str:
+    """A value as a cell's text; texts that a spreadsheet would take for a formula have a quote before them."""
     match value:
         case None:
             return ""

@@ -10,7 +10,9 @@ from rich.table import Table
 from fieldkit.evaluation.schema import (
     EvaluationReport,
     FindingEntry,
+    PlantEntry,
     PlotEvaluation,
+    PredictionEntry,
     ReconstructionEntry,
     ReferenceReport,
 )
@@ -55,6 +57,9 @@ def evaluation_tables(report: EvaluationReport) -> Iterator[Table]:
         yield from quality_tables(report.plots[0])
     elif plots:
         yield _scores(report, plots) if report.reference_sha256 else _reference_free(plots)
+        if any(plot.plants is not None or plot.prediction is not None for plot in plots):
+            yield _plant_figures(plots)
+        yield from _unpredicted(plots)
     reasons = [(plot.name, reason, count) for plot in plots for reason, count in plot.unregistered.items()]
     if reasons and len(report.plots) > 1:
         rows = table("Photographs that do not count", "plot", "why", "photographs>")
@@ -105,7 +110,7 @@ def quality_rows(report: ReconstructionEntry) -> list[tuple[str, str]]:
     if report.dense is not None:
         rows.append(("dense stereo", f"{report.dense.fidelity} on {report.dense.backend}, mask {report.dense.mask}"))
     if isinstance(report, PlotEvaluation):
-        rows += _score_rows(report)
+        rows += _plant_rows(report.plants) + _score_rows(report) + _prediction_rows(report.prediction)
     return rows
 
 
@@ -132,6 +137,28 @@ def _plants(report: ReconstructionEntry) -> str:
     if report.points_per_plant_voxel is None:
         return text
     return f"{text}, {report.points_per_plant_voxel:.1f} per {format_length(report.plant_voxel_m)} voxel"
+
+
+def _plant_rows(plants: PlantEntry | None) -> list[tuple[str, str]]:
+    if plants is None:
+        return []
+    rows = []
+    if plants.height_m is not None:
+        height = f"{format_length(plants.height_m)} (95 %), highest {format_length(plants.height_max_m)}"
+        rows.append(("plant height", height))
+    covered = f"{100 * plants.cover:.0f} % of {plants.area_m2:.2f} m²: {plants.covered_m2:.3f} m²"
+    rows.append(("ground cover", f"{covered} (cells of {format_length(plants.cell_m)})"))
+    rows.append(("plants' hull", f"{plants.hull_m3:.3f} m³"))
+    return rows
+
+
+def _prediction_rows(prediction: PredictionEntry | None) -> list[tuple[str, str]]:
+    if prediction is None:
+        return []
+    if prediction.chamfer_m is None:
+        return [("predicted chamfer", f"none: {prediction.reason}")]
+    between = f"{format_length(prediction.low_m)} to {format_length(prediction.high_m)}"
+    return [("predicted chamfer", f"{format_length(prediction.chamfer_m)}; nine in ten plots {between}")]
 
 
 def _score_rows(plot: PlotEvaluation) -> list[tuple[str, str]]:
@@ -186,6 +213,34 @@ def _reference_free(plots: list[PlotEvaluation]) -> Table:
             _millimetres(plot.gsd_m if plot.metric else None),
         )
     return rows
+
+
+def _plant_figures(plots: list[PlotEvaluation]) -> Table:
+    rows = _narrow(
+        "Plants; predicted chamfer distance in mm", "plot", "height m>", "cover %>", "hull m³>", "predicted>",
+        "nine in ten>",
+    )  # fmt: skip
+    for plot in plots:
+        plants, prediction = plot.plants, plot.prediction
+        cells = ["–"] * 3
+        if plants is not None:
+            cells = [format_number(plants.height_m), f"{100 * plants.cover:.0f}", format_number(plants.hull_m3, 3)]
+        predicted = ["–", "–"]
+        if prediction is not None and prediction.chamfer_m is not None:
+            interval = f"{_millimetres(prediction.low_m)}–{_millimetres(prediction.high_m)}"
+            predicted = [_millimetres(prediction.chamfer_m), interval]
+        rows.add_row(escape(plot.name), *cells, *predicted)
+    return rows
+
+
+def _unpredicted(plots: list[PlotEvaluation]) -> Iterator[Table]:
+    found = [(plot.name, p.reason) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is None]
+    if found:
+        rows = table("No prediction", "plot", "why")
+        for name, reason in found[:_MOST_ROWS]:
+            rows.add_row(escape(name), escape(reason))
+        _and_more(rows, len(found))
+        yield rows
 
 
 def _narrow(title: str, *columns: str) -> Table:

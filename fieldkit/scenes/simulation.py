@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -144,29 +145,35 @@ def wind_sway(strength_m: float, seed: int) -> Sway | None:
 def ring_about(count: int, radius_m: float | None = None, height_m: float | None = None) -> Stations:
     """``count`` stations on a circle about the plants, looking at their middle.
 
-    Where no radius or height is given, 35° above the horizon and so far away that the plants fill the image.
+    Where no radius or height is given, 35° above the horizon and so far away that the plants fill the image. The result
+    can be pickled.
     """
-
-    def stations(scene: Scene, intrinsics: Intrinsics) -> list[Pose]:
-        target, distance = _view(scene, intrinsics)
-        pitch = np.radians(_RING_PITCH_DEG)
-        radius = distance * float(np.cos(pitch)) if radius_m is None else radius_m
-        height = float(target[2]) + distance * float(np.sin(pitch)) if height_m is None else height_m
-        return ring(count, radius, height, target)
-
-    return stations
+    return partial(_ring, count=count, radius_m=radius_m, height_m=height_m)
 
 
 def dense_about(count: int) -> Stations:
-    """``count`` stations on three circles about the plants, for a reference: 18°, 38° and 60° above the horizon."""
+    """``count`` stations on three circles about the plants, for a reference: 18°, 38° and 60° above the horizon.
 
-    def stations(scene: Scene, intrinsics: Intrinsics) -> list[Pose]:
-        target, distance = _view(scene, intrinsics)
-        heights = tuple(float(target[2] + distance * np.sin(np.radians(pitch))) for pitch in _DENSE_PITCHES_DEG)
-        radius = distance * float(np.cos(np.radians(_DENSE_PITCHES_DEG[1])))
-        return dense_rig(count, target, radius_m=radius, heights_m=heights)
+    The result can be pickled.
+    """
+    return partial(_dense, count=count)
 
-    return stations
+
+def _ring(
+    scene: Scene, intrinsics: Intrinsics, *, count: int, radius_m: float | None, height_m: float | None
+) -> list[Pose]:
+    target, distance = _view(scene, intrinsics)
+    pitch = np.radians(_RING_PITCH_DEG)
+    radius = distance * float(np.cos(pitch)) if radius_m is None else radius_m
+    height = float(target[2]) + distance * float(np.sin(pitch)) if height_m is None else height_m
+    return ring(count, radius, height, target)
+
+
+def _dense(scene: Scene, intrinsics: Intrinsics, *, count: int) -> list[Pose]:
+    target, distance = _view(scene, intrinsics)
+    heights = tuple(float(target[2] + distance * np.sin(np.radians(pitch))) for pitch in _DENSE_PITCHES_DEG)
+    radius = distance * float(np.cos(np.radians(_DENSE_PITCHES_DEG[1])))
+    return dense_rig(count, target, radius_m=radius, heights_m=heights)
 
 
 def poses_from_csv(path: Path) -> list[Pose]:

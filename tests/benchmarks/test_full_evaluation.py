@@ -15,20 +15,27 @@ from fieldkit.geometry import Similarity
 from fieldkit.progress import Silent
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
-from fieldkit.scenes.demo import write_demo_captures
+from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import RenderingError
+from fieldkit.scenes.scene_file import read_scene
+from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.scenes.simulation import ring_about, simulate
 
 
 @pytest.fixture(scope="module")
 def few(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    folder = tmp_path_factory.mktemp("demo")
     try:
-        captures = write_demo_captures(tmp_path_factory.mktemp("demo"))
+        simulate(
+            read_scene(find_scene("demo")), ring_about(10), folder / "few", noise=CaptureNoise(0.010, 1.0),
+            truth_cloud=folder / "truth.ply",
+        )  # fmt: skip
     except RenderingError as error:
         pytest.skip(f"no picture can be rendered here: {error}")
-    truth = read_cloud(captures.truth / "reference.ply")
+    truth = read_cloud(folder / "truth.ply")
     volume = Volume.around(truth.points, margin_m=0.03)
     plot = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), volume, None)
-    return Case("demo", captures.few, plot, truth)
+    return Case("demo", folder / "few", plot, truth)
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fieldkit.benchmarks import engine
+from fieldkit.benchmarks.campaign import STUDIES as CAMPAIGN_STUDIES
 from fieldkit.benchmarks.cloud_scores import leaves, run_clouds
 from fieldkit.benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
 from fieldkit.benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
@@ -181,7 +182,7 @@ def test_camera_toml_reads_back(tmp_path: Path) -> None:
 
 class TestEngine:
     def test_the_command_knows_every_study(self) -> None:
-        suites = (STUDIES, OBJECTIVE_STUDIES, PLANNER_STUDIES, MISSION_STUDIES)
+        suites = (STUDIES, OBJECTIVE_STUDIES, PLANNER_STUDIES, MISSION_STUDIES, CAMPAIGN_STUDIES)
         assert {study.value for study in Study} == {name for suite in suites for name in suite}
         assert set(SPEED) < set(STUDIES)
 

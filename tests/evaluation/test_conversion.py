@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from fieldkit.clouds import Cloud, score
 from fieldkit.errors import CaptureError, ReconstructionError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
 from fieldkit.evaluation.figures import known_centers, points_per_voxel
-from fieldkit.evaluation.schema import distance_key
+from fieldkit.evaluation.schema import PlotEvaluation, distance_key
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from tests.evaluation.examples import INTRINSICS, ORIGIN, plant_cloud, reconstruction, ring
@@ -173,3 +174,47 @@ def test_distance_keys_lose_nothing(distance: float) -> None:
 def test_no_distance(distance: float) -> None:
     with pytest.raises(ValueError, match="positive"):
         distance_key(distance)
+
+
+class TestPlants:
+    def test_figures(self) -> None:
+        plants = plot_evaluation("p", reconstruction(), SETTINGS, score=None, seconds=1, cpu_seconds=1).plants
+        assert plants is not None
+        assert plants.height_m is not None
+        assert plants.height_max_m is not None
+        assert plants.height_max_m == pytest.approx(0.4, abs=0.01)
+        assert 0.25 < plants.height_m < plants.height_max_m
+        assert plants.covered_m2 == pytest.approx(plants.cover * plants.area_m2)
+        assert 0.0 < plants.hull_m3 < 0.4 * 0.4 * 0.4
+        assert plants.voxel_m == 0.01
+
+    def test_neither_without_a_scale(self) -> None:
+        plot = plot_evaluation("p", reconstruction(metric=False), SETTINGS, score=None, seconds=1, cpu_seconds=1)
+        assert plot.plants is None
+        assert plot.prediction is not None
+        assert plot.prediction.chamfer_m is None
+        assert "scale" in plot.prediction.reason
+
+    def test_a_prediction_only_without_a_reference(self) -> None:
+        result = reconstruction()
+        against = plot_evaluation(
+            "p", result, SETTINGS, score=score(plant_cloud(seed=1), result.plants), seconds=1, cpu_seconds=1
+        )
+        alone = plot_evaluation("p", result, SETTINGS, score=None, seconds=1, cpu_seconds=1)
+        assert against.prediction is None
+        assert alone.prediction is not None
+        # Half a metre wide, on a ring of 0.6 m: nothing like the plots of the fit.
+        assert (alone.prediction.chamfer_m is None) == bool(alone.prediction.reason)
+
+    def test_failed_plots_have_neither(self) -> None:
+        plot = failed_plot("p", CaptureError("no photographs"), seconds=0, cpu_seconds=0)
+        assert (plot.plants, plot.prediction) == (None, None)
+
+    def test_older_files_are_read(self) -> None:
+        """evaluation.json had neither."""
+        plot = plot_evaluation("p", reconstruction(), SETTINGS, score=None, seconds=1, cpu_seconds=1)
+        document = json.loads(plot.model_dump_json())
+        del document["plants"], document["prediction"]
+        read = PlotEvaluation.model_validate_json(json.dumps(document))
+        assert (read.plants, read.prediction) == (None, None)
+        assert read.points == plot.points

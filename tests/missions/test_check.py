@@ -259,6 +259,19 @@ def test_against_a_plan() -> None:
     assert report.deviations[1].heading_deg == pytest.approx(-2.0)
 
 
+def test_the_least_height_is_above_the_plots_own_ground() -> None:
+    shots = small_mission().shots
+    low = tuple(replace(shot, place=replace(shot.place, height_m=0.5)) for shot in shots)
+    read = with_items(changed(Command.NAV_WAYPOINT, p7=0.5))
+    assert counted(check_mission(read, vehicle(), planned=low))["too-low"] == len(shots)
+    below = check_mission(read, vehicle(), planned=low, grounds=[-2.0] * len(low))
+    assert counted(below)["too-low"] == 0
+    uphill = check_mission(ReadMission("plan", ITEMS, home=HOME), vehicle(), planned=shots, grounds=[1.4] * len(shots))
+    assert {f.message.split(" is ")[0] for f in uphill.findings if f.code == "too-low"} >= {
+        f"{shots[0].place.height_m - 1.4:.2f} m above its plot's ground"
+    }
+
+
 def test_two_stations_at_one_place_are_told_apart_by_where_they_look() -> None:
     here = GeoPoint(50.865, 6.4473, 2.0)
     shots = tuple(Shot(here, yaw, -30.0, "p", k) for k, yaw in enumerate((0.0, 90.0, 180.0)))

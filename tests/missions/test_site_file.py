@@ -333,11 +333,17 @@ def test_changed_at_random(tmp_path: Path) -> None:
     (sites / "example-fence.geojson").write_bytes((SITES / "example-fence.geojson").read_bytes())
     (sites / "plots.geojson").write_bytes((SITES / "plots.geojson").read_bytes())
     whole = with_top('geofence = "example-fence.geojson"\nlanding = {latitude_deg = 50.8649, longitude_deg = 6.4473}')
-    seeds = [(SITES / "example.toml").read_bytes(), whole.encode()]
+    points = "[[50.865, 6.4473, 92.0], [50.8651, 6.4473, 92.5], [50.865, 6.4475, 92.0]]"
+    slopes = SITE + f'ground_points = {points}\ndatum = "amsl"\nlength_m = 3\nwidth_m = 1.5\n'
+    slopes += SITE.partition("[[plots]]")[1] + '\nname = "b"\nlatitude_deg = 50.866\nlongitude_deg = 6.4473\n'
+    slopes += "slope_deg = 3.5\nuphill_heading_deg = 20.0\nplant_height_m = 1.2\nrow_spacing_m = 0.75\n"
+    seeds = [(SITES / "example.toml").read_bytes(), whole.encode(), slopes.encode()]
+    (sites / "slopes.toml").write_text(slopes)
+    assert [round(plot.slope_percent, 1) for plot in load_site(sites / "slopes.toml").plots] == [4.5, 6.1]
     found = fuzz(Target(".toml", seeds, load_site), 800, sites, seed=5)
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
-    seeds = [(SITES / name).read_bytes() for name in ("plots.geojson", "example-fence.geojson")]
+    seeds = [(SITES / name).read_bytes() for name in ("plots.geojson", "hillside.geojson", "example-fence.geojson")]
     found = fuzz(Target(".geojson", seeds, load_plots), 800, tmp_path, seed=6)
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())

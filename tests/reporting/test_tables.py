@@ -14,7 +14,7 @@ from fieldkit.captures import Finding
 from fieldkit.clouds import score
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
-from fieldkit.evaluation.schema import CorrectionEntry, EvaluationReport, PlotEvaluation
+from fieldkit.evaluation.schema import CorrectionEntry, EvaluationReport, PlantEntry, PlotEvaluation, PredictionEntry
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reporting.plots_csv import column_names, plots_csv, write_plots_csv
 from fieldkit.reporting.style import format_length, format_seconds
@@ -47,6 +47,11 @@ def report(*plots: PlotEvaluation, reference: bool = True) -> EvaluationReport:
 
 
 FAILED = failed_plot("[plot] 8", CaptureError("no photographs", remedy="Copy [them]."), seconds=0, cpu_seconds=0)
+
+PLANTS = PlantEntry(
+    height_m=0.81, height_max_m=0.97, cover=0.16, covered_m2=0.1936, area_m2=1.21, hull_m3=0.31, voxel_m=0.01,
+    cell_m=0.0075, stray=0.004,
+)  # fmt: skip
 
 
 class TestTables:
@@ -93,6 +98,33 @@ class TestTables:
         assert "moved by ICP 5.0 mm, 0.50°, scale 1.0010; then 2.0 mm RMS" in text
         assert "Scores against" not in text
 
+    def test_plants_and_prediction_of_one_plot(self) -> None:
+        told = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
+        plot = scored("a").model_copy(update={"plants": PLANTS, "prediction": told})
+        text = shown(evaluation_tables(report(plot, reference=False)))
+        assert "plant height 0.81 m (95 %), highest 0.97 m" in text
+        assert "ground cover 16 % of 1.21 m²: 0.194 m² (cells of 7.5 mm)" in text
+        assert "plants' hull 0.310 m³" in text
+        assert "predicted chamfer 12.0 mm; nine in ten plots 6.0 mm to 24.0 mm" in text
+
+    def test_plants_and_predictions_of_many(self) -> None:
+        told = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
+        none = PredictionEntry(chamfer_m=None, low_m=None, high_m=None, reason="[place] is too far", model=1)
+        plots = [
+            scored(name).model_copy(update={"plants": plants, "prediction": prediction})
+            for name, plants, prediction in (("a", PLANTS, told), ("b", None, none), ("c", PLANTS, None))
+        ]
+        text = shown(evaluation_tables(report(*plots, reference=False)))
+        assert "a 0.81 16 0.310 12.0 6.00–24.0" in text
+        assert "b – – – – –" in text
+        assert "c 0.81 16 0.310 – –" in text
+        assert "b [place] is too far" in text
+        assert "…" not in text
+
+    def test_plants_without_a_ground(self) -> None:
+        plot = scored("a").model_copy(update={"plants": PLANTS.model_copy(update={"height_m": None})})
+        assert "plant height" not in shown(evaluation_tables(report(plot)))
+
     def test_one_failed_plot(self) -> None:
         text = shown(evaluation_tables(report(FAILED)))
         assert "no photographs" in text
@@ -113,6 +145,13 @@ class TestCsv:
         assert float(first["f_score_0.005"]) == plot.f_score["0.005"]  # type: ignore[index]
         assert (first["registered"], first["metric"], first["error"]) == ("7", "true", "")
         assert (second["plot"], second["chamfer_m"], second["error"]) == ("[plot] 8", "", "no photographs")
+
+    def test_plants_and_prediction(self) -> None:
+        none = PredictionEntry(chamfer_m=None, low_m=None, high_m=None, reason="=too far", model=1)
+        plot = scored("a").model_copy(update={"plants": PLANTS, "prediction": none})
+        (row,) = csv.DictReader(io.StringIO(plots_csv(report(plot))))
+        assert (float(row["height_m"]), float(row["cover"]), float(row["hull_m3"])) == (0.81, 0.16, 0.31)
+        assert (row["predicted_chamfer_m"], row["no_prediction"]) == ("", "'=too far")
 
     def test_columns_do_not_depend_on_the_reference(self) -> None:
         with_reference, without = (plots_csv(report(scored("a"), reference=flag)) for flag in (True, False))

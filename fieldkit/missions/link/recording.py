@@ -22,6 +22,13 @@ _MAX_GAP_S = 60.0
 """A longer silence in a recording is left out."""
 
 
+def recordings_folder() -> Path:
+    """The folder of the recordings that come with fieldkit: in the installed package, or in the repository."""
+    package = Path(__file__).parents[2]
+    installed = package / "sim" / "sitl"
+    return installed if installed.is_dir() else package.parent / "sim" / "sitl"
+
+
 @dataclass(frozen=True)
 class Telemetry:
     """A frame the vehicle sent of itself.

@@ -1,0 +1,48 @@
+"""Choose the views that matter from a recorded set.
+
+Photographs that are there already, with known poses: which few of them reconstruct the plot best? Nothing is rendered.
+On the command line: `fieldkit plan --captures plot_7/ -n 6 -o plot_7-views`.
+"""
+
+# %%
+import json
+import tempfile
+from pathlib import Path
+
+from small_plot import SETTINGS, photograph
+
+from fieldkit import build_reference, load_plan, plan_views, search_settings
+from fieldkit.cache import StageCache
+from fieldkit.progress import Silent
+
+# %% [markdown]
+# Without `reference` one of all photographs is built first. `uniform` takes every k-th view; `field`, the default,
+# searches.
+
+# %%
+if __name__ == "__main__":  # evaluations run in processes that import this file
+    folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
+    cache = StageCache(folder / "cache")
+    captures = photograph(folder / "plot_7")
+    build_reference(captures, folder / "reference", SETTINGS, cache=cache, progress=Silent())
+    settings = search_settings(
+        captures=captures,
+        reference=folder / "reference",
+        cameras=6,
+        method="uniform",
+        evaluations=2,
+        finalists=1,
+        fidelity="draft",
+        confirm_fidelity="draft",
+    )
+    outcome = plan_views(folder / "plot_7-views", settings, cache=cache)
+
+# %% [markdown]
+# The plan's stations are the chosen photographs' poses; the run's log names the photographs.
+
+# %%
+if __name__ == "__main__":
+    trials = [json.loads(line) for line in (folder / "plot_7-views" / "evaluations.jsonl").read_text().splitlines()]
+    for trial in (trial for trial in trials if trial["stage"] == "search"):
+        print(f"{1000 * trial['value_m']:6.1f} mm  {' '.join(trial['views'])}")
+    print(f"chosen: {len(load_plan(folder / 'plot_7-views').stations)} views, {1000 * outcome.chamfer_m:.1f} mm")

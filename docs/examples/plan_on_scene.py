@@ -1,0 +1,51 @@
+"""Plan on a scene, for a vehicle.
+
+Every trial is photographed by rendering, reconstructed by real structure from motion and scored. The vehicle's profile
+says which poses it can take and what its camera sees. On the command line:
+`fieldkit plan --scene plot.toml --vehicle ardupilot-pitch -n 4 -o maize-plan`.
+"""
+
+# %%
+import tempfile
+from pathlib import Path
+
+from small_plot import scene
+
+from fieldkit import load_plan, plan_views, resume_plan, search_settings
+from fieldkit.cache import StageCache
+from fieldkit.scenes.scene_file import write_scene
+
+# %% [markdown]
+# Evaluations run in processes of their own, and those import this file: what must run once stands behind the check of
+# `__name__`. In a notebook it is not needed.
+#
+# Four cameras and three evaluations only show how it is done. Ten cameras and a hundred evaluations are a plan.
+
+# %%
+if __name__ == "__main__":
+    folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
+    cache = StageCache(folder / "cache")
+    write_scene(folder / "plot.toml", scene())
+    settings = search_settings(
+        scene=folder / "plot.toml",
+        vehicle="ardupilot-pitch",
+        cameras=4,
+        method="circle",
+        evaluations=3,
+        finalists=1,
+        repeats=1,
+        confirm_fidelity="draft",
+    )
+    outcome = plan_views(folder / "maize-plan", settings, cache=cache)
+    print(f"{outcome.evaluations} evaluations; the best is {1000 * outcome.chamfer_m:.1f} mm from the plants")
+
+# %% [markdown]
+# A finished run can be given more evaluations; those it has are not done again.
+
+# %%
+if __name__ == "__main__":
+    more = settings.model_copy(update={"evaluations": 4})
+    outcome = resume_plan(folder / "maize-plan", more, cache=cache)
+    plan = load_plan(folder / "maize-plan")
+    print(f"{outcome.evaluations} evaluations; {len(plan.stations)} stations, the lowest at "
+          f"{min(station.position_m[2] for station in plan.stations):.2f} m")  # fmt: skip

@@ -1,0 +1,57 @@
+"""fieldkit campaign export."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
+
+
+class Format(StrEnum):
+    """Of the file."""
+
+    CSV = "csv"
+    GEOJSON = "geojson"
+    GPKG = "gpkg"
+
+
+def command(
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg.")],
+    folder: Annotated[
+        Path | None, typer.Argument(help="The campaign's folder; the one about the current folder where not given.")
+    ] = None,
+    format_: Annotated[Format | None, typer.Option("--format", help="Where the file's name does not say it.")] = None,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write a campaign's table for spreadsheets (CSV) or QGIS (GeoPackage, GeoJSON).
+
+    One row or feature per plot and date, at the plot's polygon or point, with rank, scores, plant figures, errors and
+    notes. The GeoPackage has a second layer, plots, with each plot's latest figures.
+
+    Examples:
+        fieldkit campaign export season -o season.gpkg
+        fieldkit campaign export -o season.csv --overwrite
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the file exists already
+        3  a file of the campaign cannot be used
+
+    See Also:
+        fieldkit campaign show, fieldkit report
+    """
+    from fieldkit.evaluation.campaign.campaign import campaign_folder, read_campaign
+    from fieldkit.evaluation.campaign.export import export_campaign
+
+    campaign = read_campaign(campaign_folder(folder))
+    written = export_campaign(campaign, output, format_=None if format_ is None else format_.value, overwrite=overwrite)
+    if as_json:
+        emit_json({"output": output, "format": written, "visits": len(campaign.visits), "plots": len(campaign.plots)})
+    else:
+        say(f"{output}: {len(campaign.visits)} visits of {len(campaign.plots)} plots")

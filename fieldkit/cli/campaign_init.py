@@ -1,0 +1,104 @@
+"""fieldkit campaign init."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
+from fieldkit.cli.reconstruction_options import (
+    Backend,
+    BackendOption,
+    BoundsOption,
+    Fidelity,
+    FidelityOption,
+    Mapping,
+    MappingOption,
+    Mask,
+    MaskOption,
+    parse_bounds,
+    parse_distances,
+)
+from fieldkit.errors import UsageError
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(help="The campaign's folder: new, or empty.")],
+    plan: Annotated[Path, typer.Option("--plan", help="plan.json, or its folder: flown over every plot.")],
+    site: Annotated[Path, typer.Option("--site", help="Site file: home, fence, plots.")],
+    plots: Annotated[
+        Path | None, typer.Option("--plots", help="GeoJSON of the plots, in place of the site file's own.")
+    ] = None,
+    vehicle: Annotated[str | None, typer.Option("--vehicle", help="Profile, by name or path.")] = None,
+    camera: Annotated[
+        Path | None, typer.Option("--camera", help="camera.toml for photographs that have none beside them.")
+    ] = None,
+    reference: Annotated[
+        list[str] | None,
+        typer.Option("--reference", metavar="PLOT=REF", help="A plot's own reference. May be given several times."),
+    ] = None,
+    name: Annotated[str | None, typer.Option("--name", help="In words; the folder's name where not given.")] = None,
+    refine: Annotated[
+        bool, typer.Option("--refine", help="Move each cloud onto its plot's reference by ICP before scoring.")
+    ] = False,
+    distances: Annotated[
+        str, typer.Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
+    ] = "0.002,0.005,0.010,0.020",
+    mapping: MappingOption = Mapping.AUTO,
+    fidelity: FidelityOption = Fidelity.STANDARD,
+    mask: MaskOption = Mask.EXG,
+    backend: BackendOption = Backend.AUTO,
+    bounds: BoundsOption = "",
+    seed: SeedOption = 0,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Make a campaign: a folder that carries one plan from plot to plot and from date to date.
+
+    Holds campaign.toml (every setting, to be edited), copies of the plan, the site and its plots, and the vehicle's
+    profile. `fieldkit evaluate CAPTURES` in it sorts photographs into plots and dates and scores them. To add plots,
+    edit plots.geojson there.
+
+    Examples:
+        fieldkit campaign init season --plan plan/plan.json --site field.toml --plots plots.geojson
+        fieldkit campaign init season --plan plan --site field.toml --vehicle px4-gimbal --reference r3c2=reference
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the folder holds something
+        3  a file cannot be used
+
+    See Also:
+        fieldkit evaluate, fieldkit campaign show
+    """
+    corners = parse_bounds(bounds) if bounds else None
+    distances_m = parse_distances(distances)
+    from pydantic import ValidationError
+
+    from fieldkit.evaluation.campaign.campaign_file import EvaluationTable
+    from fieldkit.evaluation.campaign.create import CampaignSources, init_campaign, split_references
+    from fieldkit.missions.site_file import load_site
+    from fieldkit.missions.toml_file import sentence
+
+    try:
+        evaluation = EvaluationTable(
+            mapping=mapping.value, fidelity=fidelity.value, mask=mask.value, backend=backend.value, bounds_m=corners,
+            refine=refine, distances_m=distances_m, seed=seed,
+        )  # fmt: skip
+    except ValidationError as error:
+        raise UsageError(sentence(error), remedy="'fieldkit campaign init --help' explains the options.") from error
+    references = split_references(reference or [], [plot.name for plot in load_site(site, plots).plots])
+    sources = CampaignSources(plan, site, plots, vehicle, camera, references)
+    made = init_campaign(folder, sources, evaluation, name=name)
+    if as_json:
+        emit_json(
+            {
+                "output": folder, "campaign": made.name, "plots": [plot.id for plot in made.plots],
+                "stations": len(made.plan.stations), "references": sorted(references),
+            }
+        )  # fmt: skip
+    else:
+        say(f"{folder}: {len(made.plots)} plots, {len(made.plan.stations)} stations each")
+        say(f"Next: fieldkit evaluate CAPTURES --campaign {folder}")

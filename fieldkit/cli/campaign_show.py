@@ -1,0 +1,48 @@
+"""fieldkit campaign show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json
+
+
+def command(
+    folder: Annotated[
+        Path | None, typer.Argument(help="The campaign's folder; the one about the current folder where not given.")
+    ] = None,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Show a campaign: its plots and dates, which plots are best, and what changed over the dates.
+
+    Ranks are by chamfer distance, measured against the plot's own reference or predicted without one. Plots that differ
+    less than the figures scatter share a rank. Changes are told from noise where that is known.
+
+    Examples:
+        fieldkit campaign show season
+        fieldkit campaign show --json
+
+    Exit codes:
+        0  done
+        2  wrong usage, or no campaign is there
+        3  a file of the campaign cannot be used
+
+    See Also:
+        fieldkit evaluate, fieldkit campaign export, fieldkit report
+    """
+    from fieldkit.evaluation.campaign.campaign import campaign_folder, read_campaign
+    from fieldkit.evaluation.campaign.overview import campaign_object, campaign_tables, remarks
+
+    campaign = read_campaign(campaign_folder(folder))
+    if as_json:
+        emit_json(campaign_object(campaign))
+        return
+    show = console()
+    for table in campaign_tables(campaign):
+        show.print(table)
+    for remark in remarks(campaign):
+        show.print(remark, markup=False, soft_wrap=True)

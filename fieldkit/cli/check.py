@@ -1,0 +1,193 @@
+"""fieldkit check."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say, table
+from fieldkit.cli.reconstruction_options import NoCacheOption, open_cache, run_context
+from fieldkit.errors import UsageError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from fieldkit.evaluation.field_check import CheckReport
+
+_COLOURS = {"fine": "green", "fix tags": "yellow", "fly again": "red"}
+
+
+class Format(StrEnum):
+    """Of the mission that flies stations again."""
+
+    PLAN = "plan"
+    WAYPOINTS = "waypoints"
+    WPML = "wpml"
+    LITCHI = "litchi"
+    KML = "kml"
+
+
+def command(
+    captures: Annotated[Path, typer.Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
+    plan: Annotated[Path, typer.Option("--plan", help="plan.json that was flown, or the folder that holds it.")],
+    site: Annotated[
+        Path | None, typer.Option("--site", help="Site file: where the plots lie, so that places can be checked.")
+    ] = None,
+    plot: Annotated[
+        str | None, typer.Option("--plot", metavar="NAME", help="Of the site; else the one called as the folder is.")
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option("--log", help="Flight log (.tlog, .BIN, .ulg): its poses instead of EXIF's.")
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option("--vehicle", metavar="NAME", help="A profile's name or file: for the mission that flies again."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Mission file for the stations to fly again; needs --vehicle and --site."),
+    ] = None,
+    format: Annotated[  # noqa: A002 - the option's name
+        Format, typer.Option("--format", help="Of that mission, as in export-mission.")
+    ] = Format.PLAN,
+    adjust: Annotated[
+        bool, typer.Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
+    ] = False,
+    position_tolerance: Annotated[
+        float, typer.Option("--position-tolerance", metavar="M", min=0.01, max=100.0, help="Farthest from a station.")
+    ] = 0.25,
+    angle_tolerance: Annotated[
+        float, typer.Option("--angle-tolerance", metavar="DEG", min=0.1, max=180.0, help="Most turned from the plan.")
+    ] = 8.0,
+    seed: SeedOption = 0,
+    overwrite: OverwriteOption = False,
+    no_cache: NoCacheOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Before leaving the field: will the photographs do, and which stations are to be flown again?
+
+    Looks at every photograph's sharpness, exposure and place, and at what the photographs show of each other: tags
+    that contradict it, photographs without enough matches. Takes seconds, without dense stereo. With --vehicle, --site
+    and -o it writes the mission that flies again what has to be. The exit code is 0 whatever was found: see "ok" of
+    --json.
+
+    Examples:
+        fieldkit check flight_7/ --plan plan.json
+        fieldkit check flight_7/ --plan plan.json --site field.toml --vehicle ardupilot-pitch -o again.plan
+
+    Exit codes:
+        0  done, whatever was found
+        2  wrong usage, or the mission exists already
+        3  photographs, plan, site or log cannot be used
+        5  the mission would be unsafe, or nothing that this vehicle can fly
+
+    See Also:
+        fieldkit evaluate, fieldkit upload
+    """
+    if output is not None and (vehicle is None or site is None):
+        raise UsageError("a mission needs a vehicle and a site", remedy="Give --vehicle and --site with -o.")
+    if vehicle is not None and output is None:
+        raise UsageError("--vehicle is of the mission to write", remedy="Say with -o where to, or leave it out.")
+    cache = open_cache(no_cache=no_cache, resume=False)
+    from fieldkit.evaluation.field_check import CheckSettings, check_captures, write_refly
+
+    settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
+    with run_context(as_json=as_json) as progress:
+        reports = check_captures(
+            captures, plan, site=site, plot=plot, log=log, settings=settings, cache=cache, progress=progress
+        )
+    files: list[Path] = []
+    for report in reports:
+        if output is None or site is None or vehicle is None or not report.fly_again:
+            continue
+        target = output if len(reports) == 1 else output.with_name(f"{output.stem}-{report.name}{output.suffix}")
+        files += write_refly(
+            report.fly_again, plan, vehicle, site, target, plot=report.plot, format=format.value, adjust=adjust,
+            overwrite=overwrite, seed=seed,
+        )  # fmt: skip
+    if as_json:
+        plots = [_plain(report) for report in reports]
+        one = plots[0] if len(plots) == 1 else {}
+        emit_json({**one, "ok": all(r.ok for r in reports), "plots": plots, "files": files})
+        return
+    show = console()
+    for report in reports:
+        for rows in _tables(report):
+            show.print(rows)
+        for sentence in report.unchecked:
+            say(sentence)
+        head = f"{report.name}: " if len(reports) > 1 else ""
+        show.print(f"{head}{report.summary()}", markup=False, style="bold")
+        say(f"{report.seconds:.1f} s ({report.cpu_seconds:.1f} s of CPU).")
+    for file in files:
+        show.print(str(file), markup=False, soft_wrap=True)
+
+
+def _plain(report: CheckReport) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        "name": report.name,
+        "plot": report.plot,
+        "ok": report.ok,
+        "summary": report.summary(),
+        "photographs": report.photographs,
+        "fly_again": list(report.fly_again),
+        "fix_tags": list(report.fix_tags),
+        "stations": [asdict(each) for each in report.stations],
+        "findings": [asdict(each) for each in report.findings],
+        "extra": list(report.extra),
+        "placement": report.placement,
+        "shift_m": report.shift_m,
+        "turn_deg": report.turn_deg,
+        "components": list(report.components),
+        "unchecked": list(report.unchecked),
+        "seconds": report.seconds,
+        "cpu_seconds": report.cpu_seconds,
+    }
+
+
+def _tables(report: CheckReport) -> list[Table]:
+    from rich.markup import escape
+
+    drawn = []
+    if report.stations:
+        rows = table(
+            escape(report.name), "station>", "photograph", "edges, px>", "stops>", "off, m>", "turned, °>", "matches>",
+            "verdict",
+        )  # fmt: skip
+        for column in rows.columns[2:]:
+            column.no_wrap = True
+        rows.columns[1].overflow = "fold"
+        for each in report.stations:
+            colour = _COLOURS[each.verdict]
+            matches = f"{each.matches} with {', '.join(map(str, each.neighbours))}" if each.neighbours else "–"
+            rows.add_row(
+                str(each.station), escape(each.photograph) or "–", _number(each.edge_px, 1), _number(each.stops, 1),
+                _number(each.distance_m, 2), _number(each.turn_deg, 1), matches,
+                f"[{colour}]{each.verdict}[/]",
+            )  # fmt: skip
+        drawn.append(rows)
+    if report.findings:
+        rows = table("Findings", "station>", "finding", "")
+        for finding in report.findings:
+            name = f"{finding.photograph}: " if finding.photograph else ""
+            rows.add_row(
+                "" if finding.station is None else str(finding.station), finding.code,
+                escape(f"{name}{finding.message}\n→ {finding.remedy}"),
+            )  # fmt: skip
+        drawn.append(rows)
+    if report.extra:
+        rows = table("Photographs of no station", "")
+        for name in report.extra[:20]:
+            rows.add_row(escape(name))
+        drawn.append(rows)
+    return drawn
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"

@@ -1,0 +1,77 @@
+"""fieldkit compare."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import (
+    DebugOption,
+    JsonOption,
+    OverwriteOption,
+    SeedOption,
+    console,
+    emit_json,
+    say,
+)
+
+
+def command(
+    evaluations: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="EVAL...", help="What `fieldkit evaluate` wrote, in order of dates: PATH, or LABEL=PATH."
+        ),
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The result's folder. Without: only the tables.")
+    ] = None,
+    reference: Annotated[
+        Path | None,
+        typer.Option("--reference", help="That all were scored against: its cloud tells the distances' noise."),
+    ] = None,
+    plan: Annotated[
+        Path | None, typer.Option("--plan", help="plan.json that was flown: its repeats tell the chamfer's noise.")
+    ] = None,
+    seed: SeedOption = 0,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Compare evaluations plot by plot: values, differences, and which of these are more than noise.
+
+    Plots are matched by their names. Each evaluation is compared with the first and with the one before it. Distances
+    and F-scores are compared only where all were scored against the same reference. Evaluations of one label repeat one
+    another: their scatter is then the noise.
+
+    Examples:
+        fieldkit compare may-scores june-scores --reference plot_7-reference -o spring
+        fieldkit compare windy=flight_1 windy=flight_2 calm=flight_3
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the output exists already
+        3  an evaluation, the reference or the plan cannot be used
+
+    See Also:
+        fieldkit evaluate, fieldkit campaign show, fieldkit report
+    """
+    from fieldkit.cli.progress import open_progress
+    from fieldkit.evaluation.compare import compare_evaluations
+
+    with open_progress(as_json=as_json) as progress:
+        done = compare_evaluations(
+            evaluations, output, reference=reference, plan=plan, seed=seed, overwrite=overwrite, progress=progress
+        )
+    if as_json:
+        emit_json({"output": done.output, **done.report.model_dump(mode="json")})
+        return
+    from fieldkit.reporting.compare_tables import compare_tables
+
+    show = console()
+    for table in compare_tables(done.report):
+        show.print(table)
+    if done.output is not None:
+        say(f"{done.output}")

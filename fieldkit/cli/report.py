@@ -1,0 +1,57 @@
+"""fieldkit report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
+
+
+def command(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of a reference, plan, mission, evaluation, campaign, or of several of these.")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="The HTML file; DIR/report.html where not given.")
+    ] = None,
+    points: Annotated[
+        int, typer.Option("--points", help="At most so many points in all 3D views together.")
+    ] = 1_000_000,
+    title: Annotated[str, typer.Option("--title", help="Of the report; the folder's name where not given.")] = "",
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Show results as one HTML file that opens from disk, without network.
+
+    Whatever fieldkit wrote in the folder or up to two levels below is joined: references, plans, missions, evaluations
+    and campaigns, with a summary in words, tables, charts, 3D views and where every figure comes from.
+
+    Examples:
+        fieldkit report season/ -o season.html
+        fieldkit report plot_7-plan --title "Plot 7" --points 300000
+
+    Exit codes:
+        0  done
+        2  wrong usage, or the file exists already
+        3  there is nothing of fieldkit's in the folder, or it cannot be used
+
+    See Also:
+        fieldkit evaluate, fieldkit campaign show
+    """
+    from fieldkit.cli.progress import open_progress
+    from fieldkit.report.write import write_report
+
+    with open_progress(as_json=as_json) as progress:
+        done = write_report(folder, output, points=points, title=title, overwrite=overwrite, progress=progress)
+    if as_json:
+        from dataclasses import asdict
+
+        emit_json(asdict(done))
+        return
+    for name in done.unreadable:
+        say(f"{name} is damaged and not shown; the report says why")
+    say(f"{done.output} ({done.bytes / 1e6:.1f} MB): open it in a browser")

@@ -1,0 +1,86 @@
+"""The demo's flight: the mission on a stand-in vehicle, and how exactly the recorded vehicle flew."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.captures.flight_logs import read_flight_log
+from fieldkit.captures.flight_logs.adherence import PlannedPose, adherence
+from fieldkit.errors import MetadataError
+from fieldkit.missions.formats.reading import read_mission
+from fieldkit.missions.link.recording import read_recording, recordings_folder
+from fieldkit.missions.link.replay import Replay
+from fieldkit.missions.link.upload import upload_mission
+from fieldkit.missions.link.upload_outcome import Patience, UploadReport
+
+RECORDING = "mount_then_yaw"
+_STANDS_AT_HOME_S = 45.0
+"""Where in the recording the vehicle has a position."""
+_SPEED = 8.0
+
+
+@dataclass(frozen=True)
+class RecordedFlight:
+    """How a recorded flight kept to its plan.
+
+    Attributes:
+        photographs: that belong to a planned pose.
+        position_m: standard deviation of a coordinate, about the mean error.
+        angle_deg: root mean square of yaw and pitch errors.
+    """
+
+    photographs: int
+    position_m: float
+    angle_deg: float
+
+    @property
+    def pose_noise(self) -> tuple[float, float]:
+        """For `fieldkit plan --pose-noise` and `fieldkit simulate --pose-noise`."""
+        return self.position_m, self.angle_deg
+
+
+def upload_to_stand_in(mission: Path) -> UploadReport:
+    """Upload a mission file, through MAVSDK over UDP on this machine, to the recorded vehicle's stand-in.
+
+    Raises:
+        UploadError: it did not end well.
+        MetadataError: the recording is missing.
+    """
+    read = read_mission(mission)
+    recording = read_recording(recordings_folder() / f"{RECORDING}.tlog")
+    with Replay(recording, speed=_SPEED, begin_s=_STANDS_AT_HOME_S, rate_hz=1.0) as vehicle:
+        return upload_mission(
+            read.items, vehicle.url, home=read.home, fence=read.fence, dialect=read.firmware,
+            patience=Patience(connect_s=20.0),
+        )  # fmt: skip
+
+
+def recorded_flight() -> RecordedFlight:
+    """How the recorded flight kept to its plan, by its log.
+
+    Raises:
+        MetadataError: the recording is missing or damaged.
+    """
+    folder = recordings_folder()
+    log = read_flight_log(folder / f"{RECORDING}.tlog")
+    found = adherence(_stations(folder / f"{RECORDING}.json"), log.triggers)
+    places = np.array([(e.east_m, e.north_m, np.nan if e.up_m is None else e.up_m) for e in found.errors])
+    angles = np.array([a for e in found.errors for a in (e.yaw_deg, e.pitch_deg) if a is not None])
+    spread = places - np.nanmean(places, axis=0)
+    position = float(np.sqrt(np.nansum(spread**2) / (np.isfinite(spread).sum() - 3)))
+    return RecordedFlight(len(found.errors), round(position, 4), round(float(np.sqrt((angles**2).mean())), 3))
+
+
+def _stations(path: Path) -> list[PlannedPose]:
+    try:
+        rows = json.loads(path.read_text("utf-8"))["stations"]
+        return [
+            PlannedPose(f"station {s['i']}", s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"], s["yaw"], s["pitch"])
+            for s in rows
+        ]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise MetadataError("the recording that belongs to fieldkit is damaged", path=path) from error

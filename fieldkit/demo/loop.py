@@ -1,0 +1,223 @@
+"""fieldkit demo: dense capture → reference → plan → mission → flight → captures of two plots → scores → report."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.cache import StageCache
+from fieldkit.clouds import CloudScore, read_cloud, score
+from fieldkit.demo.flight import RecordedFlight, recorded_flight, upload_to_stand_in
+from fieldkit.demo.plots import (
+    SEEN,
+    UNSEEN,
+    Building,
+    Scoring,
+    Shooting,
+    build,
+    dense_shooting,
+    evaluate,
+    photograph,
+    scene_path,
+)
+from fieldkit.evaluation.reference import CLOUD_FILE
+from fieldkit.evaluation.schema import EvaluationReport, PlotEvaluation, ReferenceReport
+from fieldkit.files import atomic_folder, write_atomic
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.missions.export_mission import ExportedMission, export_mission
+from fieldkit.missions.plan import Plan
+from fieldkit.missions.plan_file import load_plan
+from fieldkit.missions.vehicle_file import missions_folder
+from fieldkit.parallel import map_parallel
+from fieldkit.planning.asked import search_settings
+from fieldkit.planning.outcome import Outcome
+from fieldkit.planning.plan_views import plan_views
+from fieldkit.progress import Progress
+from fieldkit.report.write import REPORT_FILE, write_report
+from fieldkit.scenes.simulation import Stations, ring_about
+
+DEMO_FILE = "demo.json"
+VEHICLE = "ardupilot-pitch"
+CAMERAS = 10
+PLANNED, CIRCLE = "planned", "circle"
+_EVALUATIONS, _FINALISTS = 24, 2
+
+
+@dataclass(frozen=True)
+class DemoScore:
+    """A few-view capture and what came of it.
+
+    Attributes:
+        plot: "seen" (that was planned on) or "unseen".
+        cameras: "planned" or "circle".
+        evaluation: against the plot's reference.
+    """
+
+    plot: str
+    cameras: str
+    evaluation: PlotEvaluation
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What the demo made.
+
+    Attributes:
+        reference: report of the dense capture of the plot that is planned on.
+        truth: that reference's plants against the true surfaces.
+        outcome: of the search.
+        stations: of the mission.
+        items: that the stand-in vehicle took.
+        flight: how exactly the recorded vehicle flew; the captures have its pose noise.
+        scores: of planned views and of a circle, on both plots.
+        report: the HTML file.
+        seconds: of wall time.
+    """
+
+    reference: ReferenceReport
+    truth: CloudScore
+    outcome: Outcome
+    stations: int
+    items: int
+    flight: RecordedFlight
+    scores: tuple[DemoScore, ...]
+    report: Path
+    seconds: float
+
+
+def run_demo(
+    output: Path,
+    *,
+    seed: int = 0,
+    cache: StageCache,
+    progress: Progress,
+    overwrite: bool = False,
+    workers: int = 1,
+) -> Demo:
+    """Do what fieldkit is for, once, on two simulated plots of young maize.
+
+    Args:
+        output: folder of the result: captures/, reference/, reference-unseen/, plan/, mission/, evaluation-seen/,
+            evaluation-unseen/, report.html and demo.json.
+        seed: of the captures' noise, the search and the reconstruction.
+        cache: of stages.
+        progress: told of stages and findings.
+        overwrite: replace an earlier demo in ``output``.
+        workers: processes; the result depends on it only by what the search may know when it proposes.
+
+    Raises:
+        UsageError: ``output`` exists.
+        RenderingError: this machine cannot render.
+        ReconstructionError: the captures do not reconstruct.
+        LinkError: the stand-in vehicle cannot be reached over UDP on this machine.
+    """
+    begun = time.perf_counter()
+    with atomic_folder(output, overwrite=overwrite, marker=DEMO_FILE) as folder:
+        references = _references(folder, seed, cache, progress, workers)
+        plan, outcome = _plan(folder / "plan", seed, cache, progress, workers)
+        mission = _mission(folder, progress)
+        with progress.stage("Upload to the stand-in vehicle"):
+            items = upload_to_stand_in(mission.files[0]).items
+        flight = recorded_flight()
+        evaluations = _captures_and_scores(folder, plan, flight, seed, cache, progress, workers)
+        scores = tuple(
+            DemoScore(plot, each.name, each) for plot, report in evaluations.items() for each in report.plots
+        )
+        truth = _against_truth(folder, references[SEEN])
+        summary = {"kind": "demo", "version": 2, "seed": seed, "pose_noise": flight.pose_noise}
+        write_atomic(folder / DEMO_FILE, json.dumps(summary, indent=2) + "\n")
+        write_report(folder, title="fieldkit demo", progress=progress)
+    seconds = time.perf_counter() - begun
+    return Demo(
+        references[SEEN], truth, outcome, len(plan.stations), items, flight, scores, output / REPORT_FILE, seconds
+    )
+
+
+def reference_folder(folder: Path, plot: str) -> Path:
+    """Where a plot's reference lies in the demo's folder."""
+    return folder / ("reference" if plot == SEEN else f"reference-{plot}")
+
+
+def _references(
+    folder: Path, seed: int, cache: StageCache, progress: Progress, workers: int
+) -> dict[str, ReferenceReport]:
+    plots = (SEEN, UNSEEN)
+    dense = {plot: folder / "captures" / "dense" / plot for plot in plots}
+    truth = {SEEN: folder / "truth" / "plants.ply", UNSEEN: None}
+    shootings = [dense_shooting(plot, dense[plot], seed * 1000 + k, truth[plot]) for k, plot in enumerate(plots)]
+    buildings = [Building(dense[plot], reference_folder(folder, plot), seed, cache) for plot in plots]
+    (folder / "truth").mkdir()
+    with progress.stage("Dense captures of two plots", len(plots)) as advance:
+        map_parallel(photograph, shootings, workers=workers, advance=advance)
+    with progress.stage("Their references", len(plots)) as advance:
+        return dict(zip(plots, map_parallel(build, buildings, workers=workers, advance=advance), strict=True))
+
+
+def _plan(output: Path, seed: int, cache: StageCache, progress: Progress, workers: int) -> tuple[Plan, Outcome]:
+    settings = search_settings(
+        scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, evaluations=_EVALUATIONS, finalists=_FINALISTS,
+        repeats=1, confirm_fidelity="draft", seed=seed, workers=workers,
+    )  # fmt: skip
+    with progress.stage("Plan", _EVALUATIONS + _FINALISTS) as advance:
+        outcome = plan_views(output, settings, cache=cache, workers=workers, watch=lambda _: advance(1))
+    return load_plan(output), outcome
+
+
+def _mission(folder: Path, progress: Progress) -> ExportedMission:
+    with progress.stage("Mission"):
+        (folder / "mission").mkdir()
+        site = missions_folder() / "sites" / "example.toml"
+        return export_mission(folder / "plan", VEHICLE, site, folder / "mission" / "demo.plan")
+
+
+def _captures_and_scores(
+    folder: Path, plan: Plan, flight: RecordedFlight, seed: int, cache: StageCache, progress: Progress, workers: int
+) -> dict[str, EvaluationReport]:
+    camera = None if plan.camera is None else plan.camera.intrinsics
+    poses: dict[str, Sequence[Pose] | Stations] = {
+        PLANNED: [station.pose for station in plan.stations],
+        CIRCLE: ring_about(CAMERAS),
+    }
+    plots = (SEEN, UNSEEN)
+    shootings = [
+        Shooting(plot, folder / "captures" / plot / name, stations, camera, flight.pose_noise, seed * 1000 + 10 + k)
+        for k, plot in enumerate(plots)
+        for name, stations in poses.items()
+    ]
+    scorings = [
+        Scoring(folder / "captures" / plot, reference_folder(folder, plot), folder / f"evaluation-{plot}", seed, cache)
+        for plot in plots
+    ]
+    with progress.stage("Captures of both plots", len(shootings)) as advance:
+        map_parallel(photograph, shootings, workers=workers, advance=advance)
+    with progress.stage("Scores", len(scorings)) as advance:
+        return dict(zip(plots, map_parallel(evaluate, scorings, workers=workers, advance=advance), strict=True))
+
+
+def _against_truth(folder: Path, reference: ReferenceReport) -> CloudScore:
+    # The captures' poses.csv is in the scene's frame, and so are the true surfaces.
+    motion = Similarity.from_matrix(np.array(reference.frame.plot_from_source))
+    plants = read_cloud(reference_folder(folder, SEEN) / CLOUD_FILE).transformed(motion.inverse())
+    return score(read_cloud(folder / "truth" / "plants.ply"), plants)
+
+
+def figures(demo: Demo) -> dict[str, object]:
+    """The demo's figures for machines."""
+    return {
+        "report": str(demo.report),
+        "seconds": demo.seconds,
+        "reference": demo.reference.model_dump(mode="json", exclude={"image_reports"}),
+        "truth": asdict(demo.truth.chamfer),
+        "plan": demo.outcome.model_dump(mode="json"),
+        "mission": {"stations": demo.stations, "items": demo.items},
+        "flight": asdict(demo.flight),
+        "scores": [
+            {"plot": s.plot, "cameras": s.cameras, **s.evaluation.model_dump(mode="json", exclude={"image_reports"})}
+            for s in demo.scores
+        ],
+    }

@@ -1,0 +1,127 @@
+"""The demo's two plots and their photographs, as jobs for worker processes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fieldkit.cache import StageCache
+from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.evaluation.reference import build_reference
+from fieldkit.evaluation.schema import EvaluationReport, ReferenceReport
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.progress import Silent
+from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.scenes.library import scenes_folder
+from fieldkit.scenes.scene_file import read_scene
+from fieldkit.scenes.simulation import Stations, dense_about, simulate, with_noise
+
+SEEN, UNSEEN = "seen", "unseen"
+SCENES = {SEEN: "demo", UNSEEN: "demo-unseen"}
+"""The plot that is planned on, and one of the same crop with other plants."""
+DENSE_VIEWS = 30
+DENSE_NOISE = (0.005, 0.5)
+"""Of poses, metres and degrees: a dense capture is flown slowly."""
+# The photographs are small and their poses well known: half the features and neighbours are enough.
+_SETTINGS = ReconstructionSettings(
+    features=FeatureSettings(max_features=2048), prior=PriorMappingSettings(max_neighbours=12)
+)
+
+
+def scene_path(plot: str) -> Path:
+    """The scene file of a plot."""
+    return scenes_folder() / f"{SCENES[plot]}.toml"
+
+
+@dataclass(frozen=True)
+class Shooting:
+    """Photographs to take.
+
+    Attributes:
+        plot: `SEEN` or `UNSEEN`.
+        output: the capture's folder.
+        stations: commanded poses, or what makes them from the scene.
+        camera: None takes the scene's.
+        noise: of poses, metres and degrees.
+        seed: of all noise.
+        truth_cloud: PLY for the plants' true surfaces, or None.
+    """
+
+    plot: str
+    output: Path
+    stations: Sequence[Pose] | Stations
+    camera: Intrinsics | None
+    noise: tuple[float, float]
+    seed: int
+    truth_cloud: Path | None = None
+
+
+def dense_shooting(plot: str, output: Path, seed: int, truth_cloud: Path | None = None) -> Shooting:
+    """A dense capture, for a reference."""
+    return Shooting(plot, output, dense_about(DENSE_VIEWS), None, DENSE_NOISE, seed, truth_cloud)
+
+
+def photograph(job: Shooting) -> int:
+    """Take the photographs of a job; returns how many.
+
+    Raises:
+        RenderingError: this machine cannot render.
+        StorageError: the disk is full or not writable.
+    """
+    scene = read_scene(scene_path(job.plot))
+    done = simulate(
+        scene, job.stations, job.output, intrinsics=job.camera, noise=with_noise(scene.noise, pose=job.noise),
+        seed=job.seed, truth_cloud=job.truth_cloud,
+    )  # fmt: skip
+    return done.photographs
+
+
+@dataclass(frozen=True)
+class Building:
+    """A reference to build from a dense capture."""
+
+    captures: Path
+    output: Path
+    seed: int
+    cache: StageCache
+
+
+def build(job: Building) -> ReferenceReport:
+    """Build a reference.
+
+    Raises:
+        ReconstructionError: the photographs do not reconstruct.
+    """
+    return build_reference(
+        job.captures, job.output, _settings(job.seed), cache=job.cache, progress=Silent(), scene=False
+    )
+
+
+@dataclass(frozen=True)
+class Scoring:
+    """Captures of one plot to score against its reference."""
+
+    captures: Path
+    reference: Path
+    output: Path
+    seed: int
+    cache: StageCache
+
+
+def evaluate(job: Scoring) -> EvaluationReport:
+    """Reconstruct and score the captures; ICP takes out how far their own positions are off.
+
+    Raises:
+        ReconstructionError: none of them reconstructs.
+    """
+    return evaluate_captures(
+        job.captures, job.output, _settings(job.seed), reference=job.reference, refine=True, cache=job.cache,
+        progress=Silent(),
+    )  # fmt: skip
+
+
+def _settings(seed: int) -> ReconstructionSettings:
+    return replace(_SETTINGS, seed=seed)

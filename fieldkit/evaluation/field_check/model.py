@@ -1,0 +1,166 @@
+"""What a check in the field is told and what it says: values only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+Verdict = Literal["fine", "fix tags", "fly again"]
+"""Of a station: nothing to do, its photograph will do once its tags are right, or it must be photographed anew."""
+
+Placement = Literal["site", "poses.csv", "row heading", "shape", "none"]
+"""How photographs were put into the plan's frame: by the site's plot; as poses.csv has them; by the plan's own row
+heading; turned and shifted until they fit the stations; not at all, for nothing says where they were taken."""
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """Limits of a check.
+
+    Attributes:
+        position_m: farthest that a photograph may be taken from its station. RTK flights keep to 5 cm per axis.
+        angle_deg: most that its optical axis may be turned away from the plan's.
+        blur_ratio: edges that many times as wide as in the capture's other photographs are blurred.
+        edge_px: median width (σ) of strong edges, in a picture 1600 pixels wide, that is blurred whatever the others
+            are: twice what the recorded sets have in focus.
+        exposure_stops: farthest from the capture's median brightness.
+        clipped_share: most that may be black or white beyond what the capture's median photograph has.
+        min_matches: verified matches of two photographs from which on they tie each other.
+        seed: of RANSAC.
+    """
+
+    position_m: float = 0.25
+    angle_deg: float = 8.0
+    blur_ratio: float = 1.25
+    edge_px: float = 1.75
+    exposure_stops: float = 1.5
+    clipped_share: float = 0.15
+    min_matches: int = 15
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class CheckFinding:
+    """Something that is not as planned.
+
+    Attributes:
+        code: docs/commands/check.md lists them.
+        station: number in the plan, from 0; None where it concerns the whole capture or no station.
+        photograph: file name; empty where there is none.
+        message: what is wrong.
+        remedy: what to do.
+    """
+
+    code: str
+    station: int | None
+    photograph: str
+    message: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class StationCheck:
+    """One station of the plan and its photograph.
+
+    Attributes:
+        station: number in the plan, from 0.
+        photograph: file name; empty where there is none.
+        verdict: what to do about it.
+        edge_px: width (σ) of the photograph's strong edges in the direction that is worst, in a picture 1600 pixels
+            wide.
+        blur_ratio: the same against the capture's other photographs.
+        stops: brightness against the capture's median.
+        clipped: share that is black or white.
+        distance_m: from the station, what is common to all photographs taken out; None where nothing tells.
+        turn_deg: of the optical axis from the plan's.
+        source: of these two: "tags" or "photographs" (as the matches have it).
+        matches: verified ones, with photographs that tie it.
+        neighbours: these photographs' stations.
+    """
+
+    station: int
+    photograph: str = ""
+    verdict: Verdict = "fine"
+    edge_px: float | None = None
+    blur_ratio: float | None = None
+    stops: float | None = None
+    clipped: float | None = None
+    distance_m: float | None = None
+    turn_deg: float | None = None
+    source: str = ""
+    matches: int = 0
+    neighbours: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """Whether the photographs of one plot will do.
+
+    Attributes:
+        name: of the plot's folder.
+        plot: of the site; None without one.
+        folder: of the photographs.
+        photographs: that could be read.
+        stations: one for each of the plan, in its order.
+        findings: in the stations' order; those of the whole capture first.
+        extra: photographs that belong to no station.
+        placement: how photographs were put into the plan's frame.
+        shift_m: east or along the row, north, up: by which all photographs lie beside the plan; None where that could
+            not be told. It has been taken out of the stations' distances.
+        turn_deg: by which all headings are off.
+        components: sizes of the groups that hang together by matches, largest first.
+        unchecked: sentences: what could not be looked at, and why.
+        seconds, cpu_seconds: what the check took.
+    """
+
+    name: str
+    folder: Path
+    photographs: int
+    stations: tuple[StationCheck, ...]
+    findings: tuple[CheckFinding, ...]
+    plot: str | None = None
+    extra: tuple[str, ...] = ()
+    placement: Placement = "none"
+    shift_m: tuple[float, float, float] | None = None
+    turn_deg: float | None = None
+    components: tuple[int, ...] = ()
+    unchecked: tuple[str, ...] = ()
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+
+    @property
+    def fly_again(self) -> tuple[int, ...]:
+        """Stations to photograph anew."""
+        return tuple(each.station for each in self.stations if each.verdict == "fly again")
+
+    @property
+    def fix_tags(self) -> tuple[int, ...]:
+        """Stations whose photograph has wrong tags."""
+        return tuple(each.station for each in self.stations if each.verdict == "fix tags")
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is left to do; never where photographs could not be told from each other."""
+        return bool(self.stations) and all(each.verdict == "fine" for each in self.stations)
+
+    def summary(self) -> str:
+        """What to do, in words."""
+        again, tags = self.fly_again, self.fix_tags
+        if not self.stations:
+            return "Which photograph is of which station could not be told."
+        said = []
+        if again:
+            said.append(f"Fly {_stations(again)} again.")
+        if tags:
+            said.append(f"Put the tags of {_stations(tags)} right; the photograph{'s' * (len(tags) > 1)} will do.")
+        if not said:
+            count = len(self.stations)
+            said.append(f"All {count} will do." if count > 1 else "It will do.")
+        return " ".join(said)
+
+
+def _stations(numbers: tuple[int, ...]) -> str:
+    if len(numbers) == 1:
+        return f"station {numbers[0]}"
+    return f"stations {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"

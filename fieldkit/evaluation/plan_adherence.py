@@ -1,0 +1,170 @@
+"""How the photographs of evaluated plots kept to the plan that was flown: from every source there is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.captures import Capture, read_capture
+from fieldkit.captures.flight_logs.adherence import PlannedPose
+from fieldkit.errors import FieldkitError, UsageError
+from fieldkit.evaluation.adherence import Flight, planned_poses
+from fieldkit.evaluation.commanded_poses import FlownMission
+from fieldkit.evaluation.pose_table import Poses, capture_poses, plan_poses, pose_adherence, reconstructed_poses
+from fieldkit.evaluation.report_files import describe_files
+from fieldkit.evaluation.schema import AdherenceEntry, FrameEntry, PlotEvaluation, PoseSource
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.plan import Plan
+from fieldkit.reconstruction.known_poses import SourceFrame
+
+ADHERENCE_FILE = "adherence.csv"
+ADHERENCE_PICTURE = "adherence.png"
+_OWN_FRAME = "poses.csv"
+
+
+@dataclass(frozen=True, eq=False)
+class FlownPlan:
+    """A plan that was flown, and what is known of the flight besides the photographs.
+
+    Attributes:
+        plan: in the plot frame of the reference; without one, in the frame of poses.csv.
+        reference: the frame of the reference; None without one.
+        flight: by its log; None without one.
+        planned: the stations on the Earth, and ``datum`` of their heights; empty without a log.
+        mission: that was uploaded; None where it was not given.
+    """
+
+    plan: Plan
+    reference: SourceFrame | None
+    flight: Flight | None = None
+    planned: Sequence[PlannedPose] = ()
+    datum: str = "none"
+    mission: FlownMission | None = None
+
+    @classmethod
+    def of(
+        cls, plan: Plan, reference: SourceFrame | None, flight: Flight | None = None,
+        mission: FlownMission | None = None,
+    ) -> FlownPlan:  # fmt: skip
+        """A plan with what it is compared with.
+
+        Raises:
+            UsageError: there is a log, but no georeferenced reference that puts the plan on the Earth.
+        """
+        if flight is None:
+            return cls(plan, reference, mission=mission)
+        if reference is None:
+            raise UsageError(
+                "a plan is compared with a flight log on the reference's plot",
+                remedy="Give --reference with --log and --plan, or leave --log or --plan out.",
+            )
+        planned, datum = planned_poses(plan, reference)
+        return cls(plan, reference, flight, planned, datum, mission)
+
+    def compare(self, plot: PlotEvaluation, name: str, folder: Path, capture: Capture) -> PlotEvaluation:
+        """The plot's evaluation with its adherence.
+
+        Args:
+            plot: reconstructed.
+            name: of the plot, as the flight knows it.
+            folder: of its photographs.
+            capture: that was reconstructed.
+        """
+        found = self.adherence(plot, name, folder, capture)
+        return plot if found is None else plot.model_copy(update={"adherence": found})
+
+    def adherence(self, plot: PlotEvaluation, name: str, folder: Path, capture: Capture) -> AdherenceEntry | None:
+        """Every source's poses of a plot's photographs; None where none was taken near the plan's stations.
+
+        Args:
+            plot: reconstructed.
+            name: of the plot, as the flight knows it.
+            folder: of its photographs.
+            capture: that was reconstructed.
+        """
+        if plot.frame is None or plot.metric_source is None or not plot.metric:
+            return None
+        frame = source_frame(plot.metric_source, plot.frame)
+        if self.reference is None and (frame.origin is not None or plot.metric_source != _OWN_FRAME):
+            return None
+        stations = plan_poses(self.plan, frame if self.reference is None else None)
+        unknown: dict[PoseSource, str] = {}
+        found: dict[PoseSource, Poses] = {"reconstructed": reconstructed_poses(plot.image_reports)}
+        if not found["reconstructed"]:
+            unknown["reconstructed"] = "no photograph has a pose that counts"
+        flown = None
+        if self.flight is None:
+            unknown["reported"] = "no flight log was given"
+            found["tagged"] = _poses(capture, frame, "tagged", unknown)
+        else:
+            found["reported"] = _poses(capture, frame, "reported", unknown)
+            flown = self.flight.adherence(name, self.planned, self.datum)
+            try:
+                found["tagged"] = _poses(read_capture(folder), frame, "tagged", unknown)
+            except FieldkitError as error:
+                unknown["tagged"] = error.message
+        commanded: Poses = {}
+        why = "no mission file was given"
+        if self.mission is not None:
+            home = None if self.flight is None or self.flight.log.home is None else self.flight.log.home.amsl_m
+            commanded, why = self.mission.by_station(stations, frame, home)
+        if why:
+            unknown["commanded"] = why
+        names = [image.name for image in plot.image_reports]
+        axes = np.eye(3) if frame.origin is None else frame.from_source.rotation.T
+        return pose_adherence(
+            names, stations, found, unknown=unknown, axes=axes, commanded=commanded, flown=flown
+        )  # fmt: skip
+
+    @property
+    def without_place(self) -> str:
+        """Why a plot has no adherence."""
+        if self.reference is None:
+            return "its place needs --reference, or a poses.csv in the plan's frame"
+        return "no photograph was taken near the plan's stations"
+
+
+def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvaluation:
+    """Write adherence.csv and adherence.png of a plot, and enter them in its files.
+
+    Args:
+        folder: of the evaluation.
+        place: the plot's folder in it.
+        plot: with its adherence; one without is given back as it is.
+
+    Raises:
+        StorageError: the place is full or not writable.
+    """
+    if plot.adherence is None:
+        return plot
+    from fieldkit.reporting.adherence_csv import write_adherence_csv
+    from fieldkit.reporting.adherence_picture import write_adherence_picture
+
+    write_adherence_csv(folder / place / ADHERENCE_FILE, plot.adherence)
+    write_adherence_picture(folder / place / ADHERENCE_PICTURE, plot.name, plot.adherence)
+    names = [f"{place}/{ADHERENCE_FILE}", f"{place}/{ADHERENCE_PICTURE}"]
+    return plot.model_copy(update={"files": (*plot.files, *describe_files(folder, names))})
+
+
+def source_frame(source: str, frame: FrameEntry) -> SourceFrame:
+    """The metric frame of a result, as it was worked with."""
+    o = frame.origin
+    origin = None if o is None else LocalFrame(o.latitude_deg, o.longitude_deg, o.altitude_m, o.datum)
+    return SourceFrame(source, origin, Similarity.from_matrix(np.array(frame.plot_from_source)))
+
+
+def _poses(capture: Capture, frame: SourceFrame, source: PoseSource, unknown: dict[PoseSource, str]) -> Poses:
+    try:
+        found = capture_poses(capture, frame)
+    except FieldkitError as error:
+        unknown[source] = error.message
+        return {}
+    if not found:
+        unknown[source] = (
+            "the log locates no photograph" if source == "reported" else "the photographs have no known positions"
+        )
+    return found

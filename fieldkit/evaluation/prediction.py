@@ -1,0 +1,221 @@
+"""What a plot's chamfer distance is likely to be where it has no reference: a fit to simulated plots. Pure functions.
+
+docs/scores.md has the figures it is made from, how it was fitted and checked, and where it fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from fieldkit.evaluation.schema import Strict
+from fieldkit.reconstruction.evidence import Evidence
+
+MODEL_FILE = "prediction.json"
+NOTHING_METRIC = "the reconstruction has no metric scale"
+NO_POSITIONS = "the photographs carry no positions, so nothing says how well the plot is placed"
+NO_CLOUD = "too little was reconstructed"
+LEAST_IMAGES = 3
+TOO_FEW = f"fewer than {LEAST_IMAGES} photographs count"
+_MARGIN = 0.10
+
+RESTING_M = 0.008
+"""What the best few-view captures of maize come to, however well their cameras are placed."""
+FLOORS: dict[str, float] = {
+    "spread_m": RESTING_M,
+    "place_m": 0.0005,
+    "pose_rms_m": 0.0005,
+    "noise_m": 0.0001,
+    "roughness_m": 0.0001,
+    "gap_m": 0.0005,
+    "lone": 0.005,
+    "pairs_per_image": 0.1,
+    "observations_per_image": 10.0,
+    "points_per_voxel": 1.0,
+    "right_share": 0.1,
+    "cameras": 2.0,
+    "views": 0.5,
+    "reprojection_px": 0.05,
+    "leverage": 0.05,
+}
+"""Every figure by name with the least value that counts: logarithms are taken."""
+
+
+WORDS: dict[str, str] = {
+    "spread_m": "how far the plants may be from their place, in metres,",
+    "pose_rms_m": "the residuals of the photographs' positions, in metres,",
+    "noise_m": "the noise of depths that distances and angles of the views let expect, in metres,",
+    "gap_m": "the distance of sparse points from the cloud, in metres,",
+    "lone": "the share of voxels with few points",
+    "pairs_per_image": "the number of verified pairs per photograph",
+    "observations_per_image": "the number of sparse points seen in a photograph",
+    "points_per_voxel": "the number of points in a voxel of the plants",
+    "right_share": "the share of photographs that count",
+    "cameras": "the number of photographs that count",
+}
+"""Figures as reasons call them."""
+
+
+class FeatureFit(Strict):
+    """One figure of a fit."""
+
+    name: str
+    coefficient: float
+    """Of the logarithm's distance from ``mean``, in units of ``scale``."""
+    mean: float
+    scale: Annotated[float, Field(gt=0)]
+    low: Annotated[float, Field(gt=0)]
+    high: Annotated[float, Field(gt=0)]
+    """Range of the figure in the fit."""
+
+
+class Guard(Strict):
+    """Range of a figure in the fit that takes no part in the sum."""
+
+    name: str
+    low: Annotated[float, Field(gt=0)]
+    high: Annotated[float, Field(gt=0)]
+
+
+class PredictionModel(Strict):
+    """prediction.json: log chamfer distance, linear in logarithms of figures."""
+
+    kind: Literal["prediction"] = "prediction"
+    version: Annotated[int, Field(ge=1)]
+    intercept: float
+    """Mean of log(chamfer_m) in the fit."""
+    features: Annotated[tuple[FeatureFit, ...], Field(min_length=1)]
+    guards: tuple[Guard, ...] = ()
+    half_width: Annotated[float, Field(gt=0)]
+    """Of the interval, in log(chamfer_m): conformal, from the errors of scenes left out one at a time."""
+    coverage: Annotated[float, Field(gt=0, lt=1)]
+    """That the interval is made for."""
+    plots: Annotated[int, Field(ge=1)]
+    scenes: tuple[str, ...]
+    chamfer_range_m: tuple[float, float]
+    """Least and greatest of the fit."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What is to be expected of a plot.
+
+    Attributes:
+        chamfer_m: to the true plants; None where nothing can be said.
+        low_m, high_m: nine in ten plots like those of the fit lie between.
+        reason: why nothing can be said; empty otherwise.
+        model: version of the fit.
+    """
+
+    chamfer_m: float | None
+    low_m: float | None
+    high_m: float | None
+    reason: str
+    model: int
+
+    @classmethod
+    def refused(cls, reason: str, model: PredictionModel) -> Prediction:
+        """No prediction."""
+        return cls(None, None, None, reason, model.version)
+
+
+@cache
+def prediction_model() -> PredictionModel:
+    """The fit that comes with fieldkit."""
+    text = files("fieldkit.evaluation").joinpath(MODEL_FILE).read_text(encoding="utf-8")
+    return PredictionModel.model_validate_json(text)
+
+
+def plot_features(figures: Mapping[str, Any], found: Evidence | None) -> dict[str, float] | str:
+    """The figures that predictions are made from, or why there are none.
+
+    Args:
+        figures: of the reconstruction, as `ReconstructionEntry` names them.
+        found: evidence of its cloud; None where it has none.
+    """
+    if not figures["metric"]:
+        return NOTHING_METRIC
+    if figures["pose_rms_m"] is None:
+        return NO_POSITIONS
+    if found is None or not figures["points"] or figures["points_per_plant_voxel"] is None:
+        return NO_CLOUD
+    right, images = int(figures["right"]), int(figures["images"])
+    if right < LEAST_IMAGES or figures["reprojection_px"] is None:
+        return TOO_FEW
+    # A similarity takes 7 of the 3n residuals' degrees of freedom.
+    free = (3 * right / (3 * right - 7)) ** 0.5
+    place = float(figures["pose_rms_m"]) * free * found.leverage
+    return {
+        "spread_m": float(np.hypot(place, RESTING_M)),
+        "place_m": place,
+        "pose_rms_m": float(figures["pose_rms_m"]),
+        "leverage": found.leverage,
+        "noise_m": found.noise_m,
+        "roughness_m": found.roughness_high_m,
+        "gap_m": 0.1 if found.gap_m is None else found.gap_m,
+        "lone": found.lone,
+        "views": found.views,
+        "pairs_per_image": figures["pairs_verified"] / right,
+        "observations_per_image": figures["observations"] / max(1, int(figures["registered"])),
+        "points_per_voxel": float(figures["points_per_plant_voxel"]),
+        "right_share": right / images,
+        "cameras": float(right),
+        "reprojection_px": float(figures["reprojection_px"]),
+    }
+
+
+def predict(features: Mapping[str, float] | str, model: PredictionModel | None = None) -> Prediction:
+    """The chamfer distance that a plot's figures let expect, with its interval.
+
+    Nothing is said where a figure of the sum or a guard lies outside of the fit's range, by more than 10 % of that in
+    logarithms.
+
+    Args:
+        features: from `plot_features`.
+        model: fit; fieldkit's own where not given.
+
+    Raises:
+        KeyError: a feature of the model is missing.
+    """
+    model = prediction_model() if model is None else model
+    if isinstance(features, str):
+        return Prediction.refused(features, model)
+    limits: tuple[FeatureFit | Guard, ...] = (*model.features, *model.guards)
+    for limit in limits:
+        raw = features[limit.name]
+        if not np.isfinite(raw):
+            return Prediction.refused(f"{limit.name} is not a number", model)
+        low, place, high = (logarithm(limit.name, v) for v in (limit.low, raw, limit.high))
+        slack = _MARGIN * (high - low) + 1e-9
+        if not low - slack <= place <= high + slack:
+            return Prediction.refused(_outside(limit, raw), model)
+    return _sum(features, model)
+
+
+def extrapolated(features: Mapping[str, float], model: PredictionModel) -> Prediction:
+    """As `predict` of figures that are numbers, without regard to the fit's range: for studies only."""
+    return _sum(features, model)
+
+
+def _sum(features: Mapping[str, float], model: PredictionModel) -> Prediction:
+    value = model.intercept + sum(
+        f.coefficient * (logarithm(f.name, features[f.name]) - f.mean) / f.scale for f in model.features
+    )
+    middle, wide = float(np.exp(value)), float(np.exp(model.half_width))
+    return Prediction(middle, middle / wide, middle * wide, "", model.version)
+
+
+def logarithm(name: str, value: float) -> float:
+    """Natural logarithm of a figure, or of the least that counts (`FLOORS`)."""
+    return float(np.log(max(value, FLOORS[name])))
+
+
+def _outside(limit: FeatureFit | Guard, value: float) -> str:
+    least, most = f"{limit.low:.3g}", f"{limit.high:.3g}"
+    return f"{WORDS.get(limit.name, limit.name)} is {value:.3g}; plots of the fit have {least} to {most}"

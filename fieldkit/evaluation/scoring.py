@@ -1,0 +1,144 @@
+"""One capture reconstructed, scored and written: what `evaluate_captures` and a campaign do with every plot."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import Capture, Finding
+from fieldkit.clouds import Cloud, ReferenceIndex, icp, score, write_cloud
+from fieldkit.evaluation.conversion import plot_evaluation
+from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
+from fieldkit.evaluation.report_files import describe_files
+from fieldkit.evaluation.schema import CorrectionEntry, PlotEvaluation
+from fieldkit.progress import Progress
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reporting.comparison import write_comparison
+from fieldkit.reporting.overview import write_overview
+from fieldkit.usage import processor_seconds
+
+COMPARISON_FILE = "comparison.png"
+_REFINE_REACH_M = 0.05
+
+
+@dataclass(frozen=True)
+class Spent:
+    """When work on a plot began: wall and CPU clock, seconds."""
+
+    wall: float
+    cpu: float
+
+    @classmethod
+    def now(cls) -> Spent:
+        return cls(time.perf_counter(), processor_seconds())
+
+    @property
+    def seconds(self) -> float:
+        """Wall time since then."""
+        return time.perf_counter() - self.wall
+
+    @property
+    def cpu_seconds(self) -> float:
+        """CPU time since then, finished child processes included."""
+        return processor_seconds() - self.cpu
+
+
+@dataclass(frozen=True, eq=False)
+class Scoring:
+    """What captures are scored against, and how.
+
+    Attributes:
+        reference: or None, for the figures that need none.
+        index: of its cloud, for nearest neighbours.
+        refine: move each cloud onto the reference by ICP first.
+        distances_m: of precision, recall and F-score.
+    """
+
+    reference: Reference | None
+    index: ReferenceIndex | None
+    refine: bool
+    distances_m: tuple[float, ...]
+
+    @classmethod
+    def against(cls, reference: Reference | None, *, refine: bool, distances_m: tuple[float, ...]) -> Scoring:
+        return cls(reference, None if reference is None else ReferenceIndex(reference.cloud), refine, distances_m)
+
+
+def score_capture(
+    name: str,
+    capture: Capture,
+    known_plot: KnownPlot | None,
+    folder: Path,
+    settings: ReconstructionSettings,
+    scoring: Scoring,
+    *,
+    spent: Spent,
+    cache: StageCache,
+    progress: Progress,
+    workers: int = 1,
+    subfolder: str | None = None,
+) -> PlotEvaluation:
+    """Reconstruct a capture, score its cloud and write both.
+
+    Args:
+        name: of the plot.
+        capture: as read.
+        known_plot: the frame and volume to work in; None finds them.
+        folder: of the result.
+        settings: choices.
+        scoring: what against.
+        spent: when work on this plot began.
+        cache: of stages.
+        progress: told of stages.
+        workers: processes.
+        subfolder: of ``folder``, new, for the plot's files; ``name`` where not given.
+
+    Raises:
+        InputError, ReconstructionError: as `reconstruct`.
+        StorageError: the files cannot be written.
+    """
+    place = name if subfolder is None else subfolder
+    reference = scoring.reference
+    found = reconstruct(capture, settings, cache=cache, progress=progress, workers=workers, known_plot=known_plot)
+    plants, correction, result = found.plants, None, None
+    findings: list[Finding] = []
+    with progress.stage("Scoring"):
+        if reference is not None and scoring.index is not None:
+            if scoring.refine:
+                plants, correction, findings = _refined(plants, reference.cloud, name)
+            result = score(scoring.index, plants, scoring.distances_m)
+        (folder / place).mkdir(parents=True)
+        write_cloud(folder / place / CLOUD_FILE, plants)
+        plot = plot_evaluation(
+            name, found, settings, score=result, correction=correction, findings=findings,
+            seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
+        )  # fmt: skip
+        names = [CLOUD_FILE, OVERVIEW_FILE]
+        write_overview(folder / place / OVERVIEW_FILE, plot, plants)
+        if reference is not None:
+            write_comparison(folder / place / COMPARISON_FILE, plot, plants, reference.cloud)
+            names.append(COMPARISON_FILE)
+    return plot.model_copy(update={"files": describe_files(folder, [f"{place}/{n}" for n in names])})
+
+
+def _refined(plants: Cloud, reference: Cloud, name: str) -> tuple[Cloud, CorrectionEntry, list[Finding]]:
+    """The cloud moved onto the reference by ICP, and by how much."""
+    motion, stats = icp(plants, reference, max_distance_m=_REFINE_REACH_M)
+    findings: list[Finding] = []
+    if not stats.converged:
+        message = "ICP did not converge: too little of the cloud is near the reference; read the correction with care"
+        findings.append(Finding(name, "refinement-not-converged", message))
+    center = plants.points.mean(axis=0)
+    shift = np.asarray(motion.apply(center)) - center
+    correction = CorrectionEntry(
+        translation_m=(float(shift[0]), float(shift[1]), float(shift[2])),
+        angle_deg=stats.rotation_deg,
+        scale=stats.scale,
+        rms_m=stats.rms_m,
+    )
+    return plants.transformed(motion), correction, findings

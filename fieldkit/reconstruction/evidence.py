@@ -1,0 +1,212 @@
+"""How well a reconstruction's own geometry supports its plants' cloud, without a reference. Pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.thinning import voxel_thin
+from fieldkit.geometry import Intrinsics, Pose
+
+Array = NDArray[np.float64]
+
+_POINTS = 1500
+_BEST_ANGLE_DEG, _TAIL_DEG = 12.0, 20.0
+_FACING = (0.1, 0.5)
+_FOOTPRINT_M, _WIDTH_PX = 0.008, 750
+_ERROR_PX, _CAP_M = 0.5, 0.10
+_NEIGHBOURS = 24
+_LEAST_NEIGHBOURS = 6
+_LEVER = 100.0
+_MOVED = 100
+_LOOSE = 5.0
+LEAST_SHARED = 20
+"""Sparse points in common from which two photographs hold each other."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Figures of a cloud with its cameras; lengths are metres.
+
+    They follow the planner's geometric score (docs/objective.md), with the reconstructed cloud in the true one's place
+    and without occlusion.
+
+    Attributes:
+        support: expected share of the points that two depths or more are right at, from angles between rays,
+            incidence and resolution.
+        noise_m: standard deviation of a point's depth that matches of half a pixel leave, median over points.
+        views: cameras that look at a point's surface, mean over points.
+        roughness_m: root mean square distance of a point's neighbours to their plane, median over points.
+        roughness_high_m: its 90 % quantile: blurred and doubled leaves.
+        lone: share of the voxels with fewer than six points near them.
+        gap_m: mean distance, at most 0.10 m, from a sparse point among the plants to the nearest point of the cloud;
+            None without sparse points there.
+        leverage: how far the cloud is moved, root mean square, per metre that every camera's known position is wrong:
+            what positions leave open of the place, tilt and scale of what a group of cameras sees (`leverage`), mean
+            square over cameras. A group are cameras that a chain of pairs with at least `LEAST_SHARED` sparse points
+            in common joins: nothing but their positions holds groups together.
+        groups: how many there are.
+    """
+
+    support: float
+    noise_m: float
+    views: float
+    roughness_m: float
+    roughness_high_m: float
+    lone: float
+    gap_m: float | None
+    leverage: float
+    groups: int
+
+
+def evidence(
+    plants: Cloud, poses: Sequence[Pose], cameras: Sequence[Intrinsics], sparse_points: Array,
+    shared: NDArray[np.int64], voxel_m: float,
+) -> Evidence | None:  # fmt: skip
+    """The figures of a cloud; None where it has no points or fewer than two cameras.
+
+    Args:
+        plants: with normals where they are known, plot frame, metres.
+        poses: of the photographs that count.
+        cameras: theirs.
+        sparse_points: (n, 3) of the model.
+        shared: (m, m) how many of them each two photographs have in common.
+        voxel_m: points are taken from voxels of this edge, so that dense places count as others.
+    """
+    if not len(plants) or len(poses) < 2:
+        return None
+    thinned = voxel_thin(Cloud(plants.points), voxel_m).points
+    rng = np.random.default_rng(0)
+    points = thinned[np.sort(rng.permutation(len(thinned))[:_POINTS])]
+    tree = cKDTree(plants.points)
+    distances, nearest = tree.query(points, k=_NEIGHBOURS, distance_upper_bound=voxel_m)
+    found = np.isfinite(distances)
+    lone = found.sum(axis=1) < _LEAST_NEIGHBOURS
+    rough, fitted = _roughness(plants.points, nearest, found)
+    normals = fitted
+    if plants.normals is not None:
+        own = plants.normals[np.minimum(nearest[:, 0], len(plants) - 1)].astype(np.float64)
+        normals = np.where((np.linalg.norm(own, axis=1) > 0.5)[:, None], own, fitted)
+    support, noise, views = _supported(points, normals, poses, cameras)
+    firm = rough[~lone]
+    groups, group = connected_components(np.asarray(shared) >= LEAST_SHARED, directed=False)
+    return Evidence(
+        support=float(support.mean()),
+        noise_m=float(np.median(noise)),
+        views=float(views.mean()),
+        roughness_m=float(np.median(firm)) if len(firm) else float(voxel_m),
+        roughness_high_m=float(np.quantile(firm, 0.9)) if len(firm) else float(voxel_m),
+        lone=float(lone.mean()),
+        gap_m=_gap(plants, tree, sparse_points),
+        leverage=_leverage(np.array([pose.center for pose in poses]), group, points),
+        groups=int(groups),
+    )
+
+
+def shared_points(model: pycolmap.Reconstruction, names: Sequence[str]) -> NDArray[np.int64]:
+    """(m, m) how many sparse points each two photographs of a model have in common, in the order of ``names``.
+
+    The diagonal has all points that a photograph sees.
+    """
+    row = {name: k for k, name in enumerate(names)}
+    rows = {i: row[str(model.image(i).name)] for i in model.reg_image_ids() if str(model.image(i).name) in row}
+    ids = sorted(model.point3D_ids())
+    seen = np.zeros((len(names), len(ids)), dtype=np.int64)
+    for column, key in enumerate(ids):
+        for element in model.points3D[key].track.elements:
+            if element.image_id in rows:
+                seen[rows[element.image_id], column] = 1
+    shared: NDArray[np.int64] = seen @ seen.T
+    return shared
+
+
+def _leverage(centers: Array, group: NDArray[np.int64], points: Array) -> float:
+    """Root mean square over cameras of their groups' leverage, none above `_LOOSE`."""
+    squares = 0.0
+    for number in range(int(group.max()) + 1):
+        members = centers[group == number]
+        own = leverage(members, points) if len(members) > 1 else _LOOSE
+        squares += len(members) * min(own, _LOOSE) ** 2
+    return float(np.sqrt(squares / len(centers)))
+
+
+def leverage(centers: Array, points: Array) -> float:
+    """Root mean square motion of points (p, 3) per unit of noise in positions (n, 3) that a similarity is fitted to.
+
+    Linearised: a position c moves by t + ω × c + s · c, so t, ω and s have the covariance (Σ JᵀJ)⁻¹ per unit variance
+    and axis. Cameras close together, or on one line, leave a tilt that far points feel; the prior `_LEVER` bounds it.
+    """
+    middle = centers.mean(axis=0)
+    information = sum(j.T @ j for j in (_motion(c - middle) for c in centers)) + np.eye(7) * _LEVER**-2
+    covariance = np.linalg.inv(information)
+    some = points[:: max(1, len(points) // _MOVED)]
+    moved = [float(np.trace(j @ covariance @ j.T)) for j in (_motion(p - middle) for p in some)]
+    return float(np.sqrt(np.mean(moved) / 3.0))
+
+
+def _motion(place: Array) -> Array:
+    """(3, 7) derivative of a place's position by translation, rotation and scale."""
+    x, y, z = place
+    turned = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+    return np.column_stack([np.eye(3), turned, place])
+
+
+def _roughness(cloud: Array, nearest: NDArray[np.int64], found: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """(p,) distance of neighbours to the plane through them, root mean square, and (p, 3) its normals."""
+    index = np.where(found, nearest, 0)
+    weight = found.astype(np.float64)
+    count = np.maximum(weight.sum(axis=1), 1.0)
+    near = cloud[index] * weight[..., None]
+    middle = near.sum(axis=1) / count[:, None]
+    away = (cloud[index] - middle[:, None]) * weight[..., None]
+    values, vectors = np.linalg.eigh(np.einsum("pki,pkj->pij", away, away) / count[:, None, None])
+    return np.sqrt(np.maximum(values[:, 0], 0.0)), vectors[:, :, 0]
+
+
+def _supported(
+    points: Array, normals: Array, poses: Sequence[Pose], cameras: Sequence[Intrinsics]
+) -> tuple[Array, Array, Array]:
+    """(p,) probability that two depths are right, (p,) noise of a depth in metres, (p,) views that face the surface."""
+    rays, quality, footprint = [], [], []
+    for pose, camera in zip(poses, cameras, strict=True):
+        towards = pose.center - points
+        distance = np.linalg.norm(towards, axis=1)
+        ray = towards / np.maximum(distance, 1e-9)[:, None]
+        pixels = camera.without_distortion().project(pose.to_camera(points))
+        with np.errstate(invalid="ignore"):
+            seen = (pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1)
+        pixel = distance * camera.width / (camera.fx * _WIDTH_PX)
+        facing = np.abs((normals * ray).sum(axis=1))
+        incidence = np.clip((facing - _FACING[0]) / (_FACING[1] - _FACING[0]), 0.0, 1.0)
+        rays.append(ray)
+        footprint.append(pixel)
+        quality.append(seen * incidence / (1.0 + (pixel / _FOOTPRINT_M) ** 2))
+    fails = np.ones((len(poses), len(points)))
+    information = np.full(len(points), _CAP_M**-2)
+    for a in range(len(poses)):
+        for b in range(a + 1, len(poses)):
+            cosine = np.clip((rays[a] * rays[b]).sum(axis=1), -1.0, 1.0)
+            ratio = np.degrees(np.arccos(cosine)) / _BEST_ANGLE_DEG
+            worth = (ratio * np.exp(1.0 - ratio)) ** (_BEST_ANGLE_DEG / _TAIL_DEG)
+            success = worth * np.minimum(quality[a], quality[b])
+            fails[a] *= 1.0 - success
+            fails[b] *= 1.0 - success
+            information += success * (1.0 - cosine**2) / (_ERROR_PX**2 * footprint[a] * footprint[b])
+    none = np.prod(fails, axis=0)
+    one = sum((1.0 - fails[a]) * np.prod(np.delete(fails, a, axis=0), axis=0) for a in range(len(poses)))
+    return 1.0 - none - one, 1.0 / np.sqrt(information), (np.array(quality) > 0).sum(axis=0).astype(np.float64)
+
+
+def _gap(plants: Cloud, tree: cKDTree, sparse_points: Array) -> float | None:
+    low, high = np.quantile(plants.points, [0.01, 0.99], axis=0)
+    inside = ((sparse_points >= low) & (sparse_points <= high)).all(axis=1)
+    if not inside.any():
+        return None
+    return float(np.minimum(tree.query(sparse_points[inside])[0], _CAP_M).mean())

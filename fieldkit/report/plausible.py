@@ -1,0 +1,44 @@
+"""Numbers that no measurement gives, found before they reach a drawing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fieldkit.errors import MetadataError
+
+LARGEST = 1e9
+"""Of any number with a fraction: metres, pixels, seconds, degrees."""
+
+LARGEST_COUNT = 2**64
+
+
+def check_plausible(values: Any, file: Path) -> None:
+    """Refuse numbers that would overflow what is computed from them.
+
+    Args:
+        values: mappings, sequences and plain values, as pydantic and dataclasses give them.
+        file: that they come from.
+
+    Raises:
+        MetadataError: a number beyond `LARGEST` or `LARGEST_COUNT`, or one that is not finite; it is named.
+    """
+    waiting: list[tuple[str, Any]] = [("", values)]
+    while waiting:
+        key, value = waiting.pop()
+        if isinstance(value, Mapping):
+            waiting += [(f"{key}.{name}" if key else str(name), inner) for name, inner in value.items()]
+        elif isinstance(value, list | tuple):
+            waiting += [(f"{key}.{place}", inner) for place, inner in enumerate(value)]
+        elif isinstance(value, float):
+            if not abs(value) <= LARGEST:  # also where it is no number at all
+                raise _implausible(key, file)
+        elif isinstance(value, int) and abs(value) > LARGEST_COUNT:
+            raise _implausible(key, file)
+
+
+def _implausible(key: str, file: Path) -> MetadataError:
+    return MetadataError(
+        f"{key[:200]}: is a number that no measurement gives", path=file, remedy="Make the result again."
+    )

@@ -1,0 +1,189 @@
+"""Line charts as values, and where their marks lie in a drawing of fixed size.
+
+The drawing is an SVG whose colours come from the page's style, so that it follows light and dark.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+WIDTH, HEIGHT = 560.0, 320.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 14.0, 50.0
+
+Style = Literal["line", "step", "dots", "band"]
+
+
+@dataclass(frozen=True)
+class Series:
+    """One series of a chart.
+
+    Attributes:
+        name: in the legend; empty for none.
+        points: (x, y); y None is a gap.
+        style: a line through the points, steps (a value holds until the next), dots, or a thin line in the background.
+    """
+
+    name: str
+    points: tuple[tuple[float, float | None], ...]
+    style: Style = "line"
+
+
+@dataclass(frozen=True)
+class LineChart:
+    """A chart.
+
+    Attributes:
+        title: above it.
+        description: what is to be seen, in words, for who does not see it.
+        x_label, y_label: with units.
+        series: drawn in order; at most five lines have colours of their own.
+        level: a dashed line across, with its label; None for none.
+        x_ticks: labels at given places; None takes round numbers.
+        y_top: where the y axis ends; None takes the highest point. What lies above is drawn on the edge and counted.
+        y_zero: whether the y axis starts at 0.
+    """
+
+    title: str
+    description: str
+    x_label: str
+    y_label: str
+    series: tuple[Series, ...]
+    level: tuple[float, str] | None = None
+    x_ticks: tuple[tuple[float, str], ...] | None = None
+    y_top: float | None = None
+    y_zero: bool = True
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A series in the drawing.
+
+    Attributes:
+        name: as in the chart.
+        number: of its colour, from 1; 2 is the grey of the background.
+        style: as in the chart.
+        path: of the line, in SVG's language; empty for dots.
+        dots: (x, y, whether it lies above the axis' end).
+    """
+
+    name: str
+    number: int
+    style: Style
+    path: str
+    dots: tuple[tuple[str, str, bool], ...]
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A chart laid out; numbers are texts in the drawing's units, ready to be written.
+
+    An x tick is where it is, its label, and to which side of it the label is anchored.
+    """
+
+    chart: LineChart
+    width: str
+    height: str
+    left: str
+    right: str
+    top: str
+    bottom: str
+    x_ticks: tuple[tuple[str, str, str], ...]
+    y_ticks: tuple[tuple[str, str], ...]
+    series: tuple[Drawn, ...]
+    level: tuple[str, str] | None
+    above: int
+
+
+def draw(chart: LineChart) -> Drawing:
+    """Lay a chart out.
+
+    Raises:
+        ValueError: a coordinate that is not finite.
+    """
+    points = [(x, y) for series in chart.series for x, y in series.points if y is not None]
+    if not all(math.isfinite(v) for point in points for v in point):
+        raise ValueError(f"{chart.title}: a point that is not finite")
+    xs = [x for x, _ in points] or [0.0, 1.0]
+    ys = [y for _, y in points] + ([chart.level[0]] if chart.level else []) or [0.0, 1.0]
+    low, high = min(ys), max(ys) if chart.y_top is None else chart.y_top
+    if chart.y_zero:
+        low = min(0.0, low)
+    y_ticks = round_ticks(low, high if high > low else low + 1.0, 6)
+    low, high = min(low, y_ticks[0]), max(high, y_ticks[-1]) if chart.y_top is None else high
+    left, right = (min(xs), max(xs)) if max(xs) > min(xs) else (min(xs) - 0.5, max(xs) + 0.5)
+    if chart.x_ticks is None:
+        whole = all(float(x).is_integer() for x in xs)
+        x_ticks = [(v, number_text(v)) for v in round_ticks(left, right, 7, whole=whole)]
+    else:
+        x_ticks = list(chart.x_ticks)
+
+    def across(x: float) -> float:
+        return _LEFT + (x - left) / (right - left) * (WIDTH - _LEFT - _RIGHT)
+
+    def up(y: float) -> float:
+        return HEIGHT - _BOTTOM - (min(y, high) - low) / (high - low) * (HEIGHT - _TOP - _BOTTOM)
+
+    drawn, lines = [], 0
+    for series in chart.series:
+        # Dots and bands are the background, in grey; lines take the other colours in turn.
+        background = series.style in ("dots", "band")
+        lines += not background
+        number = 2 if background else (1, 3, 4, 5, 6)[(lines - 1) % 5]
+        spots = [(across(x), None if y is None else up(y), y is not None and y > high) for x, y in series.points]
+        drawn.append(Drawn(
+            series.name, number, series.style,
+            "" if series.style == "dots" else _path([(x, y) for x, y, _ in spots], series.style == "step"),
+            tuple((_text(x), _text(y), over) for x, y, over in spots if y is not None and series.style == "dots"),
+        ))  # fmt: skip
+    return Drawing(
+        chart, _text(WIDTH), _text(HEIGHT), _text(_LEFT), _text(WIDTH - _RIGHT), _text(_TOP), _text(HEIGHT - _BOTTOM),
+        tuple((_text(across(v)), label, _anchor(across(v), label)) for v, label in x_ticks if left <= v <= right),
+        tuple((_text(up(v)), number_text(v)) for v in y_ticks if low <= v <= high),
+        tuple(drawn), None if chart.level is None else (_text(up(chart.level[0])), chart.level[1]),
+        sum(y > high for _, y in points),
+    )  # fmt: skip
+
+
+def round_ticks(low: float, high: float, most: int, *, whole: bool = False) -> list[float]:
+    """Multiples of 1, 2 or 5 · 10^k within low ≤ v ≤ high and at most ``most`` of them, the finest such.
+
+    ``whole`` takes integers only. There may be none where the range holds no such number.
+    """
+    step = 10.0 ** math.floor(math.log10((high - low) / most))
+    for factor in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0):
+        size = max(1.0, factor * step) if whole else factor * step
+        first, last = math.ceil(low / size - 1e-9), math.floor(high / size + 1e-9)
+        if last - first + 1 <= most:
+            return [round(k * size, 12) for k in range(first, last + 1)] or [low]
+    return [low]
+
+
+def number_text(value: float) -> str:
+    """A tick's number: as short as it can be, with a minus sign."""
+    return f"{value:,.10g}".replace("-", "−")
+
+
+def _anchor(x: float, label: str) -> str:
+    """Long labels at the ends stay within the drawing."""
+    half = 4.5 * len(label)
+    return "start" if x - half < _LEFT - 30 else "end" if x + half > WIDTH else "middle"
+
+
+def _path(points: list[tuple[float, float | None]], step: bool) -> str:
+    parts, pen = [], False
+    for x, y in points:
+        if y is None:
+            pen = False
+            continue
+        if not pen:
+            parts.append(f"M{_text(x)} {_text(y)}")
+        else:
+            parts.append(f"H{_text(x)}V{_text(y)}" if step else f"L{_text(x)} {_text(y)}")
+        pen = True
+    return "".join(parts)
+
+
+def _text(value: float) -> str:
+    return f"{value:.1f}"

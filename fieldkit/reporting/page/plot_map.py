@@ -1,0 +1,186 @@
+"""A map of plots coloured by a score, as values, and where everything lies in a drawing of fixed width."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+WIDTH = 640.0
+_MARGIN, _LEGEND = 26.0, 44.0
+_MOST_HEIGHT, _LEAST_HEIGHT = 560.0, 180.0
+_MOST_LABELS_BELOW, _LONGEST_BELOW = 24, 12
+_LIGHT = 0.18  # relative luminance above which black reads better than white (WCAG 2.2)
+_POINT_M = 1.0  # half the side of a plot that is given as a point only
+
+RAMP = ("#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a")
+"""Blue to red by way of a light yellow: told apart by colour-blind eyes; the colours of comparison.png."""
+
+Ring = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class MappedPlot:
+    """A plot's place.
+
+    Attributes:
+        name: of the plot.
+        rings: its outlines, corners (east, north) in metres; a ring of one corner is a plot known as a point.
+    """
+
+    name: str
+    rings: tuple[Ring, ...]
+
+
+@dataclass(frozen=True)
+class PlotMap:
+    """A map.
+
+    Attributes:
+        title: above it.
+        plots: their places, in one frame: metres east and north.
+        values: by date and plot, in what ``unit`` says; a plot without a value is hatched.
+        unit: of the values: "mm".
+        value_name: what they are: "chamfer distance".
+        notes: by date and plot, why there is no value.
+    """
+
+    title: str
+    plots: tuple[MappedPlot, ...]
+    values: Mapping[str, Mapping[str, float]]
+    unit: str
+    value_name: str
+    notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A plot in the drawing on one date.
+
+    Attributes:
+        path: its outline.
+        fill: its colour; empty where there is no value.
+        text: what it says.
+        label: its name, within or below it; empty where there is no room.
+        label_class: "on-dark", "on-light" or "on-none" within it, "below".
+        x, y: where the label's line has its middle.
+    """
+
+    path: str
+    fill: str
+    text: str
+    label: str
+    label_class: str
+    x: str
+    y: str
+
+
+@dataclass(frozen=True)
+class DrawnMap:
+    """A map laid out; numbers are texts in the drawing's units.
+
+    Attributes:
+        map: what it shows.
+        width, height: of the drawing.
+        dates: (date, its shapes), the last one shown first.
+        bar: of the scale: its length in the drawing, and its text.
+        stops: of the legend's ramp: (share, colour).
+        low, high: the legend's ends.
+        north_x, base: where the arrow stands, and the line of bar and legend.
+    """
+
+    map: PlotMap
+    width: str
+    height: str
+    dates: tuple[tuple[str, tuple[Shape, ...]], ...]
+    bar: tuple[str, str]
+    stops: tuple[tuple[str, str], ...]
+    low: str
+    high: str
+    north_x: str
+    base: str
+
+
+def draw_map(plots: PlotMap) -> DrawnMap:
+    """Lay a map out.
+
+    Raises:
+        ValueError: no plots, or a coordinate that is not finite.
+    """
+    corners = [corner for plot in plots.plots for ring in plot.rings for corner in _outline(ring)]
+    if not corners or not all(math.isfinite(v) for corner in corners for v in corner):
+        raise ValueError("a map needs plots with finite coordinates")
+    west, east = min(x for x, _ in corners), max(x for x, _ in corners)
+    south, north = min(y for _, y in corners), max(y for _, y in corners)
+    scale = min((WIDTH - 2 * _MARGIN) / (east - west), (_MOST_HEIGHT - 2 * _MARGIN) / (north - south))
+    drawn_height = max(_LEAST_HEIGHT, (north - south) * scale + 2 * _MARGIN)
+    left = 0.5 * (WIDTH - (east - west) * scale)
+    top = 0.5 * (drawn_height - (north - south) * scale)
+
+    def place(corner: tuple[float, float]) -> tuple[float, float]:
+        return left + (corner[0] - west) * scale, top + (north - corner[1]) * scale
+
+    found = [value for by_plot in plots.values.values() for value in by_plot.values()]
+    low, high = (min(found), max(found)) if found else (0.0, 0.0)
+    dates = []
+    for date in plots.values:
+        shapes = []
+        for plot in plots.plots:
+            value = plots.values[date].get(plot.name)
+            share = 0.0 if value is None or high <= low else (value - low) / (high - low)
+            spots = [[place(corner) for corner in _outline(ring)] for ring in plot.rings]
+            flat = [spot for ring in spots for spot in ring]
+            why = plots.notes.get(date, {}).get(plot.name, "no value")
+            said = f"{value:.3g} {plots.unit}" if value is not None else why
+            path = "".join("M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in ring) + "Z" for ring in spots)
+            fill = "" if value is None else ramp_color(share)
+            label_class, x, y = _label_place(plot.name, flat, fill, len(plots.plots))
+            label = plot.name if label_class else ""
+            text = f"{plot.name}, {date}: {said}"
+            shapes.append(Shape(path, fill, text, label, label_class, f"{x:.1f}", f"{y:.1f}"))
+        dates.append((date, tuple(shapes)))
+    bar_m = _round_length(0.25 * (WIDTH - 2 * _MARGIN) / scale)
+    return DrawnMap(
+        plots, f"{WIDTH:.0f}", f"{drawn_height + _LEGEND:.0f}", tuple(dates),
+        (f"{bar_m * scale:.1f}", f"{bar_m:g} m"),
+        tuple((f"{k / (len(RAMP) - 1):.2f}", color) for k, color in enumerate(RAMP)),
+        f"{low:.3g}", f"{high:.3g}", f"{WIDTH - 20:.1f}", f"{drawn_height + 14:.1f}",
+    )  # fmt: skip
+
+
+def ramp_color(share: float) -> str:
+    """The ramp's colour at 0 (low, blue) to 1 (high, red), as "#rrggbb"."""
+    at = min(max(share, 0.0), 1.0) * (len(RAMP) - 1)
+    first = min(int(at), len(RAMP) - 2)
+    a, b = (tuple(int(color[k : k + 2], 16) for k in (1, 3, 5)) for color in RAMP[first : first + 2])
+    return "#" + "".join(f"{round(u + (v - u) * (at - first)):02x}" for u, v in zip(a, b, strict=True))
+
+
+def _outline(ring: Ring) -> Ring:
+    if len(ring) != 1:
+        return ring
+    x, y = ring[0]
+    return tuple((x + u * _POINT_M, y + v * _POINT_M) for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+
+
+def _label_place(name: str, spots: list[tuple[float, float]], fill: str, plots: int) -> tuple[str, float, float]:
+    """How and where a plot's name is written: within it, below it where plots are few, or not at all."""
+    xs, ys = [x for x, _ in spots], [y for _, y in spots]
+    x, y = sum(xs) / len(xs), sum(ys) / len(ys)
+    if max(xs) - min(xs) > 7.5 * len(name) + 8 and max(ys) - min(ys) > 16:
+        return ("on-none" if not fill else "on-light" if _lightness(fill) > _LIGHT else "on-dark"), x, y + 4
+    if plots <= _MOST_LABELS_BELOW and len(name) <= _LONGEST_BELOW:
+        return "below", x, max(ys) + 13
+    return "", x, y
+
+
+def _lightness(color: str) -> float:
+    """Relative luminance of "#rrggbb" (WCAG 2.2), 0 to 1."""
+    channels = (int(color[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def _round_length(longest_m: float) -> float:
+    step = 10.0 ** math.floor(math.log10(longest_m))
+    return max(factor * step for factor in (1.0, 2.0, 5.0) if factor * step <= longest_m)

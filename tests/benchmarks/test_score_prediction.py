@@ -1,0 +1,105 @@
+"""Fitting predictions: recovers a law, leaves scenes out whole, and intervals hold what they say."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.benchmarks.score_prediction import (
+    CANDIDATES,
+    Check,
+    Plot,
+    check_table,
+    checked,
+    fit,
+    left_out,
+    model_table,
+    names,
+    plot_table,
+    stored_plots,
+)
+from fieldkit.benchmarks.scored_captures import FITTED, HELD_OUT, designs, read_captures
+from fieldkit.errors import UsageError
+from fieldkit.evaluation.prediction import FLOORS, PredictionModel, predict
+
+
+def law(scenes: int, each: int, seed: int, noise: float = 0.2) -> list[Plot]:
+    """Plots whose chamfer distance goes with the root of spread_m, and a little with lone."""
+    rng = np.random.default_rng(seed)
+    plots = []
+    for k in range(scenes * each):
+        features = {name: float(FLOORS[name] * np.exp(rng.uniform(0.5, 2.5))) for name in FLOORS}
+        features["spread_m"] = float(np.exp(rng.uniform(np.log(0.009), np.log(0.06))))
+        value = 0.2 * features["spread_m"] ** 0.5 * (features["lone"] / 0.02) ** 0.2 * np.exp(rng.normal(0, noise))
+        plots.append(Plot(f"p{k}", f"scene-{k % scenes}", float(value), features))
+    return plots
+
+
+class TestFit:
+    def test_finds_the_law(self) -> None:
+        model, tried = fit(law(6, 6, seed=1, noise=0.1))
+        assert "spread_m" in names(model)
+        place = next(f for f in model.features if f.name == "spread_m")
+        assert place.coefficient / place.scale == pytest.approx(0.5, abs=0.08)
+        assert tried[names(model)] < 0.2
+        assert set(names(model)) <= set(CANDIDATES)
+
+    def test_intervals_hold_nine_in_ten_of_new_plots(self) -> None:
+        known, new = law(6, 5, seed=2), law(20, 10, seed=3)
+        model, _ = fit(known)
+        held = np.mean([check.held for check in checked(new, model) if not check.reason])
+        assert 0.8 <= held <= 1.0
+        assert np.mean([check.held for check in left_out(known, names(model))]) >= 0.8
+
+    def test_refuses_what_is_outside(self) -> None:
+        model, _ = fit(law(4, 4, seed=4))
+        far = law(1, 1, seed=5)[0]
+        far.features["spread_m"] = 1.0
+        (check,) = checked([far], model)
+        assert "from their place, in metres, is 1;" in check.reason
+        assert predict(far.features, model).chamfer_m is None
+
+    def test_needs_three_scenes(self) -> None:
+        with pytest.raises(UsageError, match="3 scenes"):
+            fit(law(2, 8, seed=6))
+
+    def test_the_model_survives_its_file(self) -> None:
+        model, _ = fit(law(4, 4, seed=7))
+        assert PredictionModel.model_validate_json(json.dumps(model.model_dump(mode="json"))) == model
+
+
+class TestTables:
+    def test_counts(self) -> None:
+        model, _ = fit(law(4, 4, seed=8))
+        plots = law(2, 3, seed=9)
+        checks = checked(plots, model)
+        table = check_table({"new": checks, "none": []})
+        assert table.rows[0][:2] == ("new", 6)
+        assert table.rows[1][1:3] == (0, 0)
+        assert len(plot_table(checks).rows) == 6
+        assert len(model_table(model).rows) == len(model.features)
+
+    def test_order_is_that_of_the_truth(self) -> None:
+        plots = law(1, 5, seed=10)
+        checks = [Check(plot, plot.chamfer_m, 0.0, 1.0) for plot in plots]
+        assert check_table({"same": checks}).rows[0][-1] == "1.00"
+
+
+class TestDesigns:
+    def test_balanced_and_distinct(self) -> None:
+        wanted = designs(3, 2)
+        assert len({design.name for design in wanted}) == 3 * len(FITTED) + 2 * len(HELD_OUT)
+        assert {design.scene for design in wanted} == {*FITTED, *HELD_OUT}
+        assert {design.kind for design in wanted} >= {"ring", "arc", "chain", "random", "spiral", "circle"}
+        assert all(10 <= design.cameras <= 13 for design in wanted)
+
+    def test_more_of_them_contain_fewer(self) -> None:
+        few, many = designs(2, 1), designs(3, 2)
+        assert set(few) <= set(many)
+
+    def test_an_empty_folder(self, tmp_path: Path) -> None:
+        assert list(read_captures(tmp_path)) == []
+        assert stored_plots(tmp_path) == ([], 0)

@@ -1,0 +1,95 @@
+"""fieldkit campaign init, show and export, and where fieldkit evaluate puts its results."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from fieldkit.cli.main import main
+from fieldkit.evaluation.campaign import Visit, read_campaign
+from fieldkit.evaluation.campaign.table import Row, Table
+from tests.evaluation.campaign.examples import campaign_folder, field
+
+FIELD = field(1, 2)
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def answer(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -> dict:  # type: ignore[type-arg]
+    assert main([*arguments, "--json"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def test_init_takes_the_settings(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    campaign_folder(place, FIELD)
+    arguments = ("--plan", "sources/plan.json", "--site", "sources/site.toml", "--fidelity", "fine", "--mask", "none",
+                 "--bounds", "-1,-1,0,1,1,2", "--distances", "0.01,0.005", "--seed", "7", "--refine",
+                 "--name", "Ä")  # fmt: skip
+    made = answer(capsys, "campaign", "init", "new", *arguments, "--vehicle", "ardupilot-pitch")
+    assert made == {"output": "new", "campaign": "Ä", "plots": ["r1c1", "r1c2"], "stations": 8, "references": []}
+    found = read_campaign(place / "new")
+    settings = found.evaluation.settings
+    assert (settings.fidelity, settings.mask, settings.seed) == ("fine", "none", 7)
+    assert settings.bounds is not None
+    assert settings.bounds.upper == (1, 1, 2)
+    assert found.evaluation.distances_m == (0.005, 0.01)
+    assert found.evaluation.refine
+    assert answer(capsys, "campaign", "init", "new", *arguments, code=2)["error"]["type"] == "UsageError"
+    error = answer(capsys, "campaign", "init", "x", *arguments, "--reference", "nowhere=x", code=2)["error"]
+    assert "names no plot" in error["message"]
+    error = answer(capsys, "campaign", "init", "x", *arguments, "--reference", "r1c1=x", code=3)["error"]
+    assert error["path"].endswith("x")
+    error = answer(capsys, "campaign", "init", "x", "--plan", "no.json", "--site", "sources/site.toml", code=3)["error"]
+    assert error["path"] == "no.json"
+    assert not (place / "x").exists()
+
+
+def test_show_and_export_find_the_campaign_about_the_folder(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = campaign_folder(place, FIELD)
+    with Table(folder / "campaign.sqlite") as table:
+        table.put(Row(Visit("r1c1", "2026-06-18", chamfer_m=0.01, notes=("[bold]",)), "x"))
+    for arguments in (["show"], ["export", "-o", "out.csv"]):
+        assert answer(capsys, "campaign", *arguments, code=2)["error"]["message"] == "which campaign?"
+    (folder / "deep").mkdir()
+    monkeypatch.chdir(folder / "deep")
+    assert answer(capsys, "campaign", "show")["ranking"] == {
+        "2026-06-18": [
+            {"rank": 1, "tied": False, "plot": "r1c1", "chamfer_m": 0.01, "predicted": False, "noise_m": 0.001645}
+        ]
+    }
+    assert main(["campaign", "show"]) == 0
+    assert "r1c1" in capsys.readouterr().err
+    written = answer(capsys, "campaign", "export", "-o", "out.gpkg")
+    assert written == {"output": "out.gpkg", "format": "gpkg", "visits": 1, "plots": 2}
+    assert Path("out.gpkg").is_file()
+    assert answer(capsys, "campaign", "export", "-o", "out.gpkg", code=2)["error"]["path"] == "out.gpkg"
+
+
+def test_where_evaluate_puts_its_results(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = campaign_folder(place, FIELD)
+    (place / "photos").mkdir()
+    error = answer(capsys, "evaluate", "photos", code=2)["error"]
+    assert "--campaign" in error["remedy"]
+    error = answer(capsys, "evaluate", "photos", "-o", "out", "--campaign", "season", code=2)["error"]
+    assert "its own folder" in error["message"]
+    # Also a value that is the default is one that campaign.toml has to say.
+    for option in (["--fidelity", "standard"], ["--refine"], ["--seed", "0"], ["--reference", "x"], ["--plan", "x"]):
+        error = answer(capsys, "evaluate", "photos", "--campaign", "season", *option, code=2)["error"]
+        assert error["message"].startswith(option[0])
+        assert "campaign.toml" in error["remedy"]
+    error = answer(capsys, "evaluate", "photos", "--campaign", "season", "--log", "x.BIN", code=2)["error"]
+    assert "--log" in error["message"]
+    assert answer(capsys, "evaluate", "photos", "--campaign", "photos", code=3)["error"]["path"].endswith("photos")
+    monkeypatch.chdir(folder)
+    assert answer(capsys, "evaluate", "../photos", code=3)["error"]["message"].startswith("there are no usable photo")

@@ -1,0 +1,65 @@
+"""The check command: what it prints, its exit codes, and calls that cannot be."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from fieldkit.cli.main import main
+from fieldkit.geometry import Pose
+from fieldkit.missions.plan_file import plan_from_poses, save_plan
+
+
+@pytest.fixture
+def capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, Path]:
+    """A plan of three stations, and two photographs of noise with rows in poses.csv."""
+    monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
+    poses = [Pose.look_at((np.sin(a), np.cos(a), 1.0), (0.0, 0.0, 0.2)) for a in (0.0, 0.5, 1.1)]
+    save_plan(tmp_path / "plan.json", plan_from_poses(poses))
+    folder = tmp_path / "plot"
+    folder.mkdir()
+    rows = ["image,x_m,y_m,z_m,yaw_deg,pitch_deg"]
+    for k in (0, 2):
+        noise = np.random.default_rng(k).integers(40, 200, (120, 160), dtype=np.uint8)
+        cv2.imwrite(str(folder / f"{k}.png"), noise)
+        yaw, pitch, _ = poses[k].yaw_pitch_roll_deg()
+        rows.append(f"{k}.png,{','.join(f'{v:.4f}' for v in poses[k].center)},{yaw:.3f},{pitch:.3f}")
+    (folder / "poses.csv").write_text("\n".join(rows), "utf-8")
+    return folder, tmp_path / "plan.json"
+
+
+def test_json_is_one_object(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(capture[0]), "--plan", str(capture[1]), "--json"]) == 0
+    printed = capsys.readouterr()
+    found = json.loads(printed.out)
+    assert printed.err == ""
+    assert found["ok"] is False
+    assert 1 in found["fly_again"]
+    assert {"code": "missing", "station": 1}.items() <= next(f for f in found["findings"] if f["station"] == 1).items()
+    assert [row["photograph"] for row in found["stations"]] == ["0.png", "", "2.png"]
+    assert found["plots"][0]["summary"] == found["summary"]
+
+
+def test_people_get_a_table_and_a_sentence(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(capture[0]), "--plan", str(capture[1])]) == 0
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert "fly again" in printed.err
+    assert "missing" in printed.err
+
+
+def test_a_mission_needs_vehicle_and_site(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["check", str(capture[0]), "--plan", str(capture[1])]
+    assert main([*words, "-o", "again.plan"]) == 2
+    assert "--vehicle and --site" in capsys.readouterr().err
+    assert main([*words, "--vehicle", "px4-gimbal"]) == 2
+
+
+def test_a_plan_that_is_none(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    capture[1].write_text("[]")
+    assert main(["check", str(capture[0]), "--plan", str(capture[1]), "--json"]) == 3
+    assert "not a JSON object" in capsys.readouterr().out

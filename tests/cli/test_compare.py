@@ -1,0 +1,60 @@
+"""fieldkit compare, and the options of evaluate's plan, by the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from fieldkit.cli.main import main
+from fieldkit.evaluation.comparison_schema import ComparisonReport
+from tests.evaluation.test_compare import evaluation_folder, leaves
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> list[str]:
+    return [
+        str(evaluation_folder(tmp_path / name, {"=1+1": leaves(k, points=500)}, None)) for k, name in enumerate("ab")
+    ]
+
+
+def test_json_is_the_report(two: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["compare", f"may={two[0]}", f"june={two[1]}", "-o", str(out), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document.pop("output") == str(out)
+    report = ComparisonReport.model_validate_json(json.dumps(document))
+    assert [each.label for each in report.evaluations] == ["may", "june"]
+    assert report == ComparisonReport.model_validate_json((out / "compare.json").read_text())
+    assert sorted(path.name for path in out.iterdir()) == ["compare.csv", "compare.json", "compare.png"]
+    assert "'=1+1" in (out / "compare.csv").read_text()
+    assert main(["compare", *two, "-o", str(out)]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert main(["compare", *two, "-o", str(out), "--overwrite"]) == 0
+
+
+def test_tables_say_what_cannot_be_told(two: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", *two]) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "cannot be told" in said.err
+    assert "have no reference" in said.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["compare", "nowhere", "neither"], 3, "no such file"),
+        (["compare"], 2, "missing argument"),
+        (["evaluate", ".", "-o", "out", "--plan", "p", "--mission", "m.plan"], 2, "belong together"),
+        (["evaluate", ".", "--mission", "m.plan", "--vehicle", "x"], 2, "not taken in a campaign"),
+    ],
+)
+def test_wrong_usage(
+    arguments: list[str], code: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == code
+    assert words in capsys.readouterr().err.lower()

@@ -1,0 +1,62 @@
+"""fieldkit report, as people call it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from fieldkit.cli.main import main
+from tests.report.examples import write_evaluation, write_reference
+from tests.reporting.page_checks import checked
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    write_reference(tmp_path / "results" / "reference")
+    write_evaluation(tmp_path / "results" / "evaluation", tmp_path / "results" / "reference")
+    return tmp_path / "results"
+
+
+def test_json(results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "r.html"
+    assert main(["report", str(results), "-o", str(file), "--points", "2000", "--title", "Plot 7", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["output"] == str(file)
+    assert (told["references"], told["evaluations"], told["views"]) == (1, 1, 2)
+    assert 1900 < told["points"] <= 2000 < told["points_found"]
+    assert "Plot 7" in checked(file.read_text()).text
+
+
+def test_people_are_told(results: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (results / "evaluation" / "evaluation.json").write_text("{}")
+    assert main(["report", str(results)]) == 0
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert "evaluation/evaluation.json is damaged" in told.err
+    assert "open it in a browser" in told.err
+    assert main(["report", str(results)]) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert main(["report", str(results), "--overwrite"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["nowhere"], 3, "no such folder"),
+        (["."], 3, "holds no result"),
+        ([".", "--points", "7"], 2, "cannot show 7 points"),
+        ([], 2, "missing argument"),
+    ],
+)
+def test_errors_name_a_remedy(
+    arguments: list[str], code: int, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(["report", *arguments, "--json"]) == code
+    error = json.loads(capsys.readouterr().out)["error"]
+    assert message in error["message"]
+    assert error["remedy"]
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,161 @@
+"""A campaign by the command line: init, evaluate, killed and resumed, show, export."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+
+from fieldkit.evaluation.campaign import read_campaign
+from fieldkit.evaluation.campaign.table import read_rows
+from fieldkit.geometry import Intrinsics
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.plan_file import plan_from_poses, save_plan
+from fieldkit.scenes.simulation import poses_from_csv
+from tests.endtoend.commands import DRAFT, CommandLine, contents, finish, set_gps, wait_until
+from tests.endtoend.conftest import Built
+
+FIELD = LocalFrame(52.296, 10.437, 81.0, "ellipsoid")
+PLOTS = ("A", "B", "C", "D")
+
+
+def capture(line: CommandLine, small_plot: Path, plot: str, date: str, count: int = 8) -> Path:
+    """The small plot's photographs as those of a plot on a date, with bytes of their own, at stations of the plan."""
+    folder = line.folder / "captures" / plot / date
+    folder.mkdir(parents=True)
+    for name in ("camera.toml", "poses.csv"):
+        shutil.copyfile(small_plot / name, folder / name)
+    poses = poses_from_csv(small_plot / "poses.csv")
+    for k, path in enumerate(sorted(small_plot.glob("*.jpg"))[:count]):
+        shutil.copyfile(path, folder / path.name)
+        x, y, z = poses[k].center
+        day = 0.001 * int(date[-2:])  # so that no two photographs have the same bytes
+        latitude, longitude, altitude = FIELD.to_geodetic((x + 6.0 * PLOTS.index(plot) + day, y, z))
+        set_gps(folder / path.name, float(latitude[0]), float(longitude[0]), float(altitude[0]))
+    return folder
+
+
+@pytest.fixture
+def season(line: CommandLine, small_plot: Path) -> Path:
+    """A campaign of four plots, 6 m apart, without captures."""
+    plan = plan_from_poses(poses_from_csv(small_plot / "poses.csv"), Intrinsics.pinhole(320, 240, 304.0))
+    save_plan(line.folder / "plan.json", plan)
+    rows = []
+    for k, name in enumerate(PLOTS):
+        latitude, longitude = (float(v[0]) for v in FIELD.to_geodetic((6.0 * k, 0.0, 0.0))[:2])
+        rows.append(f'[[plots]]\nname = "{name}"\nlatitude_deg = {latitude}\nlongitude_deg = {longitude}\n')
+    (line.folder / "site.toml").write_text(
+        "format = 1\n[home]\nlatitude_deg = 52.296\nlongitude_deg = 10.437\namsl_m = 40.0\n" + "\n".join(rows)
+    )
+    return line.folder / "season"
+
+
+def init(line: CommandLine, *more: str) -> None:
+    done = line.run("campaign", "init", "season", "--plan", "plan.json", "--site", "site.toml", *DRAFT, *more, "--json")
+    assert done.code == 0, done.err
+    assert done.json["plots"] == list(PLOTS)
+
+
+def evaluate(line: CommandLine, *more: str) -> tuple[list[str], list[str], dict[str, object]]:
+    """What was evaluated, what was there already, and the whole answer."""
+    done = line.run("evaluate", "captures", "--campaign", "season", *more, "--json")
+    assert done.code == 0, done.err
+    keys = [[f"{visit['plot']} {visit['date']}" for visit in done.json[key]] for key in ("evaluated", "kept")]
+    return keys[0], keys[1], done.json
+
+
+@pytest.mark.slow
+def test_plots_with_and_without_reference(line: CommandLine, season: Path, small_plot: Path, built: Built) -> None:
+    init(line, "--reference", f"A={built.reference}")
+    capture(line, small_plot, "A", "2026-06-18")
+    capture(line, small_plot, "B", "2026-06-18")
+    capture(line, small_plot, "C", "2026-06-18", count=1)  # one bad plot does not stop the others
+    before = contents(line.folder / "captures")
+    evaluated, _, answer = evaluate(line, "--workers", "2")
+    assert sorted(evaluated) == ["A 2026-06-18", "B 2026-06-18", "C 2026-06-18"]
+    assert answer["failed"] == 1
+    assert answer["left_out"] == answer["findings"] == []
+    visits = {visit.plot: visit for visit in read_campaign(season).visits}
+    assert visits["A"].chamfer_m is not None
+    assert visits["A"].chamfer_m < 0.01  # the reference is of the same photographs
+    assert visits["A"].right == visits["B"].right == 8
+    assert visits["B"].chamfer_m is None
+    assert visits["B"].height_m is not None
+    assert "needs at least two photographs" in visits["C"].error
+    assert "1 photographs, fewer than the plan's 8" in visits["C"].notes
+    assert (season / visits["A"].folder / "A" / "cloud.ply").is_file()
+    # Again: nothing is computed, not even what failed. A lost table comes back from the folders.
+    (season / "campaign.sqlite").unlink()
+    evaluated, kept, _ = evaluate(line)
+    assert (evaluated, len(kept)) == ([], 3)
+    assert {visit.plot: visit for visit in read_campaign(season).visits} == visits
+    assert contents(line.folder / "captures") == before
+    done = line.run("campaign", "show", "season", "--json")
+    assert done.json["dates"] == ["2026-06-18"]
+    assert [entry["plot"] for entry in done.json["ranking"]["2026-06-18"]][:1] == ["A"]
+    for name in ("out.csv", "out.gpkg"):
+        done = line.run("campaign", "export", "season", "-o", name, "--json")
+        assert (done.code, done.json["visits"]) == (0, 3)
+
+
+@pytest.mark.slow
+def test_what_is_new_or_changed(line: CommandLine, season: Path, small_plot: Path) -> None:
+    init(line)
+    capture(line, small_plot, "A", "2026-06-18", count=3)
+    assert evaluate(line)[0] == ["A 2026-06-18"]
+    # One more date costs one visit.
+    capture(line, small_plot, "A", "2026-06-25", count=3)
+    evaluated, kept, _ = evaluate(line)
+    assert (evaluated, kept) == (["A 2026-06-25"], ["A 2026-06-18"])
+    # A re-flight, in a folder of its own: the visit's earlier photographs count, too.
+    (line.folder / "captures").rename(line.folder / "aside")
+    whole = capture(line, small_plot, "A", "2026-06-18", count=5)
+    for path in sorted(whole.glob("*.jpg"))[:3]:
+        path.unlink()
+    (line.folder / "captures").rename(line.folder / "reflown")
+    (line.folder / "aside").rename(line.folder / "captures")
+    done = line.run("evaluate", "reflown", "--campaign", "season", "--json")
+    assert [(visit["date"], visit["images"]) for visit in done.json["evaluated"]] == [("2026-06-18", 5)]
+    assert evaluate(line)[0] == []  # also not when the other half is looked at
+    # What changed is computed again.
+    (line.folder / "captures" / "A" / "2026-06-18" / "IMG_0001.jpg").unlink()
+    assert evaluate(line)[0] == ["A 2026-06-18"]
+    assert [visit.images for visit in read_campaign(season).visits] == [4, 3]
+
+
+@pytest.mark.slow
+def test_killed_twice_and_resumed(line: CommandLine, season: Path, small_plot: Path) -> None:
+    init(line)
+    for plot in PLOTS[:3]:
+        capture(line, small_plot, plot, "2026-06-18")
+    stamps: dict[Path, int] = {}
+    for rows in (1, 2):
+        process = line.start("evaluate", "captures", "--campaign", "season", "--workers", "1")
+        assert wait_until(process, lambda rows=rows: len(read_rows(season / "campaign.sqlite")) >= rows)  # type: ignore[misc]
+        process.kill()
+        assert finish(process).code == -signal.SIGKILL
+        done = {path: path.stat().st_mtime_ns for path in season.glob("visits/*/*/evaluation.json")}
+        assert len(done) >= rows
+        assert stamps.items() <= done.items()  # nothing was computed twice
+        stamps = done
+        whole = {(visit.plot, visit.date) for visit in read_campaign(season).visits}
+        assert len(whole) >= rows
+    evaluated, kept, _ = evaluate(line)
+    assert len(evaluated) + len(kept) == 3
+    assert len(kept) >= 2
+    assert {path: path.stat().st_mtime_ns for path in stamps} == stamps
+    assert [visit.error for visit in read_campaign(season).visits] == [""] * 3
+    assert not list(season.glob("visits/*/.*"))
+
+
+def test_messages(line: CommandLine, season: Path, small_plot: Path) -> None:
+    init(line)
+    again = line.run("campaign", "init", "season", "--plan", "plan.json", "--site", "site.toml", "--json")
+    assert (again.code, again.error["type"]) == (2, "UsageError")
+    (line.folder / "captures").mkdir()
+    none = line.run("evaluate", "captures", "--campaign", "season", "--json")
+    assert none.code == 3
+    assert "no usable photographs" in none.error["message"]
+    assert read_rows(season / "campaign.sqlite") == []

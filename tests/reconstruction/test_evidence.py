@@ -1,0 +1,139 @@
+"""Evidence for a cloud: leverage of positions, support by views, roughness."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from fieldkit.clouds import Cloud
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.similarity import fit_similarity
+from fieldkit.reconstruction.evidence import Evidence, evidence, leverage, shared_points
+from fieldkit.scenes.rigs import ring
+from tests.evaluation.examples import ring as fake_ring
+from tests.evaluation.examples import sparse_model
+
+CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
+RING = ring(10, 1.4, 1.1)
+
+
+def leaf(noise_m: float = 0.0, step: float = 0.004, seed: int = 0) -> NDArray[np.float64]:
+    """Points on a level square of 0.4 m, 0.3 m above the ground."""
+    rng = np.random.default_rng(seed)
+    x, y = (grid.ravel() for grid in np.meshgrid(np.arange(-0.2, 0.2, step), np.arange(-0.2, 0.2, step)))
+    return np.column_stack([x, y, np.full(len(x), 0.3)]) + rng.normal(0, noise_m, (len(x), 3)) * (0, 0, 1)
+
+
+def shared_by(count: int, groups: int = 1) -> NDArray[np.int64]:
+    """Every camera sees 200 points with each of its group, and 5 with others."""
+    group = np.arange(count) * groups // count
+    return np.where(group[:, None] == group, 200, 5)
+
+
+def found(
+    points: NDArray[np.float64], poses: list[Pose] | None = None, sparse: object = None, groups: int = 1
+) -> Evidence:
+    chosen = RING if poses is None else poses
+    known = points[::50] if sparse is None else np.asarray(sparse, dtype=np.float64)
+    result = evidence(Cloud(points), chosen, [CAMERA] * len(chosen), known, shared_by(len(chosen), groups), 0.01)
+    assert result is not None
+    return result
+
+
+class TestLeverage:
+    @given(st.integers(0, 1000), st.integers(6, 13))
+    @settings(max_examples=8, deadline=None)
+    def test_as_similarities_fitted_to_noise(self, seed: int, count: int) -> None:
+        rng = np.random.default_rng(seed)
+        centers, points = rng.normal(0, 1.0, (count, 3)), rng.normal(0, 0.3, (60, 3))
+        moved = []
+        for _ in range(150):
+            motion = fit_similarity(centers, centers + rng.normal(0, 0.001, centers.shape))
+            moved.append(motion.apply(points) - points)
+        measured = float(np.sqrt(np.mean(np.square(moved)))) / 0.001
+        assert leverage(centers, points) == pytest.approx(measured, rel=0.2)
+
+    def test_cameras_close_together_leave_a_tilt(self) -> None:
+        points = leaf()
+        around, beside = np.array([p.center for p in RING]), np.array([p.center for p in RING])
+        beside[:, :2] = 0.1 * beside[:, :2] + (1.4, 0.0)
+        assert leverage(beside, points) > 3 * leverage(around, points)
+
+    def test_one_line_is_bounded(self) -> None:
+        centers = np.column_stack([np.linspace(-1, 1, 8), np.zeros(8), np.ones(8)])
+        value = leverage(centers, leaf())
+        assert np.isfinite(value)
+        assert value > 5
+
+
+class TestGroups:
+    def test_groups_move_on_their_own(self) -> None:
+        whole, halves = found(leaf()), found(leaf(), groups=2)
+        assert (whole.groups, halves.groups) == (1, 2)
+        assert halves.leverage > 2 * whole.leverage
+
+    def test_cameras_on_their_own(self) -> None:
+        alone = found(leaf(), groups=10)
+        assert alone.groups == 10
+        assert alone.leverage == pytest.approx(5.0)
+
+    def test_a_chain_is_one_group(self) -> None:
+        shared = np.zeros((10, 10), dtype=np.int64)
+        shared[np.arange(9), np.arange(1, 10)] = 40
+        result = evidence(Cloud(leaf()), RING, [CAMERA] * 10, leaf()[::50], shared + shared.T, 0.01)
+        assert result is not None
+        assert result.groups == 1
+        assert result.leverage == found(leaf()).leverage
+
+
+class TestEvidence:
+    def test_a_well_seen_leaf(self) -> None:
+        result = found(leaf())
+        assert result.support > 0.99
+        assert result.views == pytest.approx(10.0)
+        assert result.lone < 0.05
+        assert result.roughness_m < 1e-6
+        assert result.gap_m == pytest.approx(0.0, abs=1e-9)
+
+    def test_two_views_support_less_than_ten(self) -> None:
+        few, many = found(leaf(), RING[:2]), found(leaf())
+        assert few.support < many.support
+        assert few.noise_m > many.noise_m
+
+    def test_roughness_is_the_noise(self) -> None:
+        rough = found(leaf(0.002, step=0.003))
+        assert 0.001 < rough.roughness_m < 0.0025
+        assert rough.roughness_high_m >= rough.roughness_m
+
+    def test_sparse_points_that_the_cloud_lacks(self) -> None:
+        missing = np.array([[0.0, 0.0, 0.3], [0.05, 0.05, 0.3]])
+        holed = leaf()
+        holed = holed[np.linalg.norm(holed[:, :2], axis=1) > 0.04]
+        # They lie within the cloud's box; the first is 4 cm from the next point.
+        assert found(np.vstack([holed, [[0, 0, 0.31]] * 50]), sparse=missing).gap_m == pytest.approx(0.005, abs=0.003)
+        assert found(leaf(), sparse=np.zeros((0, 3))).gap_m is None
+
+    def test_lone_points(self) -> None:
+        thin = leaf(step=0.009)
+        assert found(thin).lone > 0.9
+
+    def test_order_does_not_matter(self) -> None:
+        points = leaf(0.001)
+        turned = np.random.default_rng(5).permutation(points)
+        first, second = found(points, sparse=points[5000:5009]), found(turned, sparse=points[5000:5009])
+        for name in ("support", "noise_m", "views", "lone", "gap_m", "leverage"):
+            assert getattr(second, name) == pytest.approx(getattr(first, name), rel=0.02, abs=1e-6)
+
+    def test_nothing(self) -> None:
+        assert evidence(Cloud.empty(), RING, [CAMERA] * 10, np.zeros((0, 3)), shared_by(10), 0.01) is None
+        assert evidence(Cloud(leaf()), RING[:1], [CAMERA], np.zeros((0, 3)), shared_by(1), 0.01) is None
+
+
+def test_shared_points() -> None:
+    poses = fake_ring(4)
+    model = sparse_model(poses, points=30)
+    shared = shared_points(model, tuple(poses)[:3])
+    assert shared.tolist() == [[30] * 3] * 3
