@@ -86,7 +86,7 @@ class TestUsage:
 
     def test_help_has_an_example(self, command: str, capsys: pytest.CaptureFixture[str]) -> None:
         assert main([command, "--help"]) == 0
-        assert f"Example: fieldkit {command} " in capsys.readouterr().out
+        assert f"\nExamples:\n  fieldkit {command} " in capsys.readouterr().out
 
     def test_interrupted_runs_can_be_resumed(self, command: str, capsys: pytest.CaptureFixture[str]) -> None:
         main([command, "--help"])
