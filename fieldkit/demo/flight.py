@@ -17,9 +17,9 @@ from fieldkit.missions.link.replay import Replay
 from fieldkit.missions.link.upload import upload_mission
 from fieldkit.missions.link.upload_outcome import Patience, UploadReport
 
-RECORDING = "mount_then_yaw"
-_STANDS_AT_HOME_S = 45.0
-"""Where in the recording the vehicle has a position."""
+FLOWN = "mount_then_yaw"
+STANDING, _STANDS_AT_HOME_S = "probe_items", 45.0
+"""A recording in which the vehicle stays on the ground, and from when on it has a position there."""
 _SPEED = 8.0
 
 
@@ -51,7 +51,7 @@ def upload_to_stand_in(mission: Path) -> UploadReport:
         MetadataError: the recording is missing.
     """
     read = read_mission(mission)
-    recording = read_recording(recordings_folder() / f"{RECORDING}.tlog")
+    recording = read_recording(recordings_folder() / f"{STANDING}.tlog")
     with Replay(recording, speed=_SPEED, begin_s=_STANDS_AT_HOME_S, rate_hz=1.0) as vehicle:
         return upload_mission(
             read.items, vehicle.url, home=read.home, fence=read.fence, dialect=read.firmware,
@@ -66,8 +66,8 @@ def recorded_flight() -> RecordedFlight:
         MetadataError: the recording is missing or damaged.
     """
     folder = recordings_folder()
-    log = read_flight_log(folder / f"{RECORDING}.tlog")
-    found = adherence(_stations(folder / f"{RECORDING}.json"), log.triggers)
+    log = read_flight_log(folder / f"{FLOWN}.tlog")
+    found = adherence(_stations(folder / f"{FLOWN}.json"), log.triggers)
     places = np.array([(e.east_m, e.north_m, np.nan if e.up_m is None else e.up_m) for e in found.errors])
     angles = np.array([a for e in found.errors for a in (e.yaw_deg, e.pitch_deg) if a is not None])
     spread = places - np.nanmean(places, axis=0)

@@ -45,7 +45,7 @@ DEMO_FILE = "demo.json"
 VEHICLE = "ardupilot-pitch"
 CAMERAS = 10
 PLANNED, CIRCLE = "planned", "circle"
-_EVALUATIONS, _FINALISTS = 24, 2
+_EVALUATIONS, _FINALISTS, _REPEATS = 16, 2, 2
 
 
 @dataclass(frozen=True)
@@ -119,11 +119,11 @@ def run_demo(
     begun = time.perf_counter()
     with atomic_folder(output, overwrite=overwrite, marker=DEMO_FILE) as folder:
         references = _references(folder, seed, cache, progress, workers)
-        plan, outcome = _plan(folder / "plan", seed, cache, progress, workers)
+        flight = recorded_flight()
+        plan, outcome = _plan(folder / "plan", flight, seed, cache, progress, workers)
         mission = _mission(folder, progress)
         with progress.stage("Upload to the stand-in vehicle"):
             items = upload_to_stand_in(mission.files[0]).items
-        flight = recorded_flight()
         evaluations = _captures_and_scores(folder, plan, flight, seed, cache, progress, workers)
         scores = tuple(
             DemoScore(plot, each.name, each) for plot, report in evaluations.items() for each in report.plots
@@ -131,7 +131,7 @@ def run_demo(
         truth = _against_truth(folder, references[SEEN])
         summary = {"kind": "demo", "version": 2, "seed": seed, "pose_noise": flight.pose_noise}
         write_atomic(folder / DEMO_FILE, json.dumps(summary, indent=2) + "\n")
-        write_report(folder, title="fieldkit demo", progress=progress)
+    write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
     seconds = time.perf_counter() - begun
     return Demo(
         references[SEEN], truth, outcome, len(plan.stations), items, flight, scores, output / REPORT_FILE, seconds
@@ -158,12 +158,15 @@ def _references(
         return dict(zip(plots, map_parallel(build, buildings, workers=workers, advance=advance), strict=True))
 
 
-def _plan(output: Path, seed: int, cache: StageCache, progress: Progress, workers: int) -> tuple[Plan, Outcome]:
+def _plan(
+    output: Path, flight: RecordedFlight, seed: int, cache: StageCache, progress: Progress, workers: int
+) -> tuple[Plan, Outcome]:
     settings = search_settings(
         scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, evaluations=_EVALUATIONS, finalists=_FINALISTS,
-        repeats=1, confirm_fidelity="draft", seed=seed, workers=workers,
+        repeats=_REPEATS, confirm_fidelity="draft", noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
+        seed=seed, workers=workers,
     )  # fmt: skip
-    with progress.stage("Plan", _EVALUATIONS + _FINALISTS) as advance:
+    with progress.stage("Plan", _EVALUATIONS + _FINALISTS * _REPEATS) as advance:
         outcome = plan_views(output, settings, cache=cache, workers=workers, watch=lambda _: advance(1))
     return load_plan(output), outcome
 

@@ -22,7 +22,7 @@ from fieldkit.scenes.simulation import Stations, dense_about, simulate, with_noi
 SEEN, UNSEEN = "seen", "unseen"
 SCENES = {SEEN: "demo", UNSEEN: "demo-unseen"}
 """The plot that is planned on, and one of the same crop with other plants."""
-DENSE_VIEWS = 30
+DENSE_VIEWS = 24
 DENSE_NOISE = (0.005, 0.5)
 """Of poses, metres and degrees: a dense capture is flown slowly."""
 # The photographs are small and their poses well known: half the features and neighbours are enough.
