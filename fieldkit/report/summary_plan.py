@@ -45,7 +45,12 @@ def plan_statements(part: PlanPart) -> Iterator[Statement]:
     if outcome is not None and outcome.finalists:
         circles = [trial.value_m for trial in measured if trial.origin.startswith("circle")]
         chosen = outcome.finalists[0].search_value_m
-        if circles and chosen > 0 and settings.method not in ("circle", "circle-aim"):
+        if outcome.finalists[0].origin.startswith("circle") and settings.method not in ("circle", "circle-aim"):
+            yield Statement(
+                "note", f"The plan is one of {count(len(circles), 'circle')} tried: nothing else was better.",
+                "More trials may find something: search on with --resume and more --evaluations.",
+            )  # fmt: skip
+        elif circles and chosen > 0 and settings.method not in ("circle", "circle-aim"):
             best = min(circles)
             better = "lower" if chosen < best else "higher"
             yield Statement(

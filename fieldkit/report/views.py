@@ -18,6 +18,8 @@ from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.plan import Plan
 from fieldkit.report.parts import EvaluationPart, MissionPart, PlanPart, ReferencePart, Results
+from fieldkit.report.plot_placement import placed_plots
+from fieldkit.report.route import Route
 from fieldkit.reporting.page.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
 from fieldkit.reporting.page.text import length
 
@@ -32,6 +34,7 @@ _LARGEST_SCALE_M = 10.0
 _NEAR_M = 100.0  # a way that passes a plot farther off is not over it
 _FARTHEST_M = 100_000.0
 _PLANT_GREEN = (70, 140, 70)
+_MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones are shown
 
 Points = NDArray[np.float64]
 
@@ -110,6 +113,20 @@ def plan_view(part: PlanPart, results: Results) -> tuple[ViewerScene | None, str
     plan = part.plan
     if plan is None:
         return None, ""
+    layers, note = _plan_plants(plan, results)
+    if not layers and not note:
+        note = "The plan does not say where the plants are: they stand about the middle, on z = 0."
+    lines = []
+    envelope = plan.envelope
+    if envelope is not None and envelope.lower_m is not None and envelope.upper_m is not None:
+        lines.append(
+            LineLayer("Where cameras may stand", _box(envelope.lower_m, envelope.upper_m), _FENCE, shown=False)
+        )
+    return ViewerScene("The planned cameras", layers, (_planned_layer(part),), lines), note
+
+
+def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
+    """The plants that a plan is made for, in its plot frame: the reference's cloud, and what flights keep clear of."""
     layers: list[PointLayer] = []
     note = ""
     source = None if plan.source is None else plan.source.sha256
@@ -124,19 +141,27 @@ def plan_view(part: PlanPart, results: Results) -> tuple[ViewerScene | None, str
         points = np.array(plan.plants.points_m, dtype=np.float32)
         colors = np.tile(np.array(_PLANT_GREEN, dtype=np.uint8), (len(points), 1))
         layers.append(PointLayer("Plants, as flights keep clear of them", points, colors, shown=not layers))
-    elif not layers:
-        note = "The plan does not say where the plants are: they stand about the middle, on z = 0."
-    lines = []
-    envelope = plan.envelope
-    if envelope is not None and envelope.lower_m is not None and envelope.upper_m is not None:
-        lines.append(
-            LineLayer("Where cameras may stand", _box(envelope.lower_m, envelope.upper_m), _FENCE, shown=False)
-        )
-    return ViewerScene("The planned cameras", layers, (_planned_layer(part),), lines), note
+    return layers, note
+
+
+def _mission_plants(route: Route, results: Results) -> list[PointLayer]:
+    """The plants of the plots that one of the plans is flown on."""
+    for part in results.plans:
+        plots = () if part.plan is None else placed_plots(route, part.plan)
+        if part.plan is None or not plots:
+            continue
+        found = []
+        for layer in _plan_plants(part.plan, results)[0]:
+            shown = plots[: max(1, _MOST_PLANTS // max(1, len(layer.points)))]
+            points = np.concatenate([plot.place(layer.points) for plot in shown])
+            colors = None if layer.colors is None else np.tile(layer.colors, (len(shown), 1))
+            found.append(replace(layer, points=points, colors=colors))
+        return found
+    return []
 
 
 def mission_view(part: MissionPart, results: Results) -> ViewerScene:
-    """A mission's way, photographs and limits, in metres about home."""
+    """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
     route = part.route
     camera = next((p.plan.camera for p in results.plans if p.plan is not None and p.plan.camera is not None), None)
     half = _HALF_VIEW if camera is None else _half_view(camera.intrinsics)
@@ -148,7 +173,8 @@ def mission_view(part: MissionPart, results: Results) -> ViewerScene:
             closed = [np.pad(ring, ((0, 0), (0, 1))).astype(np.float32) for ring in outlines]
             lines.append(LineLayer(name, closed, color))
     frusta = FrustumLayer("Photographs", poses, labels, *half, _PLANNED)
-    return ViewerScene(f"{route.name}: the way and its photographs", (), (frusta,), lines)
+    plants = _mission_plants(route, results)
+    return ViewerScene(f"{route.name}: the way and its photographs", plants, (frusta,), lines)
 
 
 def within_budget(scenes: Sequence[ViewerScene], most_points: int) -> list[ViewerScene]:
