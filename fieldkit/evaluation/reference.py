@@ -23,7 +23,7 @@ from fieldkit.evaluation.report_files import (
 )
 from fieldkit.evaluation.schema import ReferenceReport
 from fieldkit.files import atomic_folder
-from fieldkit.geometry import Intrinsics, Similarity
+from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame
@@ -115,6 +115,15 @@ class Reference:
                 remedy="Build it again with poses.csv, geo.txt, GPS or markers.toml beside the photographs.",
             )
         self.cloud: Cloud = read_cloud(check_file(folder, self.report, CLOUD_FILE))
+
+    def poses(self) -> dict[str, Pose]:
+        """Reconstructed poses of the photographs that count, by name, in the plot frame."""
+        return {
+            image.name: Pose.from_yaw_pitch(image.center_m, image.yaw_deg, image.pitch_deg, image.roll_deg or 0.0)
+            for image in self.report.image_reports
+            if image.right is not False and image.registered and image.center_m is not None
+            and image.yaw_deg is not None and image.pitch_deg is not None
+        }  # fmt: skip
 
     def known_plot(self) -> KnownPlot:
         """Frame, volume, ground and cameras of the reference."""

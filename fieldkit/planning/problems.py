@@ -141,7 +141,10 @@ def _recorded(
     plot = reference.known_plot()
     capture = read_capture(images)
     noise = CaptureNoise(position_m=settings.noise.pose_m, angle_deg=settings.noise.pose_deg, image_sigma=0.0)
-    source = RecordedSource(capture, plot, reference.cloud, cache=cache, noise=noise if settings.noise.any else EXACT)
+    source = RecordedSource(
+        capture, plot, reference.cloud, cache=cache, noise=noise if settings.noise.any else EXACT,
+        reconstructed=reference.poses(),
+    )  # fmt: skip
     views = source.cameras()
     check_views(views, settings, progress)
     # Two rounds of matching do what three do where positions are good to millimetres, at half the cost.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -26,6 +26,8 @@ from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.scenes.simulate import CaptureNoise, perturbed
 
+_SAME_PLACE_SIGMAS = 5.0
+_LENT_SIGMA_DEG = 1.0
 EXACT = CaptureNoise(position_m=0.0, angle_deg=0.0, image_sigma=0.0)
 
 
@@ -39,28 +41,37 @@ class RecordedView:
     angle_sigma_deg: float
 
 
-def recorded_views(capture: Capture, plot: KnownPlot) -> tuple[RecordedView, ...]:
+def recorded_views(
+    capture: Capture, plot: KnownPlot, reconstructed: Mapping[str, Pose] | None = None
+) -> tuple[RecordedView, ...]:
     """The photographs of a capture whose positions and orientations are known, in the plot frame.
 
     Args:
         capture: as read.
         plot: of the reference.
+        reconstructed: poses that the reference found for photographs of these names, in the plot frame. They lend
+            their orientation to photographs of which only the position is known, and which are the same by their place.
 
     Raises:
         MetadataError: fewer than three poses are known.
         ReconstructionError: the capture's positions and the reference's have no frame in common.
     """
     known = known_poses(capture, plot.source)
-    views = [
-        RecordedView(name, Pose(k.rotation, k.position), k.position_sigma_m, k.angle_sigma_deg)
-        for name, k in known.poses.items()
-        if k.position is not None and k.rotation is not None
-    ]
+    views = []
+    for name, k in known.poses.items():
+        lent = (reconstructed or {}).get(name)
+        if k.position is None:
+            continue
+        if k.rotation is not None:
+            views.append(RecordedView(name, Pose(k.rotation, k.position), k.position_sigma_m, k.angle_sigma_deg))
+        elif lent is not None and np.linalg.norm(lent.center - k.position) <= _SAME_PLACE_SIGMAS * k.position_sigma_m:
+            views.append(RecordedView(name, Pose(lent.rotation, k.position), k.position_sigma_m, _LENT_SIGMA_DEG))
     if len(views) < 3:
         raise MetadataError(
             f"positions and orientations are known of {len(views)} photographs only",
             path=capture.folder,
-            remedy="Put a poses.csv with x_m, y_m, z_m, yaw_deg and pitch_deg beside the photographs.",
+            remedy="Put a poses.csv with x_m, y_m, z_m, yaw_deg and pitch_deg beside the photographs. The angles may be "
+            "missing where --reference is built of the same photographs.",
         )
     order = {name: k for k, name in enumerate(capture.names)}
     return tuple(sorted(views, key=lambda view: order[view.name]))
@@ -119,6 +130,7 @@ class RecordedSource:
         reference: PC_env, plot frame.
         cache: shared by all evaluations.
         noise: added to the known poses, as a command that was flown worse; images stay as they are.
+        reconstructed: poses to take missing orientations from; see `recorded_views`.
 
     Raises:
         MetadataError: fewer than three poses are known.
@@ -127,12 +139,13 @@ class RecordedSource:
     """
 
     def __init__(
-        self, capture: Capture, plot: KnownPlot, reference: Cloud, *, cache: StageCache, noise: CaptureNoise = EXACT
-    ) -> None:
+        self, capture: Capture, plot: KnownPlot, reference: Cloud, *, cache: StageCache, noise: CaptureNoise = EXACT,
+        reconstructed: Mapping[str, Pose] | None = None,
+    ) -> None:  # fmt: skip
         if noise.image_sigma > 0:
             raise UsageError("recorded photographs are taken as they are: image noise is for simulated ones")
         self.capture, self.cloud, self.noise = capture, reference, noise
-        self.views = recorded_views(capture, plot)
+        self.views = recorded_views(capture, plot, reconstructed)
         # Everything is turned into the plot frame here, whatever frame the capture's positions are in.
         region = region_of_interest([view.pose for view in self.views])
         self._plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()), region=region)

@@ -16,10 +16,10 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.geometry import Similarity
+from fieldkit.geometry import Pose, Similarity
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.objective import Objective, ObjectiveSettings
-from fieldkit.planning.recorded import RecordedSource, assign
+from fieldkit.planning.recorded import RecordedSource, assign, recorded_views
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
@@ -56,6 +56,23 @@ def test_no_other_assignment_is_cheaper(wanted: list, there: list, distance: flo
         return total
 
     assert cost(tuple(chosen.tolist())) <= min(cost(p) for p in permutations(range(len(views)), len(cameras))) + 1e-9
+
+
+def test_a_reference_of_the_same_photographs_lends_missing_orientations(source: RecordedSource) -> None:
+    capture = source.capture
+    bare = replace(
+        capture,
+        priors={n: replace(p, yaw_deg=None, pitch_deg=None, roll_deg=None) for n, p in capture.priors.items()},
+    )
+    with pytest.raises(MetadataError, match="0 photographs only"):
+        recorded_views(bare, PLOT)
+    reconstructed = {view.name: view.pose for view in source.views}
+    for ours, theirs in zip(recorded_views(bare, PLOT, reconstructed), source.views, strict=True):
+        np.testing.assert_allclose(ours.pose.rotation, theirs.pose.rotation, atol=1e-9)
+        assert ours.angle_sigma_deg > 0
+    moved = {name: Pose(pose.rotation, pose.center + 1.0) for name, pose in reconstructed.items()}
+    with pytest.raises(MetadataError, match="0 photographs only"):
+        recorded_views(bare, PLOT, moved)  # other photographs of the same names
 
 
 def test_recorded_cameras_stand_for_themselves(source: RecordedSource) -> None:
