@@ -70,8 +70,8 @@ def recorded_views(
         raise MetadataError(
             f"positions and orientations are known of {len(views)} photographs only",
             path=capture.folder,
-            remedy="Put a poses.csv with x_m, y_m, z_m, yaw_deg and pitch_deg beside the photographs. The angles may be "
-            "missing where --reference is built of the same photographs.",
+            remedy="Put a poses.csv with x_m, y_m, z_m, yaw_deg and pitch_deg beside the photographs. The angles may "
+            "be missing where --reference is built of the same photographs.",
         )
     order = {name: k for k, name in enumerate(capture.names)}
     return tuple(sorted(views, key=lambda view: order[view.name]))
