@@ -231,19 +231,26 @@ def _of_capture(capture: Capture) -> list[CheckFinding]:
     ]
 
 
+_NOTHING = "nothing to do where the plants are in the pictures."
+_SHIFTED = {
+    "poses.csv": f"poses.csv has another origin than the plan's frame: {_NOTHING}",
+    "coarse": f"The receiver's offset: {_NOTHING}",
+    "exact": f"Either the base station's position, or the site file's, is wrong, or the flight was off: {_NOTHING}",
+}
+
+
 def _common(placed: Placed) -> list[CheckFinding]:
     """What all photographs have in common: of the receiver, the compass, or the whole flight."""
     found = []
     if placed.placement in ("site", "poses.csv") and np.isfinite(placed.shift_m).all():
-        level = float(np.hypot(*placed.shift_m[:2]))
+        level, coarse = float(np.hypot(*placed.shift_m[:2])), placed.tags.sigma_m > _MOVED_M
         if level > _TOLD_SHIFT_M:
-            whose = "The receiver's offset" if placed.tags.sigma_m > _MOVED_M else "Either the base station's position"
-            other = "" if placed.tags.sigma_m > _MOVED_M else ", or the site file's, is wrong, or the flight was off"
+            remedy = _SHIFTED["poses.csv" if placed.placement == "poses.csv" else "coarse" if coarse else "exact"]
             found.append(CheckFinding(
                 "shifted", None, "",
                 f"all photographs lie {level:.2f} m beside the plan ({placed.shift_m[0]:+.2f} m along x, "
                 f"{placed.shift_m[1]:+.2f} m along y), which has been taken out",
-                f"{whose}{other}: nothing to do where the plants are in the pictures.",
+                remedy,
             ))  # fmt: skip
     if placed.turn_deg is not None and abs(placed.turn_deg) > _TOLD_TURN_DEG:
         found.append(CheckFinding(
