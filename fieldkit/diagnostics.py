@@ -31,6 +31,7 @@ _INSTALL = "Run `make setup`, or: pip install -e . -c constraints.txt"
 _OPTIONAL = {
     "laspy": "LAS files: pip install 'fieldkit[geo]'",
     "lazrs": "LAZ files: pip install 'fieldkit[geo]'",
+    "pyogrio": "GeoPackage files: pip install 'fieldkit[geo]'",
     "pyproj": "coordinate systems: pip install 'fieldkit[geo]'",
     "distributed": "runs on a cluster: pip install 'fieldkit[cluster]'",
 }

@@ -23,6 +23,8 @@ IMPORTS = {
     "small-gicp": "small_gicp",
     "psutil": "psutil",
     "matplotlib": "matplotlib.figure",
+    "jinja2": "jinja2",
+    "markupsafe": "markupsafe",
     "torch": "torch",
     "gpytorch": "gpytorch",
     "botorch": "botorch.acquisition",

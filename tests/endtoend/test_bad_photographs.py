@@ -158,6 +158,7 @@ class TestNothingUsable:
         assert case.remedy in remedy
 
 
+@pytest.mark.slow
 def test_bad_files_among_good_ones(line: CommandLine, photographs: Photographs) -> None:
     """The good ones are used, whatever their names; each bad one is named in the report, and none is decoded."""
     folder = photographs()
@@ -193,6 +194,7 @@ def test_bad_files_among_good_ones(line: CommandLine, photographs: Photographs) 
         assert peak_bytes < 2e9
 
 
+@pytest.mark.slow
 def test_long_and_strange_folder_names(line: CommandLine, photographs: Photographs) -> None:
     name = "Versuchsfläche 玉米 " + "x" * 220
     photographs(name)
