@@ -40,7 +40,7 @@ def test_figures(demo: tuple[Path, dict]) -> None:
     reference = found["reference"]
     for key in ("images", "registered", "right", "models", "pose_rms_m", "points", "seconds", "cpu_seconds"):
         assert reference[key]
-    assert (reference["images"], reference["right"]) == (30, 30)
+    assert (reference["images"], reference["right"]) == (24, 24)
     assert reference["pose_rms_m"] < 0.012
     assert found["truth"]["chamfer_m"] < 0.008
     assert found["plan"]["cameras"] == 10
