@@ -22,6 +22,7 @@ from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
 from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError, MetadataError
+from fieldkit.geometry.geodesy import utm_epsg_of
 
 MAX_PIXELS = 150_000_000
 """More than any single camera frame that flies today (100 Mpx), and 450 MB once decoded to RGB."""
@@ -83,7 +84,7 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
         metric_source=priors.metric_source,
         origin=priors.origin,
         height_source=priors.height_source,
-        crs_epsg=_utm(priors),
+        crs_epsg=utm_epsg_of(priors.origin),
         markers=None if markers is None else read_markers_file(markers),
     )
 
@@ -225,12 +226,3 @@ def _priors(photos: list[Photo], contents: FolderContents) -> PriorSet:
         odd = [*odd, Finding("geo.txt", "sidecar-unused", "poses.csv is used instead")]
     findings = (*odd, *priors.findings)
     return PriorSet(priors.priors, priors.metric_source, priors.origin, priors.height_source, findings)
-
-
-def _utm(priors: PriorSet) -> int | None:
-    if priors.origin is None:
-        return None
-    try:
-        return priors.origin.utm_epsg()
-    except ValueError:
-        return None

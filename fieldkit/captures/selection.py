@@ -23,6 +23,7 @@ from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
 from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError
+from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.progress import Progress, Silent
 
 _MAX_FOLDERS = 100_000
@@ -181,7 +182,7 @@ def capture_of(
         metric_source=priors.metric_source,
         origin=priors.origin,
         height_source=priors.height_source,
-        crs_epsg=_utm(priors),
+        crs_epsg=utm_epsg_of(priors.origin),
         markers=None if marker is None else read_markers_file(marker),
     )
 
@@ -280,12 +281,3 @@ def _priors(
             found = priors_from_poses(photos, pose_rows) if pose_rows else priors_from_geo(photos, geo_rows)
             return replace(found, findings=(*findings, *found.findings))
     return priors_from_gps(photos)
-
-
-def _utm(priors: PriorSet) -> int | None:
-    if priors.origin is None:
-        return None
-    try:
-        return priors.origin.utm_epsg()
-    except ValueError:
-        return None

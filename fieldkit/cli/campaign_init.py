@@ -9,9 +9,11 @@ import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
 from fieldkit.cli.reconstruction_options import (
+    DISTANCES,
     Backend,
     BackendOption,
     BoundsOption,
+    DistancesOption,
     Fidelity,
     FidelityOption,
     Mapping,
@@ -43,9 +45,7 @@ def command(
     refine: Annotated[
         bool, typer.Option("--refine", help="Move each cloud onto its plot's reference by ICP before scoring.")
     ] = False,
-    distances: Annotated[
-        str, typer.Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
-    ] = "0.002,0.005,0.010,0.020",
+    distances: DistancesOption = DISTANCES,
     mapping: MappingOption = Mapping.AUTO,
     fidelity: FidelityOption = Fidelity.STANDARD,
     mask: MaskOption = Mask.EXG,

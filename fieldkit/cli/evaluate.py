@@ -17,9 +17,11 @@ from fieldkit.cli.common import (
     emit_json,
 )
 from fieldkit.cli.reconstruction_options import (
+    DISTANCES,
     Backend,
     BackendOption,
     BoundsOption,
+    DistancesOption,
     Fidelity,
     FidelityOption,
     Mapping,
@@ -83,9 +85,7 @@ def command(
     refine: Annotated[
         bool, typer.Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
     ] = False,
-    distances: Annotated[
-        str, typer.Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
-    ] = "0.002,0.005,0.010,0.020",
+    distances: DistancesOption = DISTANCES,
     mapping: MappingOption = Mapping.AUTO,
     fidelity: FidelityOption = Fidelity.STANDARD,
     mask: MaskOption = Mask.EXG,

@@ -85,6 +85,10 @@ BackendOption = Annotated[
         help="What computes depth; auto: cuda with the CUDA build and a GPU, else cpu.",
     ),
 ]
+DISTANCES = "0.002,0.005,0.010,0.020"
+DistancesOption = Annotated[
+    str, typer.Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
+]
 BoundsOption = Annotated[
     str,
     typer.Option(

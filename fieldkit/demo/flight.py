@@ -6,11 +6,10 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from fieldkit.captures.flight_logs import read_flight_log
 from fieldkit.captures.flight_logs.adherence import PlannedPose, adherence
 from fieldkit.errors import MetadataError
+from fieldkit.evaluation.adherence import adherence_entry, angle_noise_deg, position_noise_m
 from fieldkit.missions.formats.reading import read_mission
 from fieldkit.missions.link.recording import read_recording, recordings_folder
 from fieldkit.missions.link.replay import Replay
@@ -68,11 +67,11 @@ def recorded_flight() -> RecordedFlight:
     folder = recordings_folder()
     log = read_flight_log(folder / f"{FLOWN}.tlog")
     found = adherence(_stations(folder / f"{FLOWN}.json"), log.triggers)
-    places = np.array([(e.east_m, e.north_m, np.nan if e.up_m is None else e.up_m) for e in found.errors])
-    angles = np.array([a for e in found.errors for a in (e.yaw_deg, e.pitch_deg) if a is not None])
-    spread = places - np.nanmean(places, axis=0)
-    position = float(np.sqrt(np.nansum(spread**2) / (np.isfinite(spread).sum() - 3)))
-    return RecordedFlight(len(found.errors), round(position, 4), round(float(np.sqrt((angles**2).mean())), 3))
+    kept = adherence_entry(found, [f"photograph {k}" for k in range(len(log.triggers))])
+    position, angle = position_noise_m([kept]), angle_noise_deg([kept])
+    if position is None or angle is None:
+        raise MetadataError("the recording that belongs to fieldkit is damaged", path=folder / f"{FLOWN}.tlog")
+    return RecordedFlight(len(found.errors), round(position, 4), round(angle, 3))
 
 
 def _stations(path: Path) -> list[PlannedPose]:

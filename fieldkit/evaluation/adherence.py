@@ -18,7 +18,7 @@ from fieldkit.evaluation.figures import clean_text
 from fieldkit.evaluation.pose_table import ACHIEVED
 from fieldkit.evaluation.schema import AdherenceEntry, EvaluationReport, StationErrorEntry
 from fieldkit.geometry import Pose
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.missions.plan import Plan
 from fieldkit.reconstruction.known_poses import SourceFrame
 
@@ -105,7 +105,7 @@ class Flight:
             metric_source=SOURCE if enough else None,
             origin=frame if enough else None,
             height_source=SOURCE if enough else None,
-            crs_epsg=_utm(frame) if enough else None,
+            crs_epsg=utm_epsg_of(frame) if enough else None,
             findings=(*capture.findings, *findings),
         )
 
@@ -200,17 +200,9 @@ def flown_noise(report: EvaluationReport, path: Path) -> tuple[float, float]:
         )  # fmt: skip
     best = next(source for source in ACHIEVED if any(each.achieved_by == source for each in known))
     flown = [each for each in known if each.achieved_by == best]
-    squares, degrees_of_freedom = 0.0, 0
-    angles: list[float] = []
-    for each in flown:
-        for name in ("east_m", "north_m", "up_m"):
-            errors = np.array([e for station in each.stations if (e := getattr(station, name)) is not None])
-            if len(errors) > 1:
-                squares += float(((errors - errors.mean()) ** 2).sum())
-                degrees_of_freedom += len(errors) - 1
-        angles += [e for station in each.stations for e in (station.yaw_deg, station.pitch_deg) if e is not None]
+    position, angles = position_noise_m(flown), _angle_errors(flown)
     stations = sum(len(each.stations) for each in flown)
-    if stations < _LEAST_STATIONS or not degrees_of_freedom:
+    if stations < _LEAST_STATIONS or position is None:
         raise MetadataError(
             f"the evaluation has the pose errors of {stations} stations; {_LEAST_STATIONS} of a plot are the least",
             path=path, remedy="Take an evaluation of a longer flight, or give --pose-noise M,DEG.",
@@ -221,8 +213,28 @@ def flown_noise(report: EvaluationReport, path: Path) -> tuple[float, float]:
             f"the {what} said nothing of heading and gimbal, so the evaluation has no angle errors", path=path,
             remedy="Take an evaluation of a log with attitude and gimbal, or give --pose-noise M,DEG.",
         )  # fmt: skip
-    turned = float(np.sqrt(np.mean(np.square(angles))))
-    return round(float(np.sqrt(squares / degrees_of_freedom)), 5), round(turned, 5)
+    return round(position, 5), round(angle_noise_deg(flown) or 0.0, 5)
+
+
+def position_noise_m(flown: Sequence[AdherenceEntry]) -> float | None:
+    """Standard deviation of a coordinate, about each plot's mean error; None where no plot has two errors of one."""
+    squares, degrees_of_freedom = 0.0, 0
+    for each in flown:
+        for name in ("east_m", "north_m", "up_m"):
+            errors = np.array([e for station in each.stations if (e := getattr(station, name)) is not None])
+            if len(errors) > 1:
+                squares += float(((errors - errors.mean()) ** 2).sum())
+                degrees_of_freedom += len(errors) - 1
+    return float(np.sqrt(squares / degrees_of_freedom)) if degrees_of_freedom else None
+
+
+def angle_noise_deg(flown: Sequence[AdherenceEntry]) -> float | None:
+    """Root mean square of yaw and pitch errors; None without any."""
+    return _rms(_angle_errors(flown))
+
+
+def _angle_errors(flown: Sequence[AdherenceEntry]) -> list[float]:
+    return [e for each in flown for s in each.stations for e in (s.yaw_deg, s.pitch_deg) if e is not None]
 
 
 def _rms(values: Sequence[float | None]) -> float | None:
@@ -232,10 +244,3 @@ def _rms(values: Sequence[float | None]) -> float | None:
 
 def _without(ambiguous: bool) -> str:
     return "could belong to more than one trigger of the flight log" if ambiguous else "no trigger in the flight log"
-
-
-def _utm(frame: LocalFrame) -> int | None:
-    try:
-        return frame.utm_epsg()
-    except ValueError:
-        return None

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures.model import Finding
+from fieldkit.clouds.plant_figures import voxel_edge_m
 from fieldkit.evaluation.schema import (
     CameraEntry,
     DenseEntry,
@@ -25,14 +26,10 @@ from fieldkit.evaluation.schema import (
     VolumeEntry,
 )
 from fieldkit.geometry import Pose
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.result import ImageReport, MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
-
-PLANT_VOXEL_M = 0.01
-PLANT_VOXEL_GSD = 10.0
-"""Edge of the voxels in which plants' points are counted: 10 mm, or 10 ground sampling distances where that is more."""
 
 
 def findings_entries(findings: Sequence[Finding]) -> tuple[FindingEntry, ...]:
@@ -66,7 +63,7 @@ def figures(
     """The fields of `ReconstructionEntry`."""
     sparse = reconstruction.sparse
     frame = sparse.frame
-    voxel = max(PLANT_VOXEL_M, PLANT_VOXEL_GSD * reconstruction.gsd_m)
+    voxel = voxel_edge_m(reconstruction.gsd_m)
     observations = sum(image.observations for image in sparse.images)
     sparse_points = int(sparse.model.num_points3D())
     errors = [(i.observations, i.reprojection_px) for i in sparse.images if i.reprojection_px is not None]
@@ -130,7 +127,7 @@ def _frame_entry(frame: MetricFrame) -> FrameEntry:
             altitude_m=float(origin.altitude_m),
             datum=cast("Any", origin.datum),
         ),
-        crs_epsg=_utm(origin),
+        crs_epsg=utm_epsg_of(origin),
         ground=None
         if ground is None
         else GroundEntry(
@@ -142,13 +139,6 @@ def _frame_entry(frame: MetricFrame) -> FrameEntry:
         ),
         notes=tuple(clean_text(note) for note in frame.notes),
     )
-
-
-def _utm(origin: LocalFrame | None) -> int | None:
-    try:
-        return None if origin is None else origin.utm_epsg()
-    except ValueError:  # near a pole
-        return None
 
 
 def _camera_entries(sparse: SparseResult) -> tuple[CameraEntry, ...]:

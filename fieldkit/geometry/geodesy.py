@@ -132,3 +132,11 @@ class LocalFrame:
     def utm_epsg(self) -> int:
         """EPSG code of the origin's UTM zone. Raises ValueError beyond −80…84° of latitude."""
         return utm_epsg(self.latitude_deg, self.longitude_deg)
+
+
+def utm_epsg_of(origin: LocalFrame | None) -> int | None:
+    """EPSG code of an origin's UTM zone; None without an origin, and where UTM is not defined."""
+    try:
+        return None if origin is None else origin.utm_epsg()
+    except ValueError:
+        return None
