@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +113,7 @@ def photograph(each: Flown) -> None:
     write_ply(each.truth, sample_reference(description, scene))
 
 
+@cache
 def _stations(width_px: int, seed: int) -> Sequence[Pose]:
     """A ring about the first plot on the first date: the plan that all plots share."""
     first = _description(Flown(0, 0, width_px, Path(), seed))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import signal
 from pathlib import Path
@@ -86,6 +87,11 @@ def test_plots_with_and_without_reference(line: CommandLine, season: Path, small
     assert "needs at least two photographs" in visits["C"].error
     assert "1 photographs, fewer than the plan's 8" in visits["C"].notes
     assert (season / visits["A"].folder / "A" / "cloud.ply").is_file()
+    for plot in ("A", "B"):  # photographed at the plan's stations
+        report = json.loads((season / visits[plot].folder / "evaluation.json").read_text("utf-8"))
+        adherence = report["plots"][0]["adherence"]
+        assert [row["station"] for row in adherence["photographs"]] == [f"station {k}" for k in range(8)]
+        assert (season / visits[plot].folder / plot / "adherence.png").is_file()
     # Again: nothing is computed, not even what failed. A lost table comes back from the folders.
     (season / "campaign.sqlite").unlink()
     evaluated, kept, _ = evaluate(line)

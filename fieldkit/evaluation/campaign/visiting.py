@@ -20,6 +20,7 @@ from fieldkit.evaluation.campaign.table import visit_of, visit_values
 from fieldkit.evaluation.campaign.visit import Visit
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.evaluate import PLOTS_FILE
+from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, file_sha256, save_report
 from fieldkit.evaluation.schema import PlotEvaluation
@@ -31,7 +32,7 @@ from fieldkit.progress import Silent
 from fieldkit.reporting.plots_csv import write_plots_csv
 
 VISIT_FILE = "visit.json"
-_VERSION = 1  # part of the inputs' digest: raised when evaluating a visit changes its results
+_VERSION = 2  # part of the inputs' digest: raised when evaluating a visit changes its results
 _MAX_BYTES = 8 << 20
 _MAX_NAME_BYTES = 200
 _UNSAFE = set('/\\:*?"<>|%')
@@ -208,6 +209,9 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
             job.plot.id, capture, placed.plot, folder, settings, scoring,
             spent=spent, cache=StageCache(job.cache), progress=Silent(), subfolder=name,
         )  # fmt: skip
+        if placed.plot is not None:
+            plot = FlownPlan.of(job.plan, placed.plot.source).compare(plot, name, Path(job.captures), capture)
+            plot = write_adherence(folder, name, plot)
     except StorageError:
         raise
     except FieldkitError as error:

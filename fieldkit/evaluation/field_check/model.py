@@ -32,7 +32,7 @@ class CheckSettings:
 
     position_m: float = 0.25
     angle_deg: float = 8.0
-    blur_ratio: float = 1.25
+    blur_ratio: float = 1.3
     edge_px: float = 1.75
     exposure_stops: float = 1.5
     clipped_share: float = 0.15

@@ -53,6 +53,9 @@ def edge_widths(gray: NDArray[np.uint8]) -> Array:
 def blur_ratios(widths: Sequence[Array]) -> list[Array]:
     """How many times as wide each photograph's edges are as in the sharper third of the same camera's, by direction.
 
+    Each is the mean of two neighbouring directions: motion widens the edges of more than one, what a single one of a
+    sound photograph shows is a matter of its view.
+
     Args:
         widths: of `edge_widths`, one per photograph of a camera; below three there is nothing to compare with, and the
             ratios are 1.
@@ -60,7 +63,7 @@ def blur_ratios(widths: Sequence[Array]) -> list[Array]:
     if len(widths) < 3:
         return [np.ones(DIRECTIONS) for _ in widths]
     usual = np.quantile(np.array(widths), _GOOD_SHARE, axis=0)
-    return [each / usual for each in widths]
+    return [0.5 * (ratio + np.roll(ratio, 1)) for ratio in (each / usual for each in widths)]
 
 
 def _gradient(image: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
