@@ -37,7 +37,6 @@ FLOORS: dict[str, float] = {
     "lone": 0.005,
     "pairs_per_image": 0.1,
     "observations_per_image": 10.0,
-    "points_per_voxel": 1.0,
     "right_share": 0.1,
     "cameras": 2.0,
     "views": 0.5,
@@ -55,7 +54,7 @@ WORDS: dict[str, str] = {
     "lone": "the share of voxels with few points",
     "pairs_per_image": "the number of verified pairs per photograph",
     "observations_per_image": "the number of sparse points seen in a photograph",
-    "points_per_voxel": "the number of points in a voxel of the plants",
+    "views": "the number of photographs that look at a place of the plants",
     "right_share": "the share of photographs that count",
     "cameras": "the number of photographs that count",
 }
@@ -83,6 +82,16 @@ class Guard(Strict):
     high: Annotated[float, Field(gt=0)]
 
 
+class Band(Strict):
+    """How wide the interval is for predictions of some size."""
+
+    up_to_m: Annotated[float, Field(gt=0)] | None
+    """Greatest prediction of the band; None for the last, which has no end."""
+    half_width: Annotated[float, Field(gt=0)]
+    """Of the interval, in log(chamfer_m): conformal, from the errors of scenes left out one at a time."""
+    plots: Annotated[int, Field(ge=1)]
+
+
 class PredictionModel(Strict):
     """prediction.json: log chamfer distance, linear in logarithms of figures."""
 
@@ -92,8 +101,8 @@ class PredictionModel(Strict):
     """Mean of log(chamfer_m) in the fit."""
     features: Annotated[tuple[FeatureFit, ...], Field(min_length=1)]
     guards: tuple[Guard, ...] = ()
-    half_width: Annotated[float, Field(gt=0)]
-    """Of the interval, in log(chamfer_m): conformal, from the errors of scenes left out one at a time."""
+    bands: Annotated[tuple[Band, ...], Field(min_length=1)]
+    """By rising ``up_to_m``."""
     coverage: Annotated[float, Field(gt=0, lt=1)]
     """That the interval is made for."""
     plots: Annotated[int, Field(ge=1)]
@@ -163,7 +172,6 @@ def plot_features(figures: Mapping[str, Any], found: Evidence | None) -> dict[st
         "views": found.views,
         "pairs_per_image": figures["pairs_verified"] / right,
         "observations_per_image": figures["observations"] / max(1, int(figures["registered"])),
-        "points_per_voxel": float(figures["points_per_plant_voxel"]),
         "right_share": right / images,
         "cameras": float(right),
         "reprojection_px": float(figures["reprojection_px"]),
@@ -207,7 +215,9 @@ def _sum(features: Mapping[str, float], model: PredictionModel) -> Prediction:
     value = model.intercept + sum(
         f.coefficient * (logarithm(f.name, features[f.name]) - f.mean) / f.scale for f in model.features
     )
-    middle, wide = float(np.exp(value)), float(np.exp(model.half_width))
+    middle = float(np.exp(value))
+    band = next((b for b in model.bands if b.up_to_m is not None and middle <= b.up_to_m), model.bands[-1])
+    wide = float(np.exp(band.half_width))
     return Prediction(middle, middle / wide, middle * wide, "", model.version)
 
 

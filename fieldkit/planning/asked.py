@@ -25,6 +25,10 @@ _PRESETS: dict[str, dict[str, Any]] = {
 _RECORDED = {"fidelity": "standard", "confirm_fidelity": "fine"}
 """Nothing is rendered, so this costs little more than draft; and what draft finds best among good sets is not."""
 _DEFAULT_CAMERAS = 10
+_LIMITS = {
+    "margin_m": "--margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "--pitch",
+    "separation_m": "--separation",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,8 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         "lag": lag_for(workers, deterministic=deterministic),
     }
     if source.kind == "captures":
+        if asked.vehicle is None:  # with one they say which views count as its own
+            _refuse_limits(envelope)
         values |= _RECORDED
         if asked.reference is not None:
             values["reference_path"] = str(asked.reference.resolve())
@@ -160,6 +166,16 @@ def resumed_settings(settings: SearchSettings, asked: Asked) -> SearchSettings:
             raise UsageError(f"this run was not planned on {path.name}", remedy="Leave it out to go on with this run.")
         settings = settings.model_copy(update={"path": str(path)})
     return settings.model_copy(update={key: value for key, value in given.items() if key in CHANGEABLE})
+
+
+def _refuse_limits(envelope: Mapping[str, Any]) -> None:
+    """Recorded views are where they are: limits of cameras would change nothing."""
+    for key, option in _LIMITS.items():
+        if key in envelope:
+            raise UsageError(
+                f"recorded photographs have their places: {option} would not change the choice among them",
+                remedy="Leave it out, or plan on --reference or --scene.",
+            )
 
 
 def _camera(file: Path) -> PlanCamera:

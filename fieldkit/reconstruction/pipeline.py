@@ -36,6 +36,8 @@ from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reconstruction.stages import load_quality
 
 _MIN_DENSE_VIEWS = 2
+_STEEP_DEG = 8.0
+"""Fields that are worked by machines are rarely steeper than 15 %."""
 _CLEARANCE_RMS = 3.0
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
 Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
@@ -121,9 +123,13 @@ def reconstruct(
             remedy="Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
         )
     gsd_m = _ground_sampling_distance(sparse, volume)
-    if cuts_plants(plants.points, volume, gsd_m):
-        sparse = replace(sparse, findings=(*sparse.findings, _cut(capture, volume)))
-        progress.note(sparse.findings[-1].message)
+    doubts = [_cut(capture, volume)] if cuts_plants(plants.points, volume, gsd_m) else []
+    found_here = known_plot is None or known_plot.ground is None
+    if ground is not None and found_here and sparse.frame.origin is not None and ground.tilt_deg() > _STEEP_DEG:
+        doubts.append(_steep(capture, ground))
+    for doubt in doubts:
+        progress.note(doubt.message)
+    sparse = replace(sparse, findings=(*sparse.findings, *doubts))
     return Reconstruction(
         sparse=sparse,
         volume=volume,
@@ -326,6 +332,14 @@ def _cut(capture: Capture, volume: Volume) -> Finding:
         "give a higher one with --bounds"
     )
     return Finding(capture.folder.name, "volume-cuts-plants", message)
+
+
+def _steep(capture: Capture, ground: Plane) -> Finding:
+    message = (
+        f"the ground came out {ground.tilt_deg():.0f}° from level; where the land is flatter, little of the soil was "
+        "seen, and heights above it are wrong"
+    )
+    return Finding(capture.folder.name, "steep-ground", message)
 
 
 def _require_masks(capture: Capture) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import signal
 from pathlib import Path
@@ -22,16 +23,23 @@ FIELD = LocalFrame(52.296, 10.437, 81.0, "ellipsoid")
 PLOTS = ("A", "B", "C", "D")
 
 
-def capture(line: CommandLine, small_plot: Path, plot: str, date: str, count: int = 8) -> Path:
-    """The small plot's photographs as those of a plot on a date, with bytes of their own, at stations of the plan."""
+def capture(
+    line: CommandLine, small_plot: Path, plot: str, date: str, count: int = 8, *, tilt_deg: float = 0.0
+) -> Path:
+    """The small plot's photographs as those of a plot on a date, with bytes of their own, at stations of the plan.
+
+    With a tilt the tags are all that is known, and say that the whole plot is tilted.
+    """
     folder = line.folder / "captures" / plot / date
     folder.mkdir(parents=True)
-    for name in ("camera.toml", "poses.csv"):
+    for name in ("camera.toml", "poses.csv")[: 1 if tilt_deg else 2]:
         shutil.copyfile(small_plot / name, folder / name)
     poses = poses_from_csv(small_plot / "poses.csv")
     for k, path in enumerate(sorted(small_plot.glob("*.jpg"))[:count]):
         shutil.copyfile(path, folder / path.name)
         x, y, z = poses[k].center
+        c, s = math.cos(math.radians(tilt_deg)), math.sin(math.radians(tilt_deg))
+        x, z = c * x - s * z, s * x + c * z
         day = 0.001 * int(date[-2:])  # so that no two photographs have the same bytes
         latitude, longitude, altitude = FIELD.to_geodetic((x + 6.0 * PLOTS.index(plot) + day, y, z))
         set_gps(folder / path.name, float(latitude[0]), float(longitude[0]), float(altitude[0]))
@@ -104,6 +112,15 @@ def test_plots_with_and_without_reference(line: CommandLine, season: Path, small
     for name in ("out.csv", "out.gpkg"):
         done = line.run("campaign", "export", "season", "-o", name, "--json")
         assert (done.code, done.json["visits"]) == (0, 3)
+
+
+@pytest.mark.slow
+def test_ground_far_from_level(line: CommandLine, season: Path, small_plot: Path) -> None:
+    init(line)
+    capture(line, small_plot, "B", "2026-06-18", tilt_deg=14.0)
+    assert evaluate(line)[0] == ["B 2026-06-18"]
+    (visit,) = read_campaign(season).visits
+    assert any("° from level" in note for note in visit.notes), visit.notes
 
 
 @pytest.mark.slow

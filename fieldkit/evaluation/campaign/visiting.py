@@ -36,7 +36,10 @@ _VERSION = 2  # part of the inputs' digest: raised when evaluating a visit chang
 _MAX_BYTES = 8 << 20
 _MAX_NAME_BYTES = 200
 _UNSAFE = set('/\\:*?"<>|%')
-_TOLD = ("volume-cuts-plants", "refinement-not-converged", "too-few-positions", "several-take-offs", "mixed-cameras")
+_TOLD = (
+    "volume-cuts-plants", "steep-ground", "refinement-not-converged", "too-few-positions", "several-take-offs",
+    "mixed-cameras",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
