@@ -20,6 +20,7 @@ from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.benchmarks.rigs import load_rig, perturb, uniform_subset
 from fieldkit.benchmarks.scored_captures import (
     FITTED,
+    GOOD_M,
     designs,
     make_captures,
     read_captures,
@@ -70,8 +71,6 @@ PENALTY = 1.0
 RIGS = {"basil_rig": (10, 13), "arabidopsis_rig": (10, 13)}
 _NOISE_M, _NOISE_DEG = 0.010, 1.0
 _LEAST_SCENES = 3
-GOOD_M = 0.015
-"""Plots that are predicted to be better have an interval of their own."""
 _UNKNOWN = (Band(up_to_m=None, half_width=1.0, plots=1),)
 _LEAST_OF_BAND = 9  # with fewer the 90 % of a conformal interval are the largest error
 

@@ -312,12 +312,15 @@ def _pose_noise(text: str) -> tuple[float, float]:
         numbers = read_numbers("--pose-noise", text, (2,))
         return numbers[0], numbers[1]
     from fieldkit.evaluation.adherence import flown_noise
+    from fieldkit.evaluation.campaign import CAMPAIGN_FILE, read_campaign, visit_plots
     from fieldkit.evaluation.report_files import load_evaluation_report
 
     file = Path(text.removeprefix(_FROM))
     if not file.name:
         raise UsageError("--pose-noise: from what?", remedy="Write it like --pose-noise from:EVAL, a folder or a file.")
-    return flown_noise(load_evaluation_report(file), file)
+    if (file / CAMPAIGN_FILE).is_file():
+        return flown_noise(visit_plots(read_campaign(file)), file)
+    return flown_noise(load_evaluation_report(file).plots, file)
 
 
 def _seconds(text: str) -> float:

@@ -16,7 +16,7 @@ from fieldkit.captures.priors import ANGLE_ACCURACY_DEG
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.figures import clean_text
 from fieldkit.evaluation.pose_table import ACHIEVED
-from fieldkit.evaluation.schema import AdherenceEntry, EvaluationReport, StationErrorEntry
+from fieldkit.evaluation.schema import AdherenceEntry, PlotEvaluation, StationErrorEntry
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.missions.plan import Plan
@@ -171,8 +171,8 @@ def adherence_entry(found: Adherence, images: Sequence[str]) -> AdherenceEntry:
     )
 
 
-def flown_noise(report: EvaluationReport, path: Path) -> tuple[float, float]:
-    """Standard deviations of a vehicle's pose errors, of all plots of an evaluation: what plans are to survive.
+def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, float]:
+    """Standard deviations of a vehicle's pose errors, of evaluated plots: what plans are to survive.
 
     Positions: of each coordinate, about each plot's mean error. What all stations of a plot have in common lies between
     the reference's GPS and the vehicle's, often metres and in height always; it moves no camera against another.
@@ -183,8 +183,8 @@ def flown_noise(report: EvaluationReport, path: Path) -> tuple[float, float]:
     count: the autopilot's report, then structure from motion, then tags.
 
     Args:
-        report: of an evaluation with --plan.
-        path: where it lies, for the errors.
+        plots: of an evaluation with --plan, or of a campaign's.
+        path: where they lie, for the errors.
 
     Returns:
         Metres and degrees, to 0.01 mm and 10⁻⁵ degrees.
@@ -192,7 +192,7 @@ def flown_noise(report: EvaluationReport, path: Path) -> tuple[float, float]:
     Raises:
         MetadataError: the evaluation does not say how a flight kept to its plan, or of too few stations.
     """
-    known = [plot.adherence for plot in report.plots if plot.adherence is not None]
+    known = [plot.adherence for plot in plots if plot.adherence is not None]
     if not known:
         raise MetadataError(
             "the evaluation does not say how a flight kept to its plan", path=path,

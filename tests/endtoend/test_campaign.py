@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.evaluation.campaign import read_campaign
+from fieldkit.evaluation.adherence import flown_noise
+from fieldkit.evaluation.campaign import read_campaign, visit_plots
 from fieldkit.evaluation.campaign.table import read_rows
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
@@ -100,6 +101,9 @@ def test_plots_with_and_without_reference(line: CommandLine, season: Path, small
         adherence = report["plots"][0]["adherence"]
         assert [row["station"] for row in adherence["photographs"]] == [f"station {k}" for k in range(8)]
         assert (season / visits[plot].folder / plot / "adherence.png").is_file()
+    position_m, angle_deg = flown_noise(visit_plots(read_campaign(season)), season)
+    assert 0.0 < position_m < 0.02  # the photographs were taken at the stations
+    assert 0.0 < angle_deg < 2.0
     # Again: nothing is computed, not even what failed. A lost table comes back from the folders.
     (season / "campaign.sqlite").unlink()
     evaluated, kept, _ = evaluate(line)

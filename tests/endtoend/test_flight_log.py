@@ -181,6 +181,6 @@ def test_a_flown_plan_is_scored_against_a_georeferenced_reference(line: CommandL
         assert station["yaw_deg"] == pytest.approx(known["yaw"], abs=0.02)
         assert station["pitch_deg"] == pytest.approx(0.0, abs=0.01)
         errors.append([known[key] for key in "enu"])
-    position_m, angle_deg = flown_noise(load_evaluation_report(line.folder / "scores"), line.folder)
+    position_m, angle_deg = flown_noise(load_evaluation_report(line.folder / "scores").plots, line.folder)
     assert position_m == pytest.approx(np.sqrt(np.var(errors, axis=0, ddof=1).mean()), abs=0.0005)
     assert angle_deg < 0.02

@@ -156,14 +156,14 @@ def test_noise_is_that_of_the_flights_errors() -> None:
         place = rng.normal(offset, 0.03, (400, 3))
         turn = rng.normal(0.0, 0.8, (400, 2))
         plots.append([tuple(row) for row in np.hstack([place, turn]).tolist()])
-    position_m, angle_deg = flown_noise(flown(None, *plots), Path("scores"))
+    position_m, angle_deg = flown_noise(flown(None, *plots).plots, Path("scores"))
     assert position_m == pytest.approx(0.03, rel=0.05)
     assert angle_deg == pytest.approx(0.8, rel=0.05)
 
 
 def test_an_offset_of_the_compass_counts_and_unknown_heights_do_not() -> None:
     errors = [(e, 0.0, None, 3.0, None) for e in (-0.02, 0.0, 0.02)]
-    position_m, angle_deg = flown_noise(flown(errors), Path("scores"))
+    position_m, angle_deg = flown_noise(flown(errors).plots, Path("scores"))
     assert position_m == pytest.approx(np.sqrt(2 * 0.02**2 / 4), abs=1e-5)
     assert angle_deg == 3.0
 
@@ -180,6 +180,6 @@ def test_an_offset_of_the_compass_counts_and_unknown_heights_do_not() -> None:
 )
 def test_evaluations_without_noise_are_refused(report: EvaluationReport, words: str) -> None:
     with pytest.raises(MetadataError, match=words) as caught:
-        flown_noise(report, Path("scores"))
+        flown_noise(report.plots, Path("scores"))
     assert "--pose-noise M,DEG" in caught.value.remedy
     assert caught.value.path == Path("scores")

@@ -111,8 +111,8 @@ def test_every_source_of_a_logged_flight(flight_folder: Path, tmp_path: Path) ->
     assert between.yaw_deg is not None
     assert between.yaw_deg.rms == pytest.approx(0.1, rel=0.6)
     assert AdherenceEntry.model_validate_json(found.model_dump_json()) == found
-    assert flown_noise(of_plots(plot.model_copy(update={"adherence": found})), tmp_path) == flown_noise(
-        of_plots(plot.model_copy(update={"adherence": by_log})), tmp_path
+    assert flown_noise([plot.model_copy(update={"adherence": found})], tmp_path) == flown_noise(
+        [plot.model_copy(update={"adherence": by_log})], tmp_path
     )
 
 
@@ -160,7 +160,7 @@ def test_without_a_log_in_any_order(shuffled: tuple[Plan, Path, list[Pose], Sour
     assert same.yaw_deg.max < 1e-6
     assert same.north_m is not None
     assert same.north_m.bias == pytest.approx(0.1, abs=2e-3)
-    noise = flown_noise(of_plots(plot.model_copy(update={"adherence": found})), tmp_path)
+    noise = flown_noise([plot.model_copy(update={"adherence": found})], tmp_path)
     assert noise[0] == pytest.approx(np.sqrt(apart.var(axis=0, ddof=1).mean()), abs=1e-5)
     assert noise[1] == pytest.approx(1.5, rel=0.4)
 

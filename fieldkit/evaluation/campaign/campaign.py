@@ -14,6 +14,8 @@ from fieldkit.evaluation.campaign.campaign_file import (
 )
 from fieldkit.evaluation.campaign.table import TABLE_FILE, read_rows
 from fieldkit.evaluation.campaign.visit import Visit
+from fieldkit.evaluation.report_files import load_evaluation_report
+from fieldkit.evaluation.schema import PlotEvaluation
 from fieldkit.files import file_beside
 from fieldkit.missions.geojson import read_features
 from fieldkit.missions.plan import Plan
@@ -133,6 +135,16 @@ def read_campaign(folder: Path) -> Campaign:
         vehicle_file=None if table.vehicle is None else _named(table.vehicle, file, "vehicle"),
         camera_file=None if table.camera is None else _named(table.camera, file, "camera"),
     )
+
+
+def visit_plots(campaign: Campaign) -> list[PlotEvaluation]:
+    """The evaluations of all visits with a result.
+
+    Raises:
+        MetadataError: one is missing or malformed.
+    """
+    reports = (load_evaluation_report(campaign.folder / v.folder) for v in campaign.visits if v.folder and not v.error)
+    return [plot for report in reports for plot in report.plots]
 
 
 def find_campaign(start: Path) -> Path | None:
