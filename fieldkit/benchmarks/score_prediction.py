@@ -20,7 +20,6 @@ from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.benchmarks.rigs import load_rig, perturb, uniform_subset
 from fieldkit.benchmarks.scored_captures import (
     FITTED,
-    GOOD_M,
     designs,
     make_captures,
     read_captures,
@@ -35,7 +34,6 @@ from fieldkit.evaluation.prediction import (
     FLOORS,
     MODEL_FILE,
     RESTING_M,
-    Band,
     FeatureFit,
     Guard,
     PredictionModel,
@@ -71,8 +69,6 @@ PENALTY = 1.0
 RIGS = {"basil_rig": (10, 13), "arabidopsis_rig": (10, 13)}
 _NOISE_M, _NOISE_DEG = 0.010, 1.0
 _LEAST_SCENES = 3
-_UNKNOWN = (Band(up_to_m=None, half_width=1.0, plots=1),)
-_LEAST_OF_BAND = 9  # with fewer the 90 % of a conformal interval are the largest error
 
 
 @dataclass(frozen=True)
@@ -93,7 +89,7 @@ class Plot:
 
 
 def run_score_prediction(
-    folder: Path, *, data: Path | None = None, fitted: int = 3, held_out: int = 2, cache: StageCache,
+    folder: Path, *, data: Path | None = None, fitted: int = 6, held_out: int = 2, cache: StageCache,
     progress: Progress,
 ) -> StudyResult:  # fmt: skip
     """Fit to the tuning scenes, check on the cases, on the recorded rigs where there are any.
@@ -193,7 +189,7 @@ def fit(plots: Sequence[Plot]) -> tuple[PredictionModel, dict[tuple[str, ...], f
         first = min(sets, key=lambda chosen: tried[chosen])
         if not best or tried[first] < BETTER * tried[best]:
             best = first
-    return _fitted(plots, best, _bands(plots, best)), tried
+    return _fitted(plots, best, _half_width(plots, best)), tried
 
 
 @dataclass(frozen=True)
@@ -214,7 +210,7 @@ class Check:
 
 def left_out(plots: Sequence[Plot], chosen: Sequence[str]) -> list[Check]:
     """Every scene's plots by a fit to the others; the interval is as wide as that of the fit to all."""
-    return _each_left_out(plots, chosen, _bands(plots, chosen))
+    return _each_left_out(plots, chosen, _half_width(plots, chosen))
 
 
 def checked(plots: Sequence[Plot], model: PredictionModel) -> list[Check]:
@@ -234,33 +230,22 @@ def names(model: PredictionModel) -> tuple[str, ...]:
     return tuple(feature.name for feature in model.features)
 
 
-def _each_left_out(plots: Sequence[Plot], chosen: Sequence[str], bands: tuple[Band, ...] = ()) -> list[Check]:
+def _each_left_out(plots: Sequence[Plot], chosen: Sequence[str], half_width: float = 1.0) -> list[Check]:
     found = []
     for scene in dict.fromkeys(plot.scene for plot in plots):
-        model = _fitted([plot for plot in plots if plot.scene != scene], chosen, bands or _UNKNOWN)
+        model = _fitted([plot for plot in plots if plot.scene != scene], chosen, half_width)
         found += [_check(plot, model) for plot in plots if plot.scene == scene]
     return found
 
 
-def _bands(plots: Sequence[Plot], chosen: Sequence[str]) -> tuple[Band, ...]:
-    """Intervals of the plots predicted to be good and of the others; one for all where one group is too small."""
-    checks = _each_left_out(plots, chosen)
-    good = [check for check in checks if check.predicted_m <= GOOD_M]
-    others = [check for check in checks if check.predicted_m > GOOD_M]
-    if min(len(good), len(others)) < _LEAST_OF_BAND:
-        return (_band(None, checks),)
-    return _band(GOOD_M, good), _band(None, others)
-
-
-def _band(up_to_m: float | None, checks: Sequence[Check]) -> Band:
+def _half_width(plots: Sequence[Plot], chosen: Sequence[str]) -> float:
     """The ⌈(n + 1) · 0.9⌉-th smallest of the n errors of scenes left out, or the largest (Lei et al. 2018)."""
-    errors = sorted(abs(np.log(c.predicted_m / c.plot.chamfer_m)) for c in checks)
+    errors = sorted(abs(np.log(c.predicted_m / c.plot.chamfer_m)) for c in _each_left_out(plots, chosen))
     rank = int(np.ceil((len(errors) + 1) * COVERAGE))
-    width = float(max(errors[min(rank, len(errors)) - 1], 1e-6))
-    return Band(up_to_m=up_to_m, half_width=width, plots=len(errors))
+    return float(max(errors[min(rank, len(errors)) - 1], 1e-6))
 
 
-def _fitted(plots: Sequence[Plot], chosen: Sequence[str], bands: tuple[Band, ...]) -> PredictionModel:
+def _fitted(plots: Sequence[Plot], chosen: Sequence[str], half_width: float) -> PredictionModel:
     x = np.array([[logarithm(name, plot.features[name]) for name in chosen] for plot in plots])
     y = np.log([plot.chamfer_m for plot in plots])
     mean, scale = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-6)
@@ -278,7 +263,7 @@ def _fitted(plots: Sequence[Plot], chosen: Sequence[str], bands: tuple[Band, ...
             for k, name in enumerate(chosen)
         ),
         guards=tuple(_guard(plots, name) for name in GUARDS if name not in chosen),
-        bands=bands,
+        half_width=half_width,
         coverage=COVERAGE,
         plots=len(plots),
         scenes=tuple(dict.fromkeys(plot.scene for plot in plots)),
@@ -338,11 +323,8 @@ def model_table(model: PredictionModel) -> ResultTable:
     rows: list[tuple[Cell, ...]] = [
         (f.name, f"{f.coefficient:+.2f}", f"{f.low:.3g}", f"{f.high:.3g}") for f in model.features
     ]
-    wide = [
-        f"{np.exp(b.half_width):.2f}" + ("" if b.up_to_m is None else f" up to {1000 * b.up_to_m:.0f} mm, above")
-        for b in model.bands
-    ]
-    title = f"The fit: interval ÷ and × {' '.join(wide)}; {model.plots} plots"
+    wide = float(np.exp(model.half_width))
+    title = f"The fit: interval ÷ and × {wide:.2f}, {model.plots} plots"
     return ResultTable(title, ("figure", "coefficient>", "least>", "greatest>"), tuple(rows))
 
 

@@ -82,16 +82,6 @@ class Guard(Strict):
     high: Annotated[float, Field(gt=0)]
 
 
-class Band(Strict):
-    """How wide the interval is for predictions of some size."""
-
-    up_to_m: Annotated[float, Field(gt=0)] | None
-    """Greatest prediction of the band; None for the last, which has no end."""
-    half_width: Annotated[float, Field(gt=0)]
-    """Of the interval, in log(chamfer_m): conformal, from the errors of scenes left out one at a time."""
-    plots: Annotated[int, Field(ge=1)]
-
-
 class PredictionModel(Strict):
     """prediction.json: log chamfer distance, linear in logarithms of figures."""
 
@@ -101,8 +91,8 @@ class PredictionModel(Strict):
     """Mean of log(chamfer_m) in the fit."""
     features: Annotated[tuple[FeatureFit, ...], Field(min_length=1)]
     guards: tuple[Guard, ...] = ()
-    bands: Annotated[tuple[Band, ...], Field(min_length=1)]
-    """By rising ``up_to_m``."""
+    half_width: Annotated[float, Field(gt=0)]
+    """Of the interval, in log(chamfer_m): conformal, from the errors of scenes left out one at a time."""
     coverage: Annotated[float, Field(gt=0, lt=1)]
     """That the interval is made for."""
     plots: Annotated[int, Field(ge=1)]
@@ -215,9 +205,7 @@ def _sum(features: Mapping[str, float], model: PredictionModel) -> Prediction:
     value = model.intercept + sum(
         f.coefficient * (logarithm(f.name, features[f.name]) - f.mean) / f.scale for f in model.features
     )
-    middle = float(np.exp(value))
-    band = next((b for b in model.bands if b.up_to_m is not None and middle <= b.up_to_m), model.bands[-1])
-    wide = float(np.exp(band.half_width))
+    middle, wide = float(np.exp(value)), float(np.exp(model.half_width))
     return Prediction(middle, middle / wide, middle * wide, "", model.version)
 
 

@@ -17,7 +17,6 @@ from fieldkit.evaluation.prediction import (
     NOTHING_METRIC,
     TOO_FEW,
     WORDS,
-    Band,
     FeatureFit,
     Guard,
     PredictionModel,
@@ -33,8 +32,7 @@ FIGURES: dict[str, Any] = {
     "registered": 11, "pairs_verified": 30, "observations": 9000, "reprojection_px": 0.5,
 }  # fmt: skip
 MODEL = PredictionModel(
-    version=7, intercept=math.log(0.02), coverage=0.9,
-    bands=(Band(up_to_m=None, half_width=math.log(2.0), plots=20),), plots=20, scenes=("a", "b"),
+    version=7, intercept=math.log(0.02), half_width=math.log(2.0), coverage=0.9, plots=20, scenes=("a", "b"),
     chamfer_range_m=(0.008, 0.08),
     features=(
         FeatureFit(name="place_m", coefficient=0.5, mean=math.log(0.01), scale=1.0, low=0.004, high=0.05),
@@ -49,8 +47,7 @@ class TestModel:
         assert {feature.name for feature in model.features} <= set(FLOORS)
         assert model.coverage == 0.9
         assert {limit.name for limit in (*model.features, *model.guards)} <= set(WORDS)
-        assert all(0.0 < band.half_width < 3.0 for band in model.bands)
-        assert model.bands[-1].up_to_m is None
+        assert 0.0 < model.half_width < 3.0
         for feature in model.features:
             assert FLOORS[feature.name] <= feature.low <= feature.high
 
@@ -71,14 +68,6 @@ class TestModel:
         assert found.high_m == pytest.approx(found.chamfer_m * 2)
         expected = 0.02 * (place_m / 0.01) ** 0.5 * (lone / 0.05) ** 0.4
         assert found.chamfer_m == pytest.approx(expected)
-
-    def test_interval_of_good_plots(self) -> None:
-        bands = (Band(up_to_m=0.02, half_width=math.log(1.5), plots=9), *MODEL.bands)
-        model = MODEL.model_copy(update={"bands": bands})
-        for place_m, wide in ((0.0099, 1.5), (0.0101, 2.0)):
-            found = predict({"place_m": place_m, "lone": 0.05}, model)
-            assert found.chamfer_m is not None
-            assert found.high_m == pytest.approx(found.chamfer_m * wide)
 
     def test_worse_figures_predict_more(self) -> None:
         values = [predict({"place_m": p, "lone": 0.05}, MODEL).chamfer_m for p in (0.005, 0.01, 0.02, 0.04)]
