@@ -122,16 +122,27 @@ def _ranking_table(campaign: Campaign, date: str) -> Table:
 
 
 def _drift_table(changes: list[Drift]) -> Table:
-    shown = table("Change since the first date", "plot", "figure", "from", "to", "first>", "last>", "change>", "")
+    """A row per plot; the dates in the title where they are the same for all."""
     last = {(change.plot, change.figure): change for change in changes}
-    for change in last.values():
-        said = {True: "beyond noise", False: "within noise", None: ""}[change.beyond_noise]
+    spans = {(change.first_date, change.date) for change in last.values()}
+    figures = [figure for figure in _FIGURES if any(figure == key for _, key in last)]
+    title, dates = "Change since each plot's first date", ["from", "to"]
+    if len(spans) == 1:
+        title, dates = "Change from {} to {}".format(*spans.pop()), []
+    shown = table(title, "plot", *dates, *(f"{_FIGURES[figure]}>" for figure in figures))
+    for plot in dict.fromkeys(plot for plot, _ in last):
+        own = {figure: change for (name, figure), change in last.items() if name == plot}
+        longest = max(own.values(), key=lambda change: change.date)
         shown.add_row(
-            _plain(change.plot), _FIGURES[change.figure], change.first_date, change.date,
-            _amount(change.figure, change.first), _amount(change.figure, change.value),
-            ("+" if change.change >= 0 else "−") + _amount(change.figure, abs(change.change)), said,
+            _plain(plot), *([longest.first_date, longest.date] if dates else []),
+            *(_changed(own[figure]) if figure in own else "–" for figure in figures),
         )  # fmt: skip
     return shown
+
+
+def _changed(change: Drift) -> str:
+    said = {True: ", beyond noise", False: ", within noise", None: ""}[change.beyond_noise]
+    return ("+" if change.change >= 0 else "−") + _amount(change.figure, abs(change.change)) + said
 
 
 def _amount(figure: str, value: float) -> str:
