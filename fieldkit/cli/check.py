@@ -116,7 +116,7 @@ def command(
         return
     show = console()
     for report in reports:
-        for rows in _tables(report):
+        for rows in check_tables(report):
             show.print(rows)
         for sentence in report.unchecked:
             say(sentence)
@@ -151,21 +151,26 @@ def _plain(report: CheckReport) -> dict[str, Any]:
     }
 
 
-def _tables(report: CheckReport) -> list[Table]:
+_LEAST_WIDTH = 9  # of names and matches: a narrow terminal breaks them, and drops neither
+
+
+def check_tables(report: CheckReport) -> list[Table]:
+    """A plot's stations and what was found of them, for a terminal of 80 characters and more."""
     from rich.markup import escape
 
     drawn = []
     if report.stations:
         rows = table(
-            escape(report.name), "station>", "photograph", "edges, px>", "stops>", "off, m>", "turned, °>", "matches>",
-            "verdict",
+            escape(report.name), "station>", "photograph", "edges,\npx>", "stops>", "off,\nm>", "turned,\n°>",
+            "matches\nwith>", "verdict",
         )  # fmt: skip
-        for column in rows.columns[2:]:
+        for column in (rows.columns[0], *rows.columns[2:6], rows.columns[7]):
             column.no_wrap = True
         rows.columns[1].overflow = "fold"
+        rows.columns[1].min_width = rows.columns[6].min_width = _LEAST_WIDTH
         for each in report.stations:
             colour = _COLOURS[each.verdict]
-            matches = f"{each.matches} with {', '.join(map(str, each.neighbours))}" if each.neighbours else "–"
+            matches = f"{each.matches}: {', '.join(map(str, each.neighbours))}" if each.neighbours else "–"
             rows.add_row(
                 str(each.station), escape(each.photograph) or "–", _number(each.edge_px, 1), _number(each.stops, 1),
                 _number(each.distance_m, 2), _number(each.turn_deg, 1), matches,

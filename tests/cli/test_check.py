@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+from io import StringIO
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from rich.console import Console
 
+from fieldkit.cli.check import check_tables
 from fieldkit.cli.main import main
+from fieldkit.evaluation.field_check.model import CheckReport, StationCheck
 from fieldkit.geometry import Pose
 from fieldkit.missions.plan_file import plan_from_poses, save_plan
 
@@ -50,6 +54,21 @@ def test_people_get_a_table_and_a_sentence(capture: tuple[Path, Path], capsys: p
     assert printed.out == ""
     assert "fly again" in printed.err
     assert "missing" in printed.err
+
+
+def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
+    rows = tuple(
+        StationCheck(k, f"0000{k}_rgb.jpg", "fine", 1.4, 1.0, -0.1, 0.0, 0.05, 1.2, "tags", 365, (8, 9, 11, 12))
+        for k in (10, 11)
+    )
+    console = Console(width=80, file=StringIO(), color_system=None)
+    for shown in check_tables(CheckReport("plot_7", Path("plot_7"), 2, rows, ())):
+        console.print(shown)
+    text = console.file.getvalue()  # type: ignore[attr-defined]
+    assert max(map(len, text.splitlines())) <= 80
+    for words in ("station", "verdict", "   10   ", "000010_rg", "365: 8,", "fine"):
+        assert words in text
+    assert "…" not in text
 
 
 def test_a_mission_needs_vehicle_and_site(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
