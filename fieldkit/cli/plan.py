@@ -303,6 +303,8 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
         f"{outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}.",
         markup=False, soft_wrap=True,
     )  # fmt: skip
+    if outcome.photographs:
+        show.print(f"photographs: {', '.join(outcome.photographs)}", markup=False, soft_wrap=True)
     show.print(f"{output / 'plan.json'}\n{output / 'plan.png'}", markup=False, soft_wrap=True)
 
 

@@ -220,7 +220,6 @@ def figures(demo: Demo) -> dict[str, object]:
         "mission": {"stations": demo.stations, "items": demo.items},
         "flight": asdict(demo.flight),
         "scores": [
-            {"plot": s.plot, "cameras": s.cameras, **s.evaluation.model_dump(mode="json", exclude={"image_reports"})}
-            for s in demo.scores
+            {"plot": s.plot, **s.evaluation.model_dump(mode="json", exclude={"image_reports"})} for s in demo.scores
         ],
     }

@@ -64,6 +64,8 @@ class Outcome(Strict):
     """Why the search ended: its evaluations were used up, its time was, or the method had no more to try."""
     finalists: tuple[FinalistReport, ...]
     """The best first: it is the plan."""
+    photographs: tuple[str, ...] = ()
+    """The plan's views, in its stations' order, where it is a choice among recorded photographs."""
 
 
 def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
@@ -110,6 +112,7 @@ def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Fina
             )
             for f in confirmed
         ),
+        photographs=() if plannable.problem.views is None else by_number[chosen.trial.number].views,
     )
     write_atomic(run.path / OUTCOME_FILE, outcome.model_dump_json(indent=2) + "\n")
     write_atomic(run.path / PROGRESS_FILE, progress_table(trials))

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from fieldkit.captures import read_capture
 from fieldkit.cli.live_plan import Status, sparkline
 from fieldkit.cli.main import main
 from fieldkit.evaluation.report_files import save_report
 from fieldkit.missions.plan_file import load_plan
 from fieldkit.planning.run_folder import create_run, read_log
 from fieldkit.planning.run_settings import NoiseSettings
+from fieldkit.reconstruction.known_poses import known_poses
 from tests.evaluation.test_adherence import flown
 from tests.planning.bowl import bowl_settings
 from tests.planning.test_run_folder import entry
@@ -133,5 +136,10 @@ def test_photographs_are_chosen_resumed_and_extended(tmp_path: Path, capsys: pyt
     assert len(plan.stations) == 4
     assert plan.source is not None
     assert plan.source.kind == "captures"
+    places = known_poses(read_capture(SMALL_PLOT)).poses
+    for station, name in zip(plan.stations, second["photographs"], strict=True):
+        place = places[name].position
+        assert place is not None
+        assert np.linalg.norm(np.array(station.position_m) - place) < 0.02  # the frame is moved onto the ground
     for name in ("plan.png", "search.png", "progress.csv", "outcome.json"):
         assert (tmp_path / "run" / name).stat().st_size > 100
