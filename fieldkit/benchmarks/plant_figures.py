@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult
-from fieldkit.benchmarks.scored_captures import GOOD_M, designs, make_captures, read_captures, stored_cloud
+from fieldkit.benchmarks.scored_captures import designs, make_captures, read_captures, stored_cloud
 from fieldkit.benchmarks.true_plants import TrueFigures, kept_truth
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.plant_figures import PlantFigures, plant_figures
@@ -21,6 +21,8 @@ from fieldkit.geometry import Similarity
 from fieldkit.progress import Progress
 
 _LEVEL = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.0, 0.0, 0.01)
+GOOD_M = 0.015
+"""Chamfer distance up to which a reconstruction counts as good in the table."""
 
 
 def run_plant_figures(folder: Path, *, fitted: int = 3, held_out: int = 2, progress: Progress) -> StudyResult:

@@ -44,8 +44,6 @@ from fieldkit.usage import processor_seconds
 FITTED = tuple(f"tuning-{k}" for k in range(1, 7))
 HELD_OUT = (*(f"case-{k}" for k in range(1, 4)), *(f"test-case-{k}" for k in range(1, 6)))
 DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
-GOOD_M = 0.015
-"""Chamfer distance up to which a capture counts as good."""
 FITTED_EACH, HELD_OUT_EACH = 8, 4
 _KINDS = ("ring", "arc", "random", "chain", "circle", "spiral", "random", "ring")
 _CLAIMED_M = 0.010

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from fieldkit.evaluation.field_check import CheckReport
 
 _COLOURS = {"fine": "green", "fix tags": "yellow", "fly again": "red"}
+_LEAST_WIDTH = 9  # of names and matches: a narrow terminal breaks them, and drops neither
 
 
 class Format(StrEnum):
@@ -149,9 +150,6 @@ def _plain(report: CheckReport) -> dict[str, Any]:
         "seconds": report.seconds,
         "cpu_seconds": report.cpu_seconds,
     }
-
-
-_LEAST_WIDTH = 9  # of names and matches: a narrow terminal breaks them, and drops neither
 
 
 def check_tables(report: CheckReport) -> list[Table]:

@@ -201,19 +201,20 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
     best = next(source for source in ACHIEVED if any(each.achieved_by == source for each in known))
     flown = [each for each in known if each.achieved_by == best]
     position, angles = position_noise_m(flown), _angle_errors(flown)
+    turned = _rms(angles)
     stations = sum(len(each.stations) for each in flown)
     if stations < _LEAST_STATIONS or position is None:
         raise MetadataError(
             f"the evaluation has the pose errors of {stations} stations; {_LEAST_STATIONS} of a plot are the least",
             path=path, remedy="Take an evaluation of a longer flight, or give --pose-noise M,DEG.",
         )  # fmt: skip
-    if len(angles) < _LEAST_STATIONS:
+    if turned is None or len(angles) < _LEAST_STATIONS:
         what = "flight's log" if best == "reported" else "photographs"
         raise MetadataError(
             f"the {what} said nothing of heading and gimbal, so the evaluation has no angle errors", path=path,
             remedy="Take an evaluation of a log with attitude and gimbal, or give --pose-noise M,DEG.",
         )  # fmt: skip
-    return round(position, 5), round(angle_noise_deg(flown) or 0.0, 5)
+    return round(position, 5), round(turned, 5)
 
 
 def position_noise_m(flown: Sequence[AdherenceEntry]) -> float | None:

@@ -111,10 +111,9 @@ def reconstructed_poses(images: Sequence[ImageEntry]) -> dict[str, PoseEntry]:
     """Poses by structure from motion, of the photographs that count."""
     entries = {}
     for image in images:
-        if image.center_m is None or image.right is False or image.yaw_deg is None or image.pitch_deg is None:
-            continue
-        pose = Pose.from_yaw_pitch(image.center_m, image.yaw_deg, image.pitch_deg, image.roll_deg or 0.0)
-        entries[image.name] = pose_entry(image.center_m, pose.rotation)
+        pose = image.pose
+        if pose is not None and image.right is not False:
+            entries[image.name] = pose_entry(pose.center, pose.rotation)
     return entries
 
 

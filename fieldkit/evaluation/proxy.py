@@ -10,7 +10,7 @@ from fieldkit.captures.decode import read_image
 from fieldkit.errors import MetadataError
 from fieldkit.evaluation.report_files import REFERENCE_FILE, check_file, load_reference_report
 from fieldkit.evaluation.schema import ReferenceReport
-from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry import Intrinsics
 from fieldkit.progress import Progress
 from fieldkit.scenes.description import Bounds
 from fieldkit.scenes.from_reference import MAX_GROUND_SURFELS, RecordedScene, ReferenceFiles, scene_from_reference
@@ -70,13 +70,11 @@ def _photographs(report: ReferenceReport, images: Path) -> list[PosedPhotograph]
     photographs = []
     for entry in report.image_reports:
         photo = found.get(entry.name)
-        if not entry.right or photo is None or entry.center_m is None:
-            continue
-        if entry.yaw_deg is None or entry.pitch_deg is None or entry.roll_deg is None:
+        pose = entry.pose
+        if not entry.right or photo is None or pose is None or entry.roll_deg is None:
             continue
         camera = next((c for c in cameras if (c.width, c.height) == (photo.width, photo.height)), None)
         if camera is not None:
-            pose = Pose.from_yaw_pitch(entry.center_m, entry.yaw_deg, entry.pitch_deg, entry.roll_deg)
             photographs.append(PosedPhotograph(partial(read_image, photo), pose, camera))
     if not photographs:
         raise MetadataError(

@@ -119,11 +119,10 @@ class Reference:
     def poses(self) -> dict[str, Pose]:
         """Reconstructed poses of the photographs that count, by name, in the plot frame."""
         return {
-            image.name: Pose.from_yaw_pitch(image.center_m, image.yaw_deg, image.pitch_deg, image.roll_deg or 0.0)
+            image.name: pose
             for image in self.report.image_reports
-            if image.right is not False and image.registered and image.center_m is not None
-            and image.yaw_deg is not None and image.pitch_deg is not None
-        }  # fmt: skip
+            if image.right is not False and image.registered and (pose := image.pose) is not None
+        }
 
     def known_plot(self) -> KnownPlot:
         """Frame, volume, ground and cameras of the reference."""

@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from fieldkit.geometry import Pose
+
 Count = Annotated[int, Field(ge=0)]
 Length = Annotated[float, Field(ge=0)]
 Seconds = Annotated[float, Field(ge=0)]
@@ -164,6 +166,13 @@ class ImageEntry(Strict):
     pitch_deg: float | None
     """0 at the horizon, −90 straight down."""
     roll_deg: float | None
+
+    @property
+    def pose(self) -> Pose | None:
+        """Where the reconstruction puts it, in the plot frame; None where it is not registered."""
+        if self.center_m is None or self.yaw_deg is None or self.pitch_deg is None:
+            return None
+        return Pose.from_yaw_pitch(self.center_m, self.yaw_deg, self.pitch_deg, self.roll_deg or 0.0)
 
 
 class ReconstructionEntry(Strict):

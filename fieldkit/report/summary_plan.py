@@ -42,15 +42,15 @@ def plan_statements(part: PlanPart) -> Iterator[Statement]:
     if settings is None:
         return
     measured = [trial for trial in part.trials if trial.measured]
-    if outcome is not None and outcome.finalists:
+    if outcome is not None and outcome.finalists and settings.method not in ("circle", "circle-aim"):
         circles = [trial.value_m for trial in measured if trial.origin.startswith("circle")]
         chosen = outcome.finalists[0].search_value_m
-        if outcome.finalists[0].origin.startswith("circle") and settings.method not in ("circle", "circle-aim"):
+        if outcome.finalists[0].origin.startswith("circle"):
             yield Statement(
                 "note", f"The plan is one of {count(len(circles), 'circle')} tried: nothing else was better.",
                 "More trials may find something: search on with --resume and more --evaluations.",
             )  # fmt: skip
-        elif circles and chosen > 0 and settings.method not in ("circle", "circle-aim"):
+        elif circles and chosen > 0:
             best = min(circles)
             better = "lower" if chosen < best else "higher"
             yield Statement(

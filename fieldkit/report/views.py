@@ -252,7 +252,7 @@ def _camera_layers(
             half = _HALF_VIEW
     layers = []
     for title, color, right in ((name, _ACHIEVED, True), ("Cameras, pose found wrong", _WRONG, False)):
-        chosen = [(i, pose) for i in images if (i.right is not False) is right and (pose := _pose(i)) is not None]
+        chosen = [(i, pose) for i in images if (i.right is not False) is right and (pose := i.pose) is not None]
         if chosen:
             layers.append(FrustumLayer(
                 title, [pose for _, pose in chosen], [_label(image) for image, _ in chosen], *half, color
@@ -263,12 +263,6 @@ def _camera_layers(
 def _label(image: ImageEntry) -> str:
     off = image.position_residual_m
     return image.name if off is None else f"{image.name}, {length(off)} from its known position"
-
-
-def _pose(image: ImageEntry) -> Pose | None:
-    if image.center_m is None or image.yaw_deg is None or image.pitch_deg is None:
-        return None
-    return Pose.from_yaw_pitch(image.center_m, image.yaw_deg, image.pitch_deg, image.roll_deg or 0.0)
 
 
 def _plans_on(reference: ReferencePart, results: Results) -> list[PlanPart]:

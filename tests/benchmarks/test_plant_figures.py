@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.plant_figures import error_table
-from fieldkit.benchmarks.scored_captures import GOOD_M
+from fieldkit.benchmarks.plant_figures import GOOD_M, error_table
 from fieldkit.benchmarks.true_plants import kept_truth, true_figures
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
