@@ -34,6 +34,7 @@ if __name__ == "__main__":
         evaluations=3,
         finalists=1,
         repeats=1,
+        fidelity="draft",
         confirm_fidelity="draft",
     )
     outcome = plan_views(folder / "maize-plan", settings, cache=cache)

@@ -22,6 +22,7 @@ from fieldkit.benchmarks.suite import run_studies
 from fieldkit.cache import StageCache
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.missions.plan import PlanSource
+from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping as SfmMapping
 from fieldkit.planning.outcome import PLAN_PICTURE
 from fieldkit.planning.problems import open_problem
@@ -30,6 +31,7 @@ from fieldkit.progress import Progress
 from fieldkit.reporting.objective_plots import png
 from fieldkit.reporting.search_plots import draw_regret
 
+RECORDED_FIDELITY: FidelityName = "standard"
 PLANNERS = ("bosfm", "field")
 _SIMULATED = ("random", "circle", "circle-aim", "mcp", "geometric", "matchable", *PLANNERS)
 _RECORDED = ("random", "uniform", "match-graph", *PLANNERS)
@@ -56,6 +58,7 @@ class PlannerOptions:
         seeds: of methods that have one.
         cameras: N of ``simulated``.
         mapping: of the evaluations.
+        fidelity: of searches on simulated plots; recorded sets are searched at `RECORDED_FIDELITY`.
         workers: processes.
         methods: to compare; all where empty.
         onto: scenes that plans of ``scenes`` are carried to in ``transfer``.
@@ -69,6 +72,7 @@ class PlannerOptions:
     seeds: int = 3
     cameras: int = 10
     mapping: SfmMapping = "prior"
+    fidelity: FidelityName = "standard"
     workers: int = 2
     methods: tuple[str, ...] = ()
     onto: tuple[str, ...] = ("test-case-1", "test-case-4")
@@ -89,16 +93,16 @@ def _simulated(options: PlannerOptions, progress: Progress) -> StudyResult:
 def _on_scene(name: str, methods: Sequence[str], options: PlannerOptions, progress: Progress) -> list[Ran]:
     return run_all(
         Place.scene(name), _contenders(methods, options), options.runs, cameras=options.cameras,
-        mapping=options.mapping, fidelity="draft", confirm_fidelity="fine", repeats=_REPEATS, workers=options.workers,
-        cache=options.cache, progress=progress,
+        mapping=options.mapping, fidelity=options.fidelity, confirm_fidelity="fine", repeats=_REPEATS,
+        workers=options.workers, cache=options.cache, progress=progress,
     )  # fmt: skip
 
 
 def _scene_notes(options: PlannerOptions) -> tuple[str, ...]:
     return (
         (
-            f"{options.evaluations} evaluations at draft and mapping {options.mapping}; each run's four best sets were "
-            f"evaluated again at fine, {_REPEATS} fresh seeds each, and the best mean counts."
+            f"{options.evaluations} evaluations at {options.fidelity} and mapping {options.mapping}; each run's four "
+            f"best sets were evaluated again at fine, {_REPEATS} fresh seeds each, and the best mean counts."
         ),
         "Photographs have the scene's camera effects; leaves are still and poses exact, claimed good to 10 mm.",
     )
@@ -113,8 +117,8 @@ def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
         for name, place in zip(options.onto, places, strict=True):
             carried = carry(
                 plans, origin, place, options.runs, cameras=options.cameras,
-                mapping=options.mapping, repeats=_REPEATS, workers=options.workers, cache=options.cache,
-                progress=progress,
+                mapping=options.mapping, fidelity=options.fidelity, repeats=_REPEATS, workers=options.workers,
+                cache=options.cache, progress=progress,
             )  # fmt: skip
             optimised = _on_scene(name, _WITHOUT_SEED, options, progress)
             tables.append(transfer_table(origin, place.name, carried, optimised))
@@ -144,7 +148,9 @@ def _surrogate(options: PlannerOptions, progress: Progress) -> StudyResult:
     for scene in options.scenes:
         place = Place.scene(scene)
         for ran in _on_scene(scene, ("field",), replace(options, methods=()), progress):
-            folder = options.runs / run_name(place, options.cameras, options.mapping, "field", ran.seed)
+            folder = options.runs / run_name(
+                place, options.cameras, options.mapping, options.fidelity, "field", ran.seed
+            )
             problem = open_problem(read_settings(folder), folder, cache=options.cache, progress=progress).problem
             results = [entry.result for entry in searched(read_log(folder))]
             with progress.stage(f"Models of {folder.name}"):
@@ -217,14 +223,14 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
                 for each in _contenders(_RECORDED, options)
             ]
             runs = run_all(
-                place, contenders, options.runs, cameras=count, mapping=options.mapping, fidelity="standard",
+                place, contenders, options.runs, cameras=count, mapping=options.mapping, fidelity=RECORDED_FIDELITY,
                 confirm_fidelity="fine", repeats=1, workers=options.workers, cache=options.cache, progress=progress,
             )  # fmt: skip
             found[f"{rig}, {count} views"] = runs
             rows: list[tuple[Cell, ...]] = []
             for method in dict.fromkeys(run.method for run in runs):
                 best = min((run for run in runs if run.method == method), key=lambda run: run.value_m)
-                folder = options.runs / run_name(place, count, options.mapping, method, best.seed)
+                folder = options.runs / run_name(place, count, options.mapping, RECORDED_FIDELITY, method, best.seed)
                 value = value_against_rest(
                     folder, place, best.views, workers=options.workers, cache=options.cache, progress=progress
                 )
@@ -234,8 +240,9 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
             rests.append(ResultTable(f"{rig}, {count} views: each method's best plan", columns, tuple(rows)))
     notes = (
         (
-            f"{options.evaluations} evaluations at standard among all views of the rig, with its commanded poses, "
-            f"against the reference of all of them ({_SUBSETS} for random); the four best were evaluated again at fine."
+            f"{options.evaluations} evaluations at {RECORDED_FIDELITY} among all views of the rig, with its commanded "
+            f"poses, against the reference of all of them ({_SUBSETS} for random); the four best were evaluated again "
+            "at fine."
         ),
     )
     study = _study("chosen", title, found, notes, wall, cpu)

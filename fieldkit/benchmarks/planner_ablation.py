@@ -54,6 +54,8 @@ def variants() -> dict[str, Callable[[Problem, int], Method]]:
         "structured sets only": replace(chosen, structured=1_000_000),
         "every third trial structured": replace(chosen, every=3),
         "no structured set in the trust region": replace(chosen, every=1_000_000),
+        "8 structured sets to choose from": replace(chosen, pool=8),
+        "72 structured sets to choose from": replace(chosen, pool=72),
         "20 moves to choose from": replace(chosen, moves=20),
         "180 moves to choose from": replace(chosen, moves=180),
         "first steps half as large": replace(chosen, shares=(0.5 * first, least, largest)),

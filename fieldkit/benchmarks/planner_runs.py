@@ -97,9 +97,11 @@ class Ran:
         return self.outcome.chamfer_m
 
 
-def run_name(place: Place, cameras: int, mapping: Mapping, method: str, seed: int) -> str:
+def run_name(
+    place: Place, cameras: int, mapping: Mapping, fidelity: FidelityName, method: str, seed: int
+) -> str:  # fmt: skip
     """Of a run's folder."""
-    return f"{place.name}-{cameras}-{mapping}-{method}-{seed}"
+    return f"{place.name}-{cameras}-{mapping}-{fidelity}-{method}-{seed}"
 
 
 def run_all(
@@ -126,7 +128,7 @@ def run_all(
         FieldkitError: as `plan_views`.
     """
     runs = {
-        folder / run_name(place, cameras, mapping, contender.method, seed): place.settings(
+        folder / run_name(place, cameras, mapping, fidelity, contender.method, seed): place.settings(
             cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
             fidelity=fidelity, confirm_fidelity=confirm_fidelity, repeats=repeats,
             lag=lag_for(workers, deterministic=False),

@@ -11,6 +11,7 @@ import numpy as np
 from fieldkit.benchmarks.planner_runs import Place, Ran, mean_of
 from fieldkit.benchmarks.result import Cell, ResultTable, spread
 from fieldkit.cache import StageCache
+from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.problems import open_problem
@@ -41,8 +42,8 @@ class Carried:
 
 
 def carry(
-    plans: Sequence[Ran], origin: str, place: Place, folder: Path, *, cameras: int, mapping: Mapping, repeats: int,
-    workers: int, cache: StageCache, progress: Progress,
+    plans: Sequence[Ran], origin: str, place: Place, folder: Path, *, cameras: int, mapping: Mapping,
+    fidelity: FidelityName, repeats: int, workers: int, cache: StageCache, progress: Progress,
 ) -> list[Carried]:  # fmt: skip
     """Plans evaluated at ``fine`` on another plot, with nothing optimised there.
 
@@ -54,12 +55,13 @@ def carry(
         origin: that plot's name.
         place: the other one.
         folder: of all runs.
+        fidelity: that the plans were searched at; here they are evaluated at fine.
         cameras, mapping, repeats, workers, cache, progress: as `planner_runs.run_all`.
 
     Raises:
         FieldkitError: as `plan_views`.
     """
-    output = folder / f"{place.name}-{cameras}-{mapping}-from-{origin}"
+    output = folder / f"{place.name}-{cameras}-{mapping}-{fidelity}-from-{origin}"
     settings = place.settings(
         cameras=cameras, method=_METHOD, evaluations=max(1, len(plans)), mapping=mapping, confirm_fidelity="fine",
         repeats=repeats,

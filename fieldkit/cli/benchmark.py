@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, TypeVar
 
 import typer
 
@@ -13,6 +13,8 @@ from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, consol
 from fieldkit.cli.common import table as new_table
 from fieldkit.cli.reconstruction_options import open_cache, run_context
 from fieldkit.errors import UsageError
+
+Name = TypeVar("Name", bound=str)
 
 
 class Suite(StrEnum):
@@ -102,6 +104,9 @@ def command(
         list[str] | None, typer.Option("--method", metavar="NAME", help="Repeatable; in planner: all where not given.")
     ] = None,
     mapping: Annotated[str, typer.Option("--mapping", help="In planner: prior or incremental.")] = "prior",
+    fidelity: Annotated[
+        str, typer.Option("--fidelity", metavar="NAME", help="In planner, of searches on plots: draft or standard.")
+    ] = "standard",
     onto: Annotated[
         list[str] | None,
         typer.Option("--onto", metavar="SCENE", help="Repeatable; in transfer: where plans are taken to."),
@@ -164,7 +169,9 @@ def command(
             results = run_engine(output, names, engine, progress=progress, overwrite=overwrite)
         elif suite is Suite.PLANNER:
             planner = PlannerOptions(
-                data, cache, runs, tuple(scene or ("tuning-1",)), evaluations, seeds, cameras, _mapping(mapping),
+                data, cache, runs, tuple(scene or ("tuning-1",)), evaluations, seeds, cameras,
+                _one_of("--mapping", mapping, ("prior", "incremental")),
+                _one_of("--fidelity", fidelity, ("draft", "standard")),
                 workers, tuple(method or ()), *([tuple(onto)] if onto else []),
             )  # fmt: skip
             results = run_planner(output, names, planner, progress=progress, overwrite=overwrite)
@@ -194,12 +201,11 @@ def command(
     show.print(f"{output}", markup=False, soft_wrap=True)
 
 
-def _mapping(name: str) -> Literal["prior", "incremental"]:
-    if name == "prior":
-        return "prior"
-    if name == "incremental":
-        return "incremental"
-    raise UsageError(f"--mapping: cannot be {name}", remedy="Give prior or incremental.")
+def _one_of(option: str, name: str, names: tuple[Name, ...]) -> Name:
+    found = next((each for each in names if each == name), None)
+    if found is None:
+        raise UsageError(f"{option}: cannot be {name}", remedy=f"Give {' or '.join(names)}.")
+    return found
 
 
 def _counts(count: int) -> dict[str, int]:

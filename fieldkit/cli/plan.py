@@ -109,11 +109,11 @@ def command(
     ] = "",
     fidelity: Annotated[
         Fidelity | None,
-        typer.Option("--fidelity", rich_help_panel=_SEARCH, help="Of the search; draft, with --captures standard."),
+        typer.Option("--fidelity", rich_help_panel=_SEARCH, help="Of the search; standard where not given."),
     ] = None,
     confirm: Annotated[
         Fidelity | None,
-        typer.Option("--confirm", rich_help_panel=_SEARCH, help="Of the finalists; standard, with --captures fine."),
+        typer.Option("--confirm", rich_help_panel=_SEARCH, help="Of the finalists; fine where not given."),
     ] = None,
     finalists: Annotated[
         int | None, typer.Option("--finalists", rich_help_panel=_SEARCH, min=1, help="Evaluated again at fresh seeds.")

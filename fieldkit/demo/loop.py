@@ -163,7 +163,8 @@ def _plan(
 ) -> tuple[Plan, Outcome]:
     settings = search_settings(
         scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, evaluations=_EVALUATIONS, finalists=_FINALISTS,
-        repeats=_REPEATS, confirm_fidelity="draft", noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
+        repeats=_REPEATS, fidelity="draft", confirm_fidelity="draft",
+        noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
         seed=seed, workers=workers,
     )  # fmt: skip
     with progress.stage("Plan", _EVALUATIONS + _FINALISTS * _REPEATS) as advance:

@@ -22,8 +22,6 @@ _PRESETS: dict[str, dict[str, Any]] = {
     "field": {"method": "field"},
     "paper": {"method": "bosfm", "mapping": "incremental"},
 }
-_RECORDED = {"fidelity": "standard", "confirm_fidelity": "fine"}
-"""Nothing is rendered, so this costs little more than draft; and what draft finds best among good sets is not."""
 _DEFAULT_CAMERAS = 10
 _LIMITS = {
     "margin_m": "--margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "--pitch",
@@ -111,7 +109,6 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
     if source.kind == "captures":
         if asked.vehicle is None:  # with one they say which views count as its own
             _refuse_limits(envelope)
-        values |= _RECORDED
         if asked.reference is not None:
             values["reference_path"] = str(asked.reference.resolve())
         if not NoiseSettings(**_given(asked.noise)).any:

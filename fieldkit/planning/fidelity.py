@@ -42,4 +42,4 @@ FIDELITIES: dict[FidelityName, Fidelity] = {
     "standard": Fidelity("standard"),
     "fine": Fidelity("fine", dense="fine"),
 }
-"""Draft renders a quarter of the pixels; standard and fine differ in dense stereo only."""
+"""Draft renders two thirds of the pixels; standard and fine differ in dense stereo only."""

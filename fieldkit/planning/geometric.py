@@ -66,8 +66,8 @@ class Geometry:
         distance_m: ``gap_m`` + ``noise_m``, for a chamfer distance is completeness + accuracy.
         tie_m: root of the cameras' mean squared looseness (`looseness_m`).
         gap_m: expected distance from a point of the plants to the nearest reconstructed one, mean over points.
-        noise_m: expected standard deviation of the reconstructed points' depths, mean over those; the cap where there
-            are none.
+        noise_m: by how much reconstructed points are expected to be off, mean over those; the cap where there are
+            none.
         covered: expected share of the points that are reconstructed themselves.
         loose_m: (n,) looseness of each camera.
         matches: (n, n) of each pair: counted where the problem knows them, else to be expected.
@@ -102,8 +102,9 @@ class GeometricScore:
     counted as independent. A point that is not is as far from the cloud as the nearest of its neighbours that is:
     Σ (d_k₊₁ − d_k) · Π (1 − p) over the neighbours sorted by distance, up to the cap. This is the score that ranked the
     designs of a prototype (Spearman 0.82); counting visible points did not (0.10). Another camera never raises it. To
-    it comes the noise of depths, (Σ s · sin²θ / (error · footprint)²)^−½ over a point's pairs, for accuracy is half of
-    the objective.
+    it comes the noise of reconstructed points, for accuracy is half of the objective: the root of the summed squares
+    of triangulation's, (Σ s · sin²θ / (error · footprint)²)^−½ over a point's pairs, and of a pixel's footprint, root
+    mean square over the views that see it, for dense stereo tells nothing finer.
 
     *Tie.* Real plants lose matches with the angle between views, and a set that falls into groups which few matches tie
     together bends. The matches that a recorded set counted, else `expected_matches`, make a graph of the views, and
@@ -162,7 +163,7 @@ class GeometricScore:
         rays, quality, footprint = (np.array([view[k] for view in views]) for k in range(3))
         s = self.settings
         found: tuple[Array, Array] = _reconstructed(
-            rays, quality, s.error_px * footprint, self._worth, s.agreeing, s.cap_m
+            rays, quality, footprint, s.error_px, self._worth, s.agreeing, s.cap_m
         )
         return found
 
@@ -198,9 +199,10 @@ def _plot_points(problem: Problem, surface: Surface) -> Array:
 
 
 @kernel
-def _reconstructed(rays, quality, error, worth, least, cap):  # type: ignore[no-untyped-def]
-    """(p,) probability that at least ``least`` views' depths are right, and (p,) the noise of these depths in metres,
-    at most the cap; from rays (n, p, 3), quality (n, p) and the error (n, p) of a match in metres.
+def _reconstructed(rays, quality, footprint, error, worth, least, cap):  # type: ignore[no-untyped-def]
+    """(p,) probability that at least ``least`` views' depths are right, and (p,) the noise of these points in metres,
+    at most the cap; from rays (n, p, 3), quality (n, p), a pixel's footprint (n, p) in metres and the error of a match
+    in pixels.
     """
     count, points = quality.shape
     found, noise = np.zeros(points), np.full(points, cap)
@@ -216,9 +218,10 @@ def _reconstructed(rays, quality, error, worth, least, cap):  # type: ignore[no-
                 views += 1
         if views < least:
             continue
-        information = cap**-2
+        information, squares = cap**-2, 0.0
         for a in range(views):
             i = seen[a]
+            squares += footprint[i, k] ** 2
             for b in range(a + 1, views):
                 j = seen[b]
                 cosine = rays[i, k, 0] * rays[j, k, 0] + rays[i, k, 1] * rays[j, k, 1] + rays[i, k, 2] * rays[j, k, 2]
@@ -228,7 +231,7 @@ def _reconstructed(rays, quality, error, worth, least, cap):  # type: ignore[no-
                 success *= min(quality[i, k], quality[j, k])
                 fails[a] *= 1.0 - success
                 fails[b] *= 1.0 - success
-                information += success * (1.0 - cosine * cosine) / (error[i, k] * error[j, k])
+                information += success * (1.0 - cosine * cosine) / (error**2 * footprint[i, k] * footprint[j, k])
         # Probabilities of exactly 0, 1, … right depths, one view after the other.
         exactly[:] = 0.0
         exactly[0] = 1.0
@@ -237,7 +240,7 @@ def _reconstructed(rays, quality, error, worth, least, cap):  # type: ignore[no-
                 exactly[m] = exactly[m] * fails[a] + exactly[m - 1] * (1.0 - fails[a])
             exactly[0] *= fails[a]
         found[k] = max(0.0, 1.0 - exactly.sum())
-        noise[k] = 1.0 / np.sqrt(information)
+        noise[k] = min(cap, np.sqrt(1.0 / information + squares / views))
     return found, noise
 
 

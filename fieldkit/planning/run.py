@@ -203,8 +203,12 @@ def worst_mean(values: Sequence[float], share: float) -> float:
 
 
 def search_seed(settings: SearchSettings, number: int) -> int:
-    """Of a trial's photographs: the run's own, or where there is noise to survive one of its own for each trial."""
-    return settings.seed if not settings.noise.any else settings.seed * 10_000 + number
+    """Of a trial's photographs: one of its own for each trial, or the run's where photographs are recorded as they are.
+
+    With one seed for all, a search finds sets whose poses this seed is kind to, and stays with them.
+    """
+    unchanging = settings.source.kind == "captures" and not settings.noise.any
+    return settings.seed if unchanging else settings.seed * 10_000 + number
 
 
 class _Clock:

@@ -132,7 +132,7 @@ def test_runs_share_evaluations_and_are_carried(tmp_path: Path) -> None:
     contenders = [Contender("random", 3), Contender("bosfm", 2)]
     planned(contenders[1:])  # an earlier call for one method: what it left serves the one before it, too
     first = planned(contenders)
-    logs = [read_log(runs / f"tiny-5-prior-{method}-0") for method in ("random", "bosfm")]
+    logs = [read_log(runs / f"tiny-5-prior-draft-{method}-0") for method in ("random", "bosfm")]
     for ours, theirs in zip(logs[1][:2], logs[0][:2], strict=True):
         assert (ours.cameras, ours.cloud_digest, ours.cpu_s) == (theirs.cameras, theirs.cloud_digest, theirs.cpu_s)
     again = planned(contenders)

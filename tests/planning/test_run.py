@@ -6,16 +6,18 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from fieldkit.missions.plan import PlanSource
 from fieldkit.planning.executor import Executor, Serial
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.run import confirm, search, worst_mean
 from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
-from fieldkit.planning.run_settings import SearchSettings, lag_for
+from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, lag_for
 from fieldkit.planning.search import Problem, Result, Trial, lowest
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 
@@ -156,18 +158,24 @@ def test_finalists_are_chosen_anew_at_fresh_seeds(tmp_path: Path) -> None:
     for found in confirmed:
         assert len({e.seed for e in found.entries}) == 3
         assert not {e.seed for e in found.entries} & {e.seed for e in by_search}
-        assert all(e.fidelity == "standard" for e in found.entries)
+        assert all(e.fidelity == "fine" for e in found.entries)
         assert found.value_m == pytest.approx(np.mean([e.value_m for e in found.entries]))
     assert [f.value_m for f in again] == [f.value_m for f in confirmed]
 
 
-def test_noise_to_survive_gives_every_trial_a_seed_of_its_own(tmp_path: Path) -> None:
-    from fieldkit.planning.run_settings import NoiseSettings
-
-    for name, noise in (("still", NoiseSettings()), ("windy", NoiseSettings(pose_m=0.02))):
-        with create_run(tmp_path / name, bowl_settings(noise=noise)) as run, serial() as executor:
-            search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
-            assert len({e.seed for e in run.entries}) == (1 if name == "still" else 12)
+@pytest.mark.parametrize(
+    ("kind", "noise", "seeds"),
+    [
+        ("scene", NoiseSettings(), 12),
+        ("captures", NoiseSettings(), 1),  # recorded as they are
+        ("captures", NoiseSettings(pose_m=0.02), 12),
+    ],
+)
+def test_every_trial_has_a_seed_of_its_own(tmp_path: Path, kind: Any, noise: NoiseSettings, seeds: int) -> None:
+    settings = bowl_settings(noise=noise, source=PlanSource(kind=kind, name="bowl"))
+    with create_run(tmp_path / "run", settings) as run, serial() as executor:
+        search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
+    assert len({e.seed for e in run.entries}) == seeds
 
 
 def test_no_set_is_a_finalist_twice() -> None:
