@@ -97,9 +97,7 @@ class Ran:
         return self.outcome.chamfer_m
 
 
-def run_name(
-    place: Place, cameras: int, mapping: Mapping, fidelity: FidelityName, method: str, seed: int
-) -> str:  # fmt: skip
+def run_name(place: Place, cameras: int, mapping: Mapping, fidelity: FidelityName, method: str, seed: int) -> str:
     """Of a run's folder."""
     return f"{place.name}-{cameras}-{mapping}-{fidelity}-{method}-{seed}"
 
