@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 __all__ = [
-    "DebugOption", "JsonOption", "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption",
+    "SEED", "DebugOption", "JsonOption", "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption",
     "console", "emit_json", "say", "table",
 ]  # fmt: skip
 
@@ -25,9 +25,11 @@ JsonOption = Annotated[
 DebugOption = Annotated[
     bool, typer.Option("--debug", rich_help_panel=OUTPUT, help="Show tracebacks and other libraries' warnings.")
 ]
-SeedOption = Annotated[
-    int, typer.Option("--seed", min=0, rich_help_panel=RUN, help="The same seed gives the same result, byte for byte.")
-]
+# COLMAP takes no larger seed.
+SEED = typer.Option(
+    "--seed", min=0, max=2**31 - 1, rich_help_panel=RUN, help="The same seed gives the same result, byte for byte."
+)
+SeedOption = Annotated[int, SEED]
 OutputOption = Annotated[
     Path, typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
 ]

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, ResumeOption, console, emit_json
+from fieldkit.cli.common import (
+    SEED,
+    DebugOption,
+    JsonOption,
+    OutputOption,
+    OverwriteOption,
+    ResumeOption,
+    console,
+    emit_json,
+)
 from fieldkit.cli.common import table as new_table
 from fieldkit.cli.help_page import RUN
 from fieldkit.cli.numbers import read_numbers
@@ -184,10 +193,7 @@ def command(
         float | None,
         typer.Option("--separation", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="Between stations."),
     ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option("--seed", rich_help_panel=RUN, min=0, help="The same seed gives the same result, byte for byte."),
-    ] = None,
+    seed: Annotated[int | None, SEED] = None,
     workers: Annotated[
         int | None,
         typer.Option("--workers", rich_help_panel=RUN, min=1, help="Processes; as many as cores where not given."),

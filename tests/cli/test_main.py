@@ -91,6 +91,7 @@ class TestUsageErrors:
         [
             (["doctr"], "Error: no such command: doctr\n  Did you mean `fieldkit doctor`?\n"),
             (["scene", "nwe"], "Error: no such command: scene nwe\n  Did you mean `fieldkit scene new`?\n"),
+            (["plan", "-o", "x", "--seed", "3000000000"], "Error: invalid value for '--seed': Input should be less"),
             (["xyzzy"], "Error: no such command: xyzzy\n  `fieldkit --help` lists the commands.\n"),
             (["doctor", "--x"], "Error: no such option: --x\n  'fieldkit doctor --help' explains the command.\n"),
             (["evaluate", "-o", "x"], "Error: missing argument 'captures'"),
