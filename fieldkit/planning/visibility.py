@@ -12,19 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics
 from fieldkit.kernels import kernel
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.search import Problem
 
-_FINEST_M = 0.010
+_FINEST_M = 0.005
 _COARSER = 1.12
 _LIMIT = 2500
-_OBSTACLES = 60_000
-_BUFFER = 200
-_TOLERANCE = 3.0
+_OBSTACLES = 100_000
+_BUFFER = 400
+_TOLERANCE = 2.0
+_STREAM = 45
 _KEPT = 1024
 
 T = TypeVar("T")
@@ -35,7 +35,7 @@ class Surface:
     """The plants as a geometric score knows them.
 
     Attributes:
-        points: (p, 3) metres, plot frame, about evenly spread.
+        points: (p, 3) metres, plot frame, drawn from the reference's, for the objective counts those as they are.
         normals: (p, 3) unit vectors, of which only the axis counts: leaves have two sides; None where unknown.
         obstacles: (m, 3) metres, of what hides.
         splat_m: edge of the square that stands for an obstacle.
@@ -48,24 +48,20 @@ class Surface:
 
     @classmethod
     def of(cls, problem: Problem, limit: int = _LIMIT) -> Surface:
-        """A problem's reference, thinned to at most ``limit`` points, and its obstacles, thinned to 10 mm where they
-        are not too many.
-
-        A point has the normal of the reference's point nearest to it, for a voxel's mean normal is senseless where it
-        holds both sides of a leaf.
+        """At most ``limit`` points of a problem's reference, always the same ones, and its obstacles, thinned to 5 mm
+        where they are not too many.
 
         Raises:
             ValueError: the reference has no points.
         """
         reference = problem.reference
-        thinned, _ = _thinned(reference, limit)
-        normals = None
-        if reference.normals is not None:
-            _, nearest = PointIndex(reference.points).nearest(thinned.points)
-            normals = reference.normals[nearest].astype(np.float64)
+        if not len(reference):
+            raise ValueError("the reference has no points")
+        drawn = np.random.default_rng(_STREAM).permutation(len(reference))[:limit]
+        normals = None if reference.normals is None else reference.normals[drawn].astype(np.float64)
         obstacles = Cloud(np.vstack([problem.obstacles.reshape(-1, 3), reference.points]))
         kept, size = _thinned(obstacles, _OBSTACLES)
-        return cls(np.array(thinned.points), normals, np.array(kept.points), size)
+        return cls(reference.points[drawn].astype(np.float64), normals, np.array(kept.points), size)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -123,9 +119,9 @@ class PerCamera(Generic[T]):
 def look(surface: Surface, cameras: Cameras, camera: Intrinsics) -> list[Sight]:
     """What each camera sees.
 
-    A point is hidden where an obstacle's splat lies more than three splats before it. The z-buffer has 200 pixels along
-    the picture's longer side, so that a splat of 10 mm covers about one at 1.5 m: gaps between points do not let
-    through, and leaves' edges grow by half a splat.
+    A point is hidden where an obstacle's splat lies more than two splats before it: 10 mm, so that stems hide their far
+    sides. The z-buffer has 400 pixels along the picture's longer side, so that a splat of 5 mm covers about one at
+    1.5 m: gaps between points do not let through, and leaves' edges grow by half a splat.
 
     Args:
         surface: of the plants.
@@ -158,8 +154,6 @@ def in_picture(points: Array, cameras: Cameras, camera: Intrinsics) -> NDArray[n
 
 def _thinned(cloud: Cloud, limit: int) -> tuple[Cloud, float]:
     """One point per voxel, the voxels no larger than it takes for at most ``limit`` points; and their edge."""
-    if not len(cloud):
-        raise ValueError("the reference has no points")
     size = _FINEST_M
     while len(thinned := voxel_thin(cloud, size)) > limit:
         size *= max(_COARSER, 0.9 * np.sqrt(len(thinned) / limit))  # plants are surfaces: points go with its square

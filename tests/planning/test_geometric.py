@@ -100,6 +100,18 @@ def test_a_wall_hides_what_is_behind_it_and_nothing_else() -> None:
     assert not away.seen.any()
 
 
+def test_a_stem_hides_its_own_far_side() -> None:
+    rng = np.random.default_rng(0)
+    angle, height = rng.uniform(0.0, 2.0 * np.pi, 6000), rng.uniform(0.1, 0.4, 6000)
+    stem = np.column_stack([0.0125 * np.cos(angle), 0.0125 * np.sin(angle), height])
+    volume = Volume((-0.3, -0.3, 0), (0.3, 0.3, 0.5))
+    plot = Problem(3, Envelope((-3, 3), (-3, 3), (0, 3), volume), CAMERA, Cloud(stem), np.zeros((0, 3)))
+    surface = Surface.of(plot)
+    seen = look(surface, Cameras.aimed([(0, -1.5, 0.25)], (0.0, 0.0, 0.25)), CAMERA)[0].seen
+    assert seen[surface.points[:, 1] < -0.008].all()
+    assert seen[surface.points[:, 1] > 0.008].mean() < 0.1  # what the splats of its front leave open
+
+
 def test_what_is_in_the_picture_projects_into_it() -> None:
     cameras = around(np.array([0.0, 90.0]))
     points = np.array([[0, 0, 0.3], [-3.0, 0, 0.3], [0, 5.0, 1.2]])
@@ -221,14 +233,18 @@ def test_the_order_of_cameras_does_not_matter() -> None:
     assert SCORE.score(turned).tie_m == pytest.approx(SCORE.score(cameras).tie_m, rel=1e-9)
 
 
-def test_a_surface_is_thinned_evenly_and_keeps_normals_of_its_points() -> None:
-    surface = Surface.of(PROBLEM, 300)
-    assert 100 < len(surface) <= 300
+def test_a_surface_is_of_the_references_own_points_and_always_of_the_same() -> None:
+    surface, reference = Surface.of(PROBLEM, 300), PROBLEM.reference
+    assert len(surface) == 300
+    assert reference.normals is not None
     assert surface.normals is not None
-    np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1.0, rtol=1e-5)
+    rows = {point.tobytes(): normal for point, normal in zip(reference.points, reference.normals, strict=True)}
+    for point, normal in zip(surface.points.astype(reference.points.dtype), surface.normals, strict=True):
+        np.testing.assert_array_equal(normal, rows[point.tobytes()])
+    np.testing.assert_array_equal(surface.points, Surface.of(PROBLEM, 300).points)
+    assert len(Surface.of(PROBLEM, 10**6)) == len(reference) == len(leaves())
     with pytest.raises(ValueError, match="no points"):
         Surface.of(Problem(3, PROBLEM.envelope, CAMERA, Cloud.empty(), np.zeros((0, 3))))
-    assert len(leaves()) == len(PROBLEM.reference)
 
 
 def test_settings_are_used() -> None:

@@ -37,6 +37,8 @@ class FieldSettings:
         optima: of the geometric score, searched for from as many seeds; of a plot only.
         structured: trials, the initial ones among them, until the trust region takes over.
         every: from then on each so-manieth trial is a structured set still.
+        fitted: after the initial trials, what would be a structured set is an optimum of the geometric score with
+            fitted slopes where this divides the trial's number; of a plot only.
         pool: structured sets to choose each trial from.
         moves: sets of the trust region to choose each trial from.
         shares: first size of the trust region's steps, its least and its largest, in D of `SetEmbedding`.
@@ -52,6 +54,7 @@ class FieldSettings:
     optima: int = 2
     structured: int = 32
     every: int = 6
+    fitted: int = 4
     pool: int = 24
     moves: int = 60
     shares: tuple[float, float, float] = (0.15, 0.02, 0.4)
@@ -133,11 +136,12 @@ class Field:
         local = number >= self.settings.structured and number % self.settings.every != 0
         size = self._size_m(results) if local else 0.0
         order = np.argsort(-mean)
-        candidates = (
-            self._moves([trials[int(k)] for k in order[: self.settings.centers]], size, rng)
-            if local
-            else self._structured([trials[int(k)] for k in order], rng)
-        )
+        if local:
+            candidates = self._moves([trials[int(k)] for k in order[: self.settings.centers]], size, rng)
+        elif number % self.settings.fitted == 0 and self.problem.views is None and learnt.slopes.any():
+            candidates = [self._optimum(learnt.slopes, rng)]
+        else:
+            candidates = self._structured([trials[int(k)] for k in order], rng)
         candidates = [c for c in candidates if c.cameras not in known]
         notes: dict[str, object] = {
             "model": model.name,
@@ -194,9 +198,13 @@ class Field:
 
     def _terms(self, cameras: Cameras) -> Array:
         if cameras not in self._known_terms:
-            found = self._score.score(cameras)
-            self._known_terms[cameras] = -np.log(np.maximum([found.gap_m, found.noise_m, found.tie_m], _LEAST_M))
+            self._known_terms[cameras] = self._measured(cameras)
         return self._known_terms[cameras]
+
+    def _measured(self, cameras: Cameras) -> Array:
+        found = self._score.score(cameras)
+        terms: Array = -np.log(np.maximum([found.gap_m, found.noise_m, found.tie_m], _LEAST_M))
+        return terms
 
     @cached_property
     def _known_terms(self) -> dict[Cameras, Array]:
@@ -238,6 +246,11 @@ class Field:
             cameras = optimise(self.problem, cost_of(self._score), int(rng.integers(2**31)))
             return _Candidate(self.problem.nearest(cameras), "optimum of the geometric score", {})
         return None
+
+    def _optimum(self, slopes: Array, rng: np.random.Generator) -> _Candidate:
+        """The largest prior mean: what the results so far say about the score's terms, taken at its word."""
+        cameras = optimise(self.problem, lambda each: -float(self._measured(each) @ slopes), int(rng.integers(2**31)))
+        return _Candidate(self.problem.nearest(cameras), "optimum of the fitted score", {})
 
     def _structured(self, best: Sequence[Trial], rng: np.random.Generator) -> list[_Candidate]:
         """Random members of the families, and members near the best ones known."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -68,6 +69,18 @@ def test_the_geometric_scores_optimum_is_among_the_first() -> None:
     costs = [cost_of(score)(trial.cameras) for trial in trials if trial is not None]
     assert len(costs) == 3
     assert costs[1] == min(costs)
+
+
+def test_what_was_learnt_of_the_scores_terms_is_taken_at_its_word() -> None:
+    problem = bowl_problem(3)
+    found = run(Field(problem, QUICK), 9, problem)
+    assert found[8].trial.origin == "optimum of the fitted score"
+    method = Field(problem, QUICK)
+    learnt = method.learn(found[:8])
+    means = method.inputs([result.trial.cameras for result in found])[:, -3:] @ learnt.slopes
+    assert means[8] > means[:8].max()
+    others = run(Field(problem, replace(QUICK, fitted=1_000)), 9, problem)
+    assert others[8].trial.origin != found[8].trial.origin
 
 
 def test_of_a_recorded_set_the_first_are_what_a_person_would_take() -> None:
