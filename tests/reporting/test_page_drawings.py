@@ -6,7 +6,7 @@ import math
 import re
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fieldkit.reporting.page.charts import HEIGHT, WIDTH, LineChart, Series, draw, number_text, round_ticks
@@ -55,6 +55,8 @@ def test_colours_of_lines_differ_and_the_background_is_grey() -> None:
 @given(
     st.lists(st.tuples(FINITE, st.none() | FINITE), min_size=1, max_size=20), st.sampled_from(["line", "dots", "step"])
 )
+@example([(0.0, 5e-324)], "line")
+@example([(0.0, 1.0), (5e-324, 2.0)], "line")
 def test_everything_lies_in_the_drawing(points: list[tuple[float, float | None]], style: str) -> None:
     drawing = draw(chart(Series("a", tuple(points), style)))  # type: ignore[arg-type]
     spots = [(float(x), float(y)) for line in drawing.series for x, y, _ in line.dots]

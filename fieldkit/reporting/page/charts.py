@@ -11,6 +11,7 @@ from typing import Literal
 
 WIDTH, HEIGHT = 560.0, 320.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 14.0, 50.0
+_NARROWEST = 1e-11  # a range below it counts as one value: ticks have twelve decimals
 
 Style = Literal["line", "step", "dots", "band"]
 
@@ -110,9 +111,9 @@ def draw(chart: LineChart) -> Drawing:
     low, high = min(ys), max(ys) if chart.y_top is None else chart.y_top
     if chart.y_zero:
         low = min(0.0, low)
-    y_ticks = round_ticks(low, high if high > low else low + 1.0, 6)
+    y_ticks = round_ticks(low, high if high - low > _NARROWEST else low + 1.0, 6)
     low, high = min(low, y_ticks[0]), max(high, y_ticks[-1]) if chart.y_top is None else high
-    left, right = (min(xs), max(xs)) if max(xs) > min(xs) else (min(xs) - 0.5, max(xs) + 0.5)
+    left, right = (min(xs), max(xs)) if max(xs) - min(xs) > _NARROWEST else (min(xs) - 0.5, max(xs) + 0.5)
     if chart.x_ticks is None:
         whole = all(float(x).is_integer() for x in xs)
         x_ticks = [(v, number_text(v)) for v in round_ticks(left, right, 7, whole=whole)]
