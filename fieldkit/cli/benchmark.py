@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Literal
 
 import typer
 
@@ -13,8 +13,6 @@ from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, consol
 from fieldkit.cli.common import table as new_table
 from fieldkit.cli.reconstruction_options import open_cache, run_context
 from fieldkit.errors import UsageError
-
-Name = TypeVar("Name", bound=str)
 
 
 class Suite(StrEnum):
@@ -103,9 +101,11 @@ def command(
     method: Annotated[
         list[str] | None, typer.Option("--method", metavar="NAME", help="Repeatable; in planner: all where not given.")
     ] = None,
-    mapping: Annotated[str, typer.Option("--mapping", help="In planner: prior or incremental.")] = "prior",
+    mapping: Annotated[
+        Literal["prior", "incremental"], typer.Option("--mapping", help="In planner, of the evaluations.")
+    ] = "prior",
     fidelity: Annotated[
-        str, typer.Option("--fidelity", metavar="NAME", help="In planner, of searches on plots: draft or standard.")
+        Literal["draft", "standard"], typer.Option("--fidelity", help="In planner, of searches on plots.")
     ] = "standard",
     onto: Annotated[
         list[str] | None,
@@ -169,9 +169,7 @@ def command(
             results = run_engine(output, names, engine, progress=progress, overwrite=overwrite)
         elif suite is Suite.PLANNER:
             planner = PlannerOptions(
-                data, cache, runs, tuple(scene or ("tuning-1",)), evaluations, seeds, cameras,
-                _one_of("--mapping", mapping, ("prior", "incremental")),
-                _one_of("--fidelity", fidelity, ("draft", "standard")),
+                data, cache, runs, tuple(scene or ("tuning-1",)), evaluations, seeds, cameras, mapping, fidelity,
                 workers, tuple(method or ()), *([tuple(onto)] if onto else []),
             )  # fmt: skip
             results = run_planner(output, names, planner, progress=progress, overwrite=overwrite)
@@ -199,13 +197,6 @@ def command(
         for note in result.notes:
             show.print(note, markup=False)
     show.print(f"{output}", markup=False, soft_wrap=True)
-
-
-def _one_of(option: str, name: str, names: tuple[Name, ...]) -> Name:
-    found = next((each for each in names if each == name), None)
-    if found is None:
-        raise UsageError(f"{option}: cannot be {name}", remedy=f"Give {' or '.join(names)}.")
-    return found
 
 
 def _counts(count: int) -> dict[str, int]:

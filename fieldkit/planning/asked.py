@@ -16,7 +16,14 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.missions.plan import PlanCamera
 from fieldkit.planning.flyable import read_vehicle, vehicle_envelope
 from fieldkit.planning.problems import describe_source
-from fieldkit.planning.run_settings import CHANGEABLE, EnvelopeSettings, NoiseSettings, SearchSettings, lag_for
+from fieldkit.planning.run_settings import (
+    CHANGEABLE,
+    EnvelopeSettings,
+    NoiseSettings,
+    SearchSettings,
+    lag_for,
+    unchanging,
+)
 
 _PRESETS: dict[str, dict[str, Any]] = {
     "field": {"method": "field"},
@@ -111,8 +118,8 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
             _refuse_limits(envelope)
         if asked.reference is not None:
             values["reference_path"] = str(asked.reference.resolve())
-        if not NoiseSettings(**_given(asked.noise)).any:
-            values["repeats"] = 1  # nothing differs from seed to seed
+        if unchanging(source, NoiseSettings(**_given(asked.noise))):
+            values["repeats"] = 1
     if asked.images is not None:
         if source.kind != "reference":
             raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")

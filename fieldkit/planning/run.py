@@ -12,7 +12,7 @@ import numpy as np
 
 from fieldkit.planning.executor import Executor, Job
 from fieldkit.planning.run_folder import LogEntry, RunFolder, searched
-from fieldkit.planning.run_settings import SearchSettings
+from fieldkit.planning.run_settings import SearchSettings, unchanging
 from fieldkit.planning.search import Judge, Method, Result, Trial, lowest
 
 Stopped = Literal["evaluations", "time", "exhausted"]
@@ -207,8 +207,9 @@ def search_seed(settings: SearchSettings, number: int) -> int:
 
     With one seed for all, a search finds sets whose poses this seed is kind to, and stays with them.
     """
-    unchanging = settings.source.kind == "captures" and not settings.noise.any
-    return settings.seed if unchanging else settings.seed * 10_000 + number
+    if unchanging(settings.source, settings.noise):
+        return settings.seed
+    return settings.seed * 10_000 + number
 
 
 class _Clock:

@@ -74,6 +74,11 @@ class NoiseSettings(Strict):
         return max(self.pose_m, self.pose_deg, self.image_grey, self.wind_m) > 0
 
 
+def unchanging(source: PlanSource, noise: NoiseSettings) -> bool:
+    """Whether a set's evaluations are the same at every seed: photographs are recorded, and taken as they are."""
+    return source.kind == "captures" and not noise.any
+
+
 class SearchSettings(Strict):
     """search.json: everything that a run's outcome depends on, but the photographs or the scene themselves."""
 

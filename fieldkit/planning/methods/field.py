@@ -14,7 +14,7 @@ from fieldkit.planning.acquisition import log_expected_improvement
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.families import Family, circles, families
 from fieldkit.planning.geometric import GeometricScore
-from fieldkit.planning.methods.geometric import cost_of, optimise
+from fieldkit.planning.methods.geometric import Cost, cost_of, optimise
 from fieldkit.planning.methods.moves import near
 from fieldkit.planning.methods.uniform import MatchGraph, Uniform
 from fieldkit.planning.search import Problem, Result, Trial, lowest
@@ -139,7 +139,7 @@ class Field:
         if local:
             candidates = self._moves([trials[int(k)] for k in order[: self.settings.centers]], size, rng)
         elif number % self.settings.fitted == 0 and self.problem.views is None and learnt.slopes.any():
-            candidates = [self._optimum(learnt.slopes, rng)]
+            candidates = [self._fitted(learnt.slopes, rng)]
         else:
             candidates = self._structured([trials[int(k)] for k in order], rng)
         candidates = [c for c in candidates if c.cameras not in known]
@@ -243,14 +243,16 @@ class Field:
             origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
             return _Candidate(self.problem.nearest(circle.cameras(self.problem)), origin, {})
         if not even and turn < self.settings.optima and self.settings.geometry:
-            cameras = optimise(self.problem, cost_of(self._score), int(rng.integers(2**31)))
-            return _Candidate(self.problem.nearest(cameras), "optimum of the geometric score", {})
+            return self._optimum(cost_of(self._score), "optimum of the geometric score", rng)
         return None
 
-    def _optimum(self, slopes: Array, rng: np.random.Generator) -> _Candidate:
+    def _fitted(self, slopes: Array, rng: np.random.Generator) -> _Candidate:
         """The largest prior mean: what the results so far say about the score's terms, taken at its word."""
-        cameras = optimise(self.problem, lambda each: -float(self._measured(each) @ slopes), int(rng.integers(2**31)))
-        return _Candidate(self.problem.nearest(cameras), "optimum of the fitted score", {})
+        return self._optimum(lambda each: -float(self._measured(each) @ slopes), "optimum of the fitted score", rng)
+
+    def _optimum(self, cost: Cost, origin: str, rng: np.random.Generator) -> _Candidate:
+        cameras = optimise(self.problem, cost, int(rng.integers(2**31)))
+        return _Candidate(self.problem.nearest(cameras), origin, {})
 
     def _structured(self, best: Sequence[Trial], rng: np.random.Generator) -> list[_Candidate]:
         """Random members of the families, and members near the best ones known."""
