@@ -106,6 +106,10 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
     source, path = describe_source(asked.scene, asked.reference, asked.captures)
     given = _given(asked.settings)
     envelope = _given(asked.envelope)
+    try:
+        noise = NoiseSettings(**_given(asked.noise))
+    except ValidationError as error:
+        raise _refused(error) from error
     values: dict[str, Any] = {
         "fieldkit": __version__,
         "source": source,
@@ -118,7 +122,7 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
             _refuse_limits(envelope)
         if asked.reference is not None:
             values["reference_path"] = str(asked.reference.resolve())
-        if unchanging(source, NoiseSettings(**_given(asked.noise))):
+        if unchanging(source, noise):
             values["repeats"] = 1
     if asked.images is not None:
         if source.kind != "reference":
@@ -135,11 +139,13 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         values["camera"] = _camera(asked.camera)
     values |= _PRESETS[given.get("preset", "field")] | given
     try:
-        return SearchSettings(
-            **values, noise=NoiseSettings(**_given(asked.noise)), envelope=EnvelopeSettings(**envelope)
-        )
+        return SearchSettings(**values, noise=noise, envelope=EnvelopeSettings(**envelope))
     except ValidationError as error:
-        raise UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.") from error
+        raise _refused(error) from error
+
+
+def _refused(error: ValidationError) -> UsageError:
+    return UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.")
 
 
 def resumed_settings(settings: SearchSettings, asked: Asked) -> SearchSettings:

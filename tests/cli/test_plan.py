@@ -37,6 +37,7 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "--height", "3,2"], 2, "3 is above 2"),
         (["--captures", str(SMALL_PLOT), "--clearance", "0.5"], 2, "--clearance would not change the choice"),
         (["--scene", "case-1", "--risk", "0"], 2, "risk"),
+        (["--captures", str(SMALL_PLOT), "--risk", "0"], 2, "risk"),
         (["--scene", "case-1", "--time-budget", "soon"], 2, "--time-budget"),
         (["--scene", "case-1", "--pose-noise", "from:"], 2, "from what?"),
         (["--scene", "case-1", "--pose-noise", "from:nowhere"], 3, "nowhere"),
