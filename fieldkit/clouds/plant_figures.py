@@ -1,21 +1,18 @@
 """What users of plant clouds ask for: height, ground cover and the volume of the hull. Pure functions.
 
-Dense stereo gives many points where cameras are near and leaves face them, few elsewhere, and now and then a clump of
-points where there is nothing. So every figure is taken of voxels that hold a point, each counted once, and clumps that
-are smaller than leaves and touch nothing are left out (`without_strays`).
+Dense stereo gives many points where cameras are near and leaves face them, few elsewhere. So every figure is taken of
+voxels that hold a point, each counted once. Clouds are expected to be without strays (`fieldkit.clouds.strays`).
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
+from fieldkit.clouds.cells import unique_cells
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.thinning import voxel_thin
@@ -33,10 +30,6 @@ CELL_SPACINGS = 3.0
 SEAM_SHARE = 0.3
 """A cell with less than this share of the median cell's points lies beside a leaf."""
 HEIGHT_QUANTILE = 0.95
-STRAY_M2 = (0.0005, 0.005)
-STRAY_SHARE = 0.05
-"""A piece with less surface than 5 % of the largest one does not count, nor one below 5 cm²; one of 50 cm² does."""
-_REACH_VOXELS = 3
 _SPACING_SAMPLE = 20_000
 
 
@@ -46,13 +39,12 @@ class PlantFigures:
 
     Attributes:
         height_m: above the fitted ground; 95 % of the plants' voxels are lower. None without a ground.
-        height_max_m: of the highest point that is no stray; None without a ground.
+        height_max_m: of the highest point; None without a ground.
         cover: share of ``area_m2`` below plants, seen from straight above.
         area_m2: of the ground that ``cover`` refers to: the footprint of the volume of interest.
         hull_m3: volume of the convex hull about all plants; 0 where they span none.
         voxel_m: edge of the voxels.
         cell_m: edge of the cells of the cover.
-        stray: share of the points that were left out.
     """
 
     height_m: float | None
@@ -62,7 +54,6 @@ class PlantFigures:
     hull_m3: float
     voxel_m: float
     cell_m: float
-    stray: float
 
     @property
     def covered_m2(self) -> float:
@@ -74,25 +65,23 @@ def plant_figures(plants: Cloud, volume: Volume, ground: Plane | None, gsd_m: fl
     """The figures of a plot's plants.
 
     Args:
-        plants: without the ground, plot frame; z is up.
+        plants: without the ground and without strays, plot frame; z is up.
         volume: of interest; only what lies in it counts.
         ground: fitted, plot frame; None where there is none.
         gsd_m: ground sampling distance, metres per pixel.
 
     Returns:
-        None where nothing as large as a leaf was reconstructed.
+        None where nothing lies in the volume.
 
     Raises:
         ValueError: ``gsd_m`` is not a positive number.
     """
     if not (np.isfinite(gsd_m) and gsd_m > 0):
         raise ValueError(f"the ground sampling distance must be a positive number of metres, not {gsd_m}")
-    inside = plants.points[volume.contains(plants.points)]
-    voxel = voxel_edge_m(gsd_m)
-    kept = without_strays(inside, voxel)
-    if not kept.any():
+    points = plants.points[volume.contains(plants.points)]
+    if not len(points):
         return None
-    points = inside[kept]
+    voxel = voxel_edge_m(gsd_m)
     thinned = voxel_thin(Cloud(points), voxel).points
     area = float(volume.size[0] * volume.size[1])
     cell = cell_edge_m(points)
@@ -104,48 +93,12 @@ def plant_figures(plants: Cloud, volume: Volume, ground: Plane | None, gsd_m: fl
         hull_m3=hull_m3(thinned),
         voxel_m=voxel,
         cell_m=cell,
-        stray=1.0 - float(kept.mean()),
     )
 
 
 def voxel_edge_m(gsd_m: float) -> float:
     """Edge of the voxels at a ground sampling distance, metres."""
     return max(VOXEL_M, VOXEL_GSD * gsd_m)
-
-
-def without_strays(points: Array, voxel_m: float) -> NDArray[np.bool_]:
-    """Mask (n,) of the points (n, 3) that belong to a piece large enough to be a leaf (`STRAY_SHARE`, `STRAY_M2`).
-
-    Two points belong to one piece where a chain of points with gaps of at most three voxels leads from one to the
-    other, and never where there is a gap of more than 10.4 voxels; between, it depends on how they fall into cells. A
-    piece's surface is that of its voxels, one face each.
-    """
-    if not len(points):
-        return np.zeros(0, dtype=np.bool_)
-    voxels, of_point = _unique_cells(np.floor(points / voxel_m).astype(np.int64))
-    coarse, of_voxel = _unique_cells(np.floor_divide(voxels, _REACH_VOXELS))
-    pairs = cKDTree(coarse).query_pairs(1.8, output_type="ndarray")  # all 26 neighbours: √3 < 1.8 < 2
-    links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(coarse),) * 2)
-    pieces = connected_components(links, directed=False)[1][of_voxel]
-    surface = np.bincount(pieces) * voxel_m**2
-    low, high = STRAY_M2
-    large: NDArray[np.bool_] = surface >= max(low, min(high, STRAY_SHARE * float(surface.max())))
-    kept: NDArray[np.bool_] = large[pieces][of_point]
-    return kept
-
-
-def _unique_cells(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Different rows of integer cells (n, d), sorted, and (n,) the row that each one is."""
-    lower = cells.min(axis=0)
-    spans = [int(v) for v in cells.max(axis=0) - lower + 1]
-    if math.prod(spans) >= 2**62:
-        found, index = np.unique(cells, axis=0, return_inverse=True)
-        return found, index.reshape(-1)
-    local, key = cells - lower, np.zeros(len(cells), dtype=np.int64)
-    for axis, span in enumerate(spans):
-        key = key * span + local[:, axis]
-    _, first, index = np.unique(key, return_index=True, return_inverse=True)
-    return cells[first], index.reshape(-1)
 
 
 def cell_edge_m(points: Array) -> float:
@@ -172,7 +125,7 @@ def covered_m2(places: Array, cell_m: float) -> float:
     """
     if not len(places):
         return 0.0
-    cells, of_place = _unique_cells(np.floor(places / cell_m).astype(np.int64))
+    cells, of_place = unique_cells(np.floor(places / cell_m).astype(np.int64))
     points = np.bincount(of_place)
     cells = cells[points >= SEAM_SHARE * np.median(points)]
     cells = cells - cells.min(axis=0)

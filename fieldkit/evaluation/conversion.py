@@ -99,14 +99,14 @@ def plot_evaluation(
 
 
 def plant_entry(reconstruction: Reconstruction) -> PlantEntry | None:
-    """Figures of the plants; None without a scale, or where nothing as large as a leaf was reconstructed."""
+    """Figures of the plants; None without a scale."""
     frame = reconstruction.sparse.frame
     if not frame.metric:
         return None
     found = plant_figures(reconstruction.plants, reconstruction.volume, frame.ground, reconstruction.gsd_m)
     if found is None:
         return None
-    return PlantEntry(covered_m2=found.covered_m2, **dataclasses.asdict(found))
+    return PlantEntry(covered_m2=found.covered_m2, stray=reconstruction.stray, **dataclasses.asdict(found))
 
 
 def prediction_entry(reconstruction: Reconstruction, figures_: Mapping[str, Any]) -> PredictionEntry:

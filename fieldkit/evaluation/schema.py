@@ -373,12 +373,12 @@ class AdherenceEntry(Strict):
 
 
 class PlantEntry(Strict):
-    """Figures of the plants of a plot (docs/scores.md). Voxels count, not points, and stray clumps do not."""
+    """Figures of the plants of a plot (docs/scores.md). Voxels count, not points."""
 
     height_m: float | None
     """Above the fitted ground: 95 % of the plants' voxels are lower; null where no ground was found."""
     height_max_m: float | None
-    """Of the highest point that is no stray."""
+    """Of the highest point."""
     cover: Share
     """Share of area_m2 below plants, seen from straight above."""
     covered_m2: Length
@@ -392,7 +392,7 @@ class PlantEntry(Strict):
     cell_m: Annotated[float, Field(gt=0)]
     """Edge of the cells that cover is counted in."""
     stray: Share
-    """Share of the points that were left out."""
+    """Share of the points that were left out of the cloud: clumps smaller than leaves that touch nothing."""
 
 
 class PredictionEntry(Strict):

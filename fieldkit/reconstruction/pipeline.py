@@ -14,6 +14,8 @@ from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
+from fieldkit.clouds.plant_figures import voxel_edge_m
+from fieldkit.clouds.strays import without_strays
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
@@ -113,16 +115,12 @@ def reconstruct(
     ground = sparse.frame.ground
     if ground is not None:
         plants = plants.select(ground.heights(plants.points) > clearance(ground))
-    if len(plants) == 0:
-        raise ReconstructionError(
-            "no plant was reconstructed: no two views agree on a depth of anything green above the ground",
-            registered=sparse.registered,
-            right=sparse.right,
-            models=len(sparse.model_sizes),
-            path=capture.folder,
-            remedy="Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
-        )
     gsd_m = _ground_sampling_distance(sparse, volume)
+    fused = len(plants)
+    if sparse.frame.metric:  # a leaf's size is known in metres only
+        plants = plants.select(without_strays(plants.points, voxel_edge_m(gsd_m)))
+    if len(plants) == 0:
+        raise _no_plants(sparse, fused)
     doubts = [_cut(capture, volume)] if cuts_plants(plants.points, volume, gsd_m) else []
     found_here = known_plot is None or known_plot.ground is None
     if ground is not None and found_here and sparse.frame.origin is not None and ground.tilt_deg() > _STEEP_DEG:
@@ -134,6 +132,7 @@ def reconstruct(
         sparse=sparse,
         volume=volume,
         plants=plants,
+        stray=1.0 - len(plants) / fused,
         scene=scene,
         gsd_m=gsd_m,
         backend=backend.name,
@@ -365,6 +364,20 @@ def _too_few(sparse: SparseResult) -> ReconstructionError:
         models=len(sparse.model_sizes),
         path=sparse.capture.folder,
         remedy="Take views closer together, or give their rough poses in poses.csv so that prior mapping can be used.",
+    )
+
+
+def _no_plants(sparse: SparseResult, fused: int) -> ReconstructionError:
+    why = f"the {fused} points that views agree on lie in clumps smaller than a leaf"
+    if not fused:
+        why = "no two views agree on a depth of anything green above the ground"
+    return ReconstructionError(
+        f"no plant was reconstructed: {why}",
+        registered=sparse.registered,
+        right=sparse.right,
+        models=len(sparse.model_sizes),
+        path=sparse.capture.folder,
+        remedy="Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
     )
 
 

@@ -135,7 +135,8 @@ class Reconstruction:
     Attributes:
         sparse: mapping's result.
         volume: of interest, plot frame.
-        plants: dense cloud of the plants: masked, in the volume, above the ground.
+        plants: dense cloud of the plants: masked, in the volume, above the ground; without strays where metric.
+        stray: share of the plants' points that were left out as strays (`fieldkit.clouds.strays`).
         scene: dense cloud of everything in the volume; None where not asked for.
         gsd_m: ground sampling distance at the volume's centre, median over images: metres per full-size pixel.
         backend: of dense stereo.
@@ -146,6 +147,7 @@ class Reconstruction:
     sparse: SparseResult
     volume: Volume
     plants: Cloud
+    stray: float
     scene: Cloud | None
     gsd_m: float
     backend: str

@@ -18,7 +18,6 @@ from fieldkit.clouds.plant_figures import (
     hull_m3,
     plant_figures,
     voxel_edge_m,
-    without_strays,
 )
 from fieldkit.clouds.volume import Volume
 
@@ -72,7 +71,6 @@ class TestShapes:
         inner = np.prod([edge - 0.012 for edge in (width, depth, height)])
         assert inner <= found.hull_m3 <= width * depth * height + 1e-9
         assert found.area_m2 == pytest.approx(4.0)
-        assert found.stray == 0.0
 
     @given(st.floats(0.1, 0.5), st.floats(0.2, 1.0))
     @SLOW
@@ -156,30 +154,9 @@ class TestInvariance:
         assert figures(low).height_m == pytest.approx(figures(points).height_m, abs=0.005)
 
 
-class TestStrays:
-    def test_points_and_clumps_in_the_air_are_left_out(self) -> None:
-        rng = np.random.default_rng(1)
-        plant = cone(0.3, 0.8)
-        clumps = [rng.normal(place, 0.008, (40, 3)) for place in ((0.8, 0.8, 1.6), (-0.8, 0.1, 1.2))]
-        stray = np.concatenate([rng.uniform((-0.9, -0.9, 1.1), (0.9, 0.9, 1.9), (60, 3)), *clumps])
-        clean, dirty = figures(plant), figures(np.concatenate([plant, stray]))
-        assert dirty.height_max_m == clean.height_max_m
-        assert dirty.height_m == clean.height_m
-        assert dirty.hull_m3 == pytest.approx(clean.hull_m3)
-        assert dirty.stray == pytest.approx(len(stray) / (len(plant) + len(stray)))
-
-    def test_a_leaf_on_its_own_is_kept(self) -> None:
-        """What hides its collar must not cost the leaf."""
-        rng = np.random.default_rng(2)
-        leaf = np.column_stack([rng.uniform(0.5, 0.8, 4000), rng.uniform(0, 0.04, 4000), np.full(4000, 0.9)])
-        found = figures(np.concatenate([cone(0.3, 0.8), leaf]))
-        assert found.height_max_m == pytest.approx(0.9)
-
-    def test_nothing_but_strays(self) -> None:
-        points = np.random.default_rng(0).uniform((-0.9, -0.9, 0.1), 0.9, (50, 3))
-        assert plant_figures(Cloud(points), VOLUME, GROUND, GSD_M) is None
+class TestVolume:
+    def test_nothing(self) -> None:
         assert plant_figures(Cloud.empty(), VOLUME, GROUND, GSD_M) is None
-        assert not without_strays(np.zeros((0, 3)), 0.01).any()
 
     def test_what_lies_outside_of_the_volume_does_not_count(self) -> None:
         other = shifted(cone(0.3, 1.5), 3.0)

@@ -1,0 +1,37 @@
+"""Strays: clumps of points where there is nothing, which dense stereo makes now and then. Pure functions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from fieldkit.clouds.cells import unique_cells
+
+STRAY_M2 = (0.0005, 0.005)
+STRAY_SHARE = 0.05
+"""A piece with less surface than 5 % of the largest one does not count, nor one below 5 cm²; one of 50 cm² does."""
+_REACH_VOXELS = 3
+
+
+def without_strays(points: NDArray[np.float64], voxel_m: float) -> NDArray[np.bool_]:
+    """Mask (n,) of the points (n, 3) that belong to a piece large enough to be a leaf (`STRAY_SHARE`, `STRAY_M2`).
+
+    Two points belong to one piece where a chain of points with gaps of at most three voxels leads from one to the
+    other, and never where there is a gap of more than 10.4 voxels; between, it depends on how they fall into cells. A
+    piece's surface is that of its voxels, one face each.
+    """
+    if not len(points):
+        return np.zeros(0, dtype=np.bool_)
+    voxels, of_point = unique_cells(np.floor(points / voxel_m).astype(np.int64))
+    coarse, of_voxel = unique_cells(np.floor_divide(voxels, _REACH_VOXELS))
+    pairs = cKDTree(coarse).query_pairs(1.8, output_type="ndarray")  # all 26 neighbours: √3 < 1.8 < 2
+    links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(coarse),) * 2)
+    pieces = connected_components(links, directed=False)[1][of_voxel]
+    surface = np.bincount(pieces) * voxel_m**2
+    low, high = STRAY_M2
+    large: NDArray[np.bool_] = surface >= max(low, min(high, STRAY_SHARE * float(surface.max())))
+    kept: NDArray[np.bool_] = large[pieces][of_point]
+    return kept

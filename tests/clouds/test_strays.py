@@ -1,0 +1,79 @@
+"""Clumps that are smaller than leaves and touch nothing, beside shapes that must stay."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from fieldkit.clouds.strays import STRAY_M2, without_strays
+
+Array = NDArray[np.float64]
+VOXEL_M = 0.01
+
+
+def stem(count: int = 20_000) -> Array:
+    """Points on the side of an upright cone of 30 cm radius and 80 cm height."""
+    rng = np.random.default_rng(0)
+    t, turn = np.sqrt(rng.uniform(size=count)), rng.uniform(0, 2 * np.pi, count)
+    found: Array = np.column_stack([0.3 * t * np.cos(turn), 0.3 * t * np.sin(turn), 0.8 * (1 - t)])
+    return found
+
+
+def leaf(length: float, width: float, count: int = 4000) -> Array:
+    """Level, far from the stem."""
+    rng = np.random.default_rng(2)
+    return np.column_stack([rng.uniform(0.5, 0.5 + length, count), rng.uniform(0, width, count), np.full(count, 0.9)])
+
+
+def test_points_and_clumps_in_the_air_go() -> None:
+    rng = np.random.default_rng(1)
+    clumps = [rng.normal(place, 0.008, (40, 3)) for place in ((0.8, 0.8, 1.6), (-0.8, 0.1, 1.2))]
+    stray = np.concatenate([rng.uniform((-0.9, -0.9, 1.1), (0.9, 0.9, 1.9), (60, 3)), *clumps])
+    plant = stem()
+    kept = without_strays(np.concatenate([plant, stray]), VOXEL_M)
+    assert kept[: len(plant)].all()
+    assert not kept[len(plant) :].any()
+
+
+def test_a_leaf_on_its_own_is_kept() -> None:
+    """What hides its collar must not cost the leaf."""
+    assert without_strays(np.concatenate([stem(), leaf(0.3, 0.04)]), VOXEL_M).all()
+
+
+def test_a_leaf_that_hangs_by_a_thread_of_points() -> None:
+    thread = np.column_stack([np.linspace(0.28, 0.48, 9), np.zeros(9), np.full(9, 0.9)])
+    cap = np.column_stack([stem()[:, :2], np.full(20_000, 0.9)])
+    kept = without_strays(np.concatenate([cap, thread, leaf(0.02, 0.02, 200)]), VOXEL_M)
+    assert kept.all()
+
+
+def test_small_plants_set_their_own_measure() -> None:
+    """Beside a seedling a clump of 10 cm² is a leaf, beside a grown plant it is none."""
+    clump = leaf(0.05, 0.02, 500) + np.array([0.5, 0.0, 0.0])
+    seedling = leaf(0.12, 0.06)
+    assert without_strays(np.concatenate([seedling, clump]), VOXEL_M).all()
+    assert not without_strays(np.concatenate([stem(), clump]), VOXEL_M)[-500:].any()
+
+
+def test_nothing_but_strays() -> None:
+    points = np.random.default_rng(0).uniform((-0.9, -0.9, 0.1), 0.9, (50, 3))
+    assert not without_strays(points, VOXEL_M).any()
+    assert without_strays(np.zeros((0, 3)), VOXEL_M).shape == (0,)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.03]))
+@settings(max_examples=20, deadline=None)
+def test_properties(seed: int, voxel_m: float) -> None:
+    """The order of the points does not matter, and what was kept is kept again, and all of it."""
+    rng = np.random.default_rng(seed)
+    places, spreads = rng.uniform(-1, 1, (6, 3)), rng.uniform(0.003, 0.08, 6)
+    sizes = range(50, 650, 100)
+    points = np.concatenate([rng.normal(p, s, (n, 3)) for p, s, n in zip(places, spreads, sizes, strict=True)])
+    kept = without_strays(points, voxel_m)
+    order = rng.permutation(len(points))
+    assert np.array_equal(without_strays(points[order], voxel_m), kept[order])
+    assert without_strays(points[kept], voxel_m).all()
+    if kept.any():
+        assert len(np.unique(np.floor(points[kept] / voxel_m), axis=0)) * voxel_m**2 >= STRAY_M2[0]
