@@ -69,13 +69,20 @@ class CloudScore:
 class ReferenceIndex:
     """A reference cloud made ready to score many estimates against: sorted and indexed once.
 
+    Args:
+        reference: what completeness and recall are means over.
+        surface: the same surfaces sampled more densely, where they are known: what accuracy and precision are measured
+            to. The distance from a point on a surface to points scattered over it, λ per square metre, is 0.5 / √λ on
+            average and not zero, and so is part of every accuracy. Completeness has no such part.
+
     Raises:
-        EmptyCloudError: the reference has no points.
+        EmptyCloudError: the reference, or its surface, has no points.
     """
 
-    def __init__(self, reference: Cloud) -> None:
+    def __init__(self, reference: Cloud, surface: Cloud | None = None) -> None:
         self.cloud = reference
         self.index = _index(reference, "reference")
+        self.surface = self.index if surface is None else _index(surface, "surface's")
 
     def __len__(self) -> int:
         return len(self.cloud)
@@ -156,12 +163,14 @@ def nearest_distances(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distances estimate → reference (m,) and reference → estimate (n,), metres, each in its own cloud's Z-order.
 
+    The first are to the reference's surface where the `ReferenceIndex` has one.
+
     Raises:
         EmptyCloudError: either cloud has no points.
     """
     kept = reference if isinstance(reference, ReferenceIndex) else ReferenceIndex(reference)
     own = _index(estimate, "estimated")
-    return kept.index.distances_from(own), own.distances_from(kept.index)
+    return kept.surface.distances_from(own), own.distances_from(kept.index)
 
 
 def _chamfer(to_reference: NDArray[np.float64], to_estimate: NDArray[np.float64]) -> Chamfer:

@@ -26,7 +26,7 @@ from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.scenes.camera_effects import CameraEffects
-from fieldkit.scenes.description import SceneDescription, build, sample_reference
+from fieldkit.scenes.description import SceneDescription, build, sample_reference, sample_surface
 from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.plot import sample_plants
 from fieldkit.scenes.renderer import Renderer
@@ -54,12 +54,14 @@ class Proxy:
         reference: PC_env, points on the plants, plot frame.
         volume: of interest, plot frame; its floor lies above the soil's bumps.
         camera: without distortion, at full size.
+        surface: the surfaces that PC_env lies on, sampled more densely; accuracy is measured to it where it is known.
     """
 
     scene: Scene
     reference: Cloud
     volume: Volume
     camera: Intrinsics
+    surface: Cloud | None = None
 
     @classmethod
     def of(
@@ -94,15 +96,17 @@ class Proxy:
         if description.recorded is None and not description.plot.plants:
             raise SceneError("the scene has no plants to plan for", remedy="Add [[plants]] to the scene file.")
         scene = build(description)
-        camera, reference = camera or description.camera, sample_reference(description, scene)
+        camera = camera or description.camera
+        reference, surface = sample_reference(description, scene), sample_surface(description, scene)
         if description.recorded is None:
-            return cls._above(scene, reference, _LOWEST_M, camera)
+            return cls._above(scene, reference, _LOWEST_M, camera, surface)
         bounds = description.bounds.volume
         reference = reference.select(bounds.contains(reference.points))
         if not len(reference):
             raise SceneError("no plant lies in the scene's bounds", remedy="Make the scene again from its reference.")
         lowest = max(bounds.lower[2], float(reference.points[:, 2].min()))
-        return cls(scene, reference, Volume((bounds.lower[0], bounds.lower[1], lowest), bounds.upper), camera)
+        volume = Volume((bounds.lower[0], bounds.lower[1], lowest), bounds.upper)
+        return cls(scene, reference, volume, camera, surface.select(bounds.contains(surface.points)))
 
     @property
     def obstacles(self) -> Cloud:
@@ -110,15 +114,20 @@ class Proxy:
         return Cloud(np.concatenate([self.reference.points, neighbour_points(self.scene)]))
 
     @classmethod
-    def _above(cls, scene: Scene, visible: Cloud, lowest_m: float, camera: Intrinsics) -> Proxy:
+    def _above(
+        cls, scene: Scene, visible: Cloud, lowest_m: float, camera: Intrinsics, surface: Cloud | None = None
+    ) -> Proxy:
         reference = visible.select(visible.points[:, 2] > lowest_m)
         if not len(reference):
             raise SceneError(
                 f"nothing of the plants is seen above {1000 * lowest_m:.0f} mm",
                 remedy="Let the plants stand on the ground and be higher than that.",
             )
+        if surface is not None:
+            surface = surface.select(surface.points[:, 2] > lowest_m)
         around = Volume.around(reference.points, margin_m=_MARGIN_M)
-        return cls(scene, reference, Volume((around.lower[0], around.lower[1], lowest_m), around.upper), camera)
+        volume = Volume((around.lower[0], around.lower[1], lowest_m), around.upper)
+        return cls(scene, reference, volume, camera, surface)
 
 
 class SimulatedSource:
@@ -183,7 +192,7 @@ class SimulatedSource:
     @property
     def reference(self) -> ReferenceIndex:
         if self._reference is None:
-            self._reference = ReferenceIndex(self.proxy.reference)
+            self._reference = ReferenceIndex(self.proxy.reference, self.proxy.surface)
         return self._reference
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,6 +21,10 @@ from fieldkit.scenes.simulate import CaptureNoise, Site
 
 _OVERSAMPLING = 1.7
 """Points drawn for each one wanted: about two in five lie where no view reaches."""
+
+SURFACE_DENSITY = 10
+"""Points of `sample_surface` for each one of the reference."""
+_MOST_POINTS = 20_000_000
 
 MAX_WIND_M = 0.2
 
@@ -59,8 +63,8 @@ class ReferenceSampling:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not 1_000 <= self.points <= 20_000_000:
-            raise ValueError(f"points is 1,000 to 20,000,000, not {self.points}")
+        if not 1_000 <= self.points <= _MOST_POINTS:
+            raise ValueError(f"points is 1,000 to {_MOST_POINTS:,}, not {self.points}")
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,13 @@ def sample_reference(description: SceneDescription, scene: Scene) -> Cloud:
         return cloud
     rng = np.random.default_rng([wanted.seed, 12])
     return cloud.select(np.sort(rng.choice(len(cloud), wanted.points, replace=False)))
+
+
+def sample_surface(description: SceneDescription, scene: Scene) -> Cloud:
+    """As `sample_reference`, up to `SURFACE_DENSITY` times as many points; positions only."""
+    wanted = description.reference
+    denser = replace(wanted, points=min(_MOST_POINTS, SURFACE_DENSITY * wanted.points))
+    return Cloud(sample_reference(replace(description, reference=denser), scene).points)
 
 
 def scene_digest(scene: Scene) -> str:

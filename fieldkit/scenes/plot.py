@@ -184,7 +184,8 @@ def sample_plants(scene: Scene, count: int, seed: int = 0) -> Cloud:
     turn = i * np.pi * (3 - np.sqrt(5))
     for h, a in zip(height, turn, strict=True):
         direction = np.array([np.sqrt(1 - h * h) * np.cos(a), np.sqrt(1 - h * h) * np.sin(a), h])
-        seen |= visible_from(everything, corners, direction, radius * 1.6, pixels=1600, bias_m=0.003) > 0.5
+        left = np.flatnonzero(~seen)
+        seen[left] = visible_from(everything[left], corners, direction, radius * 1.6, pixels=1600, bias_m=0.003) > 0.5
     return Cloud(everything[seen], np.concatenate(colors)[seen], np.concatenate(normals)[seen])
 
 
