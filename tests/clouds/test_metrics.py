@@ -79,10 +79,29 @@ def test_a_kept_reference_gives_the_same_bits() -> None:
     assert list(score(kept, estimate).f_scores) == [0.002, 0.005, 0.01, 0.02]
 
 
+def test_accuracy_to_a_dense_surface_has_no_floor() -> None:
+    """Points of a square metre: to λ scattered ones the mean distance is 0.5 / √λ, though all lie on one surface."""
+    rng = np.random.default_rng(5)
+    reference, surface, estimate = (
+        Cloud(np.column_stack([rng.uniform(size=(n, 2)), np.zeros(n)])) for n in (2_000, 200_000, 3_000)
+    )
+    thin, dense = score(reference, estimate), score(ReferenceIndex(reference, surface), estimate)
+    assert thin.chamfer.accuracy_m == pytest.approx(0.5 / np.sqrt(2_000), rel=0.05)
+    assert dense.chamfer.accuracy_m == pytest.approx(0.5 / np.sqrt(200_000), rel=0.05)
+    assert dense.chamfer.completeness_m == thin.chamfer.completeness_m
+    assert dense.f_scores[0.005].recall == thin.f_scores[0.005].recall
+    assert dense.f_scores[0.005].precision == 1.0 > thin.f_scores[0.005].precision
+    assert dense.reference_points == 2_000
+    lifted = Cloud(estimate.points + np.array([0.0, 0.0, 0.05]))
+    assert score(ReferenceIndex(reference, surface), lifted).chamfer.accuracy_m == pytest.approx(0.05, rel=1e-3)
+
+
 def test_empty_clouds_and_bad_distances_are_refused() -> None:
     cloud = Cloud(np.zeros((1, 3)))
     with pytest.raises(EmptyCloudError, match="reference cloud has no points"):
         ReferenceIndex(Cloud.empty())
+    with pytest.raises(EmptyCloudError, match="surface"):
+        ReferenceIndex(cloud, Cloud.empty())
     with pytest.raises(EmptyCloudError, match="estimated cloud has no points"):
         chamfer_distance(cloud, Cloud.empty())
     for distance in (0.0, -1.0, np.nan, np.inf):
