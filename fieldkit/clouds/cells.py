@@ -8,15 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def unique_cells(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Different rows of integer cells (n, d), sorted, and (n,) the row that each one is."""
+def cell_keys(cells: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """(n,) whole numbers that sort as integer cells (n, d) do, first axis first; None where they span too much."""
     lower = cells.min(axis=0)
     spans = [int(v) for v in cells.max(axis=0) - lower + 1]
     if math.prod(spans) >= 2**62:
+        return None
+    local, keys = cells - lower, np.zeros(len(cells), dtype=np.int64)
+    for axis, span in enumerate(spans):
+        keys = keys * span + local[:, axis]
+    return keys
+
+
+def unique_cells(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Different rows of integer cells (n, d), sorted, and (n,) the row that each one is."""
+    keys = cell_keys(cells)
+    if keys is None:
         found, index = np.unique(cells, axis=0, return_inverse=True)
         return found, index.reshape(-1)
-    local, key = cells - lower, np.zeros(len(cells), dtype=np.int64)
-    for axis, span in enumerate(spans):
-        key = key * span + local[:, axis]
-    _, first, index = np.unique(key, return_index=True, return_inverse=True)
+    _, first, index = np.unique(keys, return_index=True, return_inverse=True)
     return cells[first], index.reshape(-1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.clouds.cells import cell_keys
 from fieldkit.clouds.cloud import Cloud
 
 # Sums are taken in whole numbers, which makes them exact and so independent of the points' order: a position counts
@@ -51,12 +52,9 @@ def voxel_thin(cloud: Cloud, size_m: float) -> Cloud:
 
 def _cell_order(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """(n,) indices that sort integer cells (n, 3) by x, then y, then z."""
-    lower = cells.min(axis=0)
-    extent = [int(v) for v in cells.max(axis=0) - lower + 1]
-    if extent[0] * extent[1] * extent[2] < 2**62:
-        local = cells - lower
-        key = (local[:, 0] * extent[1] + local[:, 1]) * extent[2] + local[:, 2]
-        return np.argsort(key, kind="stable")
+    keys = cell_keys(cells)
+    if keys is not None:
+        return np.argsort(keys, kind="stable")
     return np.lexsort((cells[:, 2], cells[:, 1], cells[:, 0]))
 
 

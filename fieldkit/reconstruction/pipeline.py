@@ -357,13 +357,10 @@ def _too_few(sparse: SparseResult) -> ReconstructionError:
     wrong = sparse.registered - sparse.right
     said = f"; {wrong} more registered with poses that contradict what is known" if wrong else ""
     reasons = sorted({image.reason for image in sparse.images if image.reason})
-    return ReconstructionError(
+    return _failed(
+        sparse,
         f"only {sparse.right} of {len(sparse.images)} photographs have a usable pose{said} ({'; '.join(reasons[:3])})",
-        registered=sparse.registered,
-        right=sparse.right,
-        models=len(sparse.model_sizes),
-        path=sparse.capture.folder,
-        remedy="Take views closer together, or give their rough poses in poses.csv so that prior mapping can be used.",
+        "Take views closer together, or give their rough poses in poses.csv so that prior mapping can be used.",
     )
 
 
@@ -371,13 +368,21 @@ def _no_plants(sparse: SparseResult, fused: int) -> ReconstructionError:
     why = f"the {fused} points that views agree on lie in clumps smaller than a leaf"
     if not fused:
         why = "no two views agree on a depth of anything green above the ground"
-    return ReconstructionError(
+    return _failed(
+        sparse,
         f"no plant was reconstructed: {why}",
+        "Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
+    )
+
+
+def _failed(sparse: SparseResult, message: str, remedy: str) -> ReconstructionError:
+    return ReconstructionError(
+        message,
         registered=sparse.registered,
         right=sparse.right,
         models=len(sparse.model_sizes),
         path=sparse.capture.folder,
-        remedy="Check the overview picture and --bounds; for plants that are not green use --mask none or file.",
+        remedy=remedy,
     )
 
 

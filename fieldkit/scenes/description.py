@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -131,22 +131,25 @@ def sample_reference(description: SceneDescription, scene: Scene) -> Cloud:
         description: says how many.
         scene: what `build` made of it.
     """
-    wanted = description.reference
-    if description.recorded is not None:
-        cloud = recorded_plants(description.recorded)
-    else:
-        cloud = sample_plants(scene, round(_OVERSAMPLING * wanted.points), wanted.seed)
-    if len(cloud) <= wanted.points:
-        return cloud
-    rng = np.random.default_rng([wanted.seed, 12])
-    return cloud.select(np.sort(rng.choice(len(cloud), wanted.points, replace=False)))
+    return _sampled(description, scene, description.reference.points)
 
 
 def sample_surface(description: SceneDescription, scene: Scene) -> Cloud:
     """As `sample_reference`, up to `SURFACE_DENSITY` times as many points; positions only."""
-    wanted = description.reference
-    denser = replace(wanted, points=min(_MOST_POINTS, SURFACE_DENSITY * wanted.points))
-    return Cloud(sample_reference(replace(description, reference=denser), scene).points)
+    points = min(_MOST_POINTS, SURFACE_DENSITY * description.reference.points)
+    return Cloud(_sampled(description, scene, points).points)
+
+
+def _sampled(description: SceneDescription, scene: Scene, points: int) -> Cloud:
+    seed = description.reference.seed
+    if description.recorded is not None:
+        cloud = recorded_plants(description.recorded)
+    else:
+        cloud = sample_plants(scene, round(_OVERSAMPLING * points), seed)
+    if len(cloud) <= points:
+        return cloud
+    rng = np.random.default_rng([seed, 12])
+    return cloud.select(np.sort(rng.choice(len(cloud), points, replace=False)))
 
 
 def scene_digest(scene: Scene) -> str:

@@ -34,3 +34,10 @@ def clouds(draw: st.DrawFn, *, min_size: int = 0, max_size: int = 40, extent_m: 
         raw = rng.normal(size=(count, 3))
         normals = (raw / np.linalg.norm(raw, axis=1, keepdims=True)).astype(np.float32)
     return Cloud(points, colors, normals)
+
+
+def cone(radius: float, height: float, count: int = 30_000, seed: int = 0) -> np.ndarray:
+    """Points on the side of an upright cone, even by area."""
+    rng = np.random.default_rng(seed)
+    t, turn = np.sqrt(rng.uniform(size=count)), rng.uniform(0, 2 * np.pi, count)
+    return np.column_stack([radius * t * np.cos(turn), radius * t * np.sin(turn), height * (1 - t)])

@@ -20,6 +20,7 @@ from fieldkit.clouds.plant_figures import (
     voxel_edge_m,
 )
 from fieldkit.clouds.volume import Volume
+from tests.clouds.examples import cone
 
 Array = NDArray[np.float64]
 GROUND = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.003, 0.5, 0.01)
@@ -36,14 +37,6 @@ def box(width: float, depth: float, height: float, step: float = 0.003) -> Array
         u, v = (grid.ravel() for grid in np.meshgrid(a, b))
         faces += [np.insert(np.column_stack([u, v]), axis, end, axis=1) for end in (ends[0], ends[-1])]
     found: Array = np.concatenate(faces) - (width / 2, depth / 2, 0.0)
-    return found
-
-
-def cone(radius: float, height: float, count: int = 30_000, seed: int = 0) -> Array:
-    """Points on the side of an upright cone, even by area."""
-    rng = np.random.default_rng(seed)
-    t, turn = np.sqrt(rng.uniform(size=count)), rng.uniform(0, 2 * np.pi, count)
-    found: Array = np.column_stack([radius * t * np.cos(turn), radius * t * np.sin(turn), height * (1 - t)])
     return found
 
 

@@ -8,21 +8,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fieldkit.clouds.strays import STRAY_M2, without_strays
+from tests.clouds.examples import cone
 
 Array = NDArray[np.float64]
 VOXEL_M = 0.01
-
-
-def stem(count: int = 20_000) -> Array:
-    """Points on the side of an upright cone of 30 cm radius and 80 cm height."""
-    rng = np.random.default_rng(0)
-    t, turn = np.sqrt(rng.uniform(size=count)), rng.uniform(0, 2 * np.pi, count)
-    found: Array = np.column_stack([0.3 * t * np.cos(turn), 0.3 * t * np.sin(turn), 0.8 * (1 - t)])
-    return found
+PLANT = cone(0.3, 0.8, 20_000)
 
 
 def leaf(length: float, width: float, count: int = 4000) -> Array:
-    """Level, far from the stem."""
+    """Level, far from the plant."""
     rng = np.random.default_rng(2)
     return np.column_stack([rng.uniform(0.5, 0.5 + length, count), rng.uniform(0, width, count), np.full(count, 0.9)])
 
@@ -31,20 +25,19 @@ def test_points_and_clumps_in_the_air_go() -> None:
     rng = np.random.default_rng(1)
     clumps = [rng.normal(place, 0.008, (40, 3)) for place in ((0.8, 0.8, 1.6), (-0.8, 0.1, 1.2))]
     stray = np.concatenate([rng.uniform((-0.9, -0.9, 1.1), (0.9, 0.9, 1.9), (60, 3)), *clumps])
-    plant = stem()
-    kept = without_strays(np.concatenate([plant, stray]), VOXEL_M)
-    assert kept[: len(plant)].all()
-    assert not kept[len(plant) :].any()
+    kept = without_strays(np.concatenate([PLANT, stray]), VOXEL_M)
+    assert kept[: len(PLANT)].all()
+    assert not kept[len(PLANT) :].any()
 
 
 def test_a_leaf_on_its_own_is_kept() -> None:
     """What hides its collar must not cost the leaf."""
-    assert without_strays(np.concatenate([stem(), leaf(0.3, 0.04)]), VOXEL_M).all()
+    assert without_strays(np.concatenate([PLANT, leaf(0.3, 0.04)]), VOXEL_M).all()
 
 
 def test_a_leaf_that_hangs_by_a_thread_of_points() -> None:
     thread = np.column_stack([np.linspace(0.28, 0.48, 9), np.zeros(9), np.full(9, 0.9)])
-    cap = np.column_stack([stem()[:, :2], np.full(20_000, 0.9)])
+    cap = np.column_stack([PLANT[:, :2], np.full(20_000, 0.9)])
     kept = without_strays(np.concatenate([cap, thread, leaf(0.02, 0.02, 200)]), VOXEL_M)
     assert kept.all()
 
@@ -54,7 +47,7 @@ def test_small_plants_set_their_own_measure() -> None:
     clump = leaf(0.05, 0.02, 500) + np.array([0.5, 0.0, 0.0])
     seedling = leaf(0.12, 0.06)
     assert without_strays(np.concatenate([seedling, clump]), VOXEL_M).all()
-    assert not without_strays(np.concatenate([stem(), clump]), VOXEL_M)[-500:].any()
+    assert not without_strays(np.concatenate([PLANT, clump]), VOXEL_M)[-500:].any()
 
 
 def test_nothing_but_strays() -> None:
