@@ -14,7 +14,7 @@ from fieldkit.planning.acquisition import log_expected_improvement
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.families import Family, circles, families
 from fieldkit.planning.geometric import GeometricScore
-from fieldkit.planning.methods.geometric import Cost, cost_of, optimise
+from fieldkit.planning.methods.geometric import Effort, optimise
 from fieldkit.planning.methods.moves import near
 from fieldkit.planning.methods.uniform import MatchGraph, Uniform
 from fieldkit.planning.search import Problem, Result, Trial, lowest
@@ -25,6 +25,9 @@ from fieldkit.planning.surrogates.sets import FEATURES, SET_KERNELS, SetEmbeddin
 _STREAM = 44
 _LEAST_M = 1e-4
 _TERMS = 3
+_NEAR_MOVES = 1200
+_REST_DOUBT = 1.0
+"""Standard deviation of what no term of the score explains, as a share of the value."""
 
 
 @dataclass(frozen=True)
@@ -39,22 +42,29 @@ class FieldSettings:
         every: from then on each so-manieth trial is a structured set still.
         fitted: after the initial trials, what would be a structured set is an optimum of the geometric score with
             fitted slopes where this divides the trial's number; of a plot only.
+        anywhere: where this divides the number, too, the optimum is looked for anywhere, else about the best
+            ``centers`` sets.
+        slopes: what a metre of the score's terms gap, noise and tie adds to the value, before there are results.
+        doubt: standard deviation of each of these slopes, of plots whose values are as large as the score expects.
         pool: structured sets to choose each trial from.
         moves: sets of the trust region to choose each trial from.
         shares: first size of the trust region's steps, its least and its largest, in D of `SetEmbedding`.
         patience: trials without success after which the region shrinks.
-        centers: best sets by the surrogate that moves start from.
+        centers: best sets by the surrogate that moves and optima of the fitted score start from.
         geometry: whether the geometric score is the surrogate's prior mean, and favours initial sets.
         noise: standard deviation of an evaluation, as a share of its value, that the surrogate believes in at least.
         apart: of finalists, in the distance that one camera makes which goes somewhere else (`SetEmbedding`).
         kernels: of the ensemble.
     """
 
-    initial: int = 16
+    initial: int = 8
     optima: int = 2
-    structured: int = 32
+    structured: int = 16
     every: int = 6
-    fitted: int = 4
+    fitted: int = 2
+    anywhere: int = 4
+    slopes: tuple[float, float, float] = (0.5, 1.24, 0.1)
+    doubt: float = 0.1
     pool: int = 24
     moves: int = 60
     shares: tuple[float, float, float] = (0.15, 0.02, 0.4)
@@ -67,12 +77,16 @@ class FieldSettings:
 
 
 class Learnt(NamedTuple):
-    """The surrogate: measured trials, their inputs (t, d), the ensemble, its slopes (3,), its mean there (t,)."""
+    """The surrogate: measured trials, their inputs (t, d), the ensemble, its mean there (t,).
+
+    Its prior mean is −ln of the score's terms (3,) times ``slopes`` (3,) plus ``rest_m``, which no term explains.
+    """
 
     trials: list[Trial]
     x: Array
     ensemble: Ensemble
     slopes: Array
+    rest_m: float
     mean: Array
 
 
@@ -89,8 +103,8 @@ class Field:
     """Structured sets warm-started by circles, then a trust region that moves one to three cameras at a time.
 
     The surrogate is an ensemble of Gaussian processes as BOSfM's, over an embedding of sets that does not know the
-    cameras' order, of −ln(value); its prior mean is linear in the logarithms of the geometric score's three terms, with
-    coefficients fitted to the results so far and not below 0. A model is drawn by its weight and its expected
+    cameras' order, of −ln(value); its prior mean is that of a weighted sum of the geometric score's three
+    terms, with weights fitted to the results so far and not below 0. A model is drawn by its weight and its expected
     improvement over the incumbent chooses among candidates; since evaluations are noisy the incumbent is the largest
     posterior mean of what was tried, not the largest observation, and finalists are chosen by it. Pending trials count
     as observed at the posterior mean.
@@ -134,12 +148,17 @@ class Field:
         if pending:
             model = model.believing(self.inputs([trial.cameras for trial in pending]))
         local = number >= self.settings.structured and number % self.settings.every != 0
-        size = self._size_m(results) if local else 0.0
+        size = self._size_m(results)
         order = np.argsort(-mean)
+        best = [trials[int(k)] for k in order[: self.settings.centers]]
         if local:
-            candidates = self._moves([trials[int(k)] for k in order[: self.settings.centers]], size, rng)
-        elif number % self.settings.fitted == 0 and self.problem.views is None and learnt.slopes.any():
-            candidates = [self._fitted(learnt.slopes, rng)]
+            candidates = self._moves(best, size, rng)
+        elif number % self.settings.fitted == 0 and self.problem.views is None and self.settings.geometry:
+            afresh = number % self.settings.anywhere == 0
+            near_to = [] if afresh else [trial.cameras for trial in best]
+            candidates = [self._optimum(learnt.slopes, "optimum of the fitted score", rng, near_to)]
+            local = candidates[0].cameras in known  # the best set is the optimum: what is around it?
+            candidates = self._moves(best, size, rng) if local else candidates
         else:
             candidates = self._structured([trials[int(k)] for k in order], rng)
         candidates = [c for c in candidates if c.cameras not in known]
@@ -147,6 +166,7 @@ class Field:
             "model": model.name,
             "weights": ensemble.named_weights(),
             "slopes": [float(s) for s in learnt.slopes],
+            "rest_m": learnt.rest_m,
             "remarks": list(model.remarks),
         }
         if local:
@@ -182,11 +202,13 @@ class Field:
         trials = [result.trial for result in measured]
         y = -np.log(np.maximum([result.value_m for result in measured], _LEAST_M))
         x = self.inputs([trial.cameras for trial in trials])
-        slopes = _slopes(x, y)
+        slopes, rest_m = _slopes(x, y, self.settings)
         ensemble = fit_ensemble(
-            x, y, self.settings.kernels, prior_mean=lambda z: z[:, FEATURES:] @ slopes, least_noise=self.settings.noise
-        )
-        return Learnt(trials, x, ensemble, slopes, ensemble.posterior(x)[0])
+            x, y, self.settings.kernels,
+            prior_mean=lambda z: -np.log(np.maximum(np.exp(-z[:, FEATURES:]) @ slopes + rest_m, _LEAST_M)),
+            least_noise=self.settings.noise,
+        )  # fmt: skip
+        return Learnt(trials, x, ensemble, slopes, rest_m, ensemble.posterior(x)[0])
 
     def inputs(self, sets: Sequence[Cameras]) -> Array:
         """(n, FEATURES + 3): the embedding and minus the logarithms of the geometric score's terms."""
@@ -198,13 +220,15 @@ class Field:
 
     def _terms(self, cameras: Cameras) -> Array:
         if cameras not in self._known_terms:
-            self._known_terms[cameras] = self._measured(cameras)
+            self._known_terms[cameras] = -np.log(np.maximum(self._measured(cameras), _LEAST_M))
         return self._known_terms[cameras]
 
     def _measured(self, cameras: Cameras) -> Array:
         found = self._score.score(cameras)
-        terms: Array = -np.log(np.maximum([found.gap_m, found.noise_m, found.tie_m], _LEAST_M))
-        return terms
+        return np.array([found.gap_m, found.noise_m, found.tie_m])
+
+    def _expected_m(self, cameras: Cameras, slopes: Array) -> float:
+        return float(self._measured(cameras) @ slopes)
 
     @cached_property
     def _known_terms(self) -> dict[Cameras, Array]:
@@ -223,7 +247,7 @@ class Field:
         drawn = [self._drawn(self._families[number % len(self._families)], rng) for _ in range(self.settings.pool)]
         drawn = [each for each in drawn if each.cameras not in known]
         if drawn and self.settings.geometry:
-            return min(drawn, key=lambda each: cost_of(self._score)(each.cameras))
+            return min(drawn, key=lambda each: self._expected_m(each.cameras, np.array(self.settings.slopes)))
         if drawn:
             return drawn[0]
         for attempt in range(100):
@@ -243,16 +267,20 @@ class Field:
             origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
             return _Candidate(self.problem.nearest(circle.cameras(self.problem)), origin, {})
         if not even and turn < self.settings.optima and self.settings.geometry:
-            return self._optimum(cost_of(self._score), "optimum of the geometric score", rng)
+            return self._optimum(np.array(self.settings.slopes), "optimum of the geometric score", rng)
         return None
 
-    def _fitted(self, slopes: Array, rng: np.random.Generator) -> _Candidate:
-        """The largest prior mean: what the results so far say about the score's terms, taken at its word."""
-        return self._optimum(lambda each: -float(self._measured(each) @ slopes), "optimum of the fitted score", rng)
+    def _optimum(
+        self, slopes: Array, origin: str, rng: np.random.Generator, best: Sequence[Cameras] = ()
+    ) -> _Candidate:
+        """The largest prior mean, looked for about the best sets, else anywhere: the score taken at its word."""
 
-    def _optimum(self, cost: Cost, origin: str, rng: np.random.Generator) -> _Candidate:
-        cameras = optimise(self.problem, cost, int(rng.integers(2**31)))
-        return _Candidate(self.problem.nearest(cameras), origin, {})
+        def cost(cameras: Cameras) -> float:
+            return self._expected_m(cameras, slopes)
+
+        effort = Effort(moves=_NEAR_MOVES) if best else Effort()
+        cameras = optimise(self.problem, cost, int(rng.integers(2**31)), effort, best)
+        return _Candidate(self.problem.nearest(cameras), f"{origin} near the best" if best else origin, {})
 
     def _structured(self, best: Sequence[Trial], rng: np.random.Generator) -> list[_Candidate]:
         """Random members of the families, and members near the best ones known."""
@@ -306,10 +334,24 @@ class Field:
         return size
 
 
-def _slopes(x: Array, y: Array) -> Array:
-    """(3,) of the prior mean in the geometric score's terms: least squares, none below 0, with a weak pull to 0."""
-    terms = x[:, FEATURES:] - x[:, FEATURES:].mean(axis=0)
-    pull = 0.1 * np.sqrt(len(y)) * np.eye(_TERMS)
-    slopes, _ = nnls(np.vstack([terms, pull]), np.concatenate([y - y.mean(), np.zeros(_TERMS)]))
-    found: Array = slopes
-    return found
+def _slopes(x: Array, y: Array, settings: FieldSettings) -> tuple[Array, float]:
+    """(3,) what the geometric score's terms add to the value and metres that none explains, none of them below 0.
+
+    Least squares of relative errors, pulled to ``settings.slopes``, scaled to the values, and to no rest: how far
+    depends on an evaluation's noise and on how much plots differ (``settings.doubt``).
+
+    Args:
+        x: (t, FEATURES + 3) inputs.
+        y: (t,) −ln(value).
+        settings: see there.
+    """
+    terms, slopes = np.exp(-x[:, FEATURES:]), np.array(settings.slopes)
+    expected = terms @ slopes
+    scale = np.exp(-(y + np.log(expected)).mean())
+    columns = scale * np.column_stack([terms, np.full(len(y), expected.mean())])
+    pull = settings.noise / np.array([settings.doubt] * _TERMS + [_REST_DOUBT])
+    found = nnls(
+        np.vstack([columns * np.exp(y)[:, None], np.diag(pull)]),
+        np.concatenate([np.ones(len(y)), pull * np.append(slopes, 0.0)]),
+    )[0]
+    return scale * found[:_TERMS], float(scale * found[_TERMS] * expected.mean())

@@ -27,8 +27,8 @@ class Effort(NamedTuple):
     """Of `optimise`: designs tried per family and at random, starts that are refined, moves tried from each."""
 
     designs: int = 48
-    starts: int = 3
-    moves: int = 1200
+    starts: int = 1
+    moves: int = 3600
 
 
 class Triangulation:
@@ -102,15 +102,30 @@ def cost_of(score: GeometricScore) -> Cost:
     return cost
 
 
-def optimise(problem: Problem, cost: Cost, seed: int, effort: Effort | None = None) -> Cameras:
-    """A feasible set of small cost, by a multi-start search of the whole space; the same for the same seed.
+def optimise(
+    problem: Problem, cost: Cost, seed: int, effort: Effort | None = None, known: Sequence[Cameras] = ()
+) -> Cameras:
+    """A feasible set of small cost, by a search of the whole space; the same for the same seed.
 
-    Starts are the best designs of each family (Sobol points of its cube) and of random sets; the best few are refined
-    by moving one or two cameras at a time, keeping what is no worse, with steps that shrink from half a metre to a
-    centimetre. On a recorded set a move takes another view instead.
+    Starts are the best designs of each family (Sobol points of its cube) and of random sets, of which the best few
+    count, or ``known`` sets, which all do. They are refined by moving one or two cameras at a time, keeping what is no
+    worse, with steps that shrink from half a metre to a centimetre. On a recorded set a move takes another view
+    instead.
     """
     effort = effort or Effort()
     rng = np.random.default_rng([seed, _STREAM])
+    starts = [(cost(cameras), number, cameras) for number, cameras in enumerate(known)]
+    starts = starts or _designs(problem, cost, effort, rng)
+    refined = [
+        (*_refined(problem, cost, cameras, value, rng, effort.moves), number) for value, number, cameras in starts
+    ]
+    return min(refined, key=lambda found: (found[0], found[2]))[1]
+
+
+def _designs(
+    problem: Problem, cost: Cost, effort: Effort, rng: np.random.Generator
+) -> list[tuple[float, int, Cameras]]:
+    """Cost, number and cameras of the best ``effort.starts`` designs, one of each kind at most."""
     starts: list[tuple[float, int, Cameras]] = []
     pools = [
         [family.decode(unit) for unit in qmc.Sobol(len(family), rng=rng).random(_power(effort.designs))]
@@ -122,11 +137,7 @@ def optimise(problem: Problem, cost: Cost, seed: int, effort: Effort | None = No
         # One of each pool: starts of one kind would end at the same place.
         value, number = min((cost(cameras), number) for number, cameras in enumerate(feasible))
         starts.append((value, len(starts), feasible[number]))
-    refined = [
-        (*_refined(problem, cost, cameras, value, rng, effort.moves), number)
-        for value, number, cameras in sorted(starts, key=lambda start: start[:2])[: effort.starts]
-    ]
-    return min(refined, key=lambda found: (found[0], found[2]))[1]
+    return sorted(starts, key=lambda start: start[:2])[: effort.starts]
 
 
 def _refined(

@@ -68,3 +68,12 @@ def test_a_recorded_set_is_searched_by_its_views() -> None:
     everything = recorded(5, 5)
     assert plot.contains(optimise(plot, cost, 1, Effort(2, 1, 5)))
     assert everything.contains(optimise(everything, Triangulation(everything), 0, Effort(2, 1, 5)))
+
+
+def test_known_sets_are_climbed_from_instead_of_designs() -> None:
+    cost = Triangulation(PROBLEM)
+    known = [PROBLEM.sample(seed) for seed in (1, 2)]
+    found = optimise(PROBLEM, cost, 0, Effort(moves=60), known)
+    assert PROBLEM.contains(found)
+    assert cost(found) < min(map(cost, known))
+    assert optimise(PROBLEM, lambda cameras: float(cameras != known[0]), 0, Effort(moves=5), known) == known[0]
