@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 
 from fieldkit.planning.acquisition import log_expected_improvement
@@ -147,20 +148,18 @@ class Field:
         model = ensemble.draw(rng)
         if pending:
             model = model.believing(self.inputs([trial.cameras for trial in pending]))
+        order = [trials[int(k)] for k in np.argsort(-mean)]
+        best, size = order[: self.settings.centers], self._size_m(results)
         local = number >= self.settings.structured and number % self.settings.every != 0
-        size = self._size_m(results)
-        order = np.argsort(-mean)
-        best = [trials[int(k)] for k in order[: self.settings.centers]]
-        if local:
-            candidates = self._moves(best, size, rng)
-        elif number % self.settings.fitted == 0 and self.problem.views is None and self.settings.geometry:
+        if not local and number % self.settings.fitted == 0 and self.problem.views is None and self.settings.geometry:
             afresh = number % self.settings.anywhere == 0
             near_to = [] if afresh else [trial.cameras for trial in best]
             candidates = [self._optimum(learnt.slopes, "optimum of the fitted score", rng, near_to)]
             local = candidates[0].cameras in known  # the best set is the optimum: what is around it?
-            candidates = self._moves(best, size, rng) if local else candidates
-        else:
-            candidates = self._structured([trials[int(k)] for k in order], rng)
+        elif not local:
+            candidates = self._structured(order, rng)
+        if local:
+            candidates = self._moves(best, size, rng)
         candidates = [c for c in candidates if c.cameras not in known]
         notes: dict[str, object] = {
             "model": model.name,
@@ -227,8 +226,8 @@ class Field:
         found = self._score.score(cameras)
         return np.array([found.gap_m, found.noise_m, found.tie_m])
 
-    def _expected_m(self, cameras: Cameras, slopes: Array) -> float:
-        return float(self._measured(cameras) @ slopes)
+    def _expected_m(self, cameras: Cameras, slopes: ArrayLike) -> float:
+        return float(np.dot(self._measured(cameras), slopes))
 
     @cached_property
     def _known_terms(self) -> dict[Cameras, Array]:
@@ -247,7 +246,7 @@ class Field:
         drawn = [self._drawn(self._families[number % len(self._families)], rng) for _ in range(self.settings.pool)]
         drawn = [each for each in drawn if each.cameras not in known]
         if drawn and self.settings.geometry:
-            return min(drawn, key=lambda each: self._expected_m(each.cameras, np.array(self.settings.slopes)))
+            return min(drawn, key=lambda each: self._expected_m(each.cameras, self.settings.slopes))
         if drawn:
             return drawn[0]
         for attempt in range(100):
@@ -267,11 +266,11 @@ class Field:
             origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
             return _Candidate(self.problem.nearest(circle.cameras(self.problem)), origin, {})
         if not even and turn < self.settings.optima and self.settings.geometry:
-            return self._optimum(np.array(self.settings.slopes), "optimum of the geometric score", rng)
+            return self._optimum(self.settings.slopes, "optimum of the geometric score", rng)
         return None
 
     def _optimum(
-        self, slopes: Array, origin: str, rng: np.random.Generator, best: Sequence[Cameras] = ()
+        self, slopes: ArrayLike, origin: str, rng: np.random.Generator, best: Sequence[Cameras] = ()
     ) -> _Candidate:
         """The largest prior mean, looked for about the best sets, else anywhere: the score taken at its word."""
 

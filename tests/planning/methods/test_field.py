@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,6 +39,11 @@ def run(method: Method, count: int, problem: Problem, value_m: Callable[[Cameras
     return results
 
 
+def terms_m(method: Field, sets: Sequence[Cameras]) -> np.ndarray:
+    """(n, 3) the geometric score's gap, noise and tie, metres."""
+    return np.exp(-method.inputs(sets)[:, -3:])
+
+
 def vectors(results: Sequence[Result]) -> list[bytes]:
     return [result.trial.cameras.vector().tobytes() for result in results]
 
@@ -70,7 +76,7 @@ def test_the_geometric_scores_optimum_is_among_the_first() -> None:
     problem = bowl_problem(3)
     trials = [Field(problem).propose(number, [], []) for number in (0, 1, 5)]
     method = Field(problem)
-    terms = np.exp(-method.inputs([trial.cameras for trial in trials if trial is not None])[:, -3:])
+    terms = terms_m(method, [trial.cameras for trial in trials if trial is not None])
     assert len(terms) == 3
     assert int(np.argmin(terms @ method.settings.slopes)) == 1
 
@@ -86,8 +92,7 @@ def test_what_was_learnt_of_the_scores_terms_is_taken_at_its_word() -> None:
     assert found[8].trial.origin == "optimum of the fitted score"
     method = Field(problem, QUICK)
     learnt = method.learn(found[:8])
-    terms = np.exp(-method.inputs([result.trial.cameras for result in found])[:, -3:])
-    expected = terms @ learnt.slopes
+    expected = terms_m(method, [result.trial.cameras for result in found]) @ learnt.slopes
     assert expected[8] < expected[:8].min()
     others = run(Field(problem, replace(QUICK, fitted=1_000)), 9, problem, value_m)
     assert others[8].trial.origin != found[8].trial.origin
@@ -97,7 +102,7 @@ def test_weights_of_the_scores_terms_are_learnt_where_results_tell_them_apart() 
     problem = bowl_problem(3)
     method = Field(problem, replace(QUICK, slopes=(0.5, 1.2, 0.1), doubt=0.1))
     sets = [problem.sample(seed) for seed in range(12)]
-    terms = np.exp(-method.inputs(sets)[:, -3:])
+    terms = terms_m(method, sets)
 
     def learnt(weights: tuple[float, ...], chosen: slice) -> np.ndarray:
         values = terms @ weights
@@ -111,16 +116,35 @@ def test_weights_of_the_scores_terms_are_learnt_where_results_tell_them_apart() 
     assert (learnt((0.0, 0.5, 1.0), slice(None)) >= 0).all()
 
 
-def test_where_the_best_set_is_the_scores_optimum_its_neighbours_are_tried() -> None:
+def test_optima_of_the_fitted_score_are_climbed_to_from_the_best_sets() -> None:
     problem = bowl_problem(3)
-    method = Field(problem, replace(QUICK, fitted=2, anywhere=100))
-    found = run(method, 10, problem)
+    found = run(Field(problem, replace(QUICK, fitted=2, anywhere=100)), 10, problem)
     near = [r for r in found if r.trial.origin.endswith("near the best")]
     assert near
-    # Once it was tried the next one begins with it; what an optimisation gives back unchanged is not tried again.
     stuck = [r for r in found[6::2] if "step_m" in r.trial.notes]
     assert len(near) + len(stuck) == len(found[6::2])
     assert len(set(vectors(found))) == len(found)
+
+
+def test_where_the_best_set_is_the_scores_optimum_its_neighbours_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = bowl_problem(3)
+    method = Field(problem, replace(QUICK, fitted=2, anywhere=100))
+    found = run(method, 6, problem)
+    best: list[Cameras] = []
+
+    def settled(*args: Any) -> Cameras:
+        best.extend(args[-1])
+        return best[0]
+
+    monkeypatch.setattr("fieldkit.planning.methods.field.optimise", settled)
+    trial = method.propose(6, found, [])
+    assert trial is not None
+    assert best[0] in [result.trial.cameras for result in found]
+    center = found[int(str(trial.notes["center"]))].trial.cameras
+    assert trial.origin.startswith("near ")
+    assert trial.notes["step_m"]
+    assert center in best
+    assert trial.cameras not in [result.trial.cameras for result in found]
 
 
 def test_of_a_recorded_set_the_first_are_what_a_person_would_take() -> None:
