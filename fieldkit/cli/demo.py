@@ -93,6 +93,7 @@ def _scores(demo: Demo) -> Table:
         "accuracy>",
         "completeness>",
         "F at 10 mm>",
+        "to the true plants>",
     )
     for each in demo.scores:
         plot = each.evaluation
@@ -100,6 +101,6 @@ def _scores(demo: Demo) -> Table:
         found.add_row(
             each.plot, each.cameras, f"{plot.right} of {plot.images}",
             *(format_length(value) for value in (plot.chamfer_m, plot.accuracy_m, plot.completeness_m)),
-            format_number(f_score, 3),
+            format_number(f_score, 3), format_length(each.truth.chamfer.chamfer_m),
         )  # fmt: skip
     return found

@@ -160,6 +160,10 @@ def command(
             "--risk", rich_help_panel=_NOISE, metavar="SHARE", help="Count the worst share of repeats (CVaR); 1: all."
         ),
     ] = None,
+    refine: Annotated[
+        bool,
+        typer.Option("--refine", rich_help_panel=_NOISE, help="Move clouds onto the reference before they are scored."),
+    ] = False,
     margin: Annotated[
         float | None,
         typer.Option("--margin", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="Beyond the plants, for cameras."),
@@ -244,6 +248,7 @@ def command(
         "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "initial": initial,
         "time_budget_s": _seconds(time_budget) if time_budget else None, "fidelity": fidelity,
         "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,
+        "refine": refine or None,
     }  # fmt: skip
     given = {key: str(value) if isinstance(value, StrEnum) else value for key, value in given.items()}
     pose = _pose_noise(pose_noise) if pose_noise else (None, None)

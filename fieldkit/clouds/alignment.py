@@ -18,6 +18,8 @@ from fieldkit.errors import EmptyCloudError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 
+REFINE_REACH_M = 0.05
+"""From how far a plot's cloud, placed by its photographs' positions, is moved onto the plot's reference."""
 _SHAPE_NEIGHBORS = 12
 _ITERATIONS = 60
 _LEAST_PAIRS = 10

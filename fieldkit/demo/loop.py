@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.cache import StageCache
-from fieldkit.clouds import CloudScore, read_cloud, score
+from fieldkit.clouds import CloudScore, icp, read_cloud, score
+from fieldkit.clouds.alignment import REFINE_REACH_M
 from fieldkit.demo.flight import RecordedFlight, recorded_flight, upload_to_stand_in
 from fieldkit.demo.plots import (
     SEEN,
@@ -25,7 +26,7 @@ from fieldkit.demo.plots import (
     photograph,
     scene_path,
 )
-from fieldkit.evaluation.reference import CLOUD_FILE
+from fieldkit.evaluation.reference import CLOUD_FILE, Reference
 from fieldkit.evaluation.schema import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose, Similarity
@@ -56,11 +57,13 @@ class DemoScore:
         plot: "seen" (that was planned on) or "unseen".
         cameras: "planned" or "circle".
         evaluation: against the plot's reference.
+        truth: against the plants' true surfaces, which no real capture tells.
     """
 
     plot: str
     cameras: str
     evaluation: PlotEvaluation
+    truth: CloudScore
 
 
 @dataclass(frozen=True)
@@ -126,9 +129,11 @@ def run_demo(
             items = upload_to_stand_in(mission.files[0]).items
         evaluations = _captures_and_scores(folder, plan, flight, seed, cache, progress, workers)
         scores = tuple(
-            DemoScore(plot, each.name, each) for plot, report in evaluations.items() for each in report.plots
+            DemoScore(plot, each.name, each, _against_truth(folder, plot, scored_cloud(folder, plot, each.name)))
+            for plot, report in evaluations.items()
+            for each in report.plots
         )
-        truth = _against_truth(folder, references[SEEN])
+        truth = _against_truth(folder, SEEN, reference_folder(folder, SEEN) / CLOUD_FILE)
         summary = {"kind": "demo", "version": 2, "seed": seed, "pose_noise": flight.pose_noise}
         write_atomic(folder / DEMO_FILE, json.dumps(summary, indent=2) + "\n")
     write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
@@ -143,13 +148,23 @@ def reference_folder(folder: Path, plot: str) -> Path:
     return folder / ("reference" if plot == SEEN else f"reference-{plot}")
 
 
+def scored_cloud(folder: Path, plot: str, cameras: str) -> Path:
+    """Where the cloud of a few-view capture lies in the demo's folder, in the frame of the plot's reference."""
+    return folder / f"evaluation-{plot}" / cameras / CLOUD_FILE
+
+
+def _truth_file(folder: Path, plot: str) -> Path:
+    return folder / "truth" / f"{plot}.ply"
+
+
 def _references(
     folder: Path, seed: int, cache: StageCache, progress: Progress, workers: int
 ) -> dict[str, ReferenceReport]:
     plots = (SEEN, UNSEEN)
     dense = {plot: folder / "captures" / "dense" / plot for plot in plots}
-    truth = {SEEN: folder / "truth" / "plants.ply", UNSEEN: None}
-    shootings = [dense_shooting(plot, dense[plot], seed * 1000 + k, truth[plot]) for k, plot in enumerate(plots)]
+    shootings = [
+        dense_shooting(plot, dense[plot], seed * 1000 + k, _truth_file(folder, plot)) for k, plot in enumerate(plots)
+    ]
     buildings = [Building(dense[plot], reference_folder(folder, plot), seed, cache) for plot in plots]
     (folder / "truth").mkdir()
     with progress.stage("Dense captures of two plots", len(plots)) as advance:
@@ -165,7 +180,7 @@ def _plan(
         scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, evaluations=_EVALUATIONS, finalists=_FINALISTS,
         repeats=_REPEATS, fidelity="draft", confirm_fidelity="draft",
         noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
-        seed=seed, workers=workers,
+        refine=True, seed=seed, workers=workers,
     )  # fmt: skip
     with progress.stage("Plan", _EVALUATIONS + _FINALISTS * _REPEATS) as advance:
         outcome = plan_views(output, settings, cache=cache, workers=workers, watch=lambda _: advance(1))
@@ -203,11 +218,16 @@ def _captures_and_scores(
         return dict(zip(plots, map_parallel(evaluate, scorings, workers=workers, advance=advance), strict=True))
 
 
-def _against_truth(folder: Path, reference: ReferenceReport) -> CloudScore:
+def _against_truth(folder: Path, plot: str, file: Path) -> CloudScore:
+    """A cloud in the frame of its plot's reference; ICP takes out how far that is off, as for the other scores."""
+    reference = Reference(reference_folder(folder, plot))
     # The captures' poses.csv is in the scene's frame, and so are the true surfaces.
-    motion = Similarity.from_matrix(np.array(reference.frame.plot_from_source))
-    plants = read_cloud(reference_folder(folder, SEEN) / CLOUD_FILE).transformed(motion.inverse())
-    return score(read_cloud(folder / "truth" / "plants.ply"), plants)
+    motion = Similarity.from_matrix(np.array(reference.report.frame.plot_from_source))
+    surfaces = read_cloud(_truth_file(folder, plot)).transformed(motion)
+    truth = surfaces.select(reference.known_plot().volume.contains(surfaces.points))
+    plants = read_cloud(file)
+    correction, _ = icp(plants, truth, max_distance_m=REFINE_REACH_M)
+    return score(truth, plants.transformed(correction))
 
 
 def figures(demo: Demo) -> dict[str, object]:
@@ -221,6 +241,11 @@ def figures(demo: Demo) -> dict[str, object]:
         "mission": {"stations": demo.stations, "items": demo.items},
         "flight": asdict(demo.flight),
         "scores": [
-            {"plot": s.plot, **s.evaluation.model_dump(mode="json", exclude={"image_reports"})} for s in demo.scores
+            {
+                "plot": s.plot,
+                "truth": asdict(s.truth.chamfer),
+                **s.evaluation.model_dump(mode="json", exclude={"image_reports"}),
+            }
+            for s in demo.scores
         ],
     }

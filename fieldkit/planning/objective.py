@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 from fieldkit.cache import digest
+from fieldkit.clouds.alignment import REFINE_REACH_M, icp
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import DISTANCES_M, nearest_distances, score_distances
 from fieldkit.errors import ReconstructionError, UsageError
@@ -36,6 +37,7 @@ class ObjectiveSettings:
         min_agreeing_views: of the fusion.
         bands_px: half widths of the bands that prior mapping matches in, round by round, in pixels of a photograph 1600
             wide; `PriorMappingSettings`' own where None. Fewer rounds are for poses known to some millimetres.
+        refine: move each cloud onto the reference by ICP before it is scored, as `fieldkit evaluate --refine` does.
     """
 
     fidelity: FidelityName = "standard"
@@ -43,6 +45,7 @@ class ObjectiveSettings:
     rule: Rule = field(default_factory=Rule)
     min_agreeing_views: int = 2
     bands_px: tuple[float, ...] | None = None
+    refine: bool = False
 
     def __post_init__(self) -> None:
         if self.fidelity not in FIDELITIES:
@@ -71,8 +74,8 @@ class Objective:
     """Evaluates sets of cameras: photographs → features → matches → mapping → dense stereo → chamfer distance.
 
     The model is placed by the commanded camera centres (not the true ones, which the field does not know either), the
-    cloud is cropped to the plot's volume of interest. On one thread the same source, cameras and seed give the same
-    evaluation in every process.
+    cloud is cropped to the plot's volume of interest, then moved onto the reference where that is asked for. On one
+    thread the same source, cameras and seed give the same evaluation in every process.
 
     Args:
         source: of photographs; simulated or recorded.
@@ -147,7 +150,15 @@ class Objective:
                 return self._scored(shot, Cloud.empty(), mapped, error.message, timer), Cloud.empty()
         sparse = found.sparse
         mapped = _Mapped(sparse.registered, sparse.right, len(sparse.model_sizes))
-        return self._scored(shot, found.plants, mapped, "", timer), found.plants
+        plants = self._refined(found.plants, timer) if self.settings.refine else found.plants
+        return self._scored(shot, plants, mapped, "", timer), plants
+
+    def _refined(self, cloud: Cloud, timer: StageTimer) -> Cloud:
+        if not len(cloud):
+            return cloud
+        with timer.stage("Refining"):
+            motion, _ = icp(cloud, self.source.reference.cloud, max_distance_m=REFINE_REACH_M)
+        return cloud.transformed(motion)
 
     def _scored(self, shot: Shot, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
         value, score = self.settings.rule.worst_m, None

@@ -116,15 +116,15 @@ def open_problem(
         source = SimulatedSource.from_description(
             description, _capture_noise(settings.noise, description.noise), camera=camera, wind_m=settings.noise.wind_m
         )
-    proxy, wanted = source.proxy, settings.envelope
+    proxy, limits = source.proxy, settings.envelope
     envelope = Envelope.around(
-        proxy.obstacles, proxy.volume, margin_m=wanted.margin_m, height_m=wanted.height_m,
-        clearance_m=wanted.clearance_m, pitch_deg=wanted.pitch_deg, separation_m=wanted.separation_m,
-        vehicle_clearance_m=wanted.vehicle_clearance_m,
+        proxy.obstacles, proxy.volume, margin_m=limits.margin_m, height_m=limits.height_m,
+        clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg, separation_m=limits.separation_m,
+        vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
     problem = Problem(settings.cameras, envelope, proxy.camera, proxy.reference, proxy.obstacles.points)
-    objective = Objective(source, ObjectiveSettings(settings.fidelity, settings.mapping), seed=settings.seed)
-    return Plannable(problem, objective, _described(envelope))
+    wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
+    return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
 
 
 def _recorded(
@@ -150,8 +150,9 @@ def _recorded(
     # Two rounds of matching do what three do where positions are good to millimetres, at half the cost.
     good = float(np.median([view.position_sigma_m for view in source.views])) <= _GOOD_POSES_M
     wanted = ObjectiveSettings(
-        settings.fidelity, settings.mapping, bands_px=_TWO_ROUNDS_PX if good and not settings.noise.any else None
-    )
+        settings.fidelity, settings.mapping, bands_px=_TWO_ROUNDS_PX if good and not settings.noise.any else None,
+        refine=settings.refine,
+    )  # fmt: skip
     low, high = views.positions.min(axis=0), views.positions.max(axis=0)
     envelope = Envelope(
         (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), (float(low[2]), float(high[2])), plot.volume,

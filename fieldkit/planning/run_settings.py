@@ -116,6 +116,8 @@ class SearchSettings(Strict):
     confirm_fidelity: FidelityName = "fine"
     """Of the confirmations."""
     mapping: Mapping = "prior"
+    refine: bool = False
+    """Move each cloud onto the reference by ICP before it is scored."""
     finalists: Annotated[int, Field(ge=1)] = 4
     """Best sets that are evaluated again before one is chosen."""
     repeats: Annotated[int, Field(ge=1)] = 3

@@ -55,6 +55,7 @@ def test_figures(demo: tuple[Path, dict]) -> None:
         assert list(score["f_score"]) == ["0.002", "0.005", "0.010", "0.020"]
         assert score["chamfer_m"] == pytest.approx(score["accuracy_m"] + score["completeness_m"])
         assert score["f_score"]["0.010"] > 0.7
+        assert 0.002 < score["truth"]["chamfer_m"] < 0.02
 
 
 def test_files(demo: tuple[Path, dict]) -> None:

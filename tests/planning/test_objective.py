@@ -95,6 +95,19 @@ def test_poses_that_are_noisier_score_worse(proxy: Proxy, source: SimulatedSourc
     assert values[0] < 0.6 * values[1]
 
 
+def test_refining_takes_out_what_noise_moves_as_a_whole(proxy: Proxy, source: SimulatedSource, arc: Cameras) -> None:
+    noisy = SimulatedSource(proxy, replace(source.noise, position_m=0.03))
+    placed, refined = (Objective(noisy, replace(DRAFT, refine=refine)) for refine in (False, True))
+    before, there = placed.evaluate_cloud(arc)
+    after, moved = refined.evaluate_cloud(arc)
+    assert after.value_m < 0.8 * before.value_m
+    assert (after.right, after.points) == (before.right, before.points)
+    spans = [np.linalg.norm(cloud.points[0] - cloud.points[-1]) for cloud in (there, moved)]
+    assert spans[0] == pytest.approx(spans[1])  # the motion is rigid
+    lost = Cameras(arc.positions, arc.yaw_deg + 180.0, np.full(6, 10.0))
+    assert refined.evaluate(lost).value_m == 0.2
+
+
 def test_a_source_travels_without_its_renderer(source: SimulatedSource) -> None:
     copy = pickle.loads(pickle.dumps(source))
     assert copy._renderer is None
