@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.planning.executor import Executor
@@ -84,7 +85,13 @@ def resume_plan(
     with open_run(output) as run:
         if settings is not None and settings != run.settings:
             run.save_settings(settings)
-        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or nobody, known)
+        progress = progress or Silent()
+        if run.settings.fieldkit != __version__:
+            progress.note(
+                f"this run was begun with fieldkit {run.settings.fieldkit} and goes on with {__version__}: where the "
+                "changelog names the objective, values of the two do not compare"
+            )
+        return _planned(run, cache, workers, scheduler, progress, watch or nobody, known)
 
 
 def _planned(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fieldkit import __version__
 from fieldkit.captures import read_capture
 from fieldkit.cli.live_plan import Status, sparkline
 from fieldkit.cli.main import main
@@ -59,7 +60,9 @@ def test_wrong_calls_are_told_in_words(
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize("arguments", [["-n", "5"], ["--seed", "4"], ["--clearance", "2"], ["--pose-noise", "0.1,1"]])
+@pytest.mark.parametrize(
+    "arguments", [["-n", "5"], ["--seed", "4"], ["--clearance", "2"], ["--pose-noise", "0.1,1"], ["--refine"]]
+)
 def test_a_run_goes_on_as_it_began(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None:
     with create_run(tmp_path / "run", bowl_settings()):
         pass
@@ -89,6 +92,15 @@ def test_a_scene_that_is_gone_is_named(tmp_path: Path, capsys: pytest.CaptureFix
         pass
     assert main(["plan", "--resume", "-o", str(tmp_path / "run")]) == 2
     assert "gone" in capsys.readouterr().err
+
+
+def test_a_run_of_another_version_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = bowl_settings().source.model_copy(update={"sha256": "0" * 64})
+    for name, version, told in (("old", "0.0.1", True), ("same", __version__, False)):
+        with create_run(tmp_path / name, bowl_settings(source=source).model_copy(update={"fieldkit": version})):
+            pass
+        assert main(["plan", "--resume", "-o", str(tmp_path / name)]) == 2  # its scene is gone
+        assert ("begun with fieldkit 0.0.1" in capsys.readouterr().err) == told
 
 
 def test_progress_in_a_line() -> None:
