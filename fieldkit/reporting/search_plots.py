@@ -69,7 +69,10 @@ def draw_regret(panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None
             lines = np.array([_millimetres(curve[:length]) for curve in curves])
             trials, mean = np.arange(1, length + 1), np.nanmean(lines, axis=0)
             dashes = "-" if method in ("bosfm", "field") else (0, (3, 2))
-            axes.step(trials, mean, where="post", color=color, linewidth=1.4, linestyle=dashes, label=method)
+            axes.step(
+                trials, mean, where="post", color=color, linewidth=1.4, linestyle=dashes, label=method,
+                marker="o" if length == 1 else "", markersize=4,
+            )  # fmt: skip
             if len(curves) > 1:
                 axes.fill_between(
                     trials, np.nanmin(lines, axis=0), np.nanmax(lines, axis=0), step="post", color=color, alpha=0.15,

@@ -28,3 +28,5 @@ def test_curves_have_gaps_where_nothing_was_measured() -> None:
     assert any(len(y) == 3 and np.isnan(y[0]) and np.allclose(y[1:], [20, 10]) for y in lines)
     compared = draw_regret({"plot": {"field": [(0.02, 0.01), (0.03, 0.02)], "random": [(0.04,)]}})
     assert {text.get_text().split(" ")[0] for text in compared.axes[0].get_legend().get_texts()} == {"field", "random"}
+    markers = {str(line.get_label()): line.get_marker() for line in compared.axes[0].lines}
+    assert markers == {"field": "", "random": "o"}  # a line of one point would not be seen
