@@ -85,21 +85,21 @@ def _scores(demo: Demo) -> Table:
     from fieldkit.reporting.style import format_length, format_number, table
 
     found = table(
-        "Planned views against a circle of as many, each plot against its own reference",
+        "Chamfer distance of planned views and of a circle, to each plot's reference",
         "plot",
         "views",
         "right",
-        "chamfer distance>",
+        "chamfer>",
         "accuracy>",
-        "completeness>",
+        "complete>",
         "F at 10 mm>",
-        "to the true plants>",
+        "to true plants>",
     )
     for each in demo.scores:
         plot = each.evaluation
         f_score = None if plot.f_score is None else plot.f_score.get("0.010")
         found.add_row(
-            each.plot, each.cameras, f"{plot.right} of {plot.images}",
+            each.plot, each.cameras, f"{plot.right}/{plot.images}",
             *(format_length(value) for value in (plot.chamfer_m, plot.accuracy_m, plot.completeness_m)),
             format_number(f_score, 3), format_length(each.truth.chamfer.chamfer_m),
         )  # fmt: skip
