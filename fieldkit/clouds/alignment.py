@@ -18,7 +18,7 @@ from fieldkit.errors import EmptyCloudError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 
-REFINE_REACH_M = 0.05
+_REFERENCE_REACH_M = 0.05
 """From how far a plot's cloud, placed by its photographs' positions, is moved onto the plot's reference."""
 _SHAPE_NEIGHBORS = 12
 _ITERATIONS = 60
@@ -102,6 +102,15 @@ def icp(
         transform, converged = _align_level(coarse_moving.points, coarse_fixed.points, transform, distance, with_scale)
     result = Similarity(1.0, np.eye(3), middle).after(transform)
     return result, _stats(source, fixed, middle, start, result, distance, converged)
+
+
+def icp_onto_reference(cloud: Cloud, reference: Cloud) -> tuple[Similarity, AlignmentStats]:
+    """`icp` of a plot's cloud, placed by its photographs' positions, onto the plot's reference: within 5 cm.
+
+    Raises:
+        EmptyCloudError: either cloud has no points.
+    """
+    return icp(cloud, reference, max_distance_m=_REFERENCE_REACH_M)
 
 
 def _align_level(

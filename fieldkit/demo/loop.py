@@ -8,11 +8,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import numpy as np
-
 from fieldkit.cache import StageCache
-from fieldkit.clouds import CloudScore, icp, read_cloud, score
-from fieldkit.clouds.alignment import REFINE_REACH_M
+from fieldkit.clouds import CloudScore, ReferenceIndex, read_cloud, score
+from fieldkit.clouds.alignment import icp_onto_reference
 from fieldkit.demo.flight import RecordedFlight, recorded_flight, upload_to_stand_in
 from fieldkit.demo.plots import (
     SEEN,
@@ -29,7 +27,7 @@ from fieldkit.demo.plots import (
 from fieldkit.evaluation.reference import CLOUD_FILE, Reference
 from fieldkit.evaluation.schema import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.plan import Plan
 from fieldkit.missions.plan_file import load_plan
@@ -128,12 +126,13 @@ def run_demo(
         with progress.stage("Upload to the stand-in vehicle"):
             items = upload_to_stand_in(mission.files[0]).items
         evaluations = _captures_and_scores(folder, plan, flight, seed, cache, progress, workers)
+        plants = {plot: _true_plants(folder, plot) for plot in evaluations}
         scores = tuple(
-            DemoScore(plot, each.name, each, _against_truth(folder, plot, scored_cloud(folder, plot, each.name)))
+            DemoScore(plot, each.name, each, _against(plants[plot], folder / f"evaluation-{plot}" / each.name))
             for plot, report in evaluations.items()
             for each in report.plots
         )
-        truth = _against_truth(folder, SEEN, reference_folder(folder, SEEN) / CLOUD_FILE)
+        truth = _against(plants[SEEN], reference_folder(folder, SEEN))
         summary = {"kind": "demo", "version": 2, "seed": seed, "pose_noise": flight.pose_noise}
         write_atomic(folder / DEMO_FILE, json.dumps(summary, indent=2) + "\n")
     write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
@@ -146,11 +145,6 @@ def run_demo(
 def reference_folder(folder: Path, plot: str) -> Path:
     """Where a plot's reference lies in the demo's folder."""
     return folder / ("reference" if plot == SEEN else f"reference-{plot}")
-
-
-def scored_cloud(folder: Path, plot: str, cameras: str) -> Path:
-    """Where the cloud of a few-view capture lies in the demo's folder, in the frame of the plot's reference."""
-    return folder / f"evaluation-{plot}" / cameras / CLOUD_FILE
 
 
 def _truth_file(folder: Path, plot: str) -> Path:
@@ -218,16 +212,19 @@ def _captures_and_scores(
         return dict(zip(plots, map_parallel(evaluate, scorings, workers=workers, advance=advance), strict=True))
 
 
-def _against_truth(folder: Path, plot: str, file: Path) -> CloudScore:
-    """A cloud in the frame of its plot's reference; ICP takes out how far that is off, as for the other scores."""
-    reference = Reference(reference_folder(folder, plot))
+def _true_plants(folder: Path, plot: str) -> ReferenceIndex:
+    """The plants' true surfaces, in the frame and the volume of the plot's reference."""
+    known = Reference(reference_folder(folder, plot)).known_plot()
     # The captures' poses.csv is in the scene's frame, and so are the true surfaces.
-    motion = Similarity.from_matrix(np.array(reference.report.frame.plot_from_source))
-    surfaces = read_cloud(_truth_file(folder, plot)).transformed(motion)
-    truth = surfaces.select(reference.known_plot().volume.contains(surfaces.points))
-    plants = read_cloud(file)
-    correction, _ = icp(plants, truth, max_distance_m=REFINE_REACH_M)
-    return score(truth, plants.transformed(correction))
+    surfaces = read_cloud(_truth_file(folder, plot)).transformed(known.source.from_source)
+    return ReferenceIndex(surfaces.select(known.volume.contains(surfaces.points)))
+
+
+def _against(truth: ReferenceIndex, folder: Path) -> CloudScore:
+    """A folder's cloud against the truth; ICP takes out how far it is off, as for the other scores."""
+    cloud = read_cloud(folder / CLOUD_FILE)
+    motion, _ = icp_onto_reference(cloud, truth.cloud)
+    return score(truth, cloud.transformed(motion))
 
 
 def figures(demo: Demo) -> dict[str, object]:

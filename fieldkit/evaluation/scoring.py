@@ -10,8 +10,8 @@ import numpy as np
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, Finding
-from fieldkit.clouds import Cloud, ReferenceIndex, icp, score, write_cloud
-from fieldkit.clouds.alignment import REFINE_REACH_M
+from fieldkit.clouds import Cloud, ReferenceIndex, score, write_cloud
+from fieldkit.clouds.alignment import icp_onto_reference
 from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.report_files import describe_files
@@ -128,7 +128,7 @@ def score_capture(
 
 def _refined(plants: Cloud, reference: Cloud, name: str) -> tuple[Cloud, CorrectionEntry, list[Finding]]:
     """The cloud moved onto the reference by ICP, and by how much."""
-    motion, stats = icp(plants, reference, max_distance_m=REFINE_REACH_M)
+    motion, stats = icp_onto_reference(plants, reference)
     findings: list[Finding] = []
     if not stats.converged:
         message = "ICP did not converge: too little of the cloud is near the reference; read the correction with care"

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 from fieldkit.cache import digest
-from fieldkit.clouds.alignment import REFINE_REACH_M, icp
+from fieldkit.clouds.alignment import icp_onto_reference
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import DISTANCES_M, nearest_distances, score_distances
 from fieldkit.errors import ReconstructionError, UsageError
@@ -157,7 +157,7 @@ class Objective:
         if not len(cloud):
             return cloud
         with timer.stage("Refining"):
-            motion, _ = icp(cloud, self.source.reference.cloud, max_distance_m=REFINE_REACH_M)
+            motion, _ = icp_onto_reference(cloud, self.source.reference.cloud)
         return cloud.transformed(motion)
 
     def _scored(self, shot: Shot, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
