@@ -26,7 +26,7 @@ from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.scenes.camera_effects import CameraEffects
-from fieldkit.scenes.description import SceneDescription, build, sample_reference, sample_surface
+from fieldkit.scenes.description import SceneDescription, build, sample_truth
 from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.plot import sample_plants
 from fieldkit.scenes.renderer import Renderer
@@ -83,7 +83,7 @@ class Proxy:
     def from_description(cls, description: SceneDescription, camera: Intrinsics | None = None) -> Proxy:
         """A proxy of all that a scene file can hold: maize, mesh plants, or a scene made from a reference.
 
-        PC_env is `sample_reference` of the description. What plants have below 3 cm is counted on neither side, for the
+        PC_env is `sample_truth` of the description. What plants have below 3 cm is counted on neither side, for the
         soil is bumpy; a scene made from a reference keeps that one's volume, down to its lowest plant point.
 
         Args:
@@ -97,7 +97,7 @@ class Proxy:
             raise SceneError("the scene has no plants to plan for", remedy="Add [[plants]] to the scene file.")
         scene = build(description)
         camera = camera or description.camera
-        reference, surface = sample_reference(description, scene), sample_surface(description, scene)
+        reference, surface = sample_truth(description, scene)
         if description.recorded is None:
             return cls._above(scene, reference, _LOWEST_M, camera, surface)
         bounds = description.bounds.volume

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,7 +15,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.mesh_plant import MeshPlantDescription
-from fieldkit.scenes.plot import PlotDescription, build_scene, sample_plants
+from fieldkit.scenes.plot import PlotDescription, build_scene, sample_visible
 from fieldkit.scenes.recorded import RecordedSurface, build_recorded, recorded_plants
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Site
@@ -23,7 +24,7 @@ _OVERSAMPLING = 1.7
 """Points drawn for each one wanted: about two in five lie where no view reaches."""
 
 SURFACE_DENSITY = 10
-"""Points of `sample_surface` for each one of the reference."""
+"""Points of the surface in `sample_truth` for each one of the reference."""
 _MOST_POINTS = 20_000_000
 
 MAX_WIND_M = 0.2
@@ -131,21 +132,26 @@ def sample_reference(description: SceneDescription, scene: Scene) -> Cloud:
         description: says how many.
         scene: what `build` made of it.
     """
-    return _sampled(description, scene, description.reference.points)
+    return _sampled(description, scene, (description.reference.points,))[0]
 
 
-def sample_surface(description: SceneDescription, scene: Scene) -> Cloud:
-    """As `sample_reference`, up to `SURFACE_DENSITY` times as many points; positions only."""
-    points = min(_MOST_POINTS, SURFACE_DENSITY * description.reference.points)
-    return Cloud(_sampled(description, scene, points).points)
+def sample_truth(description: SceneDescription, scene: Scene) -> tuple[Cloud, Cloud]:
+    """`sample_reference`, and up to `SURFACE_DENSITY` times as many points of the same surfaces, positions only."""
+    points = description.reference.points
+    reference, surface = _sampled(description, scene, (points, min(_MOST_POINTS, SURFACE_DENSITY * points)))
+    return reference, Cloud(surface.points)
 
 
-def _sampled(description: SceneDescription, scene: Scene, points: int) -> Cloud:
+def _sampled(description: SceneDescription, scene: Scene, counts: Sequence[int]) -> list[Cloud]:
     seed = description.reference.seed
     if description.recorded is not None:
-        cloud = recorded_plants(description.recorded)
+        clouds = [recorded_plants(description.recorded)] * len(counts)
     else:
-        cloud = sample_plants(scene, round(_OVERSAMPLING * points), seed)
+        clouds = sample_visible(scene, [round(_OVERSAMPLING * count) for count in counts], seed)
+    return [_thinned(cloud, count, seed) for cloud, count in zip(clouds, counts, strict=True)]
+
+
+def _thinned(cloud: Cloud, points: int, seed: int) -> Cloud:
     if len(cloud) <= points:
         return cloud
     rng = np.random.default_rng([seed, 12])

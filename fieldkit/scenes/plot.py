@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -162,31 +163,45 @@ def sample_plants(scene: Scene, count: int, seed: int = 0) -> Cloud:
     Returns:
         About ``count`` points less the hidden ones, with unlit colours and normals, in the plot frame.
     """
-    rng = np.random.default_rng([seed, 11])
+    return sample_visible(scene, (count,), seed)[0]
+
+
+def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0) -> list[Cloud]:
+    """`sample_plants` for several counts; what hides what is drawn once for all of them."""
     meshes = list(scene.plants)
     areas = [_areas(mesh) for mesh in meshes]
+    everything = [_sample_all(meshes, areas, count, seed) for count in counts]
+    seen = _seen_from_outside(np.concatenate([cloud.points for cloud in everything]), scene)
+    ends = np.cumsum([len(cloud) for cloud in everything])[:-1]
+    return [cloud.select(mask) for cloud, mask in zip(everything, np.split(seen, ends), strict=True)]
+
+
+def _sample_all(meshes: Sequence[Mesh], areas: Sequence[NDArray[np.float64]], count: int, seed: int) -> Cloud:
+    rng = np.random.default_rng([seed, 11])
     total = sum(float(a.sum()) for a in areas)
-    points, colors, normals = [], [], []
-    for mesh, area in zip(meshes, areas, strict=True):
-        p, c, n = _sample(mesh, area, round(count * float(area.sum()) / total), rng)
-        points.append(p)
-        colors.append(c)
-        normals.append(n)
-    everything = np.concatenate(points)
+    sampled = [
+        _sample(mesh, area, round(count * float(area.sum()) / total), rng)
+        for mesh, area in zip(meshes, areas, strict=True)
+    ]
+    points, colors, normals = (np.concatenate(each) for each in zip(*sampled, strict=True))
+    return Cloud(points, colors, normals)
+
+
+def _seen_from_outside(points: NDArray[np.float64], scene: Scene) -> NDArray[np.bool_]:
     solid = [m for m in scene.meshes if m.normals is not None]
     corners = np.concatenate([m.vertices[m.faces] for m in solid]).astype(np.float64)
     lower, upper = scene.bounds(plants_only=True)
     radius = float(np.abs([lower[:2], upper[:2]]).max()) + 0.1
     corners = corners[(np.abs(corners[:, :, :2]) < radius).all(axis=(1, 2))]
-    seen = np.zeros(len(everything), bool)
+    seen = np.zeros(len(points), bool)
     i = np.arange(_DIRECTIONS) + 0.5
     height = 1.0 - i / _DIRECTIONS * (1.0 + np.sin(np.radians(10)))
     turn = i * np.pi * (3 - np.sqrt(5))
     for h, a in zip(height, turn, strict=True):
         direction = np.array([np.sqrt(1 - h * h) * np.cos(a), np.sqrt(1 - h * h) * np.sin(a), h])
         left = np.flatnonzero(~seen)
-        seen[left] = visible_from(everything[left], corners, direction, radius * 1.6, pixels=1600, bias_m=0.003) > 0.5
-    return Cloud(everything[seen], np.concatenate(colors)[seen], np.concatenate(normals)[seen])
+        seen[left] = visible_from(points[left], corners, direction, radius * 1.6, pixels=1600, bias_m=0.003) > 0.5
+    return seen
 
 
 def _areas(mesh: Mesh) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from fieldkit.scenes.benchmark import benchmark_cameras, benchmark_scene
 from fieldkit.scenes.light import bake_light, visible_from
 from fieldkit.scenes.maize import MaizeDescription, build_maize
 from fieldkit.scenes.noise import bumps, fractal_noise
-from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout, sample_plants
+from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout, sample_plants, sample_visible
 from fieldkit.scenes.rigs import dense_rig, ring
 from fieldkit.scenes.scene import Light, Mesh, Scene, vertex_normals
 from fieldkit.scenes.soil import SoilDescription, soil_height
@@ -125,6 +125,13 @@ def test_truth_lies_on_the_plants_and_never_on_the_soil(small_scene: Scene) -> N
     assert greener.mean() > 0.8
     again = sample_plants(small_scene, 20_000)
     assert np.array_equal(cloud.points, again.points)
+
+
+def test_truths_of_several_sizes_are_those_of_each_size(small_scene: Scene) -> None:
+    for count, cloud in zip((5_000, 20_000), sample_visible(small_scene, (5_000, 20_000), seed=3), strict=True):
+        alone = sample_plants(small_scene, count, seed=3)
+        for name in ("points", "colors", "normals"):
+            assert np.array_equal(getattr(cloud, name), getattr(alone, name)), name
 
 
 def test_truth_is_uniform_by_area(small_scene: Scene) -> None:
