@@ -1,4 +1,4 @@
-"""The figures of a Reconstruction as reference.json and evaluation.json hold them. Pure functions."""
+"""The figures of a Reconstruction as reference.json and evaluation.json hold them, and its frame back from there."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ from fieldkit.evaluation.schema import (
     Vector,
     VolumeEntry,
 )
-from fieldkit.geometry import Pose
-from fieldkit.geometry.geodesy import utm_epsg_of
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
 from fieldkit.reconstruction.colmap_model import model_poses
+from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.result import ImageReport, MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 
@@ -139,6 +140,18 @@ def _frame_entry(frame: MetricFrame) -> FrameEntry:
         ),
         notes=tuple(clean_text(note) for note in frame.notes),
     )
+
+
+def source_frame(source: str, frame: FrameEntry) -> SourceFrame:
+    """The metric frame of a result, as it was worked with.
+
+    Args:
+        source: the report's ``metric_source``.
+        frame: of the same report.
+    """
+    o = frame.origin
+    origin = None if o is None else LocalFrame(o.latitude_deg, o.longitude_deg, o.altitude_m, o.datum)
+    return SourceFrame(source, origin, Similarity.from_matrix(np.array(frame.plot_from_source)))
 
 
 def _camera_entries(sparse: SparseResult) -> tuple[CameraEntry, ...]:

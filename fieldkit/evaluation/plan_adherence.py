@@ -13,11 +13,10 @@ from fieldkit.captures.flight_logs.adherence import PlannedPose
 from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.evaluation.adherence import Flight, planned_poses
 from fieldkit.evaluation.commanded_poses import FlownMission
+from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.pose_table import Poses, capture_poses, plan_poses, pose_adherence, reconstructed_poses
 from fieldkit.evaluation.report_files import describe_files
-from fieldkit.evaluation.schema import AdherenceEntry, FrameEntry, PlotEvaluation, PoseSource
-from fieldkit.geometry import Similarity
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.evaluation.schema import AdherenceEntry, PlotEvaluation, PoseSource
 from fieldkit.missions.plan import Plan
 from fieldkit.reconstruction.known_poses import SourceFrame
 
@@ -148,13 +147,6 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
     write_adherence_picture(folder / place / ADHERENCE_PICTURE, plot.name, plot.adherence)
     names = [f"{place}/{ADHERENCE_FILE}", f"{place}/{ADHERENCE_PICTURE}"]
     return plot.model_copy(update={"files": (*plot.files, *describe_files(folder, names))})
-
-
-def source_frame(source: str, frame: FrameEntry) -> SourceFrame:
-    """The metric frame of a result, as it was worked with."""
-    o = frame.origin
-    origin = None if o is None else LocalFrame(o.latitude_deg, o.longitude_deg, o.altitude_m, o.datum)
-    return SourceFrame(source, origin, Similarity.from_matrix(np.array(frame.plot_from_source)))
 
 
 def _poses(capture: Capture, frame: SourceFrame, source: PoseSource, unknown: dict[PoseSource, str]) -> Poses:

@@ -13,6 +13,7 @@ from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.errors import MetadataError
 from fieldkit.evaluation.conversion import reference_report
+from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
 from fieldkit.evaluation.report_files import (
     REFERENCE_FILE,
@@ -23,10 +24,8 @@ from fieldkit.evaluation.report_files import (
 )
 from fieldkit.evaluation.schema import ReferenceReport
 from fieldkit.files import atomic_folder
-from fieldkit.geometry import Intrinsics, Pose, Similarity
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.progress import Progress
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reporting.overview import write_overview
@@ -127,17 +126,12 @@ class Reference:
     def known_plot(self) -> KnownPlot:
         """Frame, volume, ground and cameras of the reference."""
         frame = self.report.frame
-        origin = None
-        if frame.origin is not None:
-            o = frame.origin
-            origin = LocalFrame(o.latitude_deg, o.longitude_deg, o.altitude_m, o.datum)
         ground = None
         if frame.ground is not None:
             g = frame.ground
             ground = Plane(np.array(g.normal), g.offset_m, g.rms_m, g.inlier_share, g.tolerance_m)
-        motion = Similarity.from_matrix(np.array(frame.plot_from_source))
         return KnownPlot(
-            source=SourceFrame(self.report.metric_source, origin, motion),
+            source=source_frame(self.report.metric_source, frame),
             volume=Volume(self.report.volume.lower_m, self.report.volume.upper_m),
             ground=ground,
             calibrated={c.key: Intrinsics(c.model, c.width, c.height, c.params) for c in self.report.cameras},

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds import Cloud, PointIndex, read_cloud
 from fieldkit.errors import CloudError, FieldkitError
+from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.report_files import check_file
 from fieldkit.evaluation.schema import CameraEntry, EvaluationReport, ImageEntry, PlotEvaluation, ReferenceReport
 from fieldkit.files import file_beside
-from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.plan import Plan
 from fieldkit.report.parts import EvaluationPart, MissionPart, PlanPart, ReferencePart, Results
@@ -279,18 +280,17 @@ def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
     Mission heights are above home; where home's height above sea level, or the reference's datum, is not known, there
     is no way to place them.
     """
-    origin = report.frame.origin
-    if origin is None or origin.datum != "sea level":
+    frame = source_frame(report.metric_source, report.frame)
+    if frame.origin is None or frame.origin.datum != "sea level":
         return []
-    source = LocalFrame(origin.latitude_deg, origin.longitude_deg, origin.altitude_m, origin.datum)
-    motion = Similarity.from_matrix(np.array(report.frame.plot_from_source))
     layers = []
     for mission in results.missions:
         route = mission.route
         if route.home_amsl_m is None:
             continue
         home = LocalFrame(*route.home, route.home_amsl_m, "sea level")
-        way = np.asarray(motion.apply(source.to_local(*home.to_geodetic(route.way))), dtype=np.float32)
+        local = frame.origin.to_local(*home.to_geodetic(route.way))
+        way = frame.from_source.apply(local).astype(np.float32)
         if np.linalg.norm(way, axis=1).min() < _NEAR_M:
             layers.append(LineLayer(f"Way of {mission.mission_file or mission.name}", [way], _WAY, shown=False))
     return layers

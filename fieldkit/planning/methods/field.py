@@ -33,7 +33,7 @@ _REST_DOUBT = 1.0
 
 @dataclass(frozen=True)
 class FieldSettings:
-    """Settings of the method `field`; docs/benchmarks.md has what the alternatives gave.
+    """Settings of the method `field`; docs/planning.md has what the alternatives gave.
 
     Attributes:
         initial: trials before the surrogate: circles, the geometric score's optima and its favourites among structured
