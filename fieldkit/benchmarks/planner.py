@@ -303,10 +303,11 @@ def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
         rows.append(
             (
                 method, len(own), f"{np.mean([r.outcome.evaluations for r in own]):.0f}",
+                f"{np.mean([r.outcome.failed_evaluations for r in own]):.0f}",
                 spread([1000 * float(r.best_m[-1] or np.nan) for r in own], 2),
                 spread([1000 * r.value_m for r in own], 2),
                 f"{np.mean([r.value_m for r in own]) / best:.2f}",
-                spread([1000 * r.completeness_m for r in own], 2),
+                spread([1000 * r.accuracy_m for r in own], 2), spread([1000 * r.completeness_m for r in own], 2),
                 f"{np.mean([r.right for r in own]):.1f}",
                 " ".join("–" if k is None else str(k) for k in reached) or None,
                 f"{np.mean([_overhead(r) for r in own]):.1%}",
@@ -314,8 +315,8 @@ def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
             )
         )  # fmt: skip
     columns = (
-        "method", "runs>", "evaluations>", "search, mm>", "plan, mm>", "÷ best baseline>", "completeness, mm>",
-        "right>", "reaches bosfm's end at>", "overhead>", "CPU minutes>",
+        "method", "runs>", "evaluations>", "without a cloud>", "search, mm>", "plan, mm>", "÷ best baseline>",
+        "accuracy, mm>", "completeness, mm>", "right>", "reaches bosfm's end at>", "overhead>", "CPU minutes>",
     )  # fmt: skip
     return ResultTable(place, columns, tuple(rows))
 

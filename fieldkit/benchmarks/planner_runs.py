@@ -79,7 +79,7 @@ class Ran:
         views: photographs of the plan, of a recorded set by their names.
         best_m: the best so far after each evaluation of the search; None before the first that was measured.
         right: right photographs of the plan's confirmations, mean.
-        completeness_m: of the plan's confirmations, mean.
+        accuracy_m, completeness_m: of the plan's confirmations, mean.
     """
 
     method: str
@@ -89,6 +89,7 @@ class Ran:
     views: tuple[str, ...]
     best_m: tuple[float | None, ...]
     right: float
+    accuracy_m: float
     completeness_m: float
 
     @property
@@ -179,7 +180,8 @@ def _ran(settings: SearchSettings, outcome: Outcome, entries: Sequence[LogEntry]
     plan = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
     return Ran(
         settings.method, settings.seed, outcome, plan[0].trial.cameras, plan[0].views,
-        tuple(best_so_far(searched(entries))), mean_of(plan, "right"), mean_of(plan, "completeness_m"),
+        tuple(best_so_far(searched(entries))), mean_of(plan, "right"), mean_of(plan, "accuracy_m"),
+        mean_of(plan, "completeness_m"),
     )  # fmt: skip
 
 

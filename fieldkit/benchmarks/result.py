@@ -83,8 +83,8 @@ class StudyResult:
 
 
 def spread(values: Sequence[float | None], digits: int = 1) -> str:
-    """``median (least–most)``, ``median`` alone where all are alike, a dash without values."""
-    known = [value for value in values if value is not None]
+    """``median (least–most)``, ``median`` alone where all are alike, a dash without values (None, nan)."""
+    known = [value for value in values if value is not None and not np.isnan(value)]
     if not known:
         return "–"
     low, middle, high = (f"{v:.{digits}f}" for v in (min(known), float(np.median(known)), max(known)))

@@ -34,7 +34,7 @@ def ran(method: str, seed: int, best_mm: list[float | None], value_mm: float) ->
         stopped="evaluations", finalists=(finalist,),
     )  # fmt: skip
     best = tuple(None if value is None else value / 1000 for value in best_mm)
-    return Ran(method, seed, outcome, bowl_problem().sample(0), (), best, 10.0, value_mm / 2000)
+    return Ran(method, seed, outcome, bowl_problem().sample(0), (), best, 10.0, value_mm / 2000, value_mm / 2000)
 
 
 def test_methods_are_compared_with_the_best_baseline_and_with_bosfms_end() -> None:
@@ -47,14 +47,21 @@ def test_methods_are_compared_with_the_best_baseline_and_with_bosfms_end() -> No
         ran("field", 1, [9.0, 8.0, 8.0, 7.5], 4.2),
     ]
     rows = {str(row[0]): row for row in compare_table("plot", runs).rows}
-    ratio, reached, overhead, minutes = 5, 8, 9, 10
+    ratio, reached, overhead, minutes = 6, 10, 11, 12
     # Our own geometric optimum is no baseline; BOSfM's mean of 6 mm is the best of them.
     assert [rows[m][ratio] for m in ("circle", "bosfm", "matchable", "field")] == ["1.17", "1.00", "0.83", "0.75"]
+    assert rows["bosfm"][4] == "7.00 (6.00–8.00)"
     # BOSfM ended at 7 mm in the mean.
     assert rows["field"][reached] == "2 –"
     assert rows["bosfm"][reached] == "3 –"
     assert rows["field"][overhead] == "5.0%"
     assert rows["field"][minutes] == "10"
+
+
+def test_a_method_without_any_cloud_has_dashes() -> None:
+    lost = replace(ran("geometric", 0, [None], 200.0), right=0.0, accuracy_m=float("nan"), completeness_m=float("nan"))
+    (row,) = compare_table("plot", [lost]).rows
+    assert (row[4], row[5], row[7], row[8]) == ("–", "200.00", "–", "–")
 
 
 def test_carried_plans_are_compared_with_what_is_optimised_there() -> None:
