@@ -17,7 +17,8 @@ from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.benchmarks.rigs import load_rig, perturb, uniform_subset
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, Volume, icp, score
+from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, Volume, score
+from fieldkit.clouds.alignment import icp_onto_reference
 from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics, Pose
@@ -31,7 +32,6 @@ from fieldkit.scenes.simulate import CaptureNoise
 IMAGES = 10
 NOISE_M, NOISE_DEG = 0.010, 1.0
 _F_DISTANCE_M = 0.010
-_REACH_M = 0.05
 _MARGIN_M = 0.02
 OURS, THEIRS = "fieldkit", "pycolmap + SGBM"
 LENT = "pycolmap + SGBM, lent fieldkit's poses"
@@ -236,7 +236,7 @@ def _scored(
     scoring = time.process_time()
     found = score(ReferenceIndex(case.truth), cloud, [_F_DISTANCE_M])
     end = time.process_time()
-    motion, _ = icp(cloud, case.truth, max_distance_m=_REACH_M)
+    motion, _ = icp_onto_reference(cloud, case.truth)
     refined = score(case.truth, cloud.transformed(motion), [_F_DISTANCE_M])
     return Side(
         name, {**stages, "Scoring": end - scoring}, end - start, registered, right,
