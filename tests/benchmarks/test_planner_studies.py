@@ -66,13 +66,17 @@ def test_a_method_without_any_cloud_has_dashes() -> None:
 
 def test_carried_plans_are_compared_with_what_is_optimised_there() -> None:
     own = ran("field", 0, [5.0], 4.0)
-    carried = [Carried(own, 0.006, 0.003, 10.0, 0.0), Carried(replace(own, seed=1), 0.004, 0.002, 8.0, 0.02)]
+    carried = [
+        Carried(own, 0.006, 0.003, 0.003, 10.0, 0.0),
+        Carried(replace(own, seed=1), 0.004, 0.001, 0.003, 8.0, 0.02),
+    ]
     table = transfer_table("case-1", "test-case-1", carried, [ran("circle", 0, [9.0, 8.0], 10.0)])
     field, circle = table.rows
     assert field[0] == "field of case-1"
     assert field[1:3] == (2, 0)
     assert (field[4], circle[4]) == ("0.50", "1.00")
-    assert (field[6], field[7]) == ("9.0", "20")
+    assert (field[5], field[6]) == ("2.00 (1.00–3.00)", "3.00")
+    assert (field[7], field[8]) == ("9.0", "20")
     assert circle[0] == "circle, optimised here"
 
 
