@@ -122,7 +122,10 @@ def open_problem(
         clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg, separation_m=limits.separation_m,
         vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
-    problem = Problem(settings.cameras, envelope, proxy.camera, proxy.reference, proxy.obstacles.points)
+    problem = Problem(
+        settings.cameras, envelope, proxy.camera, proxy.reference, proxy.obstacles.points,
+        blind=settings.mapping != "prior",
+    )  # fmt: skip
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
     return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
 
@@ -162,7 +165,7 @@ def _recorded(
     matches = match_graph(source, features, workers=workers, progress=progress) if count_matches else None
     problem = Problem(
         settings.cameras, envelope, _without_distortion(reference), reference.cloud, reference.cloud.points, views,
-        matches,
+        matches, settings.mapping != "prior",
     )  # fmt: skip
     return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
 

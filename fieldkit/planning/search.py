@@ -33,6 +33,7 @@ class Problem:
         obstacles: (m, 3) points that hide what lies behind them, plot frame: plants and, where there are, other rows.
         views: of a recorded set, the only cameras there are; None where any camera of the envelope can be had.
         matches: (m, m) counted of each two views; None where they are not known.
+        blind: whether mapping must find the poses without commanded ones, so that sets may not register.
 
     Raises:
         UsageError: fewer than three cameras, or more than there are views, or matches of other views.
@@ -45,6 +46,7 @@ class Problem:
     obstacles: Array
     views: Cameras | None = None
     matches: Array | None = None
+    blind: bool = False
 
     def __post_init__(self) -> None:
         views = 0 if self.views is None else len(self.views)

@@ -21,6 +21,9 @@ def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monk
     assert plannable.problem.count == 4
     assert len(plannable.problem.envelope.plants) > 100
     assert plannable.problem.contains(plannable.problem.sample(0))
+    assert not plannable.problem.blind
+    blind = search_settings(scene=Path("demo"), cameras=4, mapping="incremental")
+    assert open_problem(blind, tmp_path, cache=StageCache(None), progress=Silent()).problem.blind
 
 
 def test_a_scene_that_is_no_longer_the_same_is_refused(tmp_path: Path) -> None:

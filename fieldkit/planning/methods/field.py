@@ -9,26 +9,22 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import nnls
 
 from fieldkit.planning.acquisition import log_expected_improvement
 from fieldkit.planning.cameras import Array, Cameras
-from fieldkit.planning.families import Family, circles, families
-from fieldkit.planning.geometric import GeometricScore
+from fieldkit.planning.expected import LEAST_M, TERMS, Expected, fit_slopes
+from fieldkit.planning.families import Circle, Family, circles, families
 from fieldkit.planning.methods.geometric import Effort, optimise
 from fieldkit.planning.methods.moves import near
 from fieldkit.planning.methods.uniform import MatchGraph, Uniform
+from fieldkit.planning.registration import Registration
 from fieldkit.planning.search import Problem, Result, Trial, lowest
 from fieldkit.planning.surrogates.ensemble import Ensemble, fit_ensemble
 from fieldkit.planning.surrogates.kernels import KernelSpec
 from fieldkit.planning.surrogates.sets import FEATURES, SET_KERNELS, SetEmbedding
 
 _STREAM = 44
-_LEAST_M = 1e-4
-_TERMS = 3
 _NEAR_MOVES = 1200
-_REST_DOUBT = 1.0
-"""Standard deviation of what no term of the score explains, as a share of the value."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +50,8 @@ class FieldSettings:
         centers: best sets by the surrogate that moves and optima of the fitted score start from.
         geometry: whether the geometric score is the surrogate's prior mean, and favours initial sets.
         noise: standard deviation of an evaluation, as a share of its value, that the surrogate believes in at least.
+        certainty: where mapping is blind, by how much more a set is expected to cost per e-fold that it is less likely
+            to register, as a share.
         apart: of finalists, in the distance that one camera makes which goes somewhere else (`SetEmbedding`).
         kernels: of the ensemble.
     """
@@ -73,6 +71,7 @@ class FieldSettings:
     centers: int = 2
     geometry: bool = True
     noise: float = 0.05
+    certainty: float = 0.15
     apart: float = 1.0
     kernels: tuple[KernelSpec, ...] = SET_KERNELS
 
@@ -110,6 +109,10 @@ class Field:
     posterior mean of what was tried, not the largest observation, and finalists are chosen by it. Pending trials count
     as observed at the posterior mean.
 
+    Where mapping is blind most sets do not register, and what they cost says nothing of the plants. The surrogate knows
+    those only whose photographs all registered; how likely that is (`Registration`) multiplies improvements and makes
+    the score's optima dearer.
+
     Attributes:
         problem: what is looked for.
         settings: choices.
@@ -125,8 +128,8 @@ class Field:
         return "field"
 
     @cached_property
-    def _score(self) -> GeometricScore:
-        return GeometricScore(self.problem)
+    def _expected(self) -> Expected:
+        return Expected(self.problem, self.settings.certainty)
 
     @cached_property
     def _embedding(self) -> SetEmbedding:
@@ -136,11 +139,17 @@ class Field:
     def _families(self) -> tuple[Family, ...]:
         return families(self.problem)
 
+    @cached_property
+    def _circles(self) -> tuple[Circle, ...]:
+        return circles(self.problem, altitudes=3, radii=2, inner=True)
+
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         known = {r.trial.cameras for r in results} | {t.cameras for t in pending}
-        measured = [result for result in results if result.measured]
+        measured = self._usable(results, number)
+        aware = self.problem.blind and self.settings.geometry
+        registration = self._expected.registration(results) if aware else None
         if number < self.settings.initial or len(measured) < 3:
-            start = self._start(number, known)
+            start = self._start(number, known, registration)
             return None if start is None else Trial(number, start.cameras, start.origin, start.notes)
         rng = np.random.default_rng([self.seed, _STREAM, number])
         learnt = self.learn(measured)
@@ -154,7 +163,9 @@ class Field:
         if not local and number % self.settings.fitted == 0 and self.problem.views is None and self.settings.geometry:
             afresh = number % self.settings.anywhere == 0
             near_to = [] if afresh else [trial.cameras for trial in best]
-            candidates = [self._optimum(learnt.slopes, "optimum of the fitted score", rng, near_to)]
+            candidates = [
+                self._optimum(learnt.slopes, "optimum of the fitted score", rng, near_to, registration=registration)
+            ]
             local = candidates[0].cameras in known  # the best set is the optimum: what is around it?
         elif not local:
             candidates = self._structured(order, rng)
@@ -171,17 +182,34 @@ class Field:
         if local:
             notes["step_m"] = size
         if not candidates:  # a small recorded set is soon exhausted
-            start = self._start(number, known)
+            start = self._start(number, known, registration)
             return None if start is None else Trial(number, start.cameras, start.origin, notes)
         values = log_expected_improvement(
             *model.posterior(self.inputs([c.cameras for c in candidates])), float(mean.max())
         )
+        if registration is not None:
+            whole = self._expected.whole([c.cameras for c in candidates], registration)
+            values = values + np.log(whole)
+            notes["whole"] = float(whole[int(np.argmax(values))])
         chosen = candidates[int(np.argmax(values))]
         return Trial(number, chosen.cameras, chosen.origin, notes | chosen.notes)
 
+    def _usable(self, results: Sequence[Result], number: int) -> list[Result]:
+        """What the surrogate learns from: what was measured; where mapping is blind, of sets that registered whole.
+
+        Where after the structured trials fewer than three have, those that registered best.
+        """
+        measured = [result for result in results if result.measured]
+        if not self.problem.blind or len(measured) < 3:
+            return measured
+        right = self.problem.count
+        if number >= self.settings.structured:
+            right = min(right, max(1, sorted(result.right for result in measured)[-3]))
+        return [result for result in measured if result.right >= right]
+
     def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
         """See `Judge.favourites`: those of the largest posterior means, none of them near a better one."""
-        measured = [result for result in results if result.measured]
+        measured = self._usable(results, len(results))
         if len(measured) < 3:
             return lowest(results, count)
         learnt = self.learn(measured)
@@ -199,12 +227,14 @@ class Field:
     def learn(self, measured: Sequence[Result]) -> Learnt:
         """The surrogate of y = −ln(value) after measured results, at least three."""
         trials = [result.trial for result in measured]
-        y = -np.log(np.maximum([result.value_m for result in measured], _LEAST_M))
+        y = -np.log(np.maximum([result.value_m for result in measured], LEAST_M))
         x = self.inputs([trial.cameras for trial in trials])
-        slopes, rest_m = _slopes(x, y, self.settings)
+        slopes, rest_m = fit_slopes(
+            x[:, FEATURES:], y, self.settings.slopes, doubt=self.settings.doubt, noise=self.settings.noise
+        )
         ensemble = fit_ensemble(
             x, y, self.settings.kernels,
-            prior_mean=lambda z: -np.log(np.maximum(np.exp(-z[:, FEATURES:]) @ slopes + rest_m, _LEAST_M)),
+            prior_mean=lambda z: -np.log(np.maximum(np.exp(-z[:, FEATURES:]) @ slopes + rest_m, LEAST_M)),
             least_noise=self.settings.noise,
         )  # fmt: skip
         return Learnt(trials, x, ensemble, slopes, rest_m, ensemble.posterior(x)[0])
@@ -212,41 +242,31 @@ class Field:
     def inputs(self, sets: Sequence[Cameras]) -> Array:
         """(n, FEATURES + 3): the embedding and minus the logarithms of the geometric score's terms."""
         embedded = self._embedding(sets)
-        terms = np.zeros((len(sets), _TERMS))
+        terms = np.zeros((len(sets), TERMS))
         if self.settings.geometry:
-            terms[:] = [self._terms(cameras) for cameras in sets]
+            terms[:] = [self._expected.terms(cameras) for cameras in sets]
         return np.hstack([embedded, terms])
 
-    def _terms(self, cameras: Cameras) -> Array:
-        if cameras not in self._known_terms:
-            self._known_terms[cameras] = -np.log(np.maximum(self._measured(cameras), _LEAST_M))
-        return self._known_terms[cameras]
-
-    def _measured(self, cameras: Cameras) -> Array:
-        found = self._score.score(cameras)
-        return np.array([found.gap_m, found.noise_m, found.tie_m])
-
-    def _expected_m(self, cameras: Cameras, slopes: ArrayLike) -> float:
-        return float(np.dot(self._measured(cameras), slopes))
-
-    @cached_property
-    def _known_terms(self) -> dict[Cameras, Array]:
-        return {}
-
-    def _start(self, number: int, known: set[Cameras]) -> _Candidate | None:
+    def _start(self, number: int, known: set[Cameras], registration: Registration | None) -> _Candidate | None:
         """What is known to be good, in turn, then the best of random structured sets by the geometric score.
 
         On a plot: circles, and optima of the geometric score. Of a recorded set: uniform subsets and greedy choices by
         matches, for the score has poor optima where all views stand on rings. Random sets where all these are known.
         """
         rng = np.random.default_rng([self.seed, _STREAM, number, 1])
-        found = self._plain(number // 2, rng, even=number % 2 == 0)
+        if self.problem.views is None:
+            found = self._plain(number, rng, registration)
+        else:
+            made = (MatchGraph if number % 2 else Uniform)(self.problem).propose(number // 2, (), ())
+            found = None if made is None else _Candidate(made.cameras, made.origin, {})
         if found is not None and found.cameras not in known:
             return found
         drawn = [self._drawn(self._families[number % len(self._families)], rng) for _ in range(self.settings.pool)]
+        if registration is not None:
+            drawn += [self._circle(circle) for circle in self._circles]
         drawn = [each for each in drawn if each.cameras not in known]
         if drawn and self.settings.geometry:
-            return min(drawn, key=lambda each: self._expected_m(each.cameras, self.settings.slopes))
+            return min(drawn, key=lambda each: self._expected.value_m(each.cameras, self.settings.slopes, registration))
         if drawn:
             return drawn[0]
         for attempt in range(100):
@@ -255,27 +275,30 @@ class Field:
                 return _Candidate(cameras, "random", {})
         return None
 
-    def _plain(self, turn: int, rng: np.random.Generator, *, even: bool) -> _Candidate | None:
-        """The ``turn``-th of one of the two kinds that `_start` names first, while there are any."""
-        if self.problem.views is not None:
-            made = (Uniform if even else MatchGraph)(self.problem).propose(turn, (), ())
-            return None if made is None else _Candidate(made.cameras, made.origin, {})
-        plain = circles(self.problem, altitudes=3, radii=2, inner=True)
-        if even and turn < len(plain):
-            circle = plain[turn]
-            origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
-            return _Candidate(self.problem.nearest(circle.cameras(self.problem)), origin, {})
-        if not even and turn < self.settings.optima and self.settings.geometry:
-            return self._optimum(self.settings.slopes, "optimum of the geometric score", rng)
+    def _plain(self, number: int, rng: np.random.Generator, registration: Registration | None) -> _Candidate | None:
+        """Of a plot: circles and optima of the geometric score by turns, while there are any.
+
+        Where mapping is blind circles must compete with structured sets, and the optimum is looked for anew.
+        """
+        turn, blind = number // 2, registration is not None
+        if number % 2 == 0:
+            return self._circle(self._circles[turn]) if not blind and turn < len(self._circles) else None
+        if self.settings.geometry and (turn < self.settings.optima or (blind and number >= self.settings.initial)):
+            return self._optimum(self.settings.slopes, "optimum of the geometric score", rng, registration=registration)
         return None
 
+    def _circle(self, circle: Circle) -> _Candidate:
+        origin = f"circle {circle.radius_m:.2f} m at {circle.altitude_m:.2f} m"
+        return _Candidate(self.problem.nearest(circle.cameras(self.problem)), origin, {})
+
     def _optimum(
-        self, slopes: ArrayLike, origin: str, rng: np.random.Generator, best: Sequence[Cameras] = ()
-    ) -> _Candidate:
+        self, slopes: ArrayLike, origin: str, rng: np.random.Generator, best: Sequence[Cameras] = (),
+        *, registration: Registration | None,
+    ) -> _Candidate:  # fmt: skip
         """The largest prior mean, looked for about the best sets, else anywhere: the score taken at its word."""
 
         def cost(cameras: Cameras) -> float:
-            return self._expected_m(cameras, slopes)
+            return self._expected.value_m(cameras, slopes, registration)
 
         effort = Effort(moves=_NEAR_MOVES) if best else Effort()
         cameras = optimise(self.problem, cost, int(rng.integers(2**31)), effort, best)
@@ -331,26 +354,3 @@ class Field:
             if size < least:
                 size = first
         return size
-
-
-def _slopes(x: Array, y: Array, settings: FieldSettings) -> tuple[Array, float]:
-    """(3,) what the geometric score's terms add to the value and metres that none explains, none of them below 0.
-
-    Least squares of relative errors, pulled to ``settings.slopes``, scaled to the values, and to no rest: how far
-    depends on an evaluation's noise and on how much plots differ (``settings.doubt``).
-
-    Args:
-        x: (t, FEATURES + 3) inputs.
-        y: (t,) −ln(value).
-        settings: see there.
-    """
-    terms, slopes = np.exp(-x[:, FEATURES:]), np.array(settings.slopes)
-    expected = terms @ slopes
-    scale = np.exp(-(y + np.log(expected)).mean())
-    columns = scale * np.column_stack([terms, np.full(len(y), expected.mean())])
-    pull = settings.noise / np.array([settings.doubt] * _TERMS + [_REST_DOUBT])
-    found = nnls(
-        np.vstack([columns * np.exp(y)[:, None], np.diag(pull)]),
-        np.concatenate([np.ones(len(y)), pull * np.append(slopes, 0.0)]),
-    )[0]
-    return scale * found[:_TERMS], float(scale * found[_TERMS] * expected.mean())

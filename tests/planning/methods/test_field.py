@@ -16,6 +16,7 @@ from fieldkit.planning.methods.moves import looked_at, near
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
 from fieldkit.planning.methods.uniform import MatchGraph, Uniform
+from fieldkit.planning.registration import connectivity
 from fieldkit.planning.search import Judge, Method, Problem, Result, Trial
 from fieldkit.planning.surrogates.sets import SetEmbedding
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
@@ -242,3 +243,44 @@ def test_every_method_has_its_own_name(name: str) -> None:
     problem = bowl_problem(4, views=12 if name in ("uniform", "match-graph") else 0)
     method = make_method(problem, bowl_settings(method=name))
     assert method.name == name
+
+
+def blind_results(method: Field, problem: Problem, count: int, least: float) -> list[Result]:
+    """Of sets that register where their connectivity is at least so many matches."""
+    score = GeometricScore(problem)
+    results: list[Result] = []
+    for number in range(count):
+        trial = method.propose(number, results, [])
+        assert trial is not None
+        found = score.score(trial.cameras)
+        whole = connectivity(found.matches) >= least
+        results.append(Result(trial, found.distance_m if whole else 0.2, True, problem.count if whole else 0))
+    return results
+
+
+def test_where_mapping_is_blind_sets_are_connected_better_until_they_register() -> None:
+    problem = replace(bowl_problem(5), blind=True)
+    whole = [r.right == problem.count for r in blind_results(Field(problem, QUICK), problem, 18, 100.0)]
+    assert not whole[0]
+    assert sum(whole[8:]) >= 6
+    never = blind_results(Field(problem, QUICK), problem, 12, np.inf)
+    score = GeometricScore(problem)
+    connected = [connectivity(score.score(result.trial.cameras).matches) for result in never]
+    assert max(connected[8:]) > 2.0 * max(connected[:4])
+
+
+def test_where_mapping_is_blind_the_surrogate_knows_what_registered() -> None:
+    problem = replace(bowl_problem(4), blind=True)
+    method = Field(problem, QUICK)
+    trials = [Trial(k, problem.sample(k), "given") for k in range(8)]
+    results = [Result(t, 0.004 + 0.001 * t.number, True, 4) for t in trials[:4]]
+    results += [Result(t, 0.2, True, 0) for t in trials[4:]]
+    assert {t.number for t in method.favourites(results, 8)} == {0, 1, 2, 3}
+
+
+def test_where_nothing_registers_whole_the_best_registered_count() -> None:
+    problem = replace(bowl_problem(4), blind=True)
+    method = Field(problem, QUICK)
+    trials = [Trial(k, problem.sample(k), "given") for k in range(12)]
+    results = [Result(t, 0.008 if t.number < 4 else 0.2, True, 3 if t.number < 4 else 0) for t in trials]
+    assert {t.number for t in method.favourites(results, 12)} == {0, 1, 2, 3}

@@ -1,0 +1,103 @@
+"""What the geometric score leads to expect of a set: a weighted sum of its terms, and whether it registers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import nnls
+
+from fieldkit.planning.cameras import Array, Cameras
+from fieldkit.planning.geometric import GeometricScore
+from fieldkit.planning.registration import Registration, connectivity
+from fieldkit.planning.search import Problem, Result
+
+TERMS = 3
+"""Gap, noise and tie."""
+LEAST_M = 1e-4
+"""Of a value and of a term, so that they have logarithms."""
+_REST_DOUBT = 1.0
+"""Standard deviation of what no term of the score explains, as a share of the value."""
+
+
+class _Known(NamedTuple):
+    """What the score says of a set: its terms (3,) in metres and, where mapping is blind, its views' connectivity."""
+
+    terms_m: Array
+    connectivity: float
+
+
+class Expected:
+    """Expects values of sets about one plot; terms and connectivity of a set that was asked for are kept.
+
+    Args:
+        problem: what is planned.
+        certainty: by how much more a set is expected to cost per e-fold that it is less likely to register, as a share.
+    """
+
+    def __init__(self, problem: Problem, certainty: float) -> None:
+        self._problem, self._certainty = problem, certainty
+        self._score = GeometricScore(problem)
+        self._sets: dict[Cameras, _Known] = {}
+
+    def terms(self, cameras: Cameras) -> Array:
+        """(3,) −ln of the score's terms gap, noise and tie in metres."""
+        found: Array = -np.log(np.maximum(self._known(cameras).terms_m, LEAST_M))
+        return found
+
+    def value_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
+        """The terms times ``slopes`` (3,), the dearer the less likely the set is to register; nothing is kept."""
+        found = self._scored(cameras)
+        expected = float(np.dot(found.terms_m, slopes))
+        if registration is None:
+            return expected
+        return float(expected * float(registration.probability(found.connectivity)) ** -self._certainty)
+
+    def registration(self, results: Sequence[Result]) -> Registration:
+        """What results say about registering whole."""
+        measured = [result for result in results if result.measured]
+        connected = [self._known(result.trial.cameras).connectivity for result in measured]
+        return Registration.learn(connected, [result.right == self._problem.count for result in measured])
+
+    def whole(self, sets: Sequence[Cameras], registration: Registration) -> Array:
+        """(n,) probabilities that sets register whole."""
+        return registration.probability([self._known(cameras).connectivity for cameras in sets])
+
+    def _known(self, cameras: Cameras) -> _Known:
+        if cameras not in self._sets:
+            self._sets[cameras] = self._scored(cameras)
+        return self._sets[cameras]
+
+    def _scored(self, cameras: Cameras) -> _Known:
+        found = self._score.score(cameras)
+        connected = connectivity(found.matches) if self._problem.blind else np.inf
+        return _Known(np.array([found.gap_m, found.noise_m, found.tie_m]), connected)
+
+
+def fit_slopes(
+    terms: Array, y: Array, slopes: Sequence[float], *, doubt: float, noise: float
+) -> tuple[Array, float]:  # fmt: skip
+    """(3,) what the geometric score's terms add to the value and metres that none explains, none of them below 0.
+
+    Least squares of relative errors, pulled to ``slopes``, scaled to the values, and to no rest: how far depends on an
+    evaluation's noise and on how much plots differ.
+
+    Args:
+        terms: (t, 3) −ln of the terms in metres.
+        y: (t,) −ln(value).
+        slopes: before there are results.
+        doubt: standard deviation of each of these, of plots whose values are as large as the score expects.
+        noise: of an evaluation, as a share of its value.
+    """
+    terms_m, prior = np.exp(-terms), np.array(slopes)
+    expected = terms_m @ prior
+    scale = np.exp(-(y + np.log(expected)).mean())
+    columns = scale * np.column_stack([terms_m, np.full(len(y), expected.mean())])
+    pull = noise / np.array([doubt] * TERMS + [_REST_DOUBT])
+    found = nnls(
+        np.vstack([columns * np.exp(y)[:, None], np.diag(pull)]),
+        np.concatenate([np.ones(len(y)), pull * np.append(prior, 0.0)]),
+    )[0]
+    return scale * found[:TERMS], float(scale * found[TERMS] * expected.mean())
