@@ -234,10 +234,11 @@ def _scored(
     case: Case, name: str, cloud: Cloud, stages: dict[str, float], start: float, registered: int, right: int
 ) -> Side:
     scoring = time.process_time()
-    found = score(ReferenceIndex(case.truth), cloud, [_F_DISTANCE_M])
+    truth = ReferenceIndex(case.truth)
+    found = score(truth, cloud, [_F_DISTANCE_M])
     end = time.process_time()
     motion, _ = icp_onto_reference(cloud, case.truth)
-    refined = score(case.truth, cloud.transformed(motion), [_F_DISTANCE_M])
+    refined = score(truth, cloud.transformed(motion), [_F_DISTANCE_M])
     return Side(
         name, {**stages, "Scoring": end - scoring}, end - start, registered, right,
         **_figures(found, ""), **_figures(refined, "refined_"),

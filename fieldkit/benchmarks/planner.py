@@ -14,7 +14,7 @@ import numpy as np
 from fieldkit.benchmarks.captures import rig_capture
 from fieldkit.benchmarks.objective import NO_DATA
 from fieldkit.benchmarks.planner_rest import value_against_rest
-from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all, run_name
+from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, figures, run_all, run_name
 from fieldkit.benchmarks.planner_transfer import carry, transfer_table
 from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.benchmarks.rigs import load_rig
@@ -305,10 +305,7 @@ def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
                 method, len(own), f"{np.mean([r.outcome.evaluations for r in own]):.0f}",
                 f"{np.mean([r.outcome.failed_evaluations for r in own]):.0f}",
                 spread([1000 * float(r.best_m[-1] or np.nan) for r in own], 2),
-                spread([1000 * r.value_m for r in own], 2),
-                f"{np.mean([r.value_m for r in own]) / best:.2f}",
-                spread([1000 * r.accuracy_m for r in own], 2), spread([1000 * r.completeness_m for r in own], 2),
-                f"{np.mean([r.right for r in own]):.1f}",
+                *figures(own, best),
                 " ".join("–" if k is None else str(k) for k in reached) or None,
                 f"{np.mean([_overhead(r) for r in own]):.1%}",
                 f"{np.mean([_cpu_s(r) for r in own]) / 60:.0f}",

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
+
+import numpy as np
 
 from fieldkit import __version__
+from fieldkit.benchmarks.result import Cell, spread
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.missions.plan import PlanSource
@@ -96,6 +99,33 @@ class Ran:
     def value_m(self) -> float:
         """The plan's, by confirmations at fresh seeds."""
         return self.outcome.chamfer_m
+
+
+class Confirmed(Protocol):
+    """What confirmations say of a plan: `Ran`, and plans carried to another plot."""
+
+    @property
+    def value_m(self) -> float: ...
+
+    @property
+    def accuracy_m(self) -> float: ...
+
+    @property
+    def completeness_m(self) -> float: ...
+
+    @property
+    def right(self) -> float: ...
+
+
+def figures(plans: Sequence[Confirmed], best_m: float) -> tuple[Cell, ...]:
+    """Of one method's plans: value, ÷ ``best_m``, accuracy, completeness, right photographs; lengths in mm."""
+    return (
+        spread([1000 * plan.value_m for plan in plans], 2),
+        f"{np.mean([plan.value_m for plan in plans]) / best_m:.2f}",
+        spread([1000 * plan.accuracy_m for plan in plans], 2),
+        spread([1000 * plan.completeness_m for plan in plans], 2),
+        f"{np.mean([plan.right for plan in plans]):.1f}",
+    )
 
 
 def run_name(place: Place, cameras: int, mapping: Mapping, fidelity: FidelityName, method: str, seed: int) -> str:

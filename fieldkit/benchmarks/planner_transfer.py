@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.benchmarks.planner_runs import Place, Ran, mean_of
-from fieldkit.benchmarks.result import Cell, ResultTable, spread
+from fieldkit.benchmarks.planner_runs import Place, Ran, figures, mean_of
+from fieldkit.benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping
@@ -94,26 +94,11 @@ def transfer_table(origin: str, place: str, carried: Sequence[Carried], optimise
     rows: list[tuple[Cell, ...]] = []
     for method in dict.fromkeys(each.ran.method for each in carried):
         own = [each for each in carried if each.ran.method == method]
-        values = [each.value_m for each in own]
-        rows.append(
-            (
-                f"{method} of {origin}", len(own), 0, spread([1000 * v for v in values], 2),
-                f"{np.mean(values) / best:.2f}", spread([1000 * each.accuracy_m for each in own], 2),
-                spread([1000 * each.completeness_m for each in own], 2), f"{np.mean([each.right for each in own]):.1f}",
-                f"{1000 * max(each.moved_m for each in own):.0f}",
-            )
-        )  # fmt: skip
+        moved_mm = f"{1000 * max(each.moved_m for each in own):.0f}"
+        rows.append((f"{method} of {origin}", len(own), 0, *figures(own, best), moved_mm))
     for runs in _by_method(optimised):
-        values = [run.value_m for run in runs]
-        rows.append(
-            (
-                f"{runs[0].method}, optimised here", len(runs),
-                f"{np.mean([run.outcome.evaluations for run in runs]):.0f}", spread([1000 * v for v in values], 2),
-                f"{np.mean(values) / best:.2f}", spread([1000 * run.accuracy_m for run in runs], 2),
-                spread([1000 * run.completeness_m for run in runs], 2), f"{np.mean([run.right for run in runs]):.1f}",
-                None,
-            )
-        )  # fmt: skip
+        evaluations = f"{np.mean([run.outcome.evaluations for run in runs]):.0f}"
+        rows.append((f"{runs[0].method}, optimised here", len(runs), evaluations, *figures(runs, best), None))
     columns = (
         "plan", "plans>", "evaluations here>", "chamfer distance, mm>", "÷ best optimised here>", "accuracy, mm>",
         "completeness, mm>", "right>", "moved at most, mm>",

@@ -11,7 +11,8 @@ from scipy.optimize import nnls
 
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.geometric import GeometricScore
-from fieldkit.planning.registration import Registration, connectivity
+from fieldkit.planning.matchability import connectivity
+from fieldkit.planning.registration import Registration
 from fieldkit.planning.search import Problem, Result
 
 TERMS = 3
@@ -76,9 +77,7 @@ class Expected:
         return _Known(np.array([found.gap_m, found.noise_m, found.tie_m]), connected)
 
 
-def fit_slopes(
-    terms: Array, y: Array, slopes: Sequence[float], *, doubt: float, noise: float
-) -> tuple[Array, float]:  # fmt: skip
+def fit_slopes(terms: Array, y: Array, slopes: Sequence[float], *, doubt: float, noise: float) -> tuple[Array, float]:
     """(3,) what the geometric score's terms add to the value and metres that none explains, none of them below 0.
 
     Least squares of relative errors, pulled to ``slopes``, scaled to the values, and to no rest: how far depends on an

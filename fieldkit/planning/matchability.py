@@ -88,8 +88,27 @@ def looseness_m(matches: Array, *, prior_m: float = PRIOR_M, match_m: float = MA
     """
     count = len(matches)
     weight = matches / match_m**2
-    precision = np.diag(weight.sum(axis=1) + prior_m**-2) - weight
+    precision = _laplacian(weight) + prior_m**-2 * np.eye(count)
     middle = np.eye(count) - 1.0 / count
     covariance = middle @ np.linalg.inv(precision) @ middle
     loose: Array = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     return loose
+
+
+def connectivity(matches: Array) -> float:
+    """Algebraic connectivity of a view graph: the second smallest eigenvalue of its Laplacian, in matches.
+
+    It is small where any two groups of views have few matches between them, whichever groups these are, and 0 where
+    they have none (Fiedler, "Algebraic connectivity of graphs", 1973). A view that hangs on by a single strong pair is
+    connected less well than one with several: incremental mapping needs points that two views have triangulated.
+
+    Args:
+        matches: (n, n) symmetric, of pairs of at least two views.
+    """
+    return max(0.0, float(np.linalg.eigvalsh(_laplacian(matches))[1]))
+
+
+def _laplacian(weights: Array) -> Array:
+    """(n, n) of a graph with symmetric weights (n, n), 0 on the diagonal."""
+    found: Array = np.diag(weights.sum(axis=1)) - weights
+    return found

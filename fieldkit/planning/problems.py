@@ -124,7 +124,7 @@ def open_problem(
     )  # fmt: skip
     problem = Problem(
         settings.cameras, envelope, proxy.camera, proxy.reference, proxy.obstacles.points,
-        blind=settings.mapping != "prior",
+        blind=settings.blind,
     )  # fmt: skip
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
     return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
@@ -165,7 +165,7 @@ def _recorded(
     matches = match_graph(source, features, workers=workers, progress=progress) if count_matches else None
     problem = Problem(
         settings.cameras, envelope, _without_distortion(reference), reference.cloud, reference.cloud.points, views,
-        matches, settings.mapping != "prior",
+        matches, settings.blind,
     )  # fmt: skip
     return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
 

@@ -18,20 +18,6 @@ _WIDTHS = np.array([0.2, 0.3, 0.45])
 _LEAST = 1e-6
 
 
-def connectivity(matches: Array) -> float:
-    """Algebraic connectivity of a view graph: the second smallest eigenvalue of its Laplacian, in matches.
-
-    It is small where any two groups of views have few matches between them, whichever groups these are, and 0 where
-    they have none (Fiedler, "Algebraic connectivity of graphs", 1973). A view that hangs on by a single strong pair is
-    connected less well than one with several: incremental mapping needs points that two views have triangulated.
-
-    Args:
-        matches: (n, n) symmetric, of pairs of at least two views.
-    """
-    laplacian = np.diag(matches.sum(axis=1)) - matches
-    return max(0.0, float(np.linalg.eigvalsh(laplacian)[1]))
-
-
 @dataclass(frozen=True, eq=False)
 class Registration:
     """What is known of the connectivity that mapping asks for: P(whole | c) = 1 / (1 + (c₀ / c)^(1/w)).
@@ -55,7 +41,7 @@ class Registration:
         """After sets of these connectivities (t,), some of which registered whole (t,); t may be 0."""
         standard, widths = (grid.ravel() for grid in np.meshgrid(_THRESHOLDS, _WIDTHS, indexing="ij"))
         thresholds = np.log(THRESHOLD) + _DOUBT * standard
-        places = np.log(np.maximum(np.asarray(connectivities, dtype=np.float64), _LEAST))
+        places = _logarithms(connectivities)
         sign = np.where(np.asarray(whole, dtype=bool), 1.0, -1.0)
         margins = sign[:, None] * (places[:, None] - thresholds) / widths
         log_weights = -0.5 * standard**2 - np.logaddexp(0.0, -margins).sum(axis=0)
@@ -64,7 +50,12 @@ class Registration:
 
     def probability(self, connectivities: ArrayLike) -> Array:
         """That sets of these connectivities register whole, of their shape; above 0."""
-        places = np.log(np.maximum(np.asarray(connectivities, dtype=np.float64), _LEAST))
+        places = _logarithms(connectivities)
         odds = np.exp(np.minimum((self.thresholds - places[..., None]) / self.widths, 500.0))
         found: Array = (self.weights / (1.0 + odds)).sum(axis=-1)
         return found
+
+
+def _logarithms(connectivities: ArrayLike) -> Array:
+    found: Array = np.log(np.maximum(np.asarray(connectivities, dtype=np.float64), _LEAST))
+    return found

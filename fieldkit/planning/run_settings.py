@@ -127,6 +127,11 @@ class SearchSettings(Strict):
     envelope: EnvelopeSettings = EnvelopeSettings()
     noise: NoiseSettings = NoiseSettings()
 
+    @property
+    def blind(self) -> bool:
+        """Whether mapping must do without the commanded poses."""
+        return self.mapping != "prior"
+
 
 def lag_for(workers: int, *, deterministic: bool) -> int:
     """How far proposals run ahead of results.

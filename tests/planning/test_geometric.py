@@ -1,4 +1,4 @@
-"""The geometric score against a slow one, visibility against a wall, and how both terms behave."""
+"""The geometric score against a slow one, visibility against a wall, and how its terms behave."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import itertools
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.planning.cameras import Cameras
@@ -14,9 +13,6 @@ from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.geometric import GeometricScore, ScoreSettings
 from fieldkit.planning.matchability import (
     Matchability,
-    expected_matches,
-    looseness_m,
-    view_angles_deg,
 )
 from fieldkit.planning.search import Problem
 from fieldkit.planning.visibility import PerCamera, Surface, in_picture, look
@@ -157,41 +153,6 @@ def test_two_clumps_are_loose_though_their_views_are_close() -> None:
     assert SCORE.score(clumps).tie_m > 3 * SCORE.score(arc).tie_m
     loose = SCORE.score(clumps).loose_m
     assert loose.min() > 0.001  # all of them, for a group moves as one
-
-
-def test_looseness_of_two_cameras_is_known() -> None:
-    # Against their mean: half the difference, whose variance is that of two priors and a spring side by side.
-    n, prior, match = 25.0, 0.01, 0.02
-    difference = 1.0 / (1.0 / (2 * prior**2) + n / match**2)
-    found = looseness_m(np.array([[0, n], [n, 0]]), prior_m=prior, match_m=match)
-    np.testing.assert_allclose(found, 0.5 * np.sqrt(difference))
-    free = looseness_m(np.zeros((4, 4)), prior_m=0.01)
-    np.testing.assert_allclose(free, 0.01 * np.sqrt(3 / 4))
-
-
-def test_matches_fall_with_angle_overlap_and_scale() -> None:
-    pictured = np.ones((3, 20), dtype=bool)
-    cameras = around(np.array([0.0, 10.0, 30.0]))
-    found = expected_matches(cameras.positions, PROBLEM.center, pictured, Matchability())
-    angles = view_angles_deg(cameras.positions, PROBLEM.center)
-    np.testing.assert_allclose(found[0, 1], Matchability().expected(angles[0, 1]), rtol=1e-3)  # as far away but for mm
-    assert found[0, 1] > found[1, 2] > found[0, 2] > 0
-    np.testing.assert_array_equal(found, found.T)
-    pictured[1, :10] = False
-    half = expected_matches(cameras.positions, PROBLEM.center, pictured, Matchability())
-    assert half[0, 1] == pytest.approx(0.5 * found[0, 1])
-    far = np.array(cameras.positions)
-    far[1] = PROBLEM.center + 2 * (far[1] - PROBLEM.center)
-    assert expected_matches(far, PROBLEM.center, np.ones((3, 20), bool), Matchability())[0, 1] < 0.2 * found[0, 1]
-
-
-def test_the_decay_is_fitted() -> None:
-    angles, medians = np.array([6, 12, 18, 27, 36, 48]), np.array([309, 204, 104, 40, 16, 9])
-    chosen = Matchability()
-    found = least_squares(
-        lambda x: np.log1p(x[0] * np.exp(-angles / x[1]) + x[2]) - np.log1p(medians), (500.0, 10.0, 1.0)
-    ).x
-    np.testing.assert_allclose(found, (chosen.matches, chosen.decay_deg, 5.1), rtol=0.01)
 
 
 def test_kept_views_change_nothing() -> None:

@@ -11,12 +11,12 @@ import pytest
 
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.geometric import GeometricScore
+from fieldkit.planning.matchability import connectivity
 from fieldkit.planning.methods.field import Field, FieldSettings
 from fieldkit.planning.methods.moves import looked_at, near
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
 from fieldkit.planning.methods.uniform import MatchGraph, Uniform
-from fieldkit.planning.registration import connectivity
 from fieldkit.planning.search import Judge, Method, Problem, Result, Trial
 from fieldkit.planning.surrogates.sets import SetEmbedding
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
