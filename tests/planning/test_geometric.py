@@ -11,9 +11,7 @@ from fieldkit.clouds import Cloud, Volume
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.geometric import GeometricScore, ScoreSettings
-from fieldkit.planning.matchability import (
-    Matchability,
-)
+from fieldkit.planning.matchability import Matchability
 from fieldkit.planning.search import Problem
 from fieldkit.planning.visibility import PerCamera, Surface, in_picture, look
 from tests.planning.leafy import CAMERA, around, leaves, problem
