@@ -9,10 +9,9 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from fieldkit.reporting.objective_plots import COLORS
 from fieldkit.reporting.overview import save_figure
 from fieldkit.reporting.panels import DPI, FAINT, INK, PAPER, drawable
-
-_COLORS = ("#1f5fa8", "#c0262d", "#3f7d20", "#d98300", "#7a6fb0", "#5b5b5b")
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ def draw_cost_plot(costs: Sequence[Cost], *, memory_limit_bytes: int | None = No
     figure = Figure(figsize=(10.0, 4.0), dpi=DPI, facecolor=PAPER, layout="constrained")
     left, right = figure.subplots(1, 2)
     names = list(dict.fromkeys(cost.name for cost in costs))
-    for name, color in zip(names, _COLORS * len(names), strict=False):
+    for name, color in zip(names, COLORS * len(names), strict=False):
         runs = sorted((cost for cost in costs if cost.name == name), key=lambda cost: cost.images)
         images = [run.images for run in runs]
         left.plot(images, [run.cpu_s for run in runs], "o-", color=color, markersize=4, label=drawable(name))

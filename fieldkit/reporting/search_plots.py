@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
@@ -56,30 +56,33 @@ def draw_search(
 
 
 def draw_regret(panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None]]]]) -> Figure:
-    """Best so far (simple regret) against evaluations: a panel per place, a curve per method.
+    """Best so far (simple regret) against evaluations, logarithmic: a panel per place, a curve per method.
 
     Args:
-        panels: by place and method, a curve per seed in metres; several are drawn as their mean and their range.
+        panels: by place and method, a curve per seed in metres; several are drawn as their median and their range.
     """
     figure, row = panel_row(len(panels), width_in=5.2)
     for axes, (place, methods) in zip(row, panels.items(), strict=True):
-        highest = 0.0
         for (method, curves), color in zip(methods.items(), COLORS * len(methods), strict=False):
             length = min(len(curve) for curve in curves)
             lines = np.array([_millimetres(curve[:length]) for curve in curves])
-            trials, mean = np.arange(1, length + 1), np.nanmean(lines, axis=0)
-            dashes = "-" if method in ("bosfm", "field") else (0, (3, 2))
+            ours = method in ("bosfm", "field")
+            trials = np.arange(1, length + 1)
             axes.step(
-                trials, mean, where="post", color=color, linewidth=1.4, linestyle=dashes, label=method,
-                marker="o" if length == 1 else "", markersize=4,
+                trials, np.nanmedian(lines, axis=0), where="post", color=color, linewidth=1.8 if ours else 1.4,
+                linestyle="-" if ours else (0, (3, 2)), label=method, marker="o" if length == 1 else "", markersize=4,
             )  # fmt: skip
             if len(curves) > 1:
                 axes.fill_between(
                     trials, np.nanmin(lines, axis=0), np.nanmax(lines, axis=0), step="post", color=color, alpha=0.15,
                     linewidth=0,
                 )  # fmt: skip
-            highest = max(highest, float(mean[min(length - 1, 4)]))
-        axes.set_ylim(0.0, 1.15 * highest)
+        # Sets without a cloud count a hundred times what good ones do.
+        axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0) if high > 10.0 * low else range(1, 10)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_locator(NullLocator())
         dress(axes, "evaluation", "best so far, mm")
         axes.set_title(drawable(place), size=10, color=INK, loc="left")
         axes.legend(fontsize=7, frameon=False, labelcolor=INK, ncols=2)

@@ -30,3 +30,14 @@ def test_curves_have_gaps_where_nothing_was_measured() -> None:
     assert {text.get_text().split(" ")[0] for text in compared.axes[0].get_legend().get_texts()} == {"field", "random"}
     markers = {str(line.get_label()): line.get_marker() for line in compared.axes[0].lines}
     assert markers == {"field": "", "random": "o"}  # a line of one point would not be seen
+
+
+def test_a_set_without_a_cloud_does_not_hide_the_rest() -> None:
+    seeds = [(0.2, 0.005, 0.004), (0.2, 0.2, 0.003), (0.006, 0.006, 0.006)]
+    axes = draw_regret({"plot": {"field": seeds, "circle": [(0.007,) * 3]}}).axes[0]
+    (field,) = (line for line in axes.lines if line.get_label() == "field")
+    np.testing.assert_allclose(np.array(field.get_ydata(), dtype=float), [200, 6, 4])  # the median of the seeds
+    low, high = axes.get_ylim()
+    heights = axes.transData.transform([(1.0, 200.0), (1.0, 6.0), (1.0, 4.0)])[:, 1] / axes.bbox.height
+    assert low < 4.0 < 200.0 < high
+    assert heights[1] - heights[2] > 0.05  # told apart, though one value is fifty times the other
