@@ -33,13 +33,13 @@ from fieldkit.reporting.search_plots import draw_regret
 
 RECORDED_FIDELITY: FidelityName = "standard"
 PLANNERS = ("bosfm", "field")
-_SIMULATED = ("random", "circle", "circle-aim", "mcp", "geometric", "matchable", *PLANNERS)
+_OPTIMISED = ("circle", "circle-aim", "mcp", "geometric", "matchable")
+"""What plans carried to another plot are held against."""
+_SIMULATED = ("random", *_OPTIMISED, *PLANNERS)
 _RECORDED = ("random", "uniform", "match-graph", *PLANNERS)
 _SEVERAL = ("random", "circle", "circle-aim", *PLANNERS)
 """Methods whose outcome depends on the seed; that of circles by what registers in a trial's photographs."""
 _CARRIED = ("circle-aim", "matchable", *PLANNERS)
-_OPTIMISED = ("circle", "circle-aim", "mcp", "geometric", "matchable")
-"""What plans carried to another plot are held against."""
 _REPEATS = 3
 _SUBSETS = 20
 _OURS = ("matchable", "field")

@@ -9,9 +9,8 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fieldkit.reporting.objective_plots import COLORS
 from fieldkit.reporting.overview import save_figure
-from fieldkit.reporting.panels import DPI, FAINT, INK, PAPER, drawable
+from fieldkit.reporting.panels import COLORS, DPI, FAINT, INK, PAPER, drawable
 
 
 @dataclass(frozen=True)

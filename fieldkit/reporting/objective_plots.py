@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fieldkit.reporting.panels import DPI, INK, PAPER, drawable
+from fieldkit.reporting.panels import COLORS, DPI, INK, PAPER, drawable
 
-COLORS = ("#1f5fa8", "#c0262d", "#3f7d20", "#d98300", "#7a6fb0", "#5b5b5b", "#8a5a2b", "#12807f")
 Curve = Mapping[float, Sequence[float]]
 
 

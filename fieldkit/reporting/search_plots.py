@@ -10,8 +10,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.reporting.objective_plots import COLORS, dress, panel_row
-from fieldkit.reporting.panels import INK, colors_or_grey, draw_cloud, drawable, view_row
+from fieldkit.reporting.objective_plots import dress, panel_row
+from fieldkit.reporting.panels import COLORS, INK, colors_or_grey, draw_cloud, drawable, view_row
 from fieldkit.reporting.projection import FRONT, SIDE, TOP
 
 _CAMERA = "#c0262d"
@@ -66,11 +66,12 @@ def draw_regret(panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None
         for (method, curves), color in zip(methods.items(), COLORS * len(methods), strict=False):
             length = min(len(curve) for curve in curves)
             lines = np.array([_millimetres(curve[:length]) for curve in curves])
-            ours = method in ("bosfm", "field")
+            bayesian = method in ("bosfm", "field")
             trials = np.arange(1, length + 1)
             axes.step(
-                trials, np.nanmedian(lines, axis=0), where="post", color=color, linewidth=1.8 if ours else 1.4,
-                linestyle="-" if ours else (0, (3, 2)), label=method, marker="o" if length == 1 else "", markersize=4,
+                trials, np.nanmedian(lines, axis=0), where="post", color=color, label=method,
+                linewidth=1.8 if bayesian else 1.4, linestyle="-" if bayesian else (0, (3, 2)),
+                marker="o" if length == 1 else "", markersize=4,
             )  # fmt: skip
             if len(curves) > 1:
                 axes.fill_between(

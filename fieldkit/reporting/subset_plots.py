@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.reporting.objective_plots import COLORS
 from fieldkit.reporting.panels import (
+    COLORS,
     FAINT,
     INK,
     Place,
@@ -29,6 +29,7 @@ from fieldkit.reporting.panels import (
 from fieldkit.reporting.projection import FRONT, TOP
 
 _WIDTH, _ROW, _MARGIN, _TITLE = 13.0, 3.6, 0.55, 0.6
+_COLORS = COLORS[:2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,7 @@ def draw_subsets(
     everything = np.concatenate([subset.cloud.points for subset in subsets])
     lower, upper = display_limits(everything, volume)
     middle, size = 0.5 * (lower + upper), upper - lower
-    for row, (subset, color) in enumerate(zip(subsets, COLORS, strict=False)):
+    for row, (subset, color) in enumerate(zip(subsets, _COLORS, strict=True)):
         bottom = _ROW * (len(subsets) - 1 - row) + 0.5
         rig = Place(0.5, bottom, side, side)
         reach = centers[:, :2].max(axis=0) - centers[:, :2].min(axis=0)
@@ -97,7 +98,7 @@ def _draw_values(figure: Figure, subsets: Sequence[Subset], values: Sequence[flo
     ranked = 1000.0 * np.sort(np.asarray(values))
     axes.set_facecolor("white")
     axes.plot(ranked, np.arange(1, len(ranked) + 1), "o-", color=INK, markersize=4, linewidth=0.8)
-    for subset, color in zip(subsets, COLORS, strict=False):
+    for subset, color in zip(subsets, _COLORS, strict=True):
         value = 1000.0 * subset.value_m
         axes.plot([value], [1 + int(np.abs(ranked - value).argmin())], "o", color=color, markersize=8)
     axes.set_xlim(left=0)
