@@ -118,10 +118,10 @@ class Confirmed(Protocol):
 
 
 def figures(plans: Sequence[Confirmed], best_m: float) -> tuple[Cell, ...]:
-    """Of one method's plans: value, ÷ ``best_m``, accuracy, completeness, right photographs; lengths in mm."""
+    """Of one method's plans: value, ÷ ``best_m`` (nan: unknown), accuracy, completeness, right photographs; in mm."""
     return (
         spread([1000 * plan.value_m for plan in plans], 2),
-        f"{np.mean([plan.value_m for plan in plans]) / best_m:.2f}",
+        spread([float(np.mean([plan.value_m for plan in plans])) / best_m], 2),
         spread([1000 * plan.accuracy_m for plan in plans], 2),
         spread([1000 * plan.completeness_m for plan in plans], 2),
         f"{np.mean([plan.right for plan in plans]):.1f}",
