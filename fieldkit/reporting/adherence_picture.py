@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from fieldkit.evaluation.schema import AdherenceEntry, PhotographPosesEntry, PoseEntry
 from fieldkit.geometry.angles import wrapped_deg
-from fieldkit.reporting.objective_plots import dress
 from fieldkit.reporting.overview import save_figure
 from fieldkit.reporting.panels import (
     FAINT,
@@ -25,6 +24,7 @@ from fieldkit.reporting.panels import (
     nice_length,
     window_around,
 )
+from fieldkit.reporting.plot_axes import dress
 from fieldkit.reporting.style import format_length
 
 _WIDTH, _HEIGHT = 15.0, 7.8

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from fieldkit.evaluation.comparison_schema import ComparisonReport
 from fieldkit.reporting.compare_tables import title_of, unit_of
-from fieldkit.reporting.objective_plots import dress
 from fieldkit.reporting.overview import save_figure
 from fieldkit.reporting.panels import COLORS, DPI, FAINT, INK, PAPER, drawable
+from fieldkit.reporting.plot_axes import dress
 
 _COLUMNS, _MOST_FIGURES, _MOST_NAMED = 3, 9, 8
 _WIDTH, _ROW_HEIGHT = 4.8, 3.3

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from fieldkit.reporting.overview import save_figure
 from fieldkit.reporting.panels import COLORS, DPI, FAINT, INK, PAPER, drawable
+from fieldkit.reporting.plot_axes import dress
 
 
 @dataclass(frozen=True)
@@ -59,13 +60,8 @@ def draw_cost_plot(costs: Sequence[Cost], *, memory_limit_bytes: int | None = No
 
 
 def _dress(axes: Axes, label: str, images: Sequence[int]) -> None:
-    axes.set_facecolor("white")
+    dress(axes, "photographs", "")
     axes.set_title(label, size=10, color=INK, loc="left")
-    axes.set_xlabel("photographs", size=9, color=INK)
     axes.set_xticks(list(images))
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0)
-    axes.grid(axis="y", color="#e6e3da", linewidth=0.8)
-    axes.tick_params(labelsize=8, colors=INK, length=2)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)

@@ -6,10 +6,10 @@ import io
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fieldkit.reporting.panels import COLORS, DPI, INK, PAPER, drawable
+from fieldkit.reporting.panels import COLORS, INK, drawable
+from fieldkit.reporting.plot_axes import dress, panel_row
 
 Curve = Mapping[float, Sequence[float]]
 
@@ -50,20 +50,3 @@ def draw_agreement(panels: Mapping[str, tuple[Sequence[float], Sequence[float]]]
         dress(axes, f"{labels[0]}, mm", f"{labels[1]}, mm")
         axes.set_title(drawable(name), size=10, color=INK, loc="left")
     return figure
-
-
-def panel_row(count: int, width_in: float = 3.6) -> tuple[Figure, list[Axes]]:
-    """A figure with so many plots in a row."""
-    figure = Figure(figsize=(width_in * count, 3.2), dpi=DPI, facecolor=PAPER, layout="constrained")
-    return figure, list(np.atleast_1d(figure.subplots(1, count)))
-
-
-def dress(axes: Axes, x: str, y: str) -> None:
-    """The house style of a plot, with its axes' names."""
-    axes.set_facecolor("white")
-    axes.set_xlabel(drawable(x), size=9, color=INK)
-    axes.set_ylabel(drawable(y), size=9, color=INK)
-    axes.grid(color="#e6e3da", linewidth=0.8)
-    axes.tick_params(labelsize=8, colors=INK, length=2)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)

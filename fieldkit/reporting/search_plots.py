@@ -10,8 +10,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.reporting.objective_plots import dress, panel_row
 from fieldkit.reporting.panels import COLORS, INK, colors_or_grey, draw_cloud, drawable, view_row
+from fieldkit.reporting.plot_axes import dress, panel_row
 from fieldkit.reporting.projection import FRONT, SIDE, TOP
 
 _CAMERA = "#c0262d"

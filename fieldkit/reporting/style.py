@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import JustifyMethod
     from rich.table import Table
 
 
@@ -13,9 +14,11 @@ def table(title: str, *columns: str) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    result = Table(title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold")
+    result = Table(title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold", padding=(0, 1, 0, 0))
     for column in columns:
-        result.add_column(column.rstrip(">"), justify="right" if column.endswith(">") else "left")
+        # Folded where the terminal is narrow: a figure cut off could be read as another.
+        justify: JustifyMethod = "right" if column.endswith(">") else "left"
+        result.add_column(column.rstrip(">"), justify=justify, overflow="fold")
     return result
 
 

@@ -26,6 +26,7 @@ from fieldkit.reporting.panels import (
     new_figure,
     window_around,
 )
+from fieldkit.reporting.plot_axes import dress
 from fieldkit.reporting.projection import FRONT, TOP
 
 _WIDTH, _ROW, _MARGIN, _TITLE = 13.0, 3.6, 0.55, 0.6
@@ -96,7 +97,7 @@ def _draw_values(figure: Figure, subsets: Sequence[Subset], values: Sequence[flo
         (left / width, 0.5 / height, (width - left - 0.3) / width, 1 - (_TITLE + 0.7) / height)
     )
     ranked = 1000.0 * np.sort(np.asarray(values))
-    axes.set_facecolor("white")
+    dress(axes, "value, mm", "subset, best first")
     axes.plot(ranked, np.arange(1, len(ranked) + 1), "o-", color=INK, markersize=4, linewidth=0.8)
     for subset, color in zip(subsets, _COLORS, strict=True):
         value = 1000.0 * subset.value_m
@@ -104,7 +105,3 @@ def _draw_values(figure: Figure, subsets: Sequence[Subset], values: Sequence[flo
     axes.set_xlim(left=0)
     axes.invert_yaxis()
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_xlabel("value, mm", size=9, color=INK)
-    axes.set_ylabel("subset, best first", size=9, color=INK)
-    axes.grid(color="#e6e3da", linewidth=0.8)
-    axes.tick_params(labelsize=8, colors=INK, length=2)

@@ -17,7 +17,7 @@ from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_
 from fieldkit.evaluation.schema import CorrectionEntry, EvaluationReport, PlantEntry, PlotEvaluation, PredictionEntry
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reporting.plots_csv import column_names, plots_csv, write_plots_csv
-from fieldkit.reporting.style import format_length, format_seconds
+from fieldkit.reporting.style import format_length, format_seconds, table
 from fieldkit.reporting.tables import evaluation_tables, quality_tables
 from tests.evaluation.examples import plant_cloud, reconstruction
 
@@ -26,8 +26,8 @@ SETTINGS = ReconstructionSettings()
 
 def shown(tables, width: int = 80) -> str:  # type: ignore[no-untyped-def]
     console = Console(file=io.StringIO(), width=width, color_system=None)
-    for table in tables:
-        console.print(table)
+    for each in tables:
+        console.print(each)
     return re.sub(r"[ ]+", " ", console.file.getvalue())  # type: ignore[attr-defined]
 
 
@@ -55,6 +55,12 @@ PLANTS = PlantEntry(
 
 
 class TestTables:
+    def test_folds_words_where_the_terminal_is_narrow(self) -> None:
+        rows = table("Values", "mapping", "chamfer distance>")
+        rows.add_row("incremental", "1234.5 mm")
+        wide, narrow = (sorted(re.sub(r"[\s─]", "", shown([rows], width=width))) for width in (80, 16))
+        assert narrow == wide
+
     def test_reference(self) -> None:
         text = shown(quality_tables(reference_report(reconstruction(), SETTINGS, seconds=12, cpu_seconds=14)))
         for part in (
