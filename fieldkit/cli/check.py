@@ -164,7 +164,6 @@ def check_tables(report: CheckReport) -> list[Table]:
         )  # fmt: skip
         for column in (rows.columns[0], *rows.columns[2:6], rows.columns[7]):
             column.no_wrap = True
-        rows.columns[1].overflow = "fold"
         rows.columns[1].min_width = rows.columns[6].min_width = _LEAST_WIDTH
         for each in report.stations:
             colour = _COLOURS[each.verdict]

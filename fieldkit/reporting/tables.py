@@ -249,7 +249,6 @@ def _narrow(title: str, *columns: str) -> Table:
     rows.collapse_padding, rows.pad_edge = True, False
     for column in rows.columns[1:]:
         column.no_wrap = True
-    rows.columns[0].overflow = "fold"
     return rows
 
 

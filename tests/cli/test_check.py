@@ -66,7 +66,7 @@ def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
         console.print(shown)
     text = console.file.getvalue()  # type: ignore[attr-defined]
     assert max(map(len, text.splitlines())) <= 80
-    for words in ("station", "verdict", "   10   ", "000010_rg", "365: 8,", "fine"):
+    for words in ("station", "verdict", "   10  ", "000010_rgb.jpg", "365: 8,", "fine"):
         assert words in text
     assert "…" not in text
 
