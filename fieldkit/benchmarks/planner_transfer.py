@@ -52,7 +52,7 @@ def carry(
     run folder: what lies there is not done again.
 
     Args:
-        plans: of the first plot; in the same order in every call for a folder.
+        plans: of the first plot.
         origin: that plot's name.
         place: the other one.
         folder: of all runs.

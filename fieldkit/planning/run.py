@@ -172,8 +172,9 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
     """
     settings = run.settings
     seeds = [_FRESH_SEEDS + settings.seed * settings.repeats + k for k in range(settings.repeats)]
-    there = {(e.number, e.seed, e.fidelity): e for e in run.entries if e.stage == "confirmation"}
-    wanted = [(t, s) for s in seeds for t in chosen if (t.number, s, settings.confirm_fidelity) not in there]
+    # By cameras, not by number: of plans carried from elsewhere, a number may mean another plan the next time.
+    there = {(e.trial.cameras, e.seed, e.fidelity): e for e in run.entries if e.stage == "confirmation"}
+    wanted = [(t, s) for s in seeds for t in chosen if (t.cameras, s, settings.confirm_fidelity) not in there]
     jobs = [Job(trial.cameras, seed, settings.confirm_fidelity) for trial, seed in wanted]
     clock = _Clock(run)
     for (trial, seed), found in zip(wanted, executor.run(jobs), strict=True):
@@ -182,11 +183,11 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
             finished_s=clock.seconds,
         )  # fmt: skip
         run.append(entry)
-        there[trial.number, seed, settings.confirm_fidelity] = entry
+        there[trial.cameras, seed, settings.confirm_fidelity] = entry
         watch(entry)
     confirmed = []
     for trial in chosen:
-        entries = tuple(there[trial.number, seed, settings.confirm_fidelity] for seed in seeds)
+        entries = tuple(there[trial.cameras, seed, settings.confirm_fidelity] for seed in seeds)
         values = [entry.value_m for entry in entries]
         spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
         confirmed.append(Finalist(trial, entries, worst_mean(values, settings.noise.risk), spread))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from fieldkit.missions.plan import PlanSource
 from fieldkit.planning.executor import Executor, Serial
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.pool import WorkerPool
-from fieldkit.planning.run import confirm, search, worst_mean
+from fieldkit.planning.run import confirm, evaluate_again, search, worst_mean
 from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, lag_for
 from fieldkit.planning.search import Problem, Result, Trial, lowest
@@ -144,6 +144,21 @@ def test_a_run_stops_when_its_time_is_up_or_its_method_is(tmp_path: Path) -> Non
     with create_run(tmp_path / "b", bowl_settings()) as run, serial() as executor:
         assert search(Greedy(bowl_problem(), most=3), executor, run, out_of_time=never, watch=ignore) == "exhausted"
         assert len(run.entries) == 3
+
+
+def test_sets_that_change_their_numbers_keep_their_own_values(tmp_path: Path) -> None:
+    with create_run(tmp_path / "run", bowl_settings(repeats=2)) as run, serial(tmp_path) as executor:
+        search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
+        first, second, third = (entry.trial for entry in run.entries[:3])
+        once = evaluate_again(executor, run, [first, second], watch=ignore)
+        done = len((tmp_path / "evaluated").read_text().splitlines())
+        renumbered = [replace(third, number=0), replace(first, number=1)]
+        again = evaluate_again(executor, run, renumbered, watch=ignore)
+    values = {found.trial.cameras: found.value_m for found in once}
+    assert {f.trial.number: f.trial.cameras for f in again} == {0: third.cameras, 1: first.cameras}
+    assert next(f.value_m for f in again if f.trial.number == 1) == values[first.cameras]
+    assert next(f.value_m for f in again if f.trial.number == 0) not in values.values()
+    assert len((tmp_path / "evaluated").read_text().splitlines()) == done + 2  # the third only
 
 
 def test_finalists_are_chosen_anew_at_fresh_seeds(tmp_path: Path) -> None:
