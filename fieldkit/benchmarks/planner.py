@@ -242,7 +242,7 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
     notes = (
         (
             f"{options.evaluations} evaluations at {RECORDED_FIDELITY} among all views of the rig, with its commanded "
-            f"poses, against the reference of all of them ({_SUBSETS} for random); the four best were evaluated again "
+            f"poses, against the reference of all of them ({_SUBSETS} for random); the finalists were evaluated again "
             "at fine."
         ),
     )

@@ -22,7 +22,7 @@ from fieldkit.planning.flyable import check_views
 from fieldkit.planning.match_graph import match_graph
 from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.recorded import EXACT, RecordedSource
-from fieldkit.planning.run_settings import NoiseSettings, SearchSettings
+from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, unchanging
 from fieldkit.planning.search import Problem
 from fieldkit.planning.simulated import SimulatedSource
 from fieldkit.progress import Progress
@@ -165,7 +165,7 @@ def _recorded(
     matches = match_graph(source, features, workers=workers, progress=progress) if count_matches else None
     problem = Problem(
         settings.cameras, envelope, _without_distortion(reference), reference.cloud, reference.cloud.points, views,
-        matches, settings.blind,
+        matches, settings.blind, exact=unchanging(settings.source, settings.noise),
     )  # fmt: skip
     return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
 

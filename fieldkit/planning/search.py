@@ -34,6 +34,7 @@ class Problem:
         views: of a recorded set, the only cameras there are; None where any camera of the envelope can be had.
         matches: (m, m) counted of each two views; None where they are not known.
         blind: whether mapping must find the poses without commanded ones, so that sets may not register.
+        exact: whether a set has the same value at every seed.
 
     Raises:
         UsageError: fewer than three cameras, or more than there are views, or matches of other views.
@@ -47,6 +48,7 @@ class Problem:
     views: Cameras | None = None
     matches: Array | None = None
     blind: bool = False
+    exact: bool = False
 
     def __post_init__(self) -> None:
         views = 0 if self.views is None else len(self.views)

@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 
 from fieldkit import __version__
+from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.cli.live_plan import Status, sparkline
 from fieldkit.cli.main import main
 from fieldkit.evaluation.report_files import save_report
 from fieldkit.missions.plan_file import load_plan
-from fieldkit.planning.run_folder import create_run, read_log
+from fieldkit.planning.problems import open_problem
+from fieldkit.planning.run_folder import create_run, open_run, read_log
 from fieldkit.planning.run_settings import NoiseSettings
+from fieldkit.progress import Silent
 from fieldkit.reconstruction.known_poses import known_poses
 from tests.evaluation.test_adherence import flown
 from tests.planning.bowl import bowl_settings
@@ -138,6 +141,9 @@ def test_photographs_are_chosen_resumed_and_extended(tmp_path: Path, capsys: pyt
     first = json.loads(told.out)
     assert [json.loads(line)["number"] for line in told.err.splitlines() if line.startswith("{")][:2] == [0, 1]
     assert {"method", "cameras", "chamfer_m", "evaluations", "failed_evaluations", "seconds"} <= first.keys()
+    with open_run(tmp_path / "run") as begun:
+        problem = open_problem(begun.settings, begun.path, cache=StageCache(None), progress=Silent()).problem
+    assert problem.exact
     assert main([*begin, "--workers", "1"]) == 2
     assert "exists" in capsys.readouterr().err
     assert main(["plan", "--resume", "--evaluations", "4", "--workers", "2", "--json", "-o", run]) == 0

@@ -22,6 +22,7 @@ def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monk
     assert len(plannable.problem.envelope.plants) > 100
     assert plannable.problem.contains(plannable.problem.sample(0))
     assert not plannable.problem.blind
+    assert not plannable.problem.exact  # photographs are taken anew at every seed
     blind = search_settings(scene=Path("demo"), cameras=4, mapping="incremental")
     assert open_problem(blind, tmp_path, cache=StageCache(None), progress=Silent()).problem.blind
 

@@ -77,7 +77,9 @@ class FieldSettings:
 
 
 class Learnt(NamedTuple):
-    """The surrogate: measured trials, their inputs (t, d), the ensemble, its mean there (t,).
+    """The surrogate: measured trials, their inputs (t, d), the ensemble, what it expects there, −ln(value) (t,).
+
+    Where a set has the same value at every seed that is what was observed, else the ensemble's mean.
 
     Its prior mean is −ln of the score's terms (3,) times ``slopes`` (3,) plus ``rest_m``, which no term explains.
     """
@@ -105,9 +107,10 @@ class Field:
     The surrogate is an ensemble of Gaussian processes as BOSfM's, over an embedding of sets that does not know the
     cameras' order, of −ln(value); its prior mean is that of a weighted sum of the geometric score's three
     terms, with weights fitted to the results so far and not below 0. A model is drawn by its weight and its expected
-    improvement over the incumbent chooses among candidates; since evaluations are noisy the incumbent is the largest
-    posterior mean of what was tried, not the largest observation, and finalists are chosen by it. Pending trials count
-    as observed at the posterior mean.
+    improvement over the incumbent chooses among candidates. Where evaluations are noisy the incumbent is the largest
+    posterior mean of what was tried, not the largest observation, and finalists are chosen by it; where a set has the
+    same value at every seed, as of recorded photographs, both go by observations. Pending trials count as observed at
+    the posterior mean.
 
     Where mapping is blind most sets do not register, and what they cost says nothing of the plants. The surrogate knows
     those only whose photographs all registered; how likely that is (`Registration`) multiplies improvements and makes
@@ -208,9 +211,12 @@ class Field:
         return [result for result in measured if result.right >= right]
 
     def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
-        """See `Judge.favourites`: those of the largest posterior means, none of them near a better one."""
+        """See `Judge.favourites`: those of the largest posterior means, none of them near a better one.
+
+        Where a set has the same value at every seed there is no luck to guard against: those of the lowest values.
+        """
         measured = self._usable(results, len(results))
-        if len(measured) < 3:
+        if len(measured) < 3 or self.problem.exact:
             return lowest(results, count)
         learnt = self.learn(measured)
         embedded = learnt.x[:, :FEATURES]
@@ -237,7 +243,7 @@ class Field:
             prior_mean=lambda z: -np.log(np.maximum(np.exp(-z[:, FEATURES:]) @ slopes + rest_m, LEAST_M)),
             least_noise=self.settings.noise,
         )  # fmt: skip
-        return Learnt(trials, x, ensemble, slopes, rest_m, ensemble.posterior(x)[0])
+        return Learnt(trials, x, ensemble, slopes, rest_m, y if self.problem.exact else ensemble.posterior(x)[0])
 
     def inputs(self, sets: Sequence[Cameras]) -> Array:
         """(n, FEATURES + 3): the embedding and minus the logarithms of the geometric score's terms."""

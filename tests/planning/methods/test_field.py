@@ -185,16 +185,20 @@ def test_a_small_recorded_set_is_tried_out_and_then_left() -> None:
     assert Field(problem, QUICK).propose(10, found, []) is None
 
 
-def test_finalists_are_good_by_the_model_and_apart() -> None:
-    problem = bowl_problem(4)
+def lucky_place(problem: Problem) -> tuple[list[Result], list[Result]]:
+    """A search, and one of its places tried again and again, with one lucky value."""
     found = run(Field(problem, QUICK), 20, problem)
-    # Of one place tried again and again, one lucky value does not count; and one finalist is enough of it.
     center = found[12].trial.cameras
     rng = np.random.default_rng(1)
-    around = [
+    return found, [
         Result(Trial(20 + k, near(center, problem, 0.01, rng), ""), 0.05 if k == 3 else found[12].value_m)
         for k in range(8)
     ]
+
+
+def test_finalists_are_good_by_the_model_and_apart() -> None:
+    problem = bowl_problem(4)
+    found, around = lucky_place(problem)
     chosen = Field(problem, QUICK).favourites([*found, *around], 4)
     assert isinstance(Field(problem), Judge)
     assert len({trial.cameras.vector().tobytes() for trial in chosen}) == 4
@@ -202,6 +206,18 @@ def test_finalists_are_good_by_the_model_and_apart() -> None:
     assert len([trial for trial in chosen if trial.number in close]) <= 1
     assert Field(problem, QUICK).favourites([], 3) == []
     assert len(Field(problem, QUICK).favourites(found[:3], 4)) == 3
+
+
+def test_where_a_set_has_one_value_at_every_seed_finalists_are_the_lowest() -> None:
+    noisy = bowl_problem(4)
+    exact = replace(noisy, exact=True)
+    found, around = lucky_place(exact)
+    results = [*found, *around]
+    lowest = sorted(results, key=lambda result: (result.value_m, result.trial.number))[:4]
+    assert [t.number for t in Field(exact, QUICK).favourites(results, 4)] == [r.trial.number for r in lowest]
+    lucky = len(found) + 3
+    assert np.exp(-Field(exact, QUICK).learn(results).mean[lucky]) == pytest.approx(0.05)
+    assert np.exp(-Field(noisy, QUICK).learn(results).mean[lucky]) > 0.06
 
 
 def test_the_embedding_knows_no_order_and_its_distance_is_the_discrepancy() -> None:
