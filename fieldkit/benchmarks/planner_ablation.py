@@ -47,9 +47,9 @@ def variants() -> dict[str, Callable[[Problem, int], Method]]:
     first, least, largest = chosen.shares
     settings = {
         "field": chosen,
-        "8 initial trials": replace(chosen, initial=8),
-        "32 initial trials": replace(chosen, initial=32),
-        "trust region from the 16th trial": replace(chosen, structured=16),
+        "4 initial trials": replace(chosen, initial=4),
+        "16 initial trials": replace(chosen, initial=16),
+        "trust region from the 32nd trial": replace(chosen, structured=32),
         "trust region from the 56th trial": replace(chosen, structured=56),
         "structured sets only": replace(chosen, structured=1_000_000),
         "every third trial structured": replace(chosen, every=3),
@@ -66,6 +66,8 @@ def variants() -> dict[str, Callable[[Problem, int], Method]]:
         "4 centres": replace(chosen, centers=4),
         "noise free": replace(chosen, noise=0.0),
         "noise of 10 % at least": replace(chosen, noise=0.1),
+        "reach half as long": replace(chosen, reach=0.5 * chosen.reach),
+        "reach twice as long": replace(chosen, reach=2.0 * chosen.reach),
         "RBF only": replace(chosen, kernels=SET_KERNELS[:1]),
         "Matérn 5/2 only": replace(chosen, kernels=SET_KERNELS[1:]),
     }

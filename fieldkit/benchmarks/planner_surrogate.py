@@ -48,6 +48,8 @@ def variants(problem: Problem) -> dict[str, Fit]:
         "noise free": replace(chosen, noise=0.0),
         "noise of 2.5 % at least": replace(chosen, noise=0.025),
         "noise of 10 % at least": replace(chosen, noise=0.1),
+        "reach half as long": replace(chosen, reach=0.5 * chosen.reach),
+        "reach twice as long": replace(chosen, reach=2.0 * chosen.reach),
     }
     return {name: _field(Field(problem, each)) for name, each in settings.items()} | {
         "paper's kernels on ln(value), cameras in order": _ordered(problem, 0.0),

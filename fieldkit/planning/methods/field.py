@@ -21,7 +21,7 @@ from fieldkit.planning.registration import Registration
 from fieldkit.planning.search import Problem, Result, Trial, lowest
 from fieldkit.planning.surrogates.ensemble import Ensemble, fit_ensemble
 from fieldkit.planning.surrogates.kernels import KernelSpec
-from fieldkit.planning.surrogates.sets import FEATURES, SET_KERNELS, SetEmbedding
+from fieldkit.planning.surrogates.sets import FEATURES, REACH, SET_KERNELS, SetEmbedding
 
 _STREAM = 44
 _NEAR_MOVES = 1200
@@ -54,6 +54,7 @@ class FieldSettings:
             to register, as a share.
         apart: of finalists, in the distance that one camera makes which goes somewhere else (`SetEmbedding`).
         kernels: of the ensemble.
+        reach: length scale of the kernel that compares two cameras in the embedding, in D (`SetEmbedding`).
     """
 
     initial: int = 8
@@ -74,6 +75,7 @@ class FieldSettings:
     certainty: float = 0.15
     apart: float = 1.0
     kernels: tuple[KernelSpec, ...] = SET_KERNELS
+    reach: float = REACH
 
 
 class Learnt(NamedTuple):
@@ -136,7 +138,7 @@ class Field:
 
     @cached_property
     def _embedding(self) -> SetEmbedding:
-        return SetEmbedding(self.problem)
+        return SetEmbedding(self.problem, self.settings.reach)
 
     @cached_property
     def _families(self) -> tuple[Family, ...]:

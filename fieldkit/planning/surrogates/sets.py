@@ -14,7 +14,7 @@ from fieldkit.planning.surrogates.kernels import KernelSpec, LogInterval, log_no
 
 FEATURES = 160
 _STREAM = 53
-_REACH = 0.35
+REACH = 0.35
 _LENGTHSCALES = (0.02, 20.0)
 _START = 0.4
 
@@ -33,7 +33,7 @@ class SetEmbedding:
         reach: length scale of κ, in D: 0.35 of it is a turn of 20° about the plot.
     """
 
-    def __init__(self, problem: Problem, reach: float = _REACH) -> None:
+    def __init__(self, problem: Problem, reach: float = REACH) -> None:
         envelope = problem.envelope
         half = 0.5 * np.array([np.ptp(envelope.x_m), np.ptp(envelope.y_m)])
         self.distance_m = float(half.mean()) if problem.views is None else problem.distance_m
