@@ -137,8 +137,9 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
     with storage_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         _remove_abandoned(target)
-        partial, lock = _locked_folder(target)
+        partial, lock = _partial_name(target), None
         try:
+            lock = _make_locked(partial)
             yield partial
             _sync_tree(partial)
             _move_into_place(partial, target, overwrite)
@@ -149,7 +150,8 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
                 error.path = target / error.path.relative_to(partial)  # the one a person knows, and that will be
             raise
         finally:
-            os.close(lock)
+            if lock is not None:
+                os.close(lock)
 
 
 def _absolute(path: Path) -> Path:
@@ -209,16 +211,15 @@ def _check_target(target: Path, overwrite: bool, marker: str | None) -> None:
         )
 
 
-def _locked_folder(target: Path) -> tuple[Path, int]:
-    """A new folder and a descriptor whose lock says that its maker lives."""
+def _make_locked(partial: Path) -> int:
+    """Make the folder; the result is a descriptor whose lock says that its maker lives."""
     while True:
-        partial = _partial_name(target)
         partial.mkdir()
         lock = os.open(partial, os.O_RDONLY)
         with suppress(OSError):  # file systems without locks: nobody can take the folder for abandoned there
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if partial.exists():
-            return partial, lock
+            return lock
         os.close(lock)  # another run took it for abandoned before it was locked
 
 

@@ -37,6 +37,18 @@ class TestAtomicFolder:
             _ = 1 / 0
         assert names(tmp_path) == []
 
+    def test_leaves_nothing_when_interrupted_before_the_block_begins(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def interrupt(*_: object) -> None:
+            assert len(names(tmp_path)) == 1  # the folder is there already
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("fieldkit.files.fcntl.flock", interrupt)
+        with pytest.raises(KeyboardInterrupt), atomic_folder(tmp_path / "reference"):
+            raise AssertionError("the block was entered")
+        assert names(tmp_path) == []
+
     def test_refuses_an_existing_result_before_any_work(self, tmp_path: Path) -> None:
         (tmp_path / "old.txt").write_text("old")
         worked = False
