@@ -64,7 +64,13 @@ class Study(StrEnum):
 
 
 def command(
-    suite: Annotated[Suite, typer.Argument(help="engine: photographs to scores; objective: what is minimised.")],
+    suite: Annotated[
+        Suite,
+        typer.Argument(
+            help="engine: photographs to scores; objective: what is minimised; planner: searches; missions: routes, "
+            "files and uploads; campaign: plot after plot."
+        ),
+    ],
     output: Annotated[
         Path, typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
     ] = Path("benchmark-results"),
