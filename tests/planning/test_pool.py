@@ -113,18 +113,22 @@ def test_no_orphans_when_the_parent_ends(tmp_path: Path, ending: signal.Signals)
         [sys.executable, str(script)], env=environment, stderr=subprocess.DEVNULL, start_new_session=True
     )
     attempts = tmp_path / "attempts"
-    wait_until(lambda: attempts.exists() and len(attempts.read_text().split()) == 2)
-    workers = [int(path.name.removeprefix("worker-")) for path in tmp_path.glob("worker-*")]
-    assert len(workers) == 2
-    if ending == signal.SIGINT:
-        os.killpg(parent.pid, signal.SIGINT)  # as a terminal does: to the whole group
-    else:
-        parent.kill()
-    assert parent.wait(20) != 0
-    wait_until(lambda: not any(psutil.pid_exists(pid) for pid in workers))
+    with parent:
+        try:
+            wait_until(lambda: attempts.exists() and len(attempts.read_text().split()) == 2)
+            workers = [int(path.name.removeprefix("worker-")) for path in tmp_path.glob("worker-*")]
+            assert len(workers) == 2
+            if ending == signal.SIGINT:
+                os.killpg(parent.pid, signal.SIGINT)  # as a terminal does: to the whole group
+            else:
+                parent.kill()
+            assert parent.wait(60) != 0
+            wait_until(lambda: not any(psutil.pid_exists(pid) for pid in workers))
+        finally:
+            parent.kill()
 
 
-def wait_until(done: object, seconds: float = 30.0) -> None:
+def wait_until(done: object, seconds: float = 60.0) -> None:
     until = time.monotonic() + seconds
     while not done():  # type: ignore[operator]
         assert time.monotonic() < until, "took too long"
