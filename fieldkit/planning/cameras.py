@@ -101,6 +101,15 @@ class Cameras:
         axes: Array = np.stack([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)], axis=1)
         return axes
 
+    @property
+    def rotations(self) -> Array:
+        """(n, 3, 3) camera-from-world rotations; their rows are the cameras' right, down and forward axes."""
+        yaw = np.radians(self.yaw_deg)
+        forward = self.forward
+        right = np.stack([np.cos(yaw), -np.sin(yaw), np.zeros(len(yaw))], axis=1)
+        axes: Array = np.stack([right, np.cross(forward, right), forward], axis=1)
+        return axes
+
     def vector(self) -> Array:
         """Z (5n,): x, y, z, yaw, pitch per camera."""
         z: Array = np.column_stack([self.positions, self.yaw_deg, self.pitch_deg]).reshape(-1)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from fieldkit.kernels import kernel
+from fieldkit.kernels import fast_kernel, kernel
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.matchability import Matchability, expected_matches, looseness_m
 from fieldkit.planning.search import Problem
@@ -86,13 +86,11 @@ class Geometry:
 
 
 class _View(NamedTuple):
-    """What is kept of a camera: rays (p, 3), quality (p,) and a pixel's footprint (p,) at the points, metres, and which
-    of some points of the plot are in its picture.
+    """What is kept of a camera: (p, 5) a point's ray, quality and a pixel's footprint there, metres; and which of some
+    points of the plot are in its picture.
     """
 
-    rays: Array
-    quality: Array
-    footprint: Array
+    points: NDArray[np.float32]
     pictured: NDArray[np.bool_]
 
 
@@ -163,10 +161,9 @@ class GeometricScore:
         return self._reconstructed(self._views(cameras))[0]
 
     def _reconstructed(self, views: list[_View]) -> tuple[Array, Array]:
-        rays, quality, footprint = (np.array([view[k] for view in views]) for k in range(3))
         s = self.settings
         found: tuple[Array, Array] = _reconstructed(
-            rays, quality, footprint, s.error_px, self._worth, s.agreeing, s.cap_m
+            np.stack([view.points for view in views]), s.error_px, self._worth, s.agreeing, s.cap_m
         )
         return found
 
@@ -180,7 +177,8 @@ class GeometricScore:
             footprint = sight.distance_m / focal
             incidence = np.clip((sight.facing - steep) / (square - steep), 0.0, 1.0)
             quality = sight.seen * incidence / (1.0 + (footprint / self.settings.pixel_m) ** 2)
-            views.append(_View(sight.rays, quality, footprint, row))
+            points = np.column_stack([sight.rays, quality, footprint]).astype(np.float32)
+            views.append(_View(points, row))
         return views
 
 
@@ -201,40 +199,39 @@ def _plot_points(problem: Problem, surface: Surface) -> Array:
     return np.vstack([ground, surface.points[::every]])
 
 
-@kernel
-def _reconstructed(rays, quality, footprint, error, worth, least, cap):  # type: ignore[no-untyped-def]
+@fast_kernel
+def _reconstructed(sights, error, worth, least, cap):  # type: ignore[no-untyped-def]
     """(p,) probability that at least ``least`` views' depths are right, and (p,) the noise of these points in metres,
-    at most the cap; from rays (n, p, 3), quality (n, p), a pixel's footprint (n, p) in metres and the error of a match
-    in pixels.
+    at most the cap; from n views of the points (n, p, 5), as `_View` has them, and the error of a match in pixels.
     """
-    count, points = quality.shape
+    count, points = sights.shape[:2]
     found, noise = np.zeros(points), np.full(points, cap)
-    fails, seen = np.empty(count), np.empty(count, dtype=np.int64)
+    fails, at = np.empty(count), np.empty((count, 5))
     exactly = np.empty(least)
     steps = len(worth) - 2
     for k in range(points):
         views = 0
         for i in range(count):
-            if quality[i, k] > 0.0:
-                seen[views] = i
+            if sights[i, k, 3] > 0.0:
+                at[views] = sights[i, k]
                 fails[views] = 1.0
                 views += 1
         if views < least:
             continue
-        information, squares = cap**-2, 0.0
+        information, squares = 0.0, 0.0
         for a in range(views):
-            i = seen[a]
-            squares += footprint[i, k] ** 2
+            x, y, z, quality, footprint = at[a]
+            squares += footprint**2
             for b in range(a + 1, views):
-                j = seen[b]
-                cosine = rays[i, k, 0] * rays[j, k, 0] + rays[i, k, 1] * rays[j, k, 1] + rays[i, k, 2] * rays[j, k, 2]
+                cosine = x * at[b, 0] + y * at[b, 1] + z * at[b, 2]
                 place = steps * np.sqrt(min(1.0, max(0.0, 0.5 - 0.5 * cosine)))
                 step = int(place)
                 success = worth[step] + (place - step) * (worth[step + 1] - worth[step])
-                success *= min(quality[i, k], quality[j, k])
+                success *= min(quality, at[b, 3])
                 fails[a] *= 1.0 - success
                 fails[b] *= 1.0 - success
-                information += success * (1.0 - cosine * cosine) / (error**2 * footprint[i, k] * footprint[j, k])
+                information += success * (1.0 - cosine * cosine) / (footprint * at[b, 4])
+        information = cap**-2 + information / error**2
         # Probabilities of exactly 0, 1, … right depths, one view after the other.
         exactly[:] = 0.0
         exactly[0] = 1.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics
-from fieldkit.kernels import kernel
+from fieldkit.kernels import fast_kernel, kernel
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.search import Problem
 
@@ -65,6 +65,10 @@ class Surface:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @cached_property
+    def _columns(self) -> NDArray[np.float32]:
+        return np.ascontiguousarray(self.obstacles.T, dtype=np.float32)
 
     @cached_property
     def _axes(self) -> Array:
@@ -132,24 +136,25 @@ def look(surface: Surface, cameras: Cameras, camera: Intrinsics) -> list[Sight]:
     width, height = (max(1, round(scale * side)) for side in (camera.width, camera.height))
     lens = scale * np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     found = []
-    for pose in cameras.poses():
+    pixels = np.array([(lens[0], 0.0, lens[2]), (0.0, lens[1], lens[3]), (0.0, 0.0, 1.0)])
+    splat, half_x, half_y = np.array([1.0, 0.5 * lens[0], 0.5 * lens[1]], dtype=np.float32) * np.float32(surface.splat_m)
+    for rotation, center in zip(cameras.rotations, cameras.positions, strict=True):
+        view = np.column_stack([pixels @ rotation, -pixels @ rotation @ center]).astype(np.float32)
+        buffer = _z_buffer(surface._columns, splat, view, half_x, half_y, width, height)
         rays, distance, facing, seen = _look(
-            surface.points, surface._axes, surface.obstacles, surface.splat_m, _TOLERANCE * surface.splat_m,
-            np.ascontiguousarray(pose.rotation), np.array(pose.center), lens, width, height,
-        )  # fmt: skip
+            surface.points, surface._axes, buffer, _TOLERANCE * surface.splat_m, rotation, center, lens
+        )
         found.append(Sight(rays, distance, facing, seen))
     return found
 
 
 def in_picture(points: Array, cameras: Cameras, camera: Intrinsics) -> NDArray[np.bool_]:
     """(n, p) whether points (p, 3) lie in each camera's picture, whatever hides them; distortion is left out."""
-    size = np.array([camera.width, camera.height])
-    inside = np.zeros((len(cameras), len(points)), dtype=np.bool_)
-    for row, pose in zip(inside, cameras.poses(), strict=True):
-        pixels = camera.without_distortion().project(pose.to_camera(points))
-        with np.errstate(invalid="ignore"):
-            row[:] = ((pixels >= 0) & (pixels <= size)).all(axis=1)
-    return inside
+    seen = np.einsum("nij,npj->nip", cameras.rotations, points - cameras.positions[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = (camera.fx * seen[:, 0] / seen[:, 2] + camera.cx, camera.fy * seen[:, 1] / seen[:, 2] + camera.cy)
+    inside = (seen[:, 2] > 0) & (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)
+    return np.asarray(inside)
 
 
 def _thinned(cloud: Cloud, limit: int) -> tuple[Cloud, float]:
@@ -160,31 +165,52 @@ def _thinned(cloud: Cloud, limit: int) -> tuple[Cloud, float]:
     return thinned, float(size)
 
 
-@kernel
-def _look(points, axes, obstacles, splat, tolerance, rotation, center, lens, width, height):  # type: ignore[no-untyped-def]
-    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
-    buffer = np.full((height, width), np.inf)
-    for i in range(len(obstacles)):
-        dx, dy, dz = obstacles[i, 0] - center[0], obstacles[i, 1] - center[1], obstacles[i, 2] - center[2]
-        z = rotation[2, 0] * dx + rotation[2, 1] * dy + rotation[2, 2] * dz
-        if z <= splat:
-            continue
-        u = cx + fx * (rotation[0, 0] * dx + rotation[0, 1] * dy + rotation[0, 2] * dz) / z
-        v = cy + fy * (rotation[1, 0] * dx + rotation[1, 1] * dy + rotation[1, 2] * dz) / z
-        half = 0.5 * splat / z
-        if u + fx * half < 0 or v + fy * half < 0 or u - fx * half >= width or v - fy * half >= height:
-            continue
-        # The pixels whose centres the splat covers, and in any case the one that holds its middle.
-        left, right = int(np.ceil(u - fx * half - 0.5)), int(np.floor(u + fx * half - 0.5))
-        upper, lower = int(np.ceil(v - fy * half - 0.5)), int(np.floor(v + fy * half - 0.5))
-        if left > right:
-            left = right = int(np.floor(u))
-        if upper > lower:
-            upper = lower = int(np.floor(v))
-        for row in range(max(upper, 0), min(lower, height - 1) + 1):
-            for column in range(max(left, 0), min(right, width - 1) + 1):
-                buffer[row, column] = min(buffer[row, column], z)
+@fast_kernel
+def _z_buffer(obstacles, splat, camera, half_x, half_y, width, height):  # type: ignore[no-untyped-def]
+    """(height + 2, width + 2) inverse depths of the nearest splats, 0 where there is none; the rim is for what lies
+    outside.
 
+    Of obstacles (3, m), metres, and what takes them to homogeneous pixels (3, 4), all single precision; the halves are
+    a splat's in pixels at 1 m. Without branches but for splats wider than two pixels: that is a third of the time.
+    """
+    count = obstacles.shape[1]
+    x, y, z = obstacles[0], obstacles[1], obstacles[2]
+    inverse = np.empty(count, np.float32)
+    left, right = np.empty(count, np.int32), np.empty(count, np.int32)
+    upper, lower = np.empty(count, np.int32), np.empty(count, np.int32)
+    zero, half, more = np.float32(0.0), np.float32(0.5), np.float32(1.5)
+    last_column, last_row = np.float32(width + 1), np.float32(height + 1)
+    for i in range(count):
+        depth = camera[2, 0] * x[i] + camera[2, 1] * y[i] + camera[2, 2] * z[i] + camera[2, 3]
+        w = np.float32(1.0) / max(depth, splat)
+        inverse[i] = w if depth > splat else zero
+        u = (camera[0, 0] * x[i] + camera[0, 1] * y[i] + camera[0, 2] * z[i] + camera[0, 3]) * w
+        v = (camera[1, 0] * x[i] + camera[1, 1] * y[i] + camera[1, 2] * z[i] + camera[1, 3]) * w
+        # The pixels whose centres the splat covers, and in any case the one that holds its middle.
+        a, b = max(half_x * w, half), max(half_y * w, half)
+        left[i] = np.int32(min(max(u - a + more, zero), last_column))
+        right[i] = np.int32(min(max(u + a + half, zero), last_column))
+        upper[i] = np.int32(min(max(v - b + more, zero), last_row))
+        lower[i] = np.int32(min(max(v + b + half, zero), last_row))
+
+    buffer = np.zeros((height + 2, width + 2), np.float32)
+    for i in range(count):
+        w = inverse[i]
+        if right[i] - left[i] <= 1 and lower[i] - upper[i] <= 1:
+            for row in (upper[i], lower[i]):
+                buffer[row, left[i]] = max(buffer[row, left[i]], w)
+                buffer[row, right[i]] = max(buffer[row, right[i]], w)
+        else:
+            for row in range(upper[i], lower[i] + 1):
+                for column in range(left[i], right[i] + 1):
+                    buffer[row, column] = max(buffer[row, column], w)
+    return buffer
+
+
+@kernel
+def _look(points, axes, buffer, tolerance, rotation, center, lens):  # type: ignore[no-untyped-def]
+    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    height, width = buffer.shape[0] - 2, buffer.shape[1] - 2
     count = len(points)
     rays, distance = np.empty((count, 3)), np.empty(count)
     facing, seen = np.ones(count), np.zeros(count, dtype=np.bool_)
@@ -201,5 +227,5 @@ def _look(points, axes, obstacles, splat, tolerance, rotation, center, lens, wid
         u = cx + fx * (rotation[0, 0] * dx + rotation[0, 1] * dy + rotation[0, 2] * dz) / z
         v = cy + fy * (rotation[1, 0] * dx + rotation[1, 1] * dy + rotation[1, 2] * dz) / z
         if u >= 0 and v >= 0 and u < width and v < height:
-            seen[i] = buffer[int(v), int(u)] >= z - tolerance
+            seen[i] = buffer[int(v) + 1, int(u) + 1] * (z - tolerance) <= 1.0
     return rays, distance, facing, seen
