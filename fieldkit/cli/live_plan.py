@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.boundary import say
+from fieldkit.planning.methods.registry import CHOOSERS
 from fieldkit.planning.outcome import best_so_far, weights_of
 from fieldkit.planning.run_folder import LogEntry
 from fieldkit.planning.run_settings import SearchSettings
@@ -107,7 +108,8 @@ def open_watch(
         before: what its log holds already.
         as_json: write a JSON object per evaluation, a line each, to stderr.
     """
-    status = Status(settings.evaluations, settings.finalists * settings.repeats, list(before))
+    total = 0 if settings.method in CHOOSERS else settings.evaluations
+    status = Status(total, settings.finalists * settings.repeats, list(before))
     if as_json:
         yield _json_lines(status)
     elif sys.stderr.isatty():
@@ -171,10 +173,11 @@ def _picture(status: Status, settings: SearchSettings) -> RenderableType:
     rows.add_column(style="dim")
     rows.add_column()
     best, left = status.best, status.seconds_left
-    rows.add_row(
-        "evaluations", ProgressBar(total=status.total, completed=status.done, width=_WIDTH, finished_style="green")
-    )
-    rows.add_row("", f"{status.done} of {status.total}, {status.per_minute:.1f} a minute")
+    if status.total:
+        rows.add_row(
+            "evaluations", ProgressBar(total=status.total, completed=status.done, width=_WIDTH, finished_style="green")
+        )
+        rows.add_row("", f"{status.done} of {status.total}, {status.per_minute:.1f} a minute")
     if status.confirmed:
         rows.add_row("confirming", f"{status.confirmed} of {status.confirmations}")
     if best is not None:

@@ -45,11 +45,14 @@ class Method(StrEnum):
 
     FIELD = "field"
     BOSFM = "bosfm"
+    SCORE = "score"
     CIRCLE = "circle"
     CIRCLE_AIM = "circle-aim"
+    TWO_RINGS = "two-rings"
+    HEMISPHERE = "hemisphere"
     MCP = "mcp"
     GEOMETRIC = "geometric"
-    MATCHABLE = "matchable"
+    SMITH = "smith"
     RANDOM = "random"
     UNIFORM = "uniform"
     MATCH_GRAPH = "match-graph"
@@ -128,8 +131,17 @@ def command(
         int | None, typer.Option("--finalists", rich_help_panel=_SEARCH, min=1, help="Evaluated again at fresh seeds.")
     ] = None,
     repeats: Annotated[
-        int | None, typer.Option("--repeats", rich_help_panel=_SEARCH, min=1, help="Fresh seeds for each finalist.")
+        int | None, typer.Option("--repeats", rich_help_panel=_SEARCH, min=0, help="Fresh seeds for each; 0: no confirmation.")
     ] = None,
+    weights: Annotated[
+        str,
+        typer.Option(
+            "--weights",
+            rich_help_panel=_SEARCH,
+            metavar="GAP,NOISE,TIE",
+            help="Of the geometric score's terms; from:RUN fits them to a run.",
+        ),
+    ] = "",
     mapping: Annotated[
         Mapping | None, typer.Option("--mapping", rich_help_panel=_SEARCH, help="Of the evaluations.")
     ] = None,
@@ -248,7 +260,7 @@ def command(
         "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "initial": initial,
         "time_budget_s": _seconds(time_budget) if time_budget else None, "fidelity": fidelity,
         "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,
-        "refine": refine or None,
+        "refine": refine or None, "weights": _weights(weights) if weights else None,
     }  # fmt: skip
     given = {key: str(value) if isinstance(value, StrEnum) else value for key, value in given.items()}
     pose = _pose_noise(pose_noise) if pose_noise else (None, None)
@@ -299,21 +311,30 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     from fieldkit.reporting.style import format_length, format_seconds
 
     show = console()
-    finalists = new_table("Finalists", "trial", "from", "search>", "confirmed>", "±>", "right")
+    def length(value_m: float | None) -> str:
+        return "–" if value_m is None else format_length(value_m)
+
+    finalists = new_table("Finalists", "trial", "from", "expected>", "search>", "confirmed>", "±>", "right")
     for found in outcome.finalists:
+        values = (found.expected_m, found.search_value_m, found.value_m, found.spread_m)
         finalists.add_row(
-            str(found.number), found.origin, format_length(found.search_value_m), format_length(found.value_m),
-            format_length(found.spread_m), " ".join(map(str, found.right)),
-        )  # fmt: skip
+            str(found.number), found.origin, *(length(value) for value in values), " ".join(map(str, found.right))
+        )
     show.print(finalists)
     why = {"evaluations": "its evaluations are used up", "time": "its time is used up",
            "exhausted": "the method has no more to try"}[outcome.stopped]  # fmt: skip
     show.print(
-        f"{outcome.cameras} cameras by {outcome.method}: {format_length(outcome.chamfer_m)} on {settings.source.name}, "
+        f"{outcome.cameras} cameras by {outcome.method}: {length(outcome.chamfer_m)} on {settings.source.name}, "
         f"{outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) and "
         f"{outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}.",
         markup=False, soft_wrap=True,
     )  # fmt: skip
+    if not outcome.confirmations:
+        show.print(
+            "This plan is NOT CONFIRMED: no photograph was taken of it. Of two sets of which as much is expected, one "
+            "can be half as good as the other.",
+            soft_wrap=True,
+        )
     if outcome.photographs:
         show.print(f"photographs: {', '.join(outcome.photographs)}", markup=False, soft_wrap=True)
     show.print(f"{output / 'plan.json'}\n{output / 'plan.png'}", markup=False, soft_wrap=True)
@@ -334,6 +355,20 @@ def _pose_noise(text: str) -> tuple[float, float]:
     if (file / CAMPAIGN_FILE).is_file():
         return flown_noise(visit_plots(read_campaign(file)), file)
     return flown_noise(load_evaluation_report(file).plots, file)
+
+
+def _weights(text: str) -> tuple[float, ...]:
+    """GAP,NOISE,TIE, or from:RUN."""
+    if not text.startswith(_FROM):
+        return read_numbers("--weights", text, (3,))
+    run = text.removeprefix(_FROM)
+    if not run:
+        raise UsageError("--weights: from what?", remedy="Write it like --weights from:RUN, the folder of a run.")
+    from fieldkit.planning.fitted_weights import weights_of_run
+    from fieldkit.threads import limit_threads
+
+    limit_threads(1)
+    return weights_of_run(Path(run))
 
 
 def _seconds(text: str) -> float:

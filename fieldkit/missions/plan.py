@@ -106,6 +106,11 @@ class PlanMethod(Strict):
     chamfer_spread_m: Length | None = None
     """Standard deviation over repeats."""
     repeats: Count | None = None
+    """Evaluations at these stations; with 0 they are not confirmed."""
+    expected_m: Length | None = None
+    """What the geometric score leads to expect, where the method goes by it alone."""
+    weights: tuple[Length, Length, Length] | None = None
+    """Of the geometric score's gap, noise and tie, where the method goes by it."""
 
 
 class Plan(Strict):

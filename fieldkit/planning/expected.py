@@ -15,8 +15,17 @@ from fieldkit.planning.matchability import connectivity
 from fieldkit.planning.registration import Registration
 from fieldkit.planning.search import Problem, Result
 
+Weights = tuple[float, float, float]
 TERMS = 3
 """Gap, noise and tie."""
+WEIGHTS: Weights = (0.5, 1.24, 0.1)
+"""What a metre of each term adds to the value: fitted on tuning scenes, before a plot has results of its own."""
+DOUBT = 0.1
+"""Standard deviation of each weight, of plots whose values are as large as the score expects."""
+CERTAINTY = 0.15
+"""Where mapping is blind, by how much more a set is expected to cost per e-fold that it is less likely to register."""
+NOISE = 0.05
+"""Standard deviation of an evaluation at least, as a share of its value."""
 LEAST_M = 1e-4
 """Of a value and of a term, so that they have logarithms."""
 _REST_DOUBT = 1.0
@@ -38,7 +47,7 @@ class Expected:
         certainty: by how much more a set is expected to cost per e-fold that it is less likely to register, as a share.
     """
 
-    def __init__(self, problem: Problem, certainty: float) -> None:
+    def __init__(self, problem: Problem, certainty: float = CERTAINTY) -> None:
         self._problem, self._certainty = problem, certainty
         self._score = GeometricScore(problem)
         self._sets: dict[Cameras, _Known] = {}

@@ -13,6 +13,7 @@ from fieldkit.documents import read_json_object, schema_text, validated
 from fieldkit.files import write_atomic
 from fieldkit.missions.plan import Count, Length, Plan, PlanMethod, PlanPlants, Strict
 from fieldkit.missions.plan_file import PLAN_FILE, plan_from_poses, save_plan
+from fieldkit.planning.methods.registry import USING_WEIGHTS
 from fieldkit.planning.problems import Plannable
 from fieldkit.planning.run import Finalist, Stopped
 from fieldkit.planning.run_folder import LogEntry, RunFolder, searched
@@ -32,11 +33,13 @@ class FinalistReport(Strict):
     number: Count
     """Of the trial."""
     origin: str
-    search_value_m: Length
-    """At which the search found it."""
-    value_m: Length
-    """Of the confirmations: their mean, or that of the worst share."""
-    spread_m: Length
+    search_value_m: Length | None
+    """At which the search found it; null where there was no search."""
+    expected_m: Length | None = None
+    """What the geometric score leads to expect, where the method goes by it alone."""
+    value_m: Length | None
+    """Of the confirmations: their mean, or that of the worst share; null where there were none."""
+    spread_m: Length | None
     """Standard deviation over the confirmations."""
     right: tuple[Count, ...]
     """Photographs with right poses, per confirmation."""
@@ -47,9 +50,13 @@ class Outcome(Strict):
 
     method: str
     cameras: Count
-    chamfer_m: Length
-    """The chosen set's value, by confirmations that had no part in finding it."""
-    chamfer_spread_m: Length
+    chamfer_m: Length | None
+    """The chosen set's value, by confirmations that had no part in finding it; null where it was not confirmed."""
+    chamfer_spread_m: Length | None
+    expected_m: Length | None = None
+    """What the geometric score leads to expect of it, where the method goes by it alone."""
+    weights: tuple[Length, Length, Length] | None = None
+    """Of the geometric score's gap, noise and tie, where the method goes by it."""
     evaluations: Count
     """Of the search."""
     failed_evaluations: Count
@@ -80,8 +87,18 @@ def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
     return best
 
 
-def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Finalist], stopped: Stopped) -> Outcome:
+def write_outcome(
+    run: RunFolder, plannable: Plannable, confirmed: Sequence[Finalist], stopped: Stopped,
+    *, choice_s: tuple[float, float] = (0.0, 0.0),
+) -> Outcome:  # fmt: skip
     """Write everything a finished run gives; plan.json last, so that where it is the rest is, too.
+
+    Args:
+        run: of the folder.
+        plannable: of the plan.
+        confirmed: the finalists, the best first.
+        stopped: why the search ended.
+        choice_s: seconds and CPU seconds of a method that chose without a search.
 
     Raises:
         StorageError: the disk is full or not writable.
@@ -94,34 +111,40 @@ def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Fina
         cameras=settings.cameras,
         chamfer_m=chosen.value_m,
         chamfer_spread_m=chosen.spread_m,
+        expected_m=chosen.trial.notes.get("expected_m"),
+        weights=settings.weights if settings.method in USING_WEIGHTS else None,
         evaluations=len(trials),
         failed_evaluations=sum(bool(entry.failure) for entry in trials),
         confirmations=sum(len(finalist.entries) for finalist in confirmed),
-        seconds=max(entry.finished_s for entry in run.entries),
+        seconds=choice_s[0] + max((entry.finished_s for entry in run.entries), default=0.0),
         evaluation_cpu_s=sum(entry.cpu_s for entry in run.entries),
-        proposal_cpu_s=sum(entry.proposal_cpu_s for entry in run.entries),
+        proposal_cpu_s=choice_s[1] + sum(entry.proposal_cpu_s for entry in run.entries),
         stopped=stopped,
         finalists=tuple(
             FinalistReport(
                 number=f.trial.number,
                 origin=f.trial.origin,
-                search_value_m=by_number[f.trial.number].value_m,
+                search_value_m=by_number[f.trial.number].value_m if f.trial.number in by_number else None,
+                expected_m=f.trial.notes.get("expected_m"),
                 value_m=f.value_m,
                 spread_m=f.spread_m,
                 right=tuple(entry.right for entry in f.entries),
             )
             for f in confirmed
         ),
-        photographs=() if plannable.problem.views is None else by_number[chosen.trial.number].views,
+        photographs=tuple(plannable.photographs[k] for k in plannable.problem.numbers(chosen.trial.cameras))
+        if plannable.photographs
+        else (),
     )
     write_atomic(run.path / OUTCOME_FILE, outcome.model_dump_json(indent=2) + "\n")
-    write_atomic(run.path / PROGRESS_FILE, progress_table(trials))
-    values = [entry.value_m if entry.measured else None for entry in trials]
-    history = {model: [weights_of(e).get(model) for e in trials] for model in models_of(trials)}
-    figure = draw_search(values, best_so_far(trials), history, outcome.chamfer_m)
-    write_atomic(run.path / SEARCH_PICTURE, png(figure))
+    if trials:
+        write_atomic(run.path / PROGRESS_FILE, progress_table(trials))
+        values = [entry.value_m if entry.measured else None for entry in trials]
+        history = {model: [weights_of(e).get(model) for e in trials] for model in models_of(trials)}
+        figure = draw_search(values, best_so_far(trials), history, outcome.chamfer_m)
+        write_atomic(run.path / SEARCH_PICTURE, png(figure))
     cameras = chosen.trial.cameras
-    title = f"{settings.source.name}: {settings.cameras} cameras, chamfer distance {1000 * outcome.chamfer_m:.1f} mm"
+    title = f"{settings.source.name}: {settings.cameras} cameras, {_worth(outcome)}"
     views = plannable.problem.views
     figure = draw_plan(
         title, cameras.positions, cameras.forward, plannable.problem.reference,
@@ -130,6 +153,12 @@ def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Fina
     write_atomic(run.path / PLAN_PICTURE, png(figure))
     save_plan(run.path / PLAN_FILE, _plan(run, plannable, chosen, outcome))
     return outcome
+
+
+def _worth(outcome: Outcome) -> str:
+    if outcome.chamfer_m is not None:
+        return f"chamfer distance {1000 * outcome.chamfer_m:.1f} mm"
+    return "not confirmed"
 
 
 def read_outcome(path: Path) -> Outcome:
@@ -198,5 +227,7 @@ def _plan(run: RunFolder, plannable: Plannable, chosen: Finalist, outcome: Outco
             chamfer_m=outcome.chamfer_m,
             chamfer_spread_m=outcome.chamfer_spread_m,
             repeats=len(chosen.entries),
+            expected_m=outcome.expected_m,
+            weights=outcome.weights,
         ),
     )

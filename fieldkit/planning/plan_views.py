@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,16 +12,18 @@ from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.planning.executor import Executor
-from fieldkit.planning.methods.registry import USING_MATCHES, make_method
+from fieldkit.planning.methods.registry import CHOOSERS, USING_MATCHES, make_method
 from fieldkit.planning.objective import Objective
 from fieldkit.planning.outcome import Outcome, write_outcome
 from fieldkit.planning.pool import WorkerPool
-from fieldkit.planning.problems import open_problem
+from fieldkit.planning.problems import Plannable, open_problem
 from fieldkit.planning.recalling import Recalling
-from fieldkit.planning.run import Watch, confirm, nobody, search
+from fieldkit.planning.run import Finalist, Watch, confirm, evaluate_again, nobody, search
 from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run_settings import SearchSettings
+from fieldkit.planning.search import Chooser
 from fieldkit.progress import Progress, Silent
+from fieldkit.scenes.renderer import RenderingError
 
 
 def plan_views(
@@ -101,12 +104,13 @@ def _planned(
     settings = run.settings
     plannable = open_problem(
         settings, run.path, cache=cache, progress=progress, workers=workers,
-        count_matches=settings.method in USING_MATCHES,
+        count_matches=settings.method in USING_MATCHES, problem_first=settings.method in CHOOSERS,
     )  # fmt: skip
     method = make_method(plannable.problem, settings)
+    if isinstance(method, Chooser):
+        return _chosen(method, run, plannable, workers, scheduler, progress, watch, known)
     budget = settings.time_budget_s
-    with _executor(plannable.objective, workers, scheduler) as evaluating:
-        executor = Recalling(evaluating, known, settings.fidelity) if known else evaluating
+    with _executor(plannable.objective, workers, scheduler, known, settings) as executor:
         stopped = search(
             method, executor, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
         )  # fmt: skip
@@ -119,8 +123,40 @@ def _planned(
     return write_outcome(run, plannable, confirmed, stopped)
 
 
+def _chosen(
+    method: Chooser, run: RunFolder, plannable: Plannable, workers: int, scheduler: str, progress: Progress,
+    watch: Watch, known: Sequence[LogEntry],
+) -> Outcome:  # fmt: skip
+    """The best of several sets by their confirmations; where there is none, the one of which most is expected."""
+    settings = run.settings
+    confirming = settings.repeats > 0
+    if confirming and not scheduler:  # its workers may be able to render
+        try:
+            plannable.check_renderer()
+        except RenderingError as error:
+            progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
+            confirming = False
+    begun, cpu = time.monotonic(), time.thread_time()
+    with progress.stage("Optimising the geometric score"):
+        trials = method.choose(settings.finalists if confirming else 1)
+    cost = (time.monotonic() - begun, time.thread_time() - cpu)
+    confirmed = [Finalist(trial) for trial in trials]
+    if confirming:
+        with _executor(plannable.objective, workers, scheduler, known, settings) as executor:
+            confirmed = evaluate_again(executor, run, trials, watch=watch)
+    return write_outcome(run, plannable, confirmed, "exhausted", choice_s=cost)
+
+
 @contextmanager
-def _executor(objective: Objective, workers: int, scheduler: str) -> Iterator[Executor]:
+def _executor(
+    objective: Objective, workers: int, scheduler: str, known: Sequence[LogEntry], settings: SearchSettings
+) -> Iterator[Executor]:
+    with _evaluating(objective, workers, scheduler) as executor:
+        yield Recalling(executor, known, settings.fidelity) if known else executor
+
+
+@contextmanager
+def _evaluating(objective: Objective, workers: int, scheduler: str) -> Iterator[Executor]:
     if not scheduler:
         with WorkerPool(objective, workers=workers) as pool:
             yield pool

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache as once
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +27,12 @@ from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.recorded import EXACT, RecordedSource
 from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, unchanging
 from fieldkit.planning.search import Problem
-from fieldkit.planning.simulated import SimulatedSource
+from fieldkit.planning.simulated import Proxy, SimulatedSource
 from fieldkit.progress import Progress
+from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import find_scene, scene_reference
+from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 
@@ -41,13 +47,29 @@ class Plannable:
 
     Attributes:
         problem: for the methods.
-        objective: for the executor.
         envelope: as plan.json tells it.
+        make_objective: for the executor.
+        photographs: names of recorded ones, in the order of the problem's views; empty where they are rendered.
     """
 
     problem: Problem
-    objective: Objective
     envelope: PlanEnvelope
+    make_objective: Callable[[], Objective]
+    photographs: tuple[str, ...] = ()
+
+    @cached_property
+    def objective(self) -> Objective:
+        """Made when it is first asked for. Raises what `open_problem` raises."""
+        return self.make_objective()
+
+    def check_renderer(self) -> None:
+        """Find out whether photographs can be taken here, without a scene.
+
+        Raises:
+            RenderingError: this machine cannot render, and evaluations need it.
+        """
+        if not self.photographs:
+            Renderer(Scene(())).close()
 
 
 def describe_source(scene: Path | None, reference: Path | None, captures: Path | None) -> tuple[PlanSource, Path]:
@@ -81,7 +103,7 @@ def sha256(file: Path) -> str:
 
 def open_problem(
     settings: SearchSettings, folder: Path, *, cache: StageCache, progress: Progress, workers: int = 1,
-    count_matches: bool = False,
+    count_matches: bool = False, problem_first: bool = False,
 ) -> Plannable:  # fmt: skip
     """The problem and the objective of a run.
 
@@ -92,6 +114,8 @@ def open_problem(
         progress: told of what takes long.
         workers: processes, where something is made on the way.
         count_matches: of a recorded set, between each two of its photographs.
+        problem_first: build no more of a scene than the problem asks for until there is need of the objective: half
+            the cost where it is not evaluated, half as much again where it is.
 
     Raises:
         InputError: the source is missing, has changed since the run began, or cannot be used.
@@ -113,10 +137,9 @@ def open_problem(
         camera = description.camera
         if settings.camera is not None:
             camera = _rendered(settings.camera.intrinsics, camera)
-        source = SimulatedSource.from_description(
-            description, _capture_noise(settings.noise, description.noise), camera=camera, wind_m=settings.noise.wind_m
-        )
-    proxy, limits = source.proxy, settings.envelope
+        take = once(partial(_simulated, settings.noise, description, camera))
+        proxy = Proxy.from_description(description, camera, rendered=False) if problem_first else take().proxy
+    limits = settings.envelope
     envelope = Envelope.around(
         proxy.obstacles, proxy.volume, margin_m=limits.margin_m, height_m=limits.height_m,
         clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg, separation_m=limits.separation_m,
@@ -127,7 +150,12 @@ def open_problem(
         blind=settings.blind,
     )  # fmt: skip
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
-    return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
+    return Plannable(problem, _described(envelope), lambda: Objective(take(), wanted, seed=settings.seed))
+
+
+def _simulated(noise: NoiseSettings, description: SceneDescription, camera: Intrinsics) -> SimulatedSource:
+    wanted = _capture_noise(noise, description.noise)
+    return SimulatedSource.from_description(description, wanted, camera=camera, wind_m=noise.wind_m)
 
 
 def _recorded(
@@ -167,7 +195,8 @@ def _recorded(
         settings.cameras, envelope, _without_distortion(reference), reference.cloud, reference.cloud.points, views,
         matches, settings.blind, exact=unchanging(settings.source, settings.noise),
     )  # fmt: skip
-    return Plannable(problem, Objective(source, wanted, seed=settings.seed), _described(envelope))
+    objective = partial(Objective, source, wanted, seed=settings.seed)
+    return Plannable(problem, _described(envelope), objective, tuple(view.name for view in source.views))
 
 
 def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:

@@ -29,14 +29,14 @@ class Finalist:
     Attributes:
         trial: of the search.
         entries: its confirmations.
-        value_m: their mean, or the mean of the worst share that the settings' risk names.
-        spread_m: standard deviation over the confirmations; 0 for one.
+        value_m: their mean, or the mean of the worst share that the settings' risk names; None without any.
+        spread_m: standard deviation over the confirmations; 0 for one; None without any.
     """
 
     trial: Trial
-    entries: tuple[LogEntry, ...]
-    value_m: float
-    spread_m: float
+    entries: tuple[LogEntry, ...] = ()
+    value_m: float | None = None
+    spread_m: float | None = None
 
 
 def search(
@@ -165,12 +165,14 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
     """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
 
     Returns:
-        The trials by value, the best first.
+        The trials by value, the best first; as they are where the settings ask for no repeats.
 
     Raises:
         FieldkitError, StorageError: as `search`.
     """
     settings = run.settings
+    if not settings.repeats:
+        return [Finalist(trial) for trial in chosen]
     seeds = [_FRESH_SEEDS + settings.seed * settings.repeats + k for k in range(settings.repeats)]
     # By cameras, not by number: of plans carried from elsewhere, a number may mean another plan the next time.
     there = {(e.trial.cameras, e.seed, e.fidelity): e for e in run.entries if e.stage == "confirmation"}
@@ -190,8 +192,9 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
         entries = tuple(there[trial.cameras, seed, settings.confirm_fidelity] for seed in seeds)
         values = [entry.value_m for entry in entries]
         spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
-        confirmed.append(Finalist(trial, entries, worst_mean(values, settings.noise.risk), spread))
-    return sorted(confirmed, key=lambda finalist: (finalist.value_m, finalist.trial.number))
+        value = worst_mean(values, settings.noise.risk)
+        confirmed.append((value, trial.number, Finalist(trial, entries, value, spread)))
+    return [finalist for _, _, finalist in sorted(confirmed, key=lambda found: found[:2])]
 
 
 def worst_mean(values: Sequence[float], share: float) -> float:

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from fieldkit.missions.plan import Count, Length, PlanCamera, PlanSource, Strict
+from fieldkit.planning.expected import WEIGHTS
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping
 
@@ -120,12 +121,20 @@ class SearchSettings(Strict):
     """Move each cloud onto the reference by ICP before it is scored."""
     finalists: Annotated[int, Field(ge=1)] = 4
     """Best sets that are evaluated again before one is chosen."""
-    repeats: Annotated[int, Field(ge=1)] = 3
-    """Fresh seeds for each of them."""
+    repeats: Count = 3
+    """Fresh seeds for each of them; 0 leaves the confirmation out."""
+    weights: tuple[Length, Length, Length] = WEIGHTS
+    """Of the geometric score's gap, noise and tie, for methods that go by it."""
     lag: Count = 0
     """A proposal knows of no result nearer than this to its own number: so many are computed meanwhile."""
     envelope: EnvelopeSettings = EnvelopeSettings()
     noise: NoiseSettings = NoiseSettings()
+
+    @model_validator(mode="after")
+    def _some_weight_counts(self) -> SearchSettings:
+        if not any(self.weights):
+            raise ValueError("weights: one of them must be above 0")
+        return self
 
     @property
     def blind(self) -> bool:

@@ -94,8 +94,12 @@ class Problem:
         """(n, n) of `matches` for a feasible set; None where they are not known."""
         if self.matches is None:
             return None
-        index = [self._places[key] for key in cameras.row_keys()]
+        index = self.numbers(cameras)
         return self.matches[np.ix_(index, index)]
+
+    def numbers(self, cameras: Cameras) -> list[int]:
+        """Of a feasible set's recorded views."""
+        return [self._places[key] for key in cameras.row_keys()]
 
     @cached_property
     def _places(self) -> dict[bytes, int]:
@@ -175,6 +179,20 @@ class Method(Protocol):
             results: of earlier trials, by number; those the method may know of.
             pending: earlier trials whose results it may not know yet, by number.
         """
+        ...
+
+
+@runtime_checkable
+class Chooser(Protocol):
+    """A method that needs no results: its sets are evaluated as finalists only, where photographs can be taken."""
+
+    @property
+    def name(self) -> str:
+        """As `--method` takes it."""
+        ...
+
+    def choose(self, count: int) -> list[Trial]:
+        """At most ``count`` trials, the best by what is expected first, no set of cameras twice."""
         ...
 
 

@@ -26,7 +26,7 @@ from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.scenes.camera_effects import CameraEffects
-from fieldkit.scenes.description import SceneDescription, build, sample_truth
+from fieldkit.scenes.description import SceneDescription, build, build_unlit, sample_reference, sample_truth
 from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.plot import sample_plants
 from fieldkit.scenes.renderer import Renderer
@@ -80,7 +80,9 @@ class Proxy:
         return cls._above(scene, sample_plants(scene, points, seed), lowest_m, camera)
 
     @classmethod
-    def from_description(cls, description: SceneDescription, camera: Intrinsics | None = None) -> Proxy:
+    def from_description(
+        cls, description: SceneDescription, camera: Intrinsics | None = None, *, rendered: bool = True
+    ) -> Proxy:
         """A proxy of all that a scene file can hold: maize, mesh plants, or a scene made from a reference.
 
         PC_env is `sample_truth` of the description. What plants have below 3 cm is counted on neither side, for the
@@ -89,15 +91,21 @@ class Proxy:
         Args:
             description: of the scene.
             camera: of the photographs; the description's own where not given.
+            rendered: whether it is to be photographed. Else it costs half: its scene cannot be drawn and it has no
+                ``surface``, and all else is the same.
 
         Raises:
             SceneError: the scene has no plants, or one of its files cannot be used.
         """
         if description.recorded is None and not description.plot.plants:
             raise SceneError("the scene has no plants to plan for", remedy="Add [[plants]] to the scene file.")
-        scene = build(description)
-        camera = camera or description.camera
-        reference, surface = sample_truth(description, scene)
+        camera, surface = camera or description.camera, None
+        if rendered:
+            scene = build(description)
+            reference, surface = sample_truth(description, scene)
+        else:
+            scene = build_unlit(description)
+            reference = sample_reference(description, scene)
         if description.recorded is None:
             return cls._above(scene, reference, _LOWEST_M, camera, surface)
         bounds = description.bounds.volume
@@ -106,7 +114,9 @@ class Proxy:
             raise SceneError("no plant lies in the scene's bounds", remedy="Make the scene again from its reference.")
         lowest = max(bounds.lower[2], float(reference.points[:, 2].min()))
         volume = Volume((bounds.lower[0], bounds.lower[1], lowest), bounds.upper)
-        return cls(scene, reference, volume, camera, surface.select(bounds.contains(surface.points)))
+        if surface is not None:
+            surface = surface.select(bounds.contains(surface.points))
+        return cls(scene, reference, volume, camera, surface)
 
     @property
     def obstacles(self) -> Cloud:

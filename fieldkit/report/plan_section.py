@@ -85,7 +85,9 @@ def _figures(part: PlanPart) -> Iterator[KeyFigure]:
                 "chamfer distance", f"{millimetres(plan.method.chamfer_m)}{more} mm",
                 "of what they reconstruct to its reference, on what the plan was made on",
             )  # fmt: skip
-    if settings is not None:
+        elif plan.method is not None and plan.method.repeats == 0:
+            yield KeyFigure("chamfer distance", "not confirmed", "no photograph was taken of these poses")
+    if settings is not None and (part.trials or plan is None):
         yield KeyFigure("trials", f"{len(part.trials)} of {settings.evaluations}", "sets of poses that were tried")
     if outcome is not None:
         yield KeyFigure(
@@ -108,7 +110,8 @@ def _charts(part: PlanPart) -> Iterator[LineChart]:
     known = [value for _, value in best if value is not None]
     if measured and known:
         at = "" if part.settings is None else f" at {part.settings.confirm_fidelity}"
-        confirmed = None if part.outcome is None else (1000.0 * part.outcome.chamfer_m, f"the plan, confirmed{at}")
+        value_m = None if part.outcome is None else part.outcome.chamfer_m
+        confirmed = None if value_m is None else (1000.0 * value_m, f"the plan, confirmed{at}")
         described = f"The best value fell from {known[0]:.2f} to {known[-1]:.2f} mm in {len(trials)} trials."
         yield LineChart(
             "The search: every trial, and the best so far", described, "trial", "value, mm",

@@ -38,6 +38,8 @@ def plan_statements(part: PlanPart) -> Iterator[Statement]:
             )
         value = millimetres(method.chamfer_m)
         text += f" What they reconstruct there is {value} mm{spread} from its reference (chamfer distance)."
+    elif method is not None and method.repeats == 0:
+        text += " It was not confirmed: no photograph was taken of them."
     yield Statement("fact", text)
     if settings is None:
         return

@@ -23,7 +23,7 @@ def draw_search(
     values_m: Sequence[float | None],
     best_m: Sequence[float | None],
     weights: Mapping[str, Sequence[float | None]],
-    confirmed_m: float,
+    confirmed_m: float | None,
 ) -> Figure:
     """Values and the best so far (simple regret with r(z*) = 0) against trials; beside it the models' weights.
 
@@ -31,14 +31,15 @@ def draw_search(
         values_m: per trial, metres; None where an evaluation broke.
         best_m: per trial, metres.
         weights: per model and trial; None before there was a model. Nothing is drawn without models.
-        confirmed_m: the chosen set's value by its confirmations.
+        confirmed_m: the chosen set's value by its confirmations; None without any.
     """
     figure, row = panel_row(1 + bool(weights), width_in=5.2)
     axes = row[0]
     trials = np.arange(1, len(values_m) + 1)
     axes.plot(trials, _millimetres(values_m), ".", color=COLORS[5], markersize=4, alpha=0.6, label="trial")
     axes.step(trials, _millimetres(best_m), where="post", color=COLORS[0], linewidth=1.6, label="best so far")
-    axes.axhline(1000.0 * confirmed_m, color=COLORS[1], linewidth=1.0, linestyle=(0, (4, 3)), label="plan, confirmed")
+    if confirmed_m is not None:
+        axes.axhline(1000.0 * confirmed_m, color=COLORS[1], linewidth=1.0, linestyle=(0, (4, 3)), label="plan, confirmed")
     finite = _millimetres(values_m)[np.isfinite(_millimetres(values_m))]
     if len(finite):
         axes.set_ylim(0.0, 1.08 * float(np.quantile(finite, 0.97)))

@@ -108,6 +108,19 @@ def random_places(count: int, distance: float, rng: np.random.Generator) -> NDAr
 
 def build_scene(plot: PlotDescription) -> Scene:
     """The plot's meshes with baked light, and the sky."""
+    surfaces = build_surfaces(plot)
+    effects = plot.effects
+    gloss = [(t if effects.translucency else 0.0, g if effects.gloss else 0.0) for _, (t, g) in surfaces]
+    lit = bake_light(
+        [mesh for mesh, _ in surfaces], plot.light, gloss=gloss, radius_m=0.5 * plot.extent_m + 0.6,
+        shadows=effects.shadows, sky_light=effects.sky_light,
+        fine=plot.soil.kind != "printed",
+    )  # fmt: skip
+    return Scene((*lit, _sky()), plot.light)
+
+
+def build_surfaces(plot: PlotDescription) -> list[tuple[Mesh, Material]]:
+    """The plot's meshes, unlit, and what they are made of; without the sky."""
 
     def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         return soil_height(plot.soil, x, y)
@@ -124,14 +137,7 @@ def build_scene(plot: PlotDescription) -> Scene:
         surfaces += [(mesh, _LEAF) for mesh in meshes]
     surfaces += [(mesh, _GROUND.get(mesh.name, _CRUMB)) for mesh in build_soil(plot.soil)]
     surfaces += [(mesh, _WEED) for mesh in build_weeds(plot.weeds, height)]
-    effects = plot.effects
-    gloss = [(t if effects.translucency else 0.0, g if effects.gloss else 0.0) for _, (t, g) in surfaces]
-    lit = bake_light(
-        [mesh for mesh, _ in surfaces], plot.light, gloss=gloss, radius_m=0.5 * plot.extent_m + 0.6,
-        shadows=effects.shadows, sky_light=effects.sky_light,
-        fine=plot.soil.kind != "printed",
-    )  # fmt: skip
-    return Scene((*lit, _sky()), plot.light)
+    return surfaces
 
 
 def _build_plant(plant: Plant, ground_m: float) -> Mesh:

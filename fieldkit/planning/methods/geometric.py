@@ -1,4 +1,4 @@
-"""Methods that optimise a geometric criterion and take no photograph: the paper's third baseline, and our own score."""
+"""The method `geometric`, the paper's third baseline; and how a criterion that takes no photograph is optimised."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from scipy.stats import qmc
 from fieldkit.kernels import kernel
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.families import families
-from fieldkit.planning.geometric import GeometricScore
 from fieldkit.planning.search import Problem, Result, Trial
 from fieldkit.planning.visibility import PerCamera, Surface, look
 
@@ -64,42 +63,28 @@ class Triangulation:
 
 
 class GeometricOptimum:
-    """One trial: the optimum of a geometric criterion, found without evaluations.
+    """One trial: the optimum of `Triangulation`, found without evaluations.
 
     Args:
-        name: ``"geometric"`` minimises `Triangulation`, ``"matchable"`` distance + tie of `GeometricScore`.
         problem: what is planned.
         seed: of the optimisation.
         effort: of it.
     """
 
-    def __init__(self, name: str, problem: Problem, seed: int = 0, *, effort: Effort | None = None) -> None:
-        self._name, self._problem, self._seed = name, problem, seed
-        self._effort = effort or Effort()
+    name = "geometric"
 
-    @property
-    def name(self) -> str:
-        return self._name
+    def __init__(self, problem: Problem, seed: int = 0, *, effort: Effort | None = None) -> None:
+        self._problem, self._seed, self._effort = problem, seed, effort
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
         if number > 0:
             return None
-        cost = Triangulation(self._problem) if self._name == "geometric" else cost_of(GeometricScore(self._problem))
+        cost = Triangulation(self._problem)
         cameras = optimise(self._problem, cost, self._seed, self._effort)
         value = cost(cameras)
         notes: dict[str, Any] = {"criterion_m": value}
-        return Trial(number, cameras, f"optimum of {self._name}, {1000 * value:.2f} mm", notes)
-
-
-def cost_of(score: GeometricScore) -> Cost:
-    """Distance + tie of the score, metres: both are lengths, and nothing says that one is to count more."""
-
-    def cost(cameras: Cameras) -> float:
-        found = score.score(cameras)
-        return found.distance_m + found.tie_m
-
-    return cost
+        return Trial(number, cameras, f"optimum of {self.name}, {1000 * value:.2f} mm", notes)
 
 
 def optimise(

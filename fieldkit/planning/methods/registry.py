@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.run_settings import SearchSettings
-from fieldkit.planning.search import Method, Problem
+from fieldkit.planning.search import Chooser, Method, Problem
 
 
-def make_method(problem: Problem, settings: SearchSettings) -> Method:
+def make_method(problem: Problem, settings: SearchSettings) -> Method | Chooser:
     """The method that a run's settings name.
 
     Raises:
@@ -49,7 +49,31 @@ def _coverage(problem: Problem, settings: SearchSettings) -> Method:
 def _geometric(problem: Problem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.geometric import GeometricOptimum
 
-    return GeometricOptimum(settings.method, problem, settings.seed)
+    return GeometricOptimum(problem, settings.seed)
+
+
+def _score(problem: Problem, settings: SearchSettings) -> Chooser:
+    from fieldkit.planning.methods.score import ScoreOptimum
+
+    return ScoreOptimum(problem, settings.weights, settings.seed)
+
+
+def _smith(problem: Problem, settings: SearchSettings) -> Method:
+    from fieldkit.planning.methods.smith import Reconstructability
+
+    return Reconstructability(problem, settings.seed)
+
+
+def _two_rings(problem: Problem, settings: SearchSettings) -> Method:
+    from fieldkit.planning.methods.two_rings import TwoRings
+
+    return TwoRings(problem, settings.seed)
+
+
+def _hemisphere(problem: Problem, settings: SearchSettings) -> Method:
+    from fieldkit.planning.methods.hemisphere import Hemisphere
+
+    return Hemisphere(problem, settings.seed)
 
 
 def _random(problem: Problem, settings: SearchSettings) -> Method:
@@ -70,18 +94,25 @@ def _match_graph(problem: Problem, settings: SearchSettings) -> Method:
     return MatchGraph(problem, settings.seed)
 
 
-_MAKERS: dict[str, Callable[[Problem, SearchSettings], Method]] = {
+_MAKERS: dict[str, Callable[[Problem, SearchSettings], Method | Chooser]] = {
     "field": _field,
     "bosfm": _bosfm,
+    "score": _score,
     "circle": _circle,
     "circle-aim": _circle,
+    "two-rings": _two_rings,
+    "hemisphere": _hemisphere,
     "mcp": _coverage,
     "geometric": _geometric,
-    "matchable": _geometric,
+    "smith": _smith,
     "random": _random,
     "uniform": _uniform,
     "match-graph": _match_graph,
 }
 METHOD_NAMES = tuple(_MAKERS)
-USING_MATCHES = frozenset({"field", "matchable", "match-graph"})
+USING_MATCHES = frozenset({"field", "score", "match-graph"})
 """Methods that use a recorded set's counted matches (`Problem.matches`)."""
+USING_WEIGHTS = frozenset({"field", "score"})
+"""Methods that go by the geometric score's weights (`SearchSettings.weights`)."""
+CHOOSERS = frozenset({"score"})
+"""Methods that need no results (`Chooser`)."""
