@@ -33,16 +33,16 @@ from fieldkit.reporting.search_plots import draw_regret
 
 RECORDED_FIDELITY: FidelityName = "standard"
 PLANNERS = ("bosfm", "field")
-_OPTIMISED = ("circle", "circle-aim", "mcp", "geometric", "matchable")
+_OPTIMISED = ("circle", "circle-aim", "two-rings", "hemisphere", "mcp", "geometric", "smith", "score")
 """What plans carried to another plot are held against."""
 _SIMULATED = ("random", *_OPTIMISED, *PLANNERS)
 _RECORDED = ("random", "uniform", "match-graph", *PLANNERS)
-_SEVERAL = ("random", "circle", "circle-aim", *PLANNERS)
+_SEVERAL = ("random", "circle", "circle-aim", "two-rings", "hemisphere", "smith", "score", *PLANNERS)
 """Methods whose outcome depends on the seed; that of circles by what registers in a trial's photographs."""
-_CARRIED = ("circle-aim", "matchable", *PLANNERS)
+_CARRIED = ("circle-aim", "score", *PLANNERS)
 _REPEATS = 3
 _SUBSETS = 20
-_OURS = ("matchable", "field")
+_OURS = ("score", "field")
 """What is no baseline."""
 
 
@@ -305,7 +305,7 @@ def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
             (
                 method, len(own), f"{np.mean([r.outcome.evaluations for r in own]):.0f}",
                 f"{np.mean([r.outcome.failed_evaluations for r in own]):.0f}",
-                spread([1000 * float(r.best_m[-1] or np.nan) for r in own], 2),
+                spread([1000 * (r.found_m or np.nan) for r in own], 2),
                 *figures(own, best),
                 " ".join("–" if k is None else str(k) for k in reached) or None,
                 f"{np.mean([_overhead(r) for r in own]):.1%}",
@@ -324,7 +324,7 @@ def _mean_value(runs: Sequence[Ran], method: str) -> float:
 
 
 def _final_search_value(runs: Sequence[Ran], method: str) -> float | None:
-    values = [run.best_m[-1] for run in runs if run.method == method and run.best_m[-1] is not None]
+    values = [run.found_m for run in runs if run.method == method and run.found_m is not None]
     return float(np.mean(values)) if values else None
 
 
@@ -345,7 +345,8 @@ def _cpu_s(run: Ran) -> float:
 def _curves(runs: Sequence[Ran]) -> dict[str, list[tuple[float | None, ...]]]:
     curves: dict[str, list[tuple[float | None, ...]]] = {}
     for run in runs:
-        curves.setdefault(run.method, []).append(run.best_m)
+        if run.best_m:
+            curves.setdefault(run.method, []).append(run.best_m)
     return curves
 
 

@@ -80,7 +80,8 @@ class Ran:
         outcome: its finalists by confirmations.
         cameras: of the plan.
         views: photographs of the plan, of a recorded set by their names.
-        best_m: the best so far after each evaluation of the search; None before the first that was measured.
+        best_m: the best so far after each evaluation of the search; None before the first that was measured. Empty
+            where there was no search.
         right: right photographs of the plan's confirmations, mean.
         accuracy_m, completeness_m: of the plan's confirmations, mean.
     """
@@ -96,9 +97,14 @@ class Ran:
     completeness_m: float
 
     @property
+    def found_m(self) -> float | None:
+        """The search's lowest value; None where nothing was measured."""
+        return self.best_m[-1] if self.best_m else None
+
+    @property
     def value_m(self) -> float:
         """The plan's, by confirmations at fresh seeds."""
-        return self.outcome.chamfer_m
+        return confirmed_m(self.outcome.chamfer_m)
 
 
 class Confirmed(Protocol):
@@ -207,12 +213,27 @@ def _outcome(
 
 
 def _ran(settings: SearchSettings, outcome: Outcome, entries: Sequence[LogEntry]) -> Ran:
+    confirmed_m(outcome.chamfer_m)
     plan = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
     return Ran(
         settings.method, settings.seed, outcome, plan[0].trial.cameras, plan[0].views,
         tuple(best_so_far(searched(entries))), mean_of(plan, "right"), mean_of(plan, "accuracy_m"),
         mean_of(plan, "completeness_m"),
     )  # fmt: skip
+
+
+def confirmed_m(value_m: float | None) -> float:
+    """A value that confirmations have given.
+
+    Raises:
+        UsageError: there were none.
+    """
+    if value_m is None:
+        raise UsageError(
+            "methods are compared by confirmed plans, and this machine cannot confirm them",
+            remedy="Run it where photographs can be rendered: see `fieldkit doctor`.",
+        )
+    return value_m
 
 
 def mean_of(entries: Sequence[LogEntry], key: str) -> float:

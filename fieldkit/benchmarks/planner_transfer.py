@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.benchmarks.planner_runs import Place, Ran, figures, mean_of
+from fieldkit.benchmarks.planner_runs import Place, Ran, confirmed_m, figures, mean_of
 from fieldkit.benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
 from fieldkit.planning.fidelity import FidelityName
@@ -83,7 +83,7 @@ def carry(
 
 def _carried(ran: Ran, found: Finalist, moved_m: float) -> Carried:
     return Carried(
-        ran, found.value_m, mean_of(found.entries, "accuracy_m"), mean_of(found.entries, "completeness_m"),
+        ran, confirmed_m(found.value_m), mean_of(found.entries, "accuracy_m"), mean_of(found.entries, "completeness_m"),
         mean_of(found.entries, "right"), moved_m,
     )  # fmt: skip
 

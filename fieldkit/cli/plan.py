@@ -131,7 +131,8 @@ def command(
         int | None, typer.Option("--finalists", rich_help_panel=_SEARCH, min=1, help="Evaluated again at fresh seeds.")
     ] = None,
     repeats: Annotated[
-        int | None, typer.Option("--repeats", rich_help_panel=_SEARCH, min=0, help="Fresh seeds for each; 0: no confirmation.")
+        int | None,
+        typer.Option("--repeats", rich_help_panel=_SEARCH, min=0, help="Fresh seeds for each; 0: no confirmation."),
     ] = None,
     weights: Annotated[
         str,
@@ -311,6 +312,7 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     from fieldkit.reporting.style import format_length, format_seconds
 
     show = console()
+
     def length(value_m: float | None) -> str:
         return "–" if value_m is None else format_length(value_m)
 

@@ -185,32 +185,49 @@ class Envelope:
         """Whether every camera keeps every constraint."""
         return bool((self.violations(cameras).largest <= 0.01 * TOLERANCE).all())
 
-    def sample(self, count: int, seed: int) -> Cameras:
-        """``count`` cameras, each uniform over the feasible positions, looking at uniform points of the target.
+    def sample(
+        self, count: int, seed: int, *, radius_m: tuple[float, float] | None = None,
+        aim_m: tuple[float, float] | None = None,
+    ) -> Cameras:  # fmt: skip
+        """``count`` cameras, each uniform over the feasible positions, looking at the target.
 
         The pitch is cut to the gimbal's range. The same seed gives the same cameras.
+
+        Args:
+            count: of cameras.
+            seed: of the draws.
+            radius_m: horizontal distances from the target's middle; any, too, where these have no room.
+            aim_m: heights z above the target's middle to look at, uniformly; uniform points of the target where None.
 
         Raises:
             UsageError: the envelope has no room for so many.
         """
         rng = np.random.default_rng([seed, _SAMPLE_STREAM])
         positions = np.zeros((0, 3))
-        for _ in range(count):
-            positions = np.vstack([positions, self._draw(rng, positions)])
+        for number in range(1, count + 1):
+            drawn = None if radius_m is None else self._draw(rng, positions, radius_m)
+            drawn = self._draw(rng, positions, (0.0, np.inf)) if drawn is None else drawn
+            if drawn is None:
+                raise no_room(number)
+            positions = np.vstack([positions, drawn])
         targets = rng.uniform(self.target.lower, self.target.upper, (count, 3))
+        if aim_m is not None:
+            targets[:, :2], targets[:, 2] = self.target.center[:2], rng.uniform(*aim_m, count)
         aimed = Cameras.aimed(positions, targets)
         return Cameras(positions, aimed.yaw_deg, np.clip(aimed.pitch_deg, *self.pitch_deg))
 
-    def _draw(self, rng: np.random.Generator, others: Array) -> Array:
+    def _draw(self, rng: np.random.Generator, others: Array, radius_m: tuple[float, float]) -> Array | None:
         low = (self.x_m[0], self.y_m[0], self.height_m[0])
         high = (self.x_m[1], self.y_m[1], self.height_m[1])
         for _ in range(_BATCHES):
             drawn = rng.uniform(low, high, (_BATCH, 3))
             drawn[:, 2] += self.ground_m(drawn)
-            free = (self.position_violation(drawn) <= 0.0) & (distance_to(drawn, others) >= self.separation_m)
+            away = np.linalg.norm(drawn[:, :2] - self.target.center[:2], axis=1)
+            free = (away >= radius_m[0]) & (away <= radius_m[1]) & (distance_to(drawn, others) >= self.separation_m)
+            free[free] = self.position_violation(drawn[free]) <= 0.0
             if free.any():
                 return np.asarray(drawn[int(np.argmax(free))])[None]
-        raise no_room(len(others) + 1)
+        return None
 
     def _bounds(self, positions: Array) -> Array:
         x, y = positions[:, 0], positions[:, 1]

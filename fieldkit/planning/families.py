@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldkit.planning.cameras import Array, Cameras
+from fieldkit.planning.ranges import NARROWEST, reach_m
 from fieldkit.planning.search import Problem
 
 SPAN_DEG = (60.0, 360.0)
 """Of arcs: ten cameras 6° apart, up to all the way round. The prototype's best arc spanned 136°."""
-_NARROWEST = 0.3
 _ELLIPTIC = 0.35
-_AIM = (0.1, 0.9)
 
 Values = Mapping[str, float]
 
@@ -89,42 +88,14 @@ class Circle:
     aim_m: float
     phase_deg: float = 0.0
 
+    def __str__(self) -> str:
+        return f"circle {self.radius_m:.2f} m at {self.altitude_m:.2f} m, aim {self.aim_m:.2f} m"
+
     def cameras(self, problem: Problem) -> Cameras:
         """Not made feasible."""
         azimuth = self.phase_deg + 360.0 * np.arange(problem.count) / problem.count
         radius, altitude = np.full(problem.count, self.radius_m), np.full(problem.count, self.altitude_m)
-        return _placed(problem, azimuth, radius, altitude, self.aim_m)
-
-
-def fill_distance_m(problem: Problem) -> float:
-    """From where the sphere about the volume of interest fills the picture's shorter side, metres."""
-    camera = problem.camera
-    half_angle = np.arctan(0.5 * min(camera.width / camera.fx, camera.height / camera.fy))
-    return float(0.5 * problem.envelope.target.diagonal / np.sin(half_angle))
-
-
-def reach_m(problem: Problem) -> float:
-    """The largest circle about the plot's middle within the envelope's bounds, metres."""
-    (x0, x1), (y0, y1), (x, y, _) = problem.envelope.x_m, problem.envelope.y_m, problem.center
-    return float(max(min(x - x0, x1 - x, y - y0, y1 - y), 0.1))
-
-
-def aim_range_m(problem: Problem) -> tuple[float, float]:
-    """Heights z to look at: the inner 80 % of the volume of interest's."""
-    low, high = problem.envelope.target.lower[2], problem.envelope.target.upper[2]
-    return low + _AIM[0] * (high - low), low + _AIM[1] * (high - low)
-
-
-def circle_ranges_m(problem: Problem) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-    """What circles are looked for in: radii, altitudes above ground, and heights z to aim at; metres.
-
-    Radii from a third of what fills the picture to a quarter more than that, within the envelope's reach; altitudes of
-    the whole height band.
-    """
-    reach, fill = reach_m(problem), fill_distance_m(problem)
-    widest = min(reach, 1.25 * fill)
-    low, high = problem.envelope.height_m
-    return (min(max(fill / 3.0, _NARROWEST * reach), 0.7 * widest), widest), (low, high), aim_range_m(problem)
+        return placed(problem, azimuth, radius, altitude, self.aim_m)
 
 
 def circles(
@@ -134,16 +105,16 @@ def circles(
 
     Args:
         problem: of N cameras.
-        altitudes, radii, aims: how many of each, spread evenly over `circle_ranges_m`, its ends included; a single one
+        altitudes, radii, aims: how many of each, spread evenly over `Problem.ranges`, its ends included; a single one
             is the middle.
         inner: the ends are half a step farther out: what few circles stand for best.
     """
-    radius_range, altitude_range, aim_range = circle_ranges_m(problem)
+    ranges = problem.ranges
     return tuple(
         Circle(float(radius), float(altitude), float(aim))
-        for aim in _spread(aim_range, aims, inner)
-        for altitude in _spread(altitude_range, altitudes, inner)
-        for radius in _spread(radius_range, radii, inner)
+        for aim in _spread(ranges.aim_m, aims, inner)
+        for altitude in _spread(ranges.altitude_m, altitudes, inner)
+        for radius in _spread(ranges.radius_m, radii, inner)
     )
 
 
@@ -160,8 +131,8 @@ def families(problem: Problem) -> tuple[Family, ...]:
     - chain: two levels that alternate along an arc, each with its radius and altitude, the second shifted by a share of
       a step.
     """
-    count, reach = problem.count, reach_m(problem)
-    radii, altitudes, aims = (_NARROWEST * reach, reach), problem.envelope.height_m, aim_range_m(problem)
+    count, reach, ranges = problem.count, reach_m(problem.envelope), problem.ranges
+    radii, altitudes, aims = (NARROWEST * reach, reach), ranges.altitude_m, ranges.aim_m
     span, middle = Parameter("span_deg", *SPAN_DEG), Parameter("middle_deg", -180.0, 180.0)
     radius, altitude, aim = (
         Parameter("radius_m", *radii), Parameter("altitude_m", *altitudes), Parameter("aim_m", *aims)
@@ -173,26 +144,26 @@ def families(problem: Problem) -> tuple[Family, ...]:
         sine, cosine = np.sin(np.radians(azimuth)), np.cos(np.radians(azimuth))
         x, y = (1.0 + v["stretch"]) * sine, (1.0 - v["stretch"]) * cosine
         turned = np.degrees(np.arctan2(x, y))
-        return _placed(problem, turned, v["radius_m"] * np.hypot(x, y), np.full(count, v["altitude_m"]), v["aim_m"])
+        return placed(problem, turned, v["radius_m"] * np.hypot(x, y), np.full(count, v["altitude_m"]), v["aim_m"])
 
     def arc(v: Values) -> Cameras:
         # Odd, the same at both ends, and increasing for any widening between −0.5 and 1.
         along = even * (1.0 + v["widening"] * (4.0 * even**2 - 1.0))
         flat = np.full(count, v["radius_m"]), np.full(count, v["altitude_m"])
-        return _placed(problem, v["middle_deg"] + v["span_deg"] * along, *flat, v["aim_m"])
+        return placed(problem, v["middle_deg"] + v["span_deg"] * along, *flat, v["aim_m"])
 
     def spiral(v: Values) -> Cameras:
         t = np.linspace(0.0, 1.0, count)
         radius = v["first_radius_m"] + t * (v["last_radius_m"] - v["first_radius_m"])
         altitude = v["first_altitude_m"] + t * (v["last_altitude_m"] - v["first_altitude_m"])
-        return _placed(problem, v["middle_deg"] + v["span_deg"] * even, radius, altitude, v["aim_m"])
+        return placed(problem, v["middle_deg"] + v["span_deg"] * even, radius, altitude, v["aim_m"])
 
     def chain(v: Values) -> Cameras:
         upper = np.arange(count) % 2 == 1
         azimuth = v["middle_deg"] + v["span_deg"] * (even + np.where(upper, v["shift"] / count, 0.0))
         radius = np.where(upper, v["upper_radius_m"], v["lower_radius_m"])
         altitude = np.where(upper, v["upper_altitude_m"], v["lower_altitude_m"])
-        return _placed(problem, azimuth, radius, altitude, v["aim_m"])
+        return placed(problem, azimuth, radius, altitude, v["aim_m"])
 
     def two(name: str, limits: tuple[float, float], first: str, second: str) -> tuple[Parameter, Parameter]:
         return Parameter(f"{first}_{name}_m", *limits), Parameter(f"{second}_{name}_m", *limits)
@@ -226,7 +197,16 @@ def family(problem: Problem, name: str) -> Family:
     return {found.name: found for found in families(problem)}[name]
 
 
-def _placed(problem: Problem, azimuth_deg: Array, radius_m: Array, altitude_m: Array, aim_m: float) -> Cameras:
+def placed(problem: Problem, azimuth_deg: Array, radius_m: Array, altitude_m: Array, aim_m: float) -> Cameras:
+    """Cameras about a plot's middle that look at one point above it; not made feasible.
+
+    Args:
+        problem: of the plot.
+        azimuth_deg: (n,) clockwise from north.
+        radius_m: (n,) horizontal.
+        altitude_m: (n,) above the ground below each camera.
+        aim_m: z of the point.
+    """
     x, y, _ = problem.center
     turn = np.radians(azimuth_deg)
     positions = np.column_stack([x + radius_m * np.sin(turn), y + radius_m * np.cos(turn), altitude_m])

@@ -15,6 +15,7 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.projection import project
+from fieldkit.planning.ranges import Ranges
 from fieldkit.planning.recorded import assign
 
 _LEAST = 3
@@ -106,10 +107,17 @@ class Problem:
         """The recorded views' numbers by their keys."""
         return {} if self.views is None else {key: k for k, key in enumerate(self.views.row_keys())}
 
+    @cached_property
+    def ranges(self) -> Ranges:
+        """What methods look in."""
+        return Ranges.of(self.envelope, self.camera)
+
     def sample(self, seed: int) -> Cameras:
-        """A random feasible set of N: see `Envelope.sample`; of a recorded set N distinct views, all alike likely."""
+        """A random feasible set of N from `ranges` (`Envelope.sample`); of a recorded set N distinct views, all alike
+        likely.
+        """
         if self.views is None:
-            return self.envelope.sample(self.count, seed)
+            return self.envelope.sample(self.count, seed, radius_m=self.ranges.radius_m, aim_m=self.ranges.aim_m)
         rng = np.random.default_rng([seed, _SAMPLE_STREAM])
         return self.views.select(np.sort(rng.choice(len(self.views), self.count, replace=False)))
 

@@ -137,7 +137,9 @@ def look(surface: Surface, cameras: Cameras, camera: Intrinsics) -> list[Sight]:
     lens = scale * np.array([camera.fx, camera.fy, camera.cx, camera.cy])
     found = []
     pixels = np.array([(lens[0], 0.0, lens[2]), (0.0, lens[1], lens[3]), (0.0, 0.0, 1.0)])
-    splat, half_x, half_y = np.array([1.0, 0.5 * lens[0], 0.5 * lens[1]], dtype=np.float32) * np.float32(surface.splat_m)
+    splat, half_x, half_y = np.array([1.0, 0.5 * lens[0], 0.5 * lens[1]], dtype=np.float32) * np.float32(
+        surface.splat_m
+    )
     for rotation, center in zip(cameras.rotations, cameras.positions, strict=True):
         view = np.column_stack([pixels @ rotation, -pixels @ rotation @ center]).astype(np.float32)
         buffer = _z_buffer(surface._columns, splat, view, half_x, half_y, width, height)

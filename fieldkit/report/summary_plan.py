@@ -52,7 +52,7 @@ def plan_statements(part: PlanPart) -> Iterator[Statement]:
                 "note", f"The plan is one of {count(len(circles), 'circle')} tried: nothing else was better.",
                 "More trials may find something: search on with --resume and more --evaluations.",
             )  # fmt: skip
-        elif circles and chosen > 0:
+        elif circles and chosen:
             best = min(circles)
             better = "lower" if chosen < best else "higher"
             yield Statement(

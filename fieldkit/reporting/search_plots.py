@@ -39,7 +39,9 @@ def draw_search(
     axes.plot(trials, _millimetres(values_m), ".", color=COLORS[5], markersize=4, alpha=0.6, label="trial")
     axes.step(trials, _millimetres(best_m), where="post", color=COLORS[0], linewidth=1.6, label="best so far")
     if confirmed_m is not None:
-        axes.axhline(1000.0 * confirmed_m, color=COLORS[1], linewidth=1.0, linestyle=(0, (4, 3)), label="plan, confirmed")
+        axes.axhline(
+            1000.0 * confirmed_m, color=COLORS[1], linewidth=1.0, linestyle=(0, (4, 3)), label="plan, confirmed"
+        )
     finite = _millimetres(values_m)[np.isfinite(_millimetres(values_m))]
     if len(finite):
         axes.set_ylim(0.0, 1.08 * float(np.quantile(finite, 0.97)))

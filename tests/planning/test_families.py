@@ -10,13 +10,11 @@ from hypothesis import strategies as st
 from fieldkit.planning.families import (
     SPAN_DEG,
     Circle,
-    circle_ranges_m,
     circles,
     families,
     family,
-    fill_distance_m,
-    reach_m,
 )
+from fieldkit.planning.ranges import fill_distance_m, reach_m
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(9)
@@ -101,14 +99,14 @@ def test_a_chain_alternates_and_a_spiral_rises() -> None:
 def test_circles_fill_the_ranges() -> None:
     grid = circles(PROBLEM, 4, 3, 2)
     assert len(set(grid)) == 24
-    radius, altitude, aim = circle_ranges_m(PROBLEM)
+    radius, altitude, aim = PROBLEM.ranges
     assert {c.radius_m for c in grid} >= set(radius)
     assert {c.altitude_m for c in grid} >= set(altitude)
     assert {c.aim_m for c in grid} == set(aim)
     assert altitude == PROBLEM.envelope.height_m
-    assert radius[1] <= reach_m(PROBLEM)
+    assert radius[1] <= reach_m(PROBLEM.envelope)
     assert radius[0] < radius[1]
-    assert fill_distance_m(PROBLEM) / 3.0 <= radius[0]
+    assert fill_distance_m(PROBLEM.envelope, PROBLEM.camera) / 3.0 <= radius[0]
     inside = {c.radius_m for c in circles(PROBLEM, 1, 2, inner=True)}
     width = radius[1] - radius[0]
     np.testing.assert_allclose(sorted(inside), [radius[0] + 0.25 * width, radius[0] + 0.75 * width])

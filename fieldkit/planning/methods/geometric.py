@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import qmc
@@ -63,28 +63,29 @@ class Triangulation:
 
 
 class GeometricOptimum:
-    """One trial: the optimum of `Triangulation`, found without evaluations.
+    """One trial: the optimum of a geometric criterion, found without evaluations.
 
     Args:
+        name: as `--method` takes it.
         problem: what is planned.
+        cost: the criterion.
         seed: of the optimisation.
         effort: of it.
     """
 
-    name = "geometric"
+    def __init__(self, name: str, problem: Problem, cost: Cost, seed: int = 0, *, effort: Effort | None = None) -> None:
+        self._name, self._problem, self._cost, self._seed, self._effort = name, problem, cost, seed, effort
 
-    def __init__(self, problem: Problem, seed: int = 0, *, effort: Effort | None = None) -> None:
-        self._problem, self._seed, self._effort = problem, seed, effort
+    @property
+    def name(self) -> str:
+        return self._name
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
         if number > 0:
             return None
-        cost = Triangulation(self._problem)
-        cameras = optimise(self._problem, cost, self._seed, self._effort)
-        value = cost(cameras)
-        notes: dict[str, Any] = {"criterion_m": value}
-        return Trial(number, cameras, f"optimum of {self.name}, {1000 * value:.2f} mm", notes)
+        cameras = optimise(self._problem, self._cost, self._seed, self._effort)
+        return Trial(number, cameras, f"optimum of {self._name}", {"criterion": self._cost(cameras)})
 
 
 def optimise(
@@ -93,7 +94,7 @@ def optimise(
     """A feasible set of small cost, by a search of the whole space; the same for the same seed.
 
     Starts are the best designs of each family (Sobol points of its cube) and of random sets, of which the best few
-    count, or ``known`` sets, which all do. They are refined by moving one or two cameras at a time, keeping what is no
+    count, or ``known`` sets, which all do. They are refined by moving one camera at a time, keeping what is no
     worse, with steps that shrink from half a metre to a centimetre. On a recorded set a move takes another view
     instead.
     """
@@ -137,25 +138,24 @@ def _refined(
 
 
 def _moved(problem: Problem, cameras: Cameras, rng: np.random.Generator, step_m: float) -> Cameras:
-    """One or two cameras elsewhere: by about so many metres, and turned as much as seen from the plot's distance."""
-    chosen = rng.choice(len(cameras), int(rng.integers(1, 3)), replace=False)
+    """One camera elsewhere: by about so many metres, and turned as much as seen from the plot's distance."""
+    z = cameras.vector().reshape(len(cameras), -1).copy()
     if problem.views is not None:
         taken = set(cameras.row_keys())
         table = problem.views.vector().reshape(len(problem.views), -1)
         free = [i for i, key in enumerate(problem.views.row_keys()) if key not in taken]
-        if not free:
-            return cameras
-        z = cameras.vector().reshape(len(cameras), -1).copy()
-        chosen = chosen[: len(free)]
-        z[chosen] = table[rng.choice(free, len(chosen), replace=False)]
+        # Two at once lead out of where exchanging one does not help.
+        count = min(int(rng.integers(1, 3)), len(free))
+        if count:
+            z[rng.choice(len(z), count, replace=False)] = table[rng.choice(free, count, replace=False)]
         return Cameras.from_vector(z.reshape(-1))
-    z = cameras.vector().reshape(len(cameras), -1).copy()
-    z[chosen, :3] += rng.normal(0.0, step_m, (len(chosen), 3))
-    away = np.maximum(np.linalg.norm(z[chosen, :3] - problem.center, axis=1), 0.1)
+    k = int(rng.integers(len(z)))
+    z[k, :3] += rng.normal(0.0, step_m, 3)
+    away = max(float(np.linalg.norm(z[k, :3] - problem.center)), 0.1)
     # A camera that is moved keeps looking at the place it looked at, give or take.
-    places = cameras.positions[chosen] + cameras.forward[chosen] * away[:, None]
-    aimed = Cameras.aimed(z[chosen, :3], places + rng.normal(0.0, 0.3 * step_m, places.shape))
-    z[chosen, 3], z[chosen, 4] = aimed.yaw_deg, np.clip(aimed.pitch_deg, *problem.envelope.pitch_deg)
+    place = cameras.positions[k] + cameras.forward[k] * away
+    aimed = Cameras.aimed(z[k, :3], place + rng.normal(0.0, 0.3 * step_m, 3))
+    z[k, 3], z[k, 4] = aimed.yaw_deg[0], np.clip(aimed.pitch_deg[0], *problem.envelope.pitch_deg)
     return Cameras.from_vector(z.reshape(-1))
 
 

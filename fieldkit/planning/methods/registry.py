@@ -47,9 +47,9 @@ def _coverage(problem: Problem, settings: SearchSettings) -> Method:
 
 
 def _geometric(problem: Problem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.geometric import GeometricOptimum
+    from fieldkit.planning.methods.geometric import GeometricOptimum, Triangulation
 
-    return GeometricOptimum(problem, settings.seed)
+    return GeometricOptimum(settings.method, problem, Triangulation(problem), settings.seed)
 
 
 def _score(problem: Problem, settings: SearchSettings) -> Chooser:
@@ -59,9 +59,10 @@ def _score(problem: Problem, settings: SearchSettings) -> Chooser:
 
 
 def _smith(problem: Problem, settings: SearchSettings) -> Method:
+    from fieldkit.planning.methods.geometric import GeometricOptimum
     from fieldkit.planning.methods.smith import Reconstructability
 
-    return Reconstructability(problem, settings.seed)
+    return GeometricOptimum(settings.method, problem, Reconstructability(problem), settings.seed)
 
 
 def _two_rings(problem: Problem, settings: SearchSettings) -> Method:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from fieldkit.planning.geometric import GeometricScore
 from fieldkit.planning.methods.geometric import (
+    Cost,
     Effort,
     GeometricOptimum,
     Triangulation,
-    cost_of,
     optimise,
 )
+from fieldkit.planning.methods.smith import Reconstructability
+from fieldkit.planning.ranges import fill_distance_m
 from fieldkit.planning.visibility import Surface, look
 from tests.planning.leafy import CAMERA, around, problem, recorded
 
@@ -39,24 +43,40 @@ def test_triangulation_is_the_covariance_of_the_rays() -> None:
 def test_triangulation_likes_what_matching_does_not() -> None:
     wide, narrow = around(np.arange(5) * 72.0), around(np.arange(5) * 8.0)
     assert Triangulation(PROBLEM)(wide) < Triangulation(PROBLEM)(narrow)
-    cost = cost_of(GeometricScore(PROBLEM))
-    assert cost(narrow) < cost(wide)
+    score = GeometricScore(PROBLEM).score
+    assert score(narrow).distance_m + score(narrow).tie_m < score(wide).distance_m + score(wide).tie_m
 
 
-@pytest.mark.parametrize("name", ["geometric", "matchable"])
-def test_one_trial_better_than_chance(name: str) -> None:
-    method = GeometricOptimum(name, PROBLEM, 3, effort=SMALL)
+@pytest.mark.parametrize("cost", [Triangulation(PROBLEM), Reconstructability(PROBLEM)])
+def test_one_trial_better_than_chance(cost: Cost) -> None:
+    method = GeometricOptimum("smith", PROBLEM, cost, 3, effort=SMALL)
     trial = method.propose(0, (), ())
     assert trial is not None
-    assert method.name == name
+    assert method.name == "smith"
     assert method.propose(1, (), ()) is None
     assert PROBLEM.contains(trial.cameras)
-    cost = Triangulation(PROBLEM) if name == "geometric" else cost_of(GeometricScore(PROBLEM))
-    assert trial.notes["criterion_m"] == cost(trial.cameras)
+    assert trial.notes["criterion"] == cost(trial.cameras)
     assert cost(trial.cameras) < min(cost(PROBLEM.sample(seed)) for seed in range(20))
-    again = GeometricOptimum(name, PROBLEM, 3, effort=SMALL).propose(0, (), ())
+    again = GeometricOptimum("smith", PROBLEM, cost, 3, effort=SMALL).propose(0, (), ())
     assert again is not None
     assert again.cameras == trial.cameras
+
+
+def test_reconstructability_is_the_sum_over_pairs() -> None:
+    cameras = PROBLEM.sample(2)
+    views = look(Surface.of(PROBLEM, 800), cameras, CAMERA)
+    farthest = 2.0 * fill_distance_m(PROBLEM.envelope, CAMERA)
+    found = Reconstructability(PROBLEM).of_points(cameras)
+    for k in range(0, len(found), 50):
+        total = 0.0
+        for a, b in itertools.combinations(views, 2):
+            steepest = min(a.facing[k], b.facing[k])
+            if a.seen[k] and b.seen[k] and steepest > 0.087 and max(a.distance_m[k], b.distance_m[k]) < farthest:
+                alpha = np.arccos(np.clip(a.rays[k] @ b.rays[k], -1, 1))
+                w1, w3 = 1 / (1 + np.exp(-32 * (alpha - np.pi / 16))), 1 - 1 / (1 + np.exp(-8 * (alpha - np.pi / 4)))
+                total += w1 * w3 * (1 - max(a.distance_m[k], b.distance_m[k]) / farthest) * steepest
+        assert found[k] == pytest.approx(total)
+    assert Reconstructability(PROBLEM)(cameras) == pytest.approx(np.mean(np.minimum(found - 3, 0) ** 2))
 
 
 def test_a_recorded_set_is_searched_by_its_views() -> None:

@@ -1,0 +1,103 @@
+"""Searches of few numbers: a fixed list of designs, then others about the best of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
+
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.search import Problem, Result, Trial
+
+
+class Design(Protocol):
+    """N cameras by a few numbers: a dataclass of floats."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    def cameras(self, problem: Problem) -> Cameras:
+        """Not made feasible."""
+        ...
+
+    def __str__(self) -> str:
+        """For people."""
+        ...
+
+
+D = TypeVar("D", bound=Design)
+
+
+@dataclass(frozen=True)
+class Stage(Generic[D]):
+    """Designs that are laid about the best one known: always so many."""
+
+    count: int
+    designs: Callable[[D], Sequence[D]]
+
+
+class StagedSearch(Generic[D]):
+    """The first designs, then stage by stage those about the best measured one of all before that stage.
+
+    First designs that mean the same cameras as an earlier one (a recorded set has few) are left out.
+
+    Args:
+        name: as `--method` takes it.
+        problem: what is planned.
+        first: designs; the middle one stands for the best where none was measured.
+        stages: of designs to come.
+    """
+
+    def __init__(self, name: str, problem: Problem, first: Sequence[D], stages: Sequence[Stage[D]]) -> None:
+        self._name, self._problem, self._designs, self._stages = name, problem, first, stages
+
+    @property
+    def name(self) -> str:
+        return self._name
+
+    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+        """See `Method.propose`."""
+        first = self._first
+        if number < len(first):
+            return _trial(number, *first[number])
+        begun = len(first)
+        for stage in self._stages:
+            if number < begun + stage.count:
+                design = stage.designs(self._best(results, begun))[number - begun]
+                return _trial(number, design, self._problem.nearest(design.cameras(self._problem)))
+            begun += stage.count
+        return None
+
+    @cached_property
+    def _first(self) -> list[tuple[D, Cameras]]:
+        found: dict[Cameras, D] = {}
+        for design in self._designs:
+            found.setdefault(self._problem.nearest(design.cameras(self._problem)), design)
+        return [(design, cameras) for cameras, design in found.items()]
+
+    def _best(self, results: Sequence[Result], before: int) -> D:
+        """The best measured design among the trials below a number."""
+        middle = self._first[len(self._first) // 2][0]
+        known = [r for r in results if r.trial.number < before and r.measured]
+        if not known:
+            return middle
+        notes = min(known, key=lambda r: (r.value_m, r.trial.number)).trial.notes
+        return type(middle)(**{field.name: float(notes[field.name]) for field in fields(middle)})
+
+
+def half_step(best: float, step: int, limits: tuple[float, float], count: int) -> float:
+    """Half a step of a grid of ``count`` values over limits from one of them: down (−1), not at all (0), or up (1).
+
+    At the range's end the finer grid goes on inside it, between the values that are there.
+    """
+    low, high = limits
+    value = best + 0.5 * step * (high - low) / (count - 1)
+    return value if low <= value <= high else best - 0.5 * (value - best)
+
+
+AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0))
+"""The eight steps from a cell of a grid of two numbers."""
+
+
+def _trial(number: int, design: Design, cameras: Cameras) -> Trial:
+    return Trial(number, cameras, str(design), asdict(design))

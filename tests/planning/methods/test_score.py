@@ -1,0 +1,54 @@
+"""Optima of the geometric score as plans."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from fieldkit.planning.expected import CERTAINTY, WEIGHTS, Expected
+from fieldkit.planning.methods.geometric import Effort
+from fieldkit.planning.methods.score import ScoreOptimum
+from tests.planning.leafy import problem, recorded
+
+PROBLEM = problem(5)
+SMALL = Effort(designs=8, starts=1, moves=60)
+
+
+def test_optima_are_ordered_and_repeatable() -> None:
+    found = ScoreOptimum(PROBLEM, seed=3, effort=SMALL).choose(3)
+    assert sorted(trial.number for trial in found) == [0, 1, 2]
+    values = [trial.notes["expected_m"] for trial in found]
+    assert values == sorted(values)
+    expected = Expected(PROBLEM)
+    for trial in found:
+        assert PROBLEM.contains(trial.cameras)
+        assert trial.notes["expected_m"] == expected.value_m(trial.cameras, WEIGHTS, None)
+    assert max(values) < min(expected.value_m(PROBLEM.sample(seed), WEIGHTS, None) for seed in range(10))
+    (alone,) = ScoreOptimum(PROBLEM, seed=3, effort=SMALL).choose(1)
+    assert alone.cameras == next(trial for trial in found if trial.number == 0).cameras
+
+
+def test_weights_say_what_is_optimal() -> None:
+    (ties,) = ScoreOptimum(PROBLEM, (0.0, 0.0, 1.0), effort=SMALL).choose(1)
+    (gaps,) = ScoreOptimum(PROBLEM, (1.0, 0.0, 0.0), effort=SMALL).choose(1)
+    expected = Expected(PROBLEM)
+    assert expected.value_m(ties.cameras, (0.0, 0.0, 1.0), None) == ties.notes["expected_m"]
+    assert ties.notes["expected_m"] < expected.value_m(gaps.cameras, (0.0, 0.0, 1.0), None)
+
+
+def test_where_mapping_is_blind_what_may_not_register_is_expected_to_cost_more() -> None:
+    plot = replace(PROBLEM, blind=True)
+    (found,) = ScoreOptimum(plot, effort=SMALL).choose(1)
+    expected = Expected(plot)
+    likely = expected.whole([found.cameras], expected.registration(()))[0]
+    plain = expected.value_m(found.cameras, WEIGHTS, None)
+    assert found.notes["expected_m"] == pytest.approx(plain * likely**-CERTAINTY)
+
+
+@pytest.mark.parametrize("views", [5, 24])
+def test_recorded_sets_are_never_chosen_twice(views: int) -> None:
+    plot = recorded(5, views)
+    found = ScoreOptimum(plot, effort=Effort(2, 1, 20)).choose(2)
+    assert len({trial.cameras for trial in found}) == len(found)
+    assert all(plot.contains(trial.cameras) for trial in found)
