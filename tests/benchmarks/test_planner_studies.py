@@ -42,14 +42,14 @@ def test_methods_are_compared_with_the_best_baseline_and_with_bosfms_end() -> No
         ran("circle", 0, [9.0, 8.0, 8.0, 8.0], 7.0),
         ran("bosfm", 0, [None, 9.0, 7.0, 6.0], 6.5),
         ran("bosfm", 1, [9.0, 9.0, 9.0, 8.0], 5.5),
-        ran("matchable", 0, [5.0], 5.0),
+        ran("score", 0, [], 5.0),
         ran("field", 0, [7.5, 6.9, 5.0, 5.0], 4.8),
         ran("field", 1, [9.0, 8.0, 8.0, 7.5], 4.2),
     ]
     rows = {str(row[0]): row for row in compare_table("plot", runs).rows}
     ratio, reached, overhead, minutes = 6, 10, 11, 12
     # Our own geometric optimum is no baseline; BOSfM's mean of 6 mm is the best of them.
-    assert [rows[m][ratio] for m in ("circle", "bosfm", "matchable", "field")] == ["1.17", "1.00", "0.83", "0.75"]
+    assert [rows[m][ratio] for m in ("circle", "bosfm", "score", "field")] == ["1.17", "1.00", "0.83", "0.75"]
     assert rows["bosfm"][4] == "7.00 (6.00–8.00)"
     # BOSfM ended at 7 mm in the mean.
     assert rows["field"][reached] == "2 –"
@@ -87,7 +87,7 @@ def test_carried_plans_are_compared_with_what_is_optimised_there() -> None:
 
 def test_models_that_know_foretell_better() -> None:
     problem = bowl_problem(4)
-    sets = [problem.sample(k) for k in range(36)]
+    sets = [problem.envelope.sample(4, k) for k in range(36)]
     rng = np.random.default_rng(0)
     results = [
         Result(Trial(k, s, ""), float(0.01 * np.exp(1.5 * s.positions[:, 2].mean() + 0.01 * rng.standard_normal())))

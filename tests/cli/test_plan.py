@@ -14,12 +14,16 @@ from fieldkit.captures import read_capture
 from fieldkit.cli.live_plan import Status, sparkline
 from fieldkit.cli.main import main
 from fieldkit.evaluation.report_files import save_report
+from fieldkit.missions.plan import PlanSource
 from fieldkit.missions.plan_file import load_plan
+from fieldkit.planning.outcome import read_outcome
 from fieldkit.planning.problems import open_problem
 from fieldkit.planning.run_folder import create_run, open_run, read_log
 from fieldkit.planning.run_settings import NoiseSettings
 from fieldkit.progress import Silent
 from fieldkit.reconstruction.known_poses import known_poses
+from fieldkit.scenes.renderer import RenderingError
+from tests.cli.test_scene_commands import TINY
 from tests.evaluation.test_adherence import flown
 from tests.planning.bowl import bowl_settings
 from tests.planning.test_run_folder import entry
@@ -43,6 +47,11 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "--risk", "0"], 2, "risk"),
         (["--captures", str(SMALL_PLOT), "--risk", "0"], 2, "risk"),
         (["--scene", "case-1", "--time-budget", "soon"], 2, "--time-budget"),
+        (["--scene", "case-1", "--method", "matchable"], 2, "matchable"),
+        (["--scene", "case-1", "--weights", "1,2"], 2, "three numbers"),
+        (["--scene", "case-1", "--weights", "0,0,0"], 2, "one of them must be above 0"),
+        (["--scene", "case-1", "--weights", "from:"], 2, "from what?"),
+        (["--scene", "case-1", "--weights", "from:nowhere"], 3, "search.json"),
         (["--scene", "case-1", "--pose-noise", "from:"], 2, "from what?"),
         (["--scene", "case-1", "--pose-noise", "from:nowhere"], 3, "nowhere"),
         (["--scene", "case-1", "--vehicle", "ardupilot-pich"], 3, "Did you mean ardupilot-pitch"),
@@ -130,6 +139,49 @@ def test_the_curve_is_of_the_best_so_far() -> None:
     for number, value in enumerate(values):
         entries.append(entry(number).model_copy(update={"value_m": value}))
     assert Status(3, 0, entries).curve() == "█▁▁"
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"source": PlanSource(kind="captures", name="x")}, "recorded photographs"),
+        ({"mapping": "incremental"}, "commanded poses"),
+        ({}, "8 evaluations of a search, and this run has 1"),
+    ],
+)
+def test_weights_are_not_fitted_to_every_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: dict[str, object], words: str
+) -> None:
+    with create_run(tmp_path / "kept", bowl_settings(**more)) as run:
+        run.append(entry(0))
+    asked = ["plan", "--scene", "case-1", "--weights", f"from:{tmp_path / 'kept'}", "-o", str(tmp_path / "run")]
+    assert main(asked) == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def cannot(*_: object, **__: object) -> None:
+        raise RenderingError("there is no OpenGL", remedy="Install it.")
+
+    monkeypatch.setattr("fieldkit.planning.problems.Renderer", cannot)
+    (tmp_path / "tiny.toml").write_text(TINY)
+    run = tmp_path / "run"
+    asked = ["plan", "--scene", str(tmp_path / "tiny.toml"), "-n", "4", "--method", "score", "-o", str(run)]
+    assert main([*asked, "--weights", "1,0,0.5"]) == 0
+    told = capsys.readouterr()
+    assert "there is no OpenGL. Install it." in told.err
+    assert "NOT CONFIRMED" in told.err
+    assert read_log(run) == []
+    plan, outcome = load_plan(run), read_outcome(run)
+    assert plan.method is not None
+    assert (outcome.chamfer_m, outcome.evaluations, outcome.confirmations) == (None, 0, 0)
+    assert (plan.method.chamfer_m, plan.method.repeats, plan.method.weights) == (None, 0, (1.0, 0.0, 0.5))
+    assert plan.method.expected_m == outcome.expected_m is not None
+    assert (run / "plan.png").stat().st_size > 100
+    assert not (run / "search.png").exists()
 
 
 @pytest.mark.slow

@@ -74,6 +74,16 @@ def unbroken(tmp_path: Path, settings: SearchSettings) -> list[dict[str, object]
         return plain(run.entries)
 
 
+def test_without_repeats_finalists_stay_as_the_method_has_them(tmp_path: Path) -> None:
+    settings = bowl_settings(repeats=0)
+    with create_run(tmp_path / "run", settings) as run, serial() as executor:
+        search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
+        found = confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
+        assert [f.trial.number for f in found] == [t.number for t in lowest([e.result for e in run.entries], 3)]
+        assert all((f.value_m, f.spread_m, f.entries) == (None, None, ()) for f in found)
+        assert all(entry.stage == "search" for entry in run.entries)
+
+
 @pytest.mark.parametrize("lag", [0, 1, 3])
 def test_a_method_knows_what_the_lag_says(tmp_path: Path, lag: int) -> None:
     method = Greedy(bowl_problem())
