@@ -27,7 +27,7 @@ class Effort(NamedTuple):
 
     designs: int = 48
     starts: int = 1
-    moves: int = 3600
+    moves: int = 2400
 
 
 class Triangulation:
