@@ -22,15 +22,14 @@ from fieldkit.cli.common import (
 from fieldkit.cli.common import table as new_table
 from fieldkit.cli.help_page import RUN
 from fieldkit.cli.numbers import read_numbers
+from fieldkit.cli.plan_values import pose_noise_of, score_weights, seconds
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
     from fieldkit.planning.outcome import Outcome
     from fieldkit.planning.run_settings import SearchSettings
 
-_FROM = "from:"
 _PLOT, _SEARCH, _NOISE, _ENVELOPE = "What to plan on", "Search", "Noise to plan for", "Where cameras may be"
-_UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 
 class Preset(StrEnum):
@@ -259,12 +258,12 @@ def command(
     """
     given: dict[str, Any] = {
         "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "initial": initial,
-        "time_budget_s": _seconds(time_budget) if time_budget else None, "fidelity": fidelity,
+        "time_budget_s": seconds(time_budget) if time_budget else None, "fidelity": fidelity,
         "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,
-        "refine": refine or None, "weights": _weights(weights) if weights else None,
+        "refine": refine or None, "weights": score_weights(weights) if weights else None,
     }  # fmt: skip
     given = {key: str(value) if isinstance(value, StrEnum) else value for key, value in given.items()}
-    pose = _pose_noise(pose_noise) if pose_noise else (None, None)
+    pose = pose_noise_of(pose_noise) if pose_noise else (None, None)
     noise = {"pose_m": pose[0], "pose_deg": pose[1], "image_grey": image_noise, "wind_m": wind, "risk": risk}
     envelope = {
         "margin_m": margin, "height_m": read_numbers("--height", height, (2,)) if height else None,
@@ -340,39 +339,3 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     if outcome.photographs:
         show.print(f"photographs: {', '.join(outcome.photographs)}", markup=False, soft_wrap=True)
     show.print(f"{output / 'plan.json'}\n{output / 'plan.png'}", markup=False, soft_wrap=True)
-
-
-def _pose_noise(text: str) -> tuple[float, float]:
-    """M,DEG, or from:EVAL."""
-    if not text.startswith(_FROM):
-        numbers = read_numbers("--pose-noise", text, (2,))
-        return numbers[0], numbers[1]
-    from fieldkit.evaluation.adherence import flown_noise
-    from fieldkit.evaluation.campaign import CAMPAIGN_FILE, read_campaign, visit_plots
-    from fieldkit.evaluation.report_files import load_evaluation_report
-
-    file = Path(text.removeprefix(_FROM))
-    if not file.name:
-        raise UsageError("--pose-noise: from what?", remedy="Write it like --pose-noise from:EVAL, a folder or a file.")
-    if (file / CAMPAIGN_FILE).is_file():
-        return flown_noise(visit_plots(read_campaign(file)), file)
-    return flown_noise(load_evaluation_report(file).plots, file)
-
-
-def _weights(text: str) -> tuple[float, ...]:
-    """GAP,NOISE,TIE, or from:RUN."""
-    if not text.startswith(_FROM):
-        return read_numbers("--weights", text, (3,))
-    run = text.removeprefix(_FROM)
-    if not run:
-        raise UsageError("--weights: from what?", remedy="Write it like --weights from:RUN, the folder of a run.")
-    from fieldkit.planning.fitted_weights import weights_of_run
-    from fieldkit.threads import limit_threads
-
-    limit_threads(1)
-    return weights_of_run(Path(run))
-
-
-def _seconds(text: str) -> float:
-    number, unit = (text[:-1], text[-1]) if text[-1:] in _UNITS else (text, "s")
-    return read_numbers("--time-budget", number, (1,))[0] * _UNITS[unit]

@@ -15,6 +15,7 @@ from fieldkit.documents import first_problem
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.missions.plan import PlanCamera
 from fieldkit.planning.flyable import read_vehicle, vehicle_envelope
+from fieldkit.planning.methods.registry import USING_WEIGHTS
 from fieldkit.planning.problems import describe_source
 from fieldkit.planning.run_settings import (
     CHANGEABLE,
@@ -138,6 +139,11 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
             raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
         values["camera"] = _camera(asked.camera)
     values |= _PRESETS[given.get("preset", "field")] | given
+    if "weights" in given and values["method"] not in USING_WEIGHTS:
+        raise UsageError(
+            f"--weights would change nothing: {values['method']} does not go by the geometric score",
+            remedy=f"Leave them out, or choose one of {', '.join(sorted(USING_WEIGHTS))}.",
+        )
     try:
         return SearchSettings(**values, noise=noise, envelope=EnvelopeSettings(**envelope))
     except ValidationError as error:
