@@ -324,9 +324,10 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     show.print(finalists)
     why = {"evaluations": "its evaluations are used up", "time": "its time is used up",
            "exhausted": "the method has no more to try"}[outcome.stopped]  # fmt: skip
+    expected = "" if outcome.expected_m is None else f" (expected {length(outcome.expected_m)})"
     show.print(
-        f"{outcome.cameras} cameras by {outcome.method}: {length(outcome.chamfer_m)} on {settings.source.name}, "
-        f"{outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) and "
+        f"{outcome.cameras} cameras by {outcome.method}: {length(outcome.chamfer_m)}{expected} on "
+        f"{settings.source.name}, {outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) and "
         f"{outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}.",
         markup=False, soft_wrap=True,
     )  # fmt: skip
