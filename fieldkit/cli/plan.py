@@ -45,6 +45,7 @@ class Method(StrEnum):
 
     FIELD = "field"
     BOSFM = "bosfm"
+    BOSFM_TUNED = "bosfm-tuned"
     CIRCLE = "circle"
     CIRCLE_AIM = "circle-aim"
     MCP = "mcp"
@@ -105,7 +106,13 @@ def command(
     ] = None,
     evaluations: Annotated[
         int | None,
-        typer.Option("--evaluations", rich_help_panel=_SEARCH, min=1, help="Of the search; 100 where not given."),
+        typer.Option("--evaluations", rich_help_panel=_SEARCH, min=1, help="At most; 100 where not given."),
+    ] = None,
+    at_least: Annotated[
+        int | None,
+        typer.Option(
+            "--at-least", rich_help_panel=_SEARCH, min=0, help="Evaluations before the search may end itself."
+        ),
     ] = None,
     initial: Annotated[
         int | None, typer.Option("--initial", rich_help_panel=_SEARCH, min=1, help="Trials before a model is asked.")
@@ -245,7 +252,8 @@ def command(
         fieldkit reference, fieldkit export-mission, fieldkit simulate
     """
     given: dict[str, Any] = {
-        "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "initial": initial,
+        "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "at_least": at_least,
+        "initial": initial,
         "time_budget_s": _seconds(time_budget) if time_budget else None, "fidelity": fidelity,
         "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,
         "refine": refine or None,
@@ -306,8 +314,11 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
             format_length(found.spread_m), " ".join(map(str, found.right)),
         )  # fmt: skip
     show.print(finalists)
-    why = {"evaluations": "its evaluations are used up", "time": "its time is used up",
-           "exhausted": "the method has no more to try"}[outcome.stopped]  # fmt: skip
+    why = {
+        "evaluations": "its evaluations are used up", "time": "its time is used up",
+        "exhausted": "the method has no more to try",
+        "converged": f"stopped after {outcome.evaluations}: nothing left above ± {format_length(outcome.noise_m)}",
+    }[outcome.stopped]  # fmt: skip
     show.print(
         f"{outcome.cameras} cameras by {outcome.method}: {format_length(outcome.chamfer_m)} on {settings.source.name}, "
         f"{outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) and "

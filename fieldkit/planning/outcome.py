@@ -14,7 +14,7 @@ from fieldkit.files import write_atomic
 from fieldkit.missions.plan import Count, Length, Plan, PlanMethod, PlanPlants, Strict
 from fieldkit.missions.plan_file import PLAN_FILE, plan_from_poses, save_plan
 from fieldkit.planning.problems import Plannable
-from fieldkit.planning.run import Finalist, Stopped
+from fieldkit.planning.run import Ending, Finalist, Stopped
 from fieldkit.planning.run_folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.planning.search import Problem
@@ -61,7 +61,11 @@ class Outcome(Strict):
     proposal_cpu_s: Length
     """Of the method: everything that a run costs beside its evaluations."""
     stopped: Stopped
-    """Why the search ended: its evaluations were used up, its time was, or the method had no more to try."""
+    """Why the search ended: it converged, its evaluations or its time are used up, or the method has no more to try."""
+    gain_m: Length | None = None
+    """By how much the search's best set may be worse than the best there is, where it converged."""
+    noise_m: Length | None = None
+    """Standard deviation of an evaluation, where it converged: ``gain_m`` is below it."""
     finalists: tuple[FinalistReport, ...]
     """The best first: it is the plan."""
     photographs: tuple[str, ...] = ()
@@ -80,7 +84,7 @@ def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
     return best
 
 
-def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Finalist], stopped: Stopped) -> Outcome:
+def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Finalist], ending: Ending) -> Outcome:
     """Write everything a finished run gives; plan.json last, so that where it is the rest is, too.
 
     Raises:
@@ -100,7 +104,9 @@ def write_outcome(run: RunFolder, plannable: Plannable, confirmed: Sequence[Fina
         seconds=max(entry.finished_s for entry in run.entries),
         evaluation_cpu_s=sum(entry.cpu_s for entry in run.entries),
         proposal_cpu_s=sum(entry.proposal_cpu_s for entry in run.entries),
-        stopped=stopped,
+        stopped=ending.stopped,
+        gain_m=None if ending.gain is None else ending.gain.bound_m,
+        noise_m=None if ending.gain is None else ending.gain.noise_m,
         finalists=tuple(
             FinalistReport(
                 number=f.trial.number,

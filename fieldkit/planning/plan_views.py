@@ -107,7 +107,7 @@ def _planned(
     budget = settings.time_budget_s
     with _executor(plannable.objective, workers, scheduler) as evaluating:
         executor = Recalling(evaluating, known, settings.fidelity) if known else evaluating
-        stopped = search(
+        ending = search(
             method, executor, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
         )  # fmt: skip
         confirmed = confirm(method, executor, run, watch=watch)
@@ -116,7 +116,7 @@ def _planned(
             "no evaluation succeeded", path=run.path,
             remedy="evaluations.jsonl says why each failed; `fieldkit doctor` looks at this machine.",
         )  # fmt: skip
-    return write_outcome(run, plannable, confirmed, stopped)
+    return write_outcome(run, plannable, confirmed, ending)
 
 
 @contextmanager

@@ -28,10 +28,9 @@ def _field(problem: Problem, settings: SearchSettings) -> Method:
 
 
 def _bosfm(problem: Problem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.bosfm import Bosfm, BosfmSettings
+    from fieldkit.planning.methods.bosfm import Bosfm
 
-    chosen = BosfmSettings() if settings.initial is None else BosfmSettings(initial=settings.initial)
-    return Bosfm(problem, chosen, settings.seed)
+    return Bosfm(problem, settings.initial or 50, settings.seed, settings.method == "bosfm-tuned")
 
 
 def _circle(problem: Problem, settings: SearchSettings) -> Method:
@@ -73,6 +72,7 @@ def _match_graph(problem: Problem, settings: SearchSettings) -> Method:
 _MAKERS: dict[str, Callable[[Problem, SearchSettings], Method]] = {
     "field": _field,
     "bosfm": _bosfm,
+    "bosfm-tuned": _bosfm,
     "circle": _circle,
     "circle-aim": _circle,
     "mcp": _coverage,
