@@ -85,13 +85,14 @@ def suggest(
     """
     ensemble = fit_ensemble(x, y, int(rng.integers(2**31)), least_noise=least_noise)
     name = ensemble.draw(rng)
-    model: Model = ensemble.models[name]
+    fitted = ensemble.models[name]
+    model: Model = fitted
     best = float(y.max())
     if pending is not None:
         waiting = torch.from_numpy(pending)
         with torch.no_grad():
-            believed = model.posterior(waiting).mean
-            model = model.condition_on_observations(waiting, believed)
+            believed = fitted.posterior(waiting).mean
+            model = fitted.condition_on_observations(waiting, believed)
         best = max(best, float(believed.max()))
     known = np.vstack([x, *(points for points in (pending, avoid) if points is not None)])
     found, remarks = _maximise(LogExpectedImprovement(model, best_f=best), x, y, space, rng, known)
