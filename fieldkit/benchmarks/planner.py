@@ -197,7 +197,8 @@ def _ablation(options: PlannerOptions, progress: Progress) -> StudyResult:
         notes=(
             (
                 f"{options.evaluations} evaluations, {options.seeds} seeds, {options.cameras} cameras; the stand-in is "
-                f"the geometric score's distance and tie with noise of {NOISE:.0%}, and the method's own score is off."
+                "a geometric score with other constants and weights, times e^(± 8 %) that no score knows, with noise "
+                f"of {NOISE:.0%}. Methods that stop by themselves are run on; what they would have chosen is told."
             ),
         ),
         figures={

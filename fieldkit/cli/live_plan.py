@@ -30,7 +30,7 @@ class Status:
     """What has come of a run so far.
 
     Attributes:
-        total: evaluations of the search.
+        total: evaluations of the search, at most.
         confirmations: at most, to come after it.
         entries: finished.
     """
@@ -62,7 +62,7 @@ class Status:
 
     @property
     def seconds_left(self) -> float | None:
-        """By the pace so far; None before the first evaluation."""
+        """At most, by the pace so far; None before the first evaluation."""
         rate = self.per_minute / 60.0
         return (self.total - self.done + self.confirmations - self.confirmed) / rate if rate > 0 else None
 
@@ -72,11 +72,11 @@ class Status:
         left = self.seconds_left
         if self.confirmed:
             return f"confirming: {self.confirmed} of {self.confirmations}"
-        parts = [f"{self.done} of {self.total}"]
+        parts = [f"{self.done} of at most {self.total}"]
         if best is not None:
             parts.append(f"best {format_length(best.value_m)} ({best.origin})")
         if left is not None:
-            parts.append(f"{self.per_minute:.1f} a minute, {format_seconds(left)} left")
+            parts.append(f"{self.per_minute:.1f} a minute, at most {format_seconds(left)} left")
         return ", ".join(parts)
 
     def curve(self, width: int = _WIDTH) -> str:
@@ -177,7 +177,7 @@ def _picture(status: Status, settings: SearchSettings) -> RenderableType:
         rows.add_row(
             "evaluations", ProgressBar(total=status.total, completed=status.done, width=_WIDTH, finished_style="green")
         )
-        rows.add_row("", f"{status.done} of {status.total}, {status.per_minute:.1f} a minute")
+        rows.add_row("", f"{status.done} of at most {status.total}, {status.per_minute:.1f} a minute")
     if status.confirmed:
         rows.add_row("confirming", f"{status.confirmed} of {status.confirmations}")
     if best is not None:
@@ -186,6 +186,6 @@ def _picture(status: Status, settings: SearchSettings) -> RenderableType:
     weights = next((found for entry in reversed(status.entries) if (found := weights_of(entry))), {})
     if weights:
         rows.add_row("models", "  ".join(f"{name} {weight:.2f}" for name, weight in weights.items()))
-    rows.add_row("time left", "–" if left is None else format_seconds(left))
+    rows.add_row("time left", "–" if left is None else f"at most {format_seconds(left)}")
     title = f"{settings.method}: {settings.cameras} cameras on {settings.source.name}"
     return Panel(rows, title=Text(title), title_align="left", expand=False)

@@ -44,6 +44,7 @@ class Method(StrEnum):
 
     FIELD = "field"
     BOSFM = "bosfm"
+    BOSFM_TUNED = "bosfm-tuned"
     SCORE = "score"
     CIRCLE = "circle"
     CIRCLE_AIM = "circle-aim"
@@ -107,7 +108,13 @@ def command(
     ] = None,
     evaluations: Annotated[
         int | None,
-        typer.Option("--evaluations", rich_help_panel=_SEARCH, min=1, help="Of the search; 100 where not given."),
+        typer.Option("--evaluations", rich_help_panel=_SEARCH, min=1, help="At most; 100 where not given."),
+    ] = None,
+    at_least: Annotated[
+        int | None,
+        typer.Option(
+            "--at-least", rich_help_panel=_SEARCH, min=0, help="Evaluations before the search may end itself."
+        ),
     ] = None,
     initial: Annotated[
         int | None, typer.Option("--initial", rich_help_panel=_SEARCH, min=1, help="Trials before a model is asked.")
@@ -257,7 +264,8 @@ def command(
         fieldkit reference, fieldkit export-mission, fieldkit simulate
     """
     given: dict[str, Any] = {
-        "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "initial": initial,
+        "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "at_least": at_least,
+        "initial": initial,
         "time_budget_s": seconds(time_budget) if time_budget else None, "fidelity": fidelity,
         "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,
         "refine": refine or None, "weights": score_weights(weights) if weights else None,
@@ -322,8 +330,11 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
             str(found.number), found.origin, *(length(value) for value in values), " ".join(map(str, found.right))
         )
     show.print(finalists)
-    why = {"evaluations": "its evaluations are used up", "time": "its time is used up",
-           "exhausted": "the method has no more to try"}[outcome.stopped]  # fmt: skip
+    why = {
+        "evaluations": "its evaluations are used up", "time": "its time is used up",
+        "exhausted": "the method has no more to try",
+        "converged": f"stopped after {outcome.evaluations}: nothing left above ± {format_length(outcome.noise_m)}",
+    }[outcome.stopped]  # fmt: skip
     expected = "" if outcome.expected_m is None else f" (expected {length(outcome.expected_m)})"
     show.print(
         f"{outcome.cameras} cameras by {outcome.method}: {length(outcome.chamfer_m)}{expected} on "

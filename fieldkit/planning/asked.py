@@ -181,7 +181,10 @@ def resumed_settings(settings: SearchSettings, asked: Asked) -> SearchSettings:
         if source.kind != settings.source.kind or source.sha256 != settings.source.sha256:
             raise UsageError(f"this run was not planned on {path.name}", remedy="Leave it out to go on with this run.")
         settings = settings.model_copy(update={"path": str(path)})
-    return settings.model_copy(update={key: value for key, value in given.items() if key in CHANGEABLE})
+    changed = {key: value for key, value in given.items() if key in CHANGEABLE}
+    if "evaluations" in changed:  # a run that had converged goes on
+        changed.setdefault("at_least", changed["evaluations"])
+    return settings.model_copy(update=changed)
 
 
 def _refuse_limits(envelope: Mapping[str, Any]) -> None:

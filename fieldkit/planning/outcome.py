@@ -15,7 +15,7 @@ from fieldkit.missions.plan import Count, Length, Plan, PlanMethod, PlanPlants, 
 from fieldkit.missions.plan_file import PLAN_FILE, plan_from_poses, save_plan
 from fieldkit.planning.methods.registry import USING_WEIGHTS
 from fieldkit.planning.problems import Plannable
-from fieldkit.planning.run import Finalist, Stopped
+from fieldkit.planning.run import Ending, Finalist, Stopped
 from fieldkit.planning.run_folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.planning.search import Problem
@@ -68,7 +68,11 @@ class Outcome(Strict):
     proposal_cpu_s: Length
     """Of the method: everything that a run costs beside its evaluations."""
     stopped: Stopped
-    """Why the search ended: its evaluations were used up, its time was, or the method had no more to try."""
+    """Why the search ended: it converged, its evaluations or its time are used up, or the method has no more to try."""
+    gain_m: Length | None = None
+    """By how much the search's best set may be worse than the best there is, where it converged."""
+    noise_m: Length | None = None
+    """Standard deviation of an evaluation, where it converged: ``gain_m`` is below it."""
     finalists: tuple[FinalistReport, ...]
     """The best first: it is the plan."""
     photographs: tuple[str, ...] = ()
@@ -88,7 +92,7 @@ def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
 
 
 def write_outcome(
-    run: RunFolder, plannable: Plannable, confirmed: Sequence[Finalist], stopped: Stopped,
+    run: RunFolder, plannable: Plannable, confirmed: Sequence[Finalist], ending: Ending,
     *, choice_s: tuple[float, float] = (0.0, 0.0),
 ) -> Outcome:  # fmt: skip
     """Write everything a finished run gives; plan.json last, so that where it is the rest is, too.
@@ -97,7 +101,7 @@ def write_outcome(
         run: of the folder.
         plannable: of the plan.
         confirmed: the finalists, the best first.
-        stopped: why the search ended.
+        ending: how the search ended.
         choice_s: seconds and CPU seconds of a method that chose without a search.
 
     Raises:
@@ -119,7 +123,9 @@ def write_outcome(
         seconds=choice_s[0] + max((entry.finished_s for entry in run.entries), default=0.0),
         evaluation_cpu_s=sum(entry.cpu_s for entry in run.entries),
         proposal_cpu_s=choice_s[1] + sum(entry.proposal_cpu_s for entry in run.entries),
-        stopped=stopped,
+        stopped=ending.stopped,
+        gain_m=None if ending.gain is None else ending.gain.bound_m,
+        noise_m=None if ending.gain is None else ending.gain.noise_m,
         finalists=tuple(
             FinalistReport(
                 number=f.trial.number,

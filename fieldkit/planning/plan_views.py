@@ -18,7 +18,7 @@ from fieldkit.planning.outcome import Outcome, write_outcome
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.problems import Plannable, open_problem
 from fieldkit.planning.recalling import Recalling
-from fieldkit.planning.run import Finalist, Watch, confirm, evaluate_again, nobody, search
+from fieldkit.planning.run import Ending, Finalist, Watch, confirm, evaluate_again, nobody, search
 from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.planning.search import Chooser
@@ -111,7 +111,7 @@ def _planned(
         return _chosen(method, run, plannable, workers, scheduler, progress, watch, known)
     budget = settings.time_budget_s
     with _executor(plannable.objective, workers, scheduler, known, settings) as executor:
-        stopped = search(
+        ending = search(
             method, executor, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
         )  # fmt: skip
         confirmed = confirm(method, executor, run, watch=watch)
@@ -120,7 +120,7 @@ def _planned(
             "no evaluation succeeded", path=run.path,
             remedy="evaluations.jsonl says why each failed; `fieldkit doctor` looks at this machine.",
         )  # fmt: skip
-    return write_outcome(run, plannable, confirmed, stopped)
+    return write_outcome(run, plannable, confirmed, ending)
 
 
 def _chosen(
@@ -144,7 +144,7 @@ def _chosen(
     if confirming:
         with _executor(plannable.objective, workers, scheduler, known, settings) as executor:
             confirmed = evaluate_again(executor, run, trials, watch=watch)
-    return write_outcome(run, plannable, confirmed, "exhausted", choice_s=cost)
+    return write_outcome(run, plannable, confirmed, Ending("exhausted"), choice_s=cost)
 
 
 @contextmanager

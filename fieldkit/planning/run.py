@@ -13,13 +13,26 @@ import numpy as np
 from fieldkit.planning.executor import Executor, Job
 from fieldkit.planning.run_folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run_settings import SearchSettings, unchanging
-from fieldkit.planning.search import Judge, Method, Result, Trial, lowest
+from fieldkit.planning.search import Gain, Judge, Method, Result, Trial, lowest
 
-Stopped = Literal["evaluations", "time", "exhausted"]
+Stopped = Literal["converged", "evaluations", "time", "exhausted"]
 Watch = Callable[[LogEntry], None]
 _POLL_S, _QUICK_POLL_S = 0.2, 0.02
 _FRESH_SEEDS = 1_000_000
 """Seeds of confirmations begin here, so that no search has seen them."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Why a search ended.
+
+    Attributes:
+        stopped: what was used up, or that it converged: that nothing is left to gain beyond an evaluation's noise.
+        gain: what is left, where it converged.
+    """
+
+    stopped: Stopped
+    gain: Gain | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +54,8 @@ class Finalist:
 
 def search(
     method: Method, executor: Executor, run: RunFolder, *, out_of_time: Callable[[float], bool], watch: Watch
-) -> Stopped:
-    """Evaluate trials until the run has its number of them; what the log has already is not done again.
+) -> Ending:
+    """Evaluate trials until the run has its number of them or converges; what the log has already is not done again.
 
     A method proposes in a thread of its own while evaluations run, and knows of trial k − lag − 1 and those before it
     when it proposes trial k. So what is proposed depends on the settings only, also in a run that was interrupted.
@@ -69,7 +82,7 @@ def search(
         except BaseException:
             executor.cancel()
             raise
-    return going.stopped
+    return going.ending
 
 
 class _Search:
@@ -88,7 +101,7 @@ class _Search:
         self._thinking: Future[tuple[Trial | None, float]] | None = None
         self._running: dict[int, tuple[Trial, float]] = {}
         self._open_ended = True
-        self.stopped: Stopped = "evaluations"
+        self.ending = Ending("evaluations")
 
     def step(self) -> bool:
         """Start, take up or wait for whatever is next; False when there is nothing left to do."""
@@ -113,7 +126,7 @@ class _Search:
                 self._results[number] = self._known[number].result
                 continue
             if self._out_of_time(self._clock.seconds):
-                self._open_ended, self.stopped = False, "time"
+                self._end(Ending("time"))
                 return
             allowed = max(0, number - settings.lag)
             if any(k not in self._results for k in range(allowed)):
@@ -124,11 +137,17 @@ class _Search:
     def _take_up(self, trial: Trial | None, cpu_s: float) -> None:
         self._thinking = None
         if trial is None:
-            self._open_ended, self.stopped = False, "exhausted"
+            self._end(Ending("exhausted"))
+            return
+        if trial.gain is not None and trial.gain.negligible and trial.number >= self._run.settings.at_least:
+            self._end(Ending("converged", trial.gain))
             return
         self._trials.append(trial)
         job = Job(trial.cameras, search_seed(self._run.settings, trial.number))
         self._running[self._executor.submit(job)] = (trial, cpu_s)
+
+    def _end(self, ending: Ending) -> None:
+        self._open_ended, self.ending = False, ending
 
     def _gather(self) -> None:
         # The sooner a proposal that may be ready is queued, the less a worker idles.

@@ -64,7 +64,7 @@ class LogEntry(Strict):
     finished_s: Length
     """Since the run began, interruptions left out."""
     notes: dict[str, JsonValue]
-    """The method's: the model drawn, weights, a trust region's size."""
+    """The method's: the model drawn, weights, what is still to be gained."""
 
     @classmethod
     def of(

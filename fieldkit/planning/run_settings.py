@@ -17,7 +17,7 @@ from fieldkit.planning.objective import Mapping
 Preset = Literal["field", "paper"]
 Range = tuple[float, float]
 
-CHANGEABLE = ("evaluations", "time_budget_s", "finalists", "repeats")
+CHANGEABLE = ("evaluations", "at_least", "time_budget_s", "finalists", "repeats")
 """What a run that goes on may be told anew: none of them changes a proposal that was already made."""
 
 
@@ -107,7 +107,9 @@ class SearchSettings(Strict):
     preset: Preset = "field"
     seed: Count = 0
     evaluations: Annotated[int, Field(ge=1)] = 100
-    """Of the search; confirmations of the finalists come on top."""
+    """Of the search, at most; confirmations of the finalists come on top."""
+    at_least: Count = 0
+    """Evaluations before the search may end because it has converged."""
     initial: Annotated[int, Field(ge=1)] | None = None
     """Trials before the surrogate is asked; None takes the method's own."""
     time_budget_s: Annotated[float, Field(gt=0)] | None = None

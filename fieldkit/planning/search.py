@@ -122,6 +122,24 @@ class Problem:
         return self.views.select(np.sort(rng.choice(len(self.views), self.count, replace=False)))
 
 
+@dataclass(frozen=True)
+class Gain:
+    """What a search may still gain, as its method knows it.
+
+    Attributes:
+        bound_m: by how much the best set that was tried may be worse than the best there is, metres.
+        noise_m: standard deviation of an evaluation of it, metres.
+    """
+
+    bound_m: float
+    noise_m: float
+
+    @property
+    def negligible(self) -> bool:
+        """Whether evaluations could not tell such a gain from their noise."""
+        return self.bound_m < self.noise_m
+
+
 @dataclass(frozen=True, eq=False)
 class Trial:
     """One set of cameras that a method wants evaluated.
@@ -130,13 +148,16 @@ class Trial:
         number: from 0, in the order of proposal.
         cameras: feasible.
         origin: what proposed it, for people: ``"circle 1.2 m at 0.9 m"``, ``"EI of matern"``.
-        notes: plain values worth keeping: model weights, a trust region's size.
+        notes: plain values worth keeping: model weights, what is still to be gained.
+        gain: that this trial and all later ones may bring; None where the method does not say. A search may end
+            instead of evaluating a trial whose gain is negligible.
     """
 
     number: int
     cameras: Cameras
     origin: str
     notes: Mapping[str, Any] = field(default_factory=dict)
+    gain: Gain | None = None
 
 
 @dataclass(frozen=True, eq=False)

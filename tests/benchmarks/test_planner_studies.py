@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from fieldkit.benchmarks.planner import PlannerOptions, compare_table, run_planner
-from fieldkit.benchmarks.planner_ablation import ablation_table, search
+from fieldkit.benchmarks.planner_ablation import StandIn, ablation_table, search
 from fieldkit.benchmarks.planner_ablation import variants as variants_of_search
 from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all
 from fieldkit.benchmarks.planner_surrogate import foretell, surrogate_table, variants
 from fieldkit.benchmarks.planner_transfer import Carried, transfer_table
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
-from fieldkit.planning.geometric import GeometricScore
-from fieldkit.planning.methods.field import Field, FieldSettings
+from fieldkit.planning.methods.geometric import Effort
+from fieldkit.planning.methods.random import sample_seed
 from fieldkit.planning.outcome import FinalistReport, Outcome
 from fieldkit.planning.run_folder import read_log
-from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.search import Result, Trial
 from fieldkit.progress import Silent
 from tests.cli.test_scene_commands import TINY
 from tests.planning.bowl import bowl_problem
@@ -103,26 +103,22 @@ def test_models_that_know_foretell_better() -> None:
     assert table.rows[0][1] == f"{(true.rmse + false.rmse) / 2:.3f}"
 
 
-def test_a_search_on_the_stand_in_ends_at_what_the_method_would_choose() -> None:
+def test_a_search_on_the_stand_in_ends_at_what_the_method_would_choose(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fieldkit.planning.methods.field._EVERYWHERE", Effort(4, 1, 20))
     problem = bowl_problem(3)
     makers = variants_of_search()
-    field = replace(FieldSettings(), initial=4, structured=6, pool=4, moves=8, geometry=False)
-    ended = search(problem, Field(problem, field), 12, seed=1)
-    again = search(problem, Field(problem, field), 12, seed=1)
+    ended, again = (search(problem, makers["field"](problem, 0), 8, seed=1) for _ in range(2))
     assert ended == again
-    assert 0.0 < ended.value_m <= ended.half_m + 0.05
+    assert 0.0 < ended.value_m <= 1.2 * ended.half_m
+    assert 0 < ended.stopped <= 8
     chance = [search(problem, makers["random"](problem, seed), 12, seed) for seed in range(2)]
-    values = {true_value(problem, makers["random"](problem, 0).propose(k, (), ())) for k in range(12)}
+    stand_in = StandIn(problem, 0)
+    values = {stand_in(problem.sample(sample_seed(0, k))) for k in range(12)}
     assert chance[0].value_m in values
+    assert chance[0].stopped == 12
     table = ablation_table({"bowl": {"field": (ended, again), "random": tuple(chance)}})
     assert table.rows[0][1:3] == ("1.000", "1.000 ± 0.000")
     assert table.rows[1][1] == f"{np.mean([c.value_m for c in chance]) / ended.value_m:.3f}"
-
-
-def true_value(problem: Problem, trial: Trial | None) -> float:
-    assert trial is not None
-    found = GeometricScore(problem).score(trial.cameras)
-    return found.distance_m + found.tie_m
 
 
 def test_there_is_no_such_study(tmp_path: Path) -> None:

@@ -118,12 +118,12 @@ def test_a_run_of_another_version_says_so(tmp_path: Path, capsys: pytest.Capture
 
 def test_progress_in_a_line() -> None:
     status = Status(10, 4, [entry(0), entry(1)])
-    assert status.line().startswith("2 of 10, best ")
+    assert status.line().startswith("2 of at most 10, best ")
     assert status.per_minute == pytest.approx(60.0)
     assert status.seconds_left == pytest.approx(12.0)
     again = entry(0).model_copy(update={"stage": "confirmation"})
     assert Status(2, 4, [entry(0), entry(1), again]).line() == "confirming: 1 of 4"
-    assert Status(10, 4).line() == "0 of 10"
+    assert Status(10, 4).line() == "0 of at most 10"
 
 
 def test_sparklines_fall_to_the_lowest_bar() -> None:

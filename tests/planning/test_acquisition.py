@@ -8,14 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.stats import norm
+from botorch.acquisition.analytic import LogExpectedImprovement
 
-from fieldkit.planning.acquisition import Search, log_expected_improvement, maximise, suggest
+from fieldkit.planning.acquisition import suggest
 from fieldkit.planning.methods.space import moved
-from fieldkit.planning.surrogates.gp import fit_gp
-from fieldkit.planning.surrogates.kernels import MATERN, RBF
+from fieldkit.planning.surrogates.ensemble import fit_ensemble
 
 Function = Callable[[np.ndarray], float]
 
@@ -70,67 +67,35 @@ def evaluated(function: Function, count: int, dimension: int, seed: int = 0) -> 
     return x, np.array([function(row) for row in x])
 
 
-@given(st.floats(-2, 2), st.floats(0.1, 3), st.floats(-2, 2))
-@settings(max_examples=25)
-def test_expected_improvement_is_what_monte_carlo_finds(mean: float, deviation: float, best: float) -> None:
-    drawn = mean + deviation * norm.ppf((np.arange(200_000) + 0.5) / 200_000)
-    expected = np.maximum(drawn - best, 0).mean()
-    found = np.exp(log_expected_improvement(np.array([mean]), np.array([deviation]), best))[0]
-    assert found == pytest.approx(expected, rel=2e-3, abs=1e-6)
-
-
-def test_its_logarithm_goes_where_it_underflows() -> None:
-    far = log_expected_improvement(np.array([-50.0, -100.0, -1e4]), np.ones(3), 0.0)
-    assert np.isfinite(far).all()
-    assert (np.diff(far) < 0).all()
-    assert far[0] == pytest.approx(-(50.0**2) / 2 - np.log(np.sqrt(2 * np.pi) * 50**2), rel=1e-4)
-
-
 @pytest.mark.parametrize("kind", [Box, Shell])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_the_maximum_is_feasible_and_not_known(kind: type[Box], seed: int) -> None:
+def test_the_suggestion_is_feasible_new_and_of_large_improvement(kind: type[Box], seed: int) -> None:
     space = kind(3)
     x, y = evaluated(bowl, 12, 3, seed)
     x = np.array([space.repair(row) for row in x])
-    gp = fit_gp(x, y, RBF)
-    found, remarks = maximise(gp, y.max(), space, np.random.default_rng(seed), Search())
-    assert remarks == ()
-    assert found is not None
-    assert ((found >= 0) & (found <= 1)).all()
-    np.testing.assert_array_equal(space.repair(found), found)
-    assert np.abs(x - found).max(axis=1).min() > 1e-9
+    found = suggest(x, y, space, np.random.default_rng(seed))
+    assert found.remarks == ()
+    assert found.x is not None
+    assert ((found.x >= 0) & (found.x <= 1)).all()
+    np.testing.assert_array_equal(space.repair(found.x), found.x)
+    assert np.abs(x - found.x).max(axis=1).min() > 1e-9
     random = np.array([space.repair(row) for row in np.random.default_rng(9).random((2000, 3))])
-
-    def values(points: np.ndarray) -> np.ndarray:
-        return log_expected_improvement(*gp.posterior(points), y.max())
-
-    # 2,000 random points find hardly anything better than 48, their neighbours and four climbs, which do not know
-    # the feasible set.
-    assert values(found[None])[0] >= values(random).max() - (1e-3 if kind is Box else 0.1)
+    ensemble = fit_ensemble(x, y, int(np.random.default_rng(seed).integers(2**31)))
+    improvement = LogExpectedImprovement(ensemble.models[found.model], best_f=float(y.max()))
+    with torch.no_grad():
+        values = improvement(torch.from_numpy(np.vstack([found.x, random]))[:, None])
+    # Climbs do not know the feasible set, but 2,000 random points find hardly anything better.
+    assert values[0] >= (values[1:].max() - 1e-3 if kind is Box else values[1:].quantile(0.995))
 
 
 def test_what_is_known_or_to_be_avoided_is_left_out() -> None:
     points = np.random.default_rng(1).random((12, 2))
     y = np.array([bowl(row) for row in points])
-    for known in (4, 11):
-        gp = fit_gp(points[:known], y[:known], MATERN)
-        found, _ = maximise(gp, y[:known].max(), Points(2, points), np.random.default_rng(0), Search())
-        values = log_expected_improvement(*gp.posterior(points[known:]), y[:known].max())
-        assert found is not None
-        np.testing.assert_array_equal(found, points[known + int(values.argmax())])
-    nothing, _ = maximise(gp, y.max(), Points(2, points), np.random.default_rng(0), Search(), points[11:])
-    assert nothing is None
-
-
-def test_a_prior_mean_needs_no_gradient() -> None:
-    def hill(x: np.ndarray) -> np.ndarray:
-        return np.asarray(-(((x - 0.7) ** 2).sum(axis=1)))
-
-    x, y = evaluated(lambda row: float(hill(row[None])[0]) + 0.01 * row[0], 8, 2)
-    gp = fit_gp(x, y, RBF, prior_mean=hill)
-    found, _ = maximise(gp, y.max(), Box(2), np.random.default_rng(0), Search(samples=400))
-    assert found is not None
-    np.testing.assert_allclose(found, 0.7, atol=0.1)
+    found = suggest(points[:10], y[:10], Points(2, points), np.random.default_rng(0), avoid=points[11:])
+    assert found.x is not None
+    np.testing.assert_array_equal(found.x, points[10])
+    nothing = suggest(points[:10], y[:10], Points(2, points), np.random.default_rng(0), avoid=points[10:])
+    assert nothing.x is None
 
 
 def test_pending_trials_are_kept_away_from() -> None:
@@ -192,28 +157,17 @@ def hartmann(u: np.ndarray) -> float:
     return float(weights @ np.exp(-(scales * (u - centers) ** 2).sum(axis=1)))
 
 
-GRID = np.stack(np.meshgrid(*[np.linspace(0, 1, 12)] * 2), axis=-1).reshape(-1, 2)
-
-
-def coverage(u: np.ndarray) -> float:
-    """Of a square by three sensors, in any order; the maximum is about −0.256."""
-    return -float(np.linalg.norm(GRID[:, None] - u.reshape(-1, 2)[None], axis=2).min(axis=1).mean())
-
-
-QUICK = Search(samples=32, near=8, starts=2, iterations=20)
-
-
 @pytest.mark.parametrize(
     ("function", "dimension", "initial", "steps", "reached"),
-    [(branin, 2, 8, 16, -0.7), (hartmann, 6, 12, 16, 2.8), (coverage, 6, 10, 12, -0.264)],
-    ids=["branin", "hartmann-6", "three sensors"],
+    [(branin, 2, 8, 16, -0.7), (hartmann, 6, 12, 16, 2.8)],
+    ids=["branin", "hartmann-6"],
 )
 def test_a_planted_optimum_is_found(
     function: Function, dimension: int, initial: int, steps: int, reached: float
 ) -> None:
     x, y = evaluated(function, initial, dimension, seed=3)
     for step in range(steps):
-        found = suggest(x, y, Box(dimension), np.random.default_rng([3, step]), search=QUICK, iterations=12).x
+        found = suggest(x, y, Box(dimension), np.random.default_rng([3, step])).x
         assert found is not None
         x, y = np.vstack([x, found]), np.append(y, function(found))
     assert y.max() > reached

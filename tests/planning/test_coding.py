@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.coding import Coding
+from fieldkit.planning.coding import Coding, CylindricalCoding
 from tests.planning.test_envelope import BARE, FLAT, SLOPED
 
 envelopes = st.sampled_from([FLAT, SLOPED, BARE])
@@ -30,6 +30,20 @@ def test_cameras_come_back(envelope, count, seed) -> None:
     whole = ((code > 0) & (code < 1)).reshape(-1, 5)[:, 3:].all(axis=1)
     np.testing.assert_allclose(back.forward[whole], cameras.forward[whole], atol=1e-9)
     assert envelope.contains(back)
+
+
+@given(envelopes, st.integers(2, 12), st.integers(0, 2**32))
+def test_cameras_come_back_by_azimuth(envelope, count, seed) -> None:
+    coding = CylindricalCoding.of(envelope)
+    cameras = envelope.sample(count, seed)
+    code = coding.encode(cameras)
+    azimuths, radii = code.reshape(-1, 5)[:, :2].T
+    assert (np.diff(azimuths) >= 0).all()
+    assert ((radii > 0) & (radii <= 1)).all()
+    order = np.argsort(np.degrees(np.arctan2(*(cameras.positions[:, :2] - coding.center[:2]).T)) % 360.0)
+    plain = Coding.of(envelope)
+    expected = plain.decode(plain.encode(cameras.select(order)))
+    np.testing.assert_allclose(coding.decode(code).vector(), expected.vector(), atol=1e-6)
 
 
 @given(envelopes, codes)

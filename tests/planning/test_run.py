@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 from fieldkit.missions.plan import PlanSource
+from fieldkit.planning.asked import Asked, resumed_settings
 from fieldkit.planning.executor import Executor, Serial
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.pool import WorkerPool
-from fieldkit.planning.run import confirm, evaluate_again, search, worst_mean
+from fieldkit.planning.run import Ending, confirm, evaluate_again, search, worst_mean
 from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, lag_for
-from fieldkit.planning.search import Problem, Result, Trial, lowest
+from fieldkit.planning.search import Gain, Problem, Result, Trial, lowest
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 
 
@@ -29,12 +30,14 @@ class Greedy:
     problem: Problem
     told: dict[int, tuple[list[int], list[int]]] = field(default_factory=dict)
     most: int = 1000
+    converges: int = 1000
     name: str = "greedy"
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         self.told[number] = [r.trial.number for r in results], [t.number for t in pending]
         if number >= self.most:
             return None
+        gain = Gain(0.001, 0.002) if number >= self.converges else Gain(0.002, 0.001)
         best = min(results, key=lambda r: r.value_m, default=None)
         if best is None:
             return Trial(number, self.problem.sample(number), "random")
@@ -44,7 +47,7 @@ class Greedy:
         table[:, 4] = np.clip(table[:, 4], -90, 0)
         from fieldkit.planning.cameras import Cameras
 
-        return Trial(number, self.problem.nearest(Cameras.from_vector(z)), f"about {best.trial.number}")
+        return Trial(number, self.problem.nearest(Cameras.from_vector(z)), f"about {best.trial.number}", gain=gain)
 
 
 def never(seconds: float) -> bool:
@@ -69,7 +72,7 @@ def serial(folder: Path | None = None, noise_m: float = 0.0) -> Iterator[Executo
 
 def unbroken(tmp_path: Path, settings: SearchSettings) -> list[dict[str, object]]:
     with create_run(tmp_path / "unbroken", settings) as run, serial(noise_m=0.1) as executor:
-        assert search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore) == "evaluations"
+        assert search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore) == Ending("evaluations")
         confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
         return plain(run.entries)
 
@@ -148,12 +151,29 @@ def test_the_same_whatever_the_workers_with_one_lag(tmp_path: Path) -> None:
 def test_a_run_stops_when_its_time_is_up_or_its_method_is(tmp_path: Path) -> None:
     with create_run(tmp_path / "a", bowl_settings()) as run, serial() as executor:
         full: Callable[[float], bool] = lambda _: len(run.entries) >= 5  # noqa: E731
-        stopped = search(Greedy(bowl_problem()), executor, run, out_of_time=full, watch=ignore)
-        assert stopped == "time"
+        ending = search(Greedy(bowl_problem()), executor, run, out_of_time=full, watch=ignore)
+        assert ending == Ending("time")
         assert len(run.entries) == 5
     with create_run(tmp_path / "b", bowl_settings()) as run, serial() as executor:
-        assert search(Greedy(bowl_problem(), most=3), executor, run, out_of_time=never, watch=ignore) == "exhausted"
+        ending = search(Greedy(bowl_problem(), most=3), executor, run, out_of_time=never, watch=ignore)
+        assert ending == Ending("exhausted")
         assert len(run.entries) == 3
+
+
+@pytest.mark.parametrize("lag", [0, 2])
+def test_a_run_stops_where_nothing_is_left_to_gain_and_goes_on_when_told(tmp_path: Path, lag: int) -> None:
+    whole = unbroken(tmp_path, bowl_settings(lag=lag))
+    method = Greedy(bowl_problem(), converges=7)
+    stopped = Ending("converged", Gain(0.001, 0.002))
+    with create_run(tmp_path / "run", bowl_settings(lag=lag)) as run, serial(noise_m=0.1) as executor:
+        assert search(method, executor, run, out_of_time=never, watch=ignore) == stopped
+        assert [entry.number for entry in run.entries] == list(range(7))
+    with open_run(tmp_path / "run") as run, serial(noise_m=0.1) as executor:
+        assert search(method, executor, run, out_of_time=never, watch=ignore) == stopped
+        assert len(run.entries) == 7
+        run.save_settings(resumed_settings(run.settings, Asked({"evaluations": 12}, {}, {})))
+        assert search(method, executor, run, out_of_time=never, watch=ignore) == Ending("evaluations")
+        assert plain(run.entries) == [entry for entry in whole if entry["stage"] == "search"]
 
 
 def test_sets_that_change_their_numbers_keep_their_own_values(tmp_path: Path) -> None:

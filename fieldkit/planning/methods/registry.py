@@ -24,14 +24,13 @@ def _field(problem: Problem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.field import Field, FieldSettings
 
     chosen = FieldSettings() if settings.initial is None else FieldSettings(initial=settings.initial)
-    return Field(problem, chosen, settings.seed)
+    return Field(problem, chosen, settings.seed, settings.weights)
 
 
 def _bosfm(problem: Problem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.bosfm import Bosfm, BosfmSettings
+    from fieldkit.planning.methods.bosfm import Bosfm
 
-    chosen = BosfmSettings() if settings.initial is None else BosfmSettings(initial=settings.initial)
-    return Bosfm(problem, chosen, settings.seed)
+    return Bosfm(problem, settings.initial or 50, settings.seed, settings.method == "bosfm-tuned")
 
 
 def _circle(problem: Problem, settings: SearchSettings) -> Method:
@@ -98,6 +97,7 @@ def _match_graph(problem: Problem, settings: SearchSettings) -> Method:
 _MAKERS: dict[str, Callable[[Problem, SearchSettings], Method | Chooser]] = {
     "field": _field,
     "bosfm": _bosfm,
+    "bosfm-tuned": _bosfm,
     "score": _score,
     "circle": _circle,
     "circle-aim": _circle,

@@ -10,7 +10,7 @@ from itertools import combinations, islice
 import numpy as np
 
 from fieldkit.planning.cameras import Array, Cameras
-from fieldkit.planning.coding import Coding
+from fieldkit.planning.coding import Coding, CylindricalCoding
 from fieldkit.planning.search import Problem
 
 _FEW = 1000
@@ -27,14 +27,17 @@ class CameraSpace:
 
     Attributes:
         problem: what is looked for.
+        cylindrical: whether codes are those of `CylindricalCoding`.
     """
 
     problem: Problem
+    cylindrical: bool = False
 
     @cached_property
     def coding(self) -> Coding:
         """Of the envelope, or of the recorded views."""
-        return Coding.of(self.problem.envelope, self.problem.views)
+        coding = CylindricalCoding if self.cylindrical else Coding
+        return coding.of(self.problem.envelope, self.problem.views)
 
     @cached_property
     def _codes(self) -> Array:

@@ -1,22 +1,27 @@
-"""Kernels on sets of cameras that do not care about the cameras' order."""
+"""A Gaussian process on sets of cameras: it knows no order, and expects what the geometric score leads to expect."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import gpytorch  # type: ignore[import-untyped]
 import numpy as np
+import torch
+from botorch.models import SingleTaskGP
+from gpytorch.priors import LogNormalPrior  # type: ignore[import-untyped]
+from torch import Tensor
 
 from fieldkit.planning.cameras import Array, Cameras
+from fieldkit.planning.expected import LEAST_M
 from fieldkit.planning.search import Problem
-from fieldkit.planning.surrogates.kernels import KernelSpec, LogInterval, log_normal, scaled
+from fieldkit.planning.surrogates.fit import above, fit, noise_model
 
 FEATURES = 160
 _STREAM = 53
 REACH = 0.35
-_LENGTHSCALES = (0.02, 20.0)
-_START = 0.4
+_LENGTHSCALE, _LEAST_LENGTHSCALE = 0.4, 0.02
+_DEVIATION = 0.1
+"""Of ln(value) from what the score leads to expect: it ranks sets of tuning plots to within 7 to 9 %."""
 
 
 class SetEmbedding:
@@ -50,21 +55,44 @@ class SetEmbedding:
         return embedded
 
 
-def _isotropic(kind: Any, **more: Any) -> Any:
-    def build(_: int) -> Any:
-        prior = log_normal(np.log(_START), 1.0)
-        base = kind(
-            active_dims=tuple(range(FEATURES)), lengthscale_prior=prior,
-            lengthscale_constraint=LogInterval(_LENGTHSCALES, _START), **more,
-        )  # fmt: skip
-        return scaled(base)
+class ScoreMean(gpytorch.means.Mean):  # type: ignore[misc]
+    """−ln of the score's weighted terms plus a rest, of inputs (…, FEATURES + 3) that end with the terms' −ln.
 
-    return build
+    Args:
+        slopes: (3,) of the terms.
+        rest_m: metres.
+    """
+
+    def __init__(self, slopes: Array, rest_m: float) -> None:
+        super().__init__()
+        self.register_buffer("slopes", torch.from_numpy(slopes))
+        self.rest_m = rest_m
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(…,) of inputs (…, n, FEATURES + 3)."""
+        expected: Tensor = torch.exp(-x[..., FEATURES:]) @ self.slopes + self.rest_m
+        return -expected.clamp_min(LEAST_M).log()
 
 
-SET_KERNELS = (
-    KernelSpec("set-rbf", _isotropic(gpytorch.kernels.RBFKernel)),
-    KernelSpec("set-matern", _isotropic(gpytorch.kernels.MaternKernel, nu=2.5)),
-)
-"""The ensemble of the method `field`: smooth and less smooth functions of the embedding, one length scale each.
-Inputs may have further columns, which they ignore."""
+def fit_sets(x: Array, y: Array, mean: gpytorch.means.Mean, noise: float) -> SingleTaskGP:
+    """A process of y = −ln(value) with a Matérn 5/2 kernel of the embedding's distance.
+
+    Args:
+        x: (t, FEATURES + 3), t ≥ 1: embedded sets, and columns that only the mean sees.
+        y: (t,).
+        mean: what is expected without data.
+        noise: standard deviation of y's noise, which the fit finds no less of.
+    """
+    scale, deviation = LogNormalPrior(np.log(_LENGTHSCALE), 1.0), LogNormalPrior(2.0 * np.log(_DEVIATION), 1.0)
+    base = gpytorch.kernels.MaternKernel(
+        nu=2.5, active_dims=tuple(range(FEATURES)), lengthscale_prior=scale,
+        lengthscale_constraint=above(_LEAST_LENGTHSCALE),
+    )  # fmt: skip
+    kernel = gpytorch.kernels.ScaleKernel(base, outputscale_prior=deviation, outputscale_constraint=above(1e-6))
+    base.lengthscale, kernel.outputscale = _LENGTHSCALE, _DEVIATION**2
+    model = SingleTaskGP(
+        torch.from_numpy(x), torch.from_numpy(y)[:, None], covar_module=kernel, mean_module=mean,
+        likelihood=noise_model(noise**2), outcome_transform=None,
+    )  # fmt: skip
+    fit(model, 0)
+    return model

@@ -15,17 +15,25 @@ from hypothesis import strategies as st
 
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.acquisition import Search
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.envelope import Envelope
-from fieldkit.planning.methods.bosfm import Bosfm, BosfmSettings
+from fieldkit.planning.methods.bosfm import Bosfm
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.space import CameraSpace
 from fieldkit.planning.search import Problem, Result, Trial
-from fieldkit.planning.surrogates.kernels import MATERN
 from tests.planning.test_envelope import FLAT, SLOPED
 
-QUICK = BosfmSettings(initial=4, iterations=5, search=Search(samples=12, near=4, kept=4, starts=2, iterations=5))
+QUICK = 4
+"""Initial trials."""
+
+EFFORT = {"surrogates.ensemble._STARTS": 1, "surrogates.fit._ITERATIONS": 8, "acquisition._ITERATIONS": 5}
+"""Less of it than in a run."""
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in EFFORT.items():
+        monkeypatch.setattr(f"fieldkit.planning.{name}", value)
 
 
 def problem(count: int, envelope: Envelope = FLAT, views: int = 0) -> Problem:
@@ -55,10 +63,11 @@ def run(method: Bosfm | Random, count: int) -> list[Result]:
     st.integers(0, 2**31),
     st.integers(1, 8),
     st.integers(0, 2),
+    st.booleans(),
 )
-@settings(max_examples=25)
-def test_every_proposal_is_feasible(plot: Problem, seed: int, known: int, waiting: int) -> None:
-    method = Bosfm(plot, QUICK, seed)
+@settings(max_examples=12)
+def test_every_proposal_is_feasible(plot: Problem, seed: int, known: int, waiting: int, tuned: bool) -> None:
+    method = Bosfm(plot, QUICK, seed, tuned)
     trials = [Trial(k, plot.sample(seed + k), "given") for k in range(known + waiting)]
     results = [Result(trial, cost(trial.cameras)) for trial in trials[:known]]
     trial = method.propose(50, results, trials[known:])
@@ -75,7 +84,7 @@ def test_the_first_trials_are_those_of_random() -> None:
     same = [mine.trial.cameras == other.trial.cameras for mine, other in zip(ours, random, strict=True)]
     assert same == [True] * 4 + [False] * 2
     assert [result.trial.origin for result in ours[:4]] == ["random"] * 4
-    assert BosfmSettings().initial == 50
+    assert Bosfm(plot).initial == 50
     assert run(Random(plot, 6), 1)[0].trial.cameras != random[0].trial.cameras
 
 
@@ -115,7 +124,10 @@ def test_pending_trials_change_the_proposal() -> None:
 
 HERE = Path(__file__).parents[3]
 OTHER = """
-from tests.planning.methods.test_bosfm import Bosfm, QUICK, problem, run
+import pytest
+from tests.planning.methods.test_bosfm import EFFORT, Bosfm, QUICK, problem, run
+for name, value in EFFORT.items():
+    pytest.MonkeyPatch().setattr(f"fieldkit.planning.{name}", value)
 print(run(Bosfm(problem(4), QUICK, 3), 6)[-1].trial.cameras.vector().tobytes().hex())
 """
 
@@ -155,18 +167,17 @@ def test_the_best_untried_recorded_set_is_chosen() -> None:
     sets = [plot.views.select(index) for index in space.subsets(20)]
     order = np.random.default_rng(0).permutation(20)
     results = [Result(Trial(int(k), sets[k], "given"), cost(sets[k])) for k in order[:14]]
-    settings = BosfmSettings(initial=1, kernels=(MATERN,))
-    trial = Bosfm(plot, settings, 0).propose(14, results, ())
+    trial = Bosfm(plot, 1, 0).propose(14, results, ())
     assert trial is not None
     costs = [cost(sets[k]) for k in order[14:]]
     assert cost(trial.cameras) <= sorted(costs)[2]
     assert trial.cameras in [sets[k] for k in order[14:]]
 
 
-def test_it_is_better_than_random() -> None:
+@pytest.mark.parametrize("tuned", [False, True])
+def test_it_is_better_than_random(tuned: bool) -> None:
     plot = problem(3)
-    settings = BosfmSettings(initial=8, iterations=12, search=Search(samples=24, near=8, starts=2, iterations=20))
-    ours = [result.value_m for result in run(Bosfm(plot, settings, 1), 22)]
+    ours = [result.value_m for result in run(Bosfm(plot, 8, 1, tuned), 22)]
     random = [result.value_m for result in run(Random(plot, 1), 66)]
     assert min(ours) < min(random)  # though there are three times as many of these
 
@@ -187,7 +198,15 @@ def test_codes_of_recorded_sets_do_not_know_the_order() -> None:
     assert len(few.sample(3, np.random.default_rng(0))) == math.comb(6, 4)
 
 
-@pytest.mark.parametrize("wrong", [{"initial": 0}, {"kernels": ()}])
-def test_senseless_settings_are_refused(wrong: dict[str, object]) -> None:
+def test_tuned_codes_do_not_know_the_cameras_order() -> None:
+    plot = problem(4)
+    cameras = plot.sample(3)
+    tuned, literal = CameraSpace(plot, cylindrical=True), CameraSpace(plot)
+    turned = cameras.select([2, 0, 3, 1])
+    np.testing.assert_array_equal(tuned.encode(cameras), tuned.encode(turned))
+    assert (literal.encode(cameras) != literal.encode(turned)).any()
+
+
+def test_initial_trials_are_needed() -> None:
     with pytest.raises(ValueError):
-        BosfmSettings(**wrong)  # type: ignore[arg-type]
+        Bosfm(problem(4), 0)
