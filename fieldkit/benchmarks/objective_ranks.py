@@ -64,7 +64,7 @@ def run_ranks(
     seeds: int = 5,
     scenes: int = len(SCENES),
     workers: int = 1,
-    fidelities: tuple[FidelityName, FidelityName] = ("draft", "fine"),
+    fidelities: tuple[FidelityName, FidelityName] = ("standard", "fine"),
     progress: Progress,
 ) -> StudyResult:
     """Random feasible configurations at two fidelities, and five of them at more seeds."""
@@ -79,9 +79,9 @@ def run_ranks(
         tables=(rank_table(found, fidelities),),
         notes=(
             f"{configurations} random feasible configurations of {VIEWS} views per scene, the same at both fidelities.",
-            f"Noise: root of the mean variance of {_NOISE_SETS} of them over {seeds} seeds (sensor, RANSAC), in draft.",
+            f"Noise: root of the mean variance of {_NOISE_SETS} of them over {seeds} seeds (sensor, RANSAC).",
             "The poses are exact, and known to mapping to 10 mm; what their noise does is the study `noise`.",
-            "Spread: standard deviation between the configurations at one seed, in draft.",
+            "Spread: standard deviation between the configurations at one seed.",
         ),
         figures={
             each.scene: {

@@ -148,9 +148,10 @@ def _run(words: list[str], boundary: Boundary) -> int:
             return EXIT_OK
         asked = " ".join([name, *arguments[:1]]) if group else name
         raise UsageError(f"no such command: {asked}", remedy=_suggestion(asked))
-    from fieldkit.threads import set_thread_environment
+    from fieldkit.threads import set_memory_environment, set_thread_environment
 
     set_thread_environment()  # before anything imports NumPy
+    set_memory_environment()
     boundary.command = name
     parser = typer_command(name)
     boundary.resumable = any(param.name == "resume" for param in parser.params)

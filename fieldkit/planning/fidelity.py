@@ -18,28 +18,27 @@ class Fidelity:
 
     Attributes:
         name: ``"draft"``, ``"standard"`` or ``"fine"``.
-        render_scale: of the camera's image size; recorded photographs keep theirs.
+        drawn_side: longer side of rendered photographs, pixels, at most the camera's; recorded ones keep theirs.
         economy: render as `simulate_capture`'s ``economy`` says: half the cost.
         features: detection.
         dense: working size of dense stereo.
     """
 
     name: FidelityName
-    render_scale: float = 1.0
+    drawn_side: int = 2000
     economy: bool = True
     features: FeatureSettings = field(default_factory=FeatureSettings)
     dense: DenseFidelity = "standard"
 
     def camera(self, camera: Intrinsics) -> Intrinsics:
         """The camera that photographs are rendered with."""
-        if self.render_scale == 1.0:
-            return camera
-        return camera.scaled(round(camera.width * self.render_scale), round(camera.height * self.render_scale))
+        scale = self.drawn_side / max(camera.width, camera.height)
+        return camera if scale >= 1.0 else camera.scaled(round(camera.width * scale), round(camera.height * scale))
 
 
 FIDELITIES: dict[FidelityName, Fidelity] = {
-    "draft": Fidelity("draft", 0.8, features=FeatureSettings(working_side=1400), dense="draft"),
-    "standard": Fidelity("standard"),
+    "draft": Fidelity("draft", 1200, features=FeatureSettings(working_side=900, max_features=3000), dense="draft"),
+    "standard": Fidelity("standard", 1600, features=FeatureSettings(working_side=1400)),
     "fine": Fidelity("fine", dense="fine"),
 }
-"""Draft renders two thirds of the pixels; standard and fine differ in dense stereo only."""
+"""Draft and standard draw, match and densify fewer pixels than fine."""

@@ -19,6 +19,7 @@ from fieldkit.planning.evaluation import Evaluation
 from fieldkit.planning.executor import Executor, Job
 from fieldkit.planning.objective import Objective
 from fieldkit.planning.worker import Answer, work
+from fieldkit.threads import set_memory_environment
 
 _ATTEMPTS = 2
 _POLL_S = 0.2
@@ -57,6 +58,7 @@ class _Worker:
 
     def __init__(self, objective: Objective, limits: Limits) -> None:
         # Forking a process that has threads (progress display, OpenCV) can deadlock the child.
+        set_memory_environment()
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process: SpawnProcess = context.Process(

@@ -27,6 +27,7 @@ from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, build_unlit, sample_reference, sample_truth
+from fieldkit.scenes.drawing import Draw, KeptDrawings, draw
 from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.plot import sample_plants
 from fieldkit.scenes.renderer import Renderer
@@ -163,7 +164,8 @@ class SimulatedSource:
         self.effects, self.sway = effects, sway
         self._renderer: Renderer | None = None
         self._reference: ReferenceIndex | None = None
-        self._cache = StageCache(None)  # no two renderings are the same
+        self._drawings: Draw | None = None
+        self._cache = StageCache(None)  # no two photographs are the same
 
     @classmethod
     def from_description(
@@ -193,7 +195,7 @@ class SimulatedSource:
         return SimulatedSource(self.proxy, noise, effects=self.effects, sway=self.sway, claimed_m=self.claimed_m)
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_renderer": None, "_reference": None}
+        return self.__dict__ | {"_renderer": None, "_reference": None, "_drawings": None}
 
     @property
     def plot(self) -> KnownPlot:
@@ -218,30 +220,39 @@ class SimulatedSource:
         assert self.reference is not None
         if self._renderer is None:
             self._renderer = Renderer(self.proxy.scene)
+            self._drawings = KeptDrawings() if self.sway is None else draw
 
     @contextmanager
     def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[Shot]:
         """JPEGs in a temporary folder, with the commanded poses and the camera beside them."""
         self.prepare()
         assert self._renderer is not None
+        assert self._drawings is not None
+        camera = fidelity.camera(self.proxy.camera)
+        scale = camera.width / self.proxy.camera.width
         claimed = max(self.noise.position_m, self.claimed_m)
         sidecars = Sidecars(poses=True, accuracy_m=claimed, camera=True)
         with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
             folder = Path(temporary) / "capture"
             with progress.stage("Rendering"):
                 simulate_capture(
-                    folder, self._renderer, cameras.poses(), fidelity.camera(self.proxy.camera), noise=self.noise,
-                    seed=seed, effects=_reduced(self.effects, fidelity.render_scale),
-                    sway=None if self.sway is None else self.sway(seed), sidecars=sidecars, economy=fidelity.economy,
+                    folder, self._renderer, cameras.poses(), camera, noise=self.noise, seed=seed,
+                    effects=_reduced(self.effects, scale), sway=None if self.sway is None else self.sway(seed),
+                    sidecars=sidecars, economy=fidelity.economy, drawing=self._drawings,
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
                 capture = read_capture(folder)
             yield Shot(capture, capture.names)
 
+    def forget_drawings(self) -> None:
+        """Draw everything anew."""
+        if self._drawings is not None and self.sway is None:
+            self._drawings = KeptDrawings()
+
     def close(self) -> None:
         if self._renderer is not None:
             self._renderer.close()
-            self._renderer = None
+            self._renderer = self._drawings = None
 
 
 def _reduced(effects: CameraEffects | None, scale: float) -> CameraEffects | None:

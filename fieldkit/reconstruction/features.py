@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -51,6 +52,12 @@ class Features:
     def subset(self, index: NDArray[np.int64]) -> Features:
         """The features of those indices."""
         return Features(self.keypoints[index], self.descriptors[index])
+
+    @cached_property
+    def squares(self) -> NDArray[np.int32]:
+        """(n,) squared lengths of the descriptors."""
+        squares: NDArray[np.int32] = np.square(self.descriptors, dtype=np.int32).sum(axis=1, dtype=np.int32)
+        return squares
 
     @property
     def points(self) -> NDArray[np.float64]:

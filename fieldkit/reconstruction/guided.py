@@ -89,12 +89,12 @@ class IndexedFeatures:
     @cached_property
     def across(self) -> _Strips:
         """Strips that lines nearer to level cross."""
-        return _Strips.of(self.points, self.features.descriptors)
+        return _Strips.of(self.points, self.features)
 
     @cached_property
     def down(self) -> _Strips:
         """Strips, x and y exchanged, that steeper lines cross."""
-        return _Strips.of(self.points[:, ::-1], self.features.descriptors)
+        return _Strips.of(self.points[:, ::-1], self.features)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,8 +255,8 @@ def _best_in_band(
         moved, line = shift[axes], [*axes, 2]
         left, top = strips.corner + moved
         _compare(
-            index, a.features.descriptors, a.points[:, axes], lines_in_b[:, line],
-            strips.descriptors, strips.points + moved, lines_in_a[strips.order][:, line], band_px,
+            index, a.features.descriptors, a.features.squares, a.points[:, axes], lines_in_b[:, line],
+            strips.descriptors, strips.squares, strips.points + moved, lines_in_a[strips.order][:, line], band_px,
             left, top, strips.count, strips.cells, strips.order, strips.starts,
             of_a.distance, of_a.second, of_a.index, of_b.distance, of_b.second, of_b.index,
         )  # fmt: skip
@@ -292,7 +292,7 @@ class _Strips:
         order: (n,) the features in this order; `order[starts[k] : starts[k + 1]]` are those of cell k, and those of a
             strip follow one another.
         starts: (count · cells + 1,).
-        points, descriptors: in this order.
+        points, descriptors, squares: in this order.
     """
 
     corner: Floats
@@ -302,26 +302,29 @@ class _Strips:
     starts: NDArray[np.int64]
     points: Floats
     descriptors: NDArray[np.uint8]
+    squares: NDArray[np.int32]
 
     @classmethod
-    def of(cls, points: Floats, descriptors: NDArray[np.uint8]) -> _Strips:
+    def of(cls, points: Floats, features: Features) -> _Strips:
         corner = points.min(axis=0)
         place = np.floor((points - corner) / (_STRIP_PX, _CELL_PX)).astype(np.int64)
         count, cells = place.max(axis=0) + 1
         index = place[:, 0] * cells + place[:, 1]
         order = np.argsort(index, kind="stable")
         starts = np.searchsorted(index[order], np.arange(count * cells + 1))
-        return cls(corner, int(count), int(cells), order, starts, points[order], descriptors[order])
+        descriptors, squares = features.descriptors[order], features.squares[order]
+        return cls(corner, int(count), int(cells), order, starts, points[order], descriptors, squares)
 
 
 @kernel
 def _compare(  # type: ignore[no-untyped-def]
-    chosen, descriptors_a, points_a, lines_in_b, descriptors_b, points_b, lines_in_a, band,
+    chosen, descriptors_a, squares_a, points_a, lines_in_b, descriptors_b, squares_b, points_b, lines_in_a, band,
     left, top, strips, cells, order, starts, best_a, second_a, index_a, best_b, second_b, index_b,
 ):  # fmt: skip
     """Compare the chosen features of a, whose lines are flat, with b's within the band; b is sorted by strips.
 
-    Those in the band are listed first, without a branch: whether a feature is, no processor can foresee.
+    Those in the band are listed first, without a branch: whether a feature is, no processor can foresee. A squared
+    distance is |a|² + |b|² − 2 a·b in whole numbers, for a product takes half the time of a squared difference.
     """
     listed = np.empty(len(points_b), np.int64)
     for i in chosen:
@@ -346,10 +349,10 @@ def _compare(  # type: ignore[no-untyped-def]
                 count += near_b & near_a
         for n in range(count):
             k = listed[n]
-            distance = np.int32(0)
-            for d in range(descriptors_a.shape[1]):
-                difference = np.int32(np.int32(descriptors_a[i, d]) - np.int32(descriptors_b[k, d]))
-                distance = np.int32(distance + np.int32(difference * difference))
+            product = np.int32(0)
+            for d in range(128):
+                product = np.int32(product + np.int32(np.int32(descriptors_a[i, d]) * np.int32(descriptors_b[k, d])))
+            distance = np.int32(squares_a[i] + squares_b[k] - np.int32(2 * product))
             j = order[k]
             if distance < second_a[i]:
                 if distance < best_a[i]:

@@ -180,19 +180,25 @@ def motion_blurred(light: NDArray[np.float32], flow: NDArray[np.float32]) -> NDA
     taps = min(_MAX_TAPS, 2 * int(np.ceil(longest / 2.0)) + 1)
     if longest < 0.05 or taps < 2:
         return light
-    result = np.zeros_like(light)
+    result = np.empty_like(light)
     _average(light, flow, taps, result)
     return result
 
 
 @fast_kernel
 def _average(light: NDArray[np.float32], flow: NDArray[np.float32], taps: int, result: NDArray[np.float32]) -> None:
-    """Add means of bilinear samples at the middles of equal parts of the exposure: the picture stays in place."""
+    """Means of bilinear samples at the middles of equal parts of the exposure, ``taps`` (odd) of them: the picture
+    stays in place.
+    """
     h, w = light.shape[:2]
     share = np.float32(1.0 / taps)
     for i in range(h):
         for j in range(w):
+            for c in range(3):
+                result[i, j, c] = share * light[i, j, c]  # an odd number of parts: the middle one is the pixel itself
             for k in range(taps):
+                if 2 * k + 1 == taps:
+                    continue
                 step = np.float32((k + 0.5) / taps - 0.5)
                 x = min(max(np.float32(j) + step * flow[i, j, 0], np.float32(0.0)), np.float32(w - 1))
                 y = min(max(np.float32(i) + step * flow[i, j, 1], np.float32(0.0)), np.float32(h - 1))

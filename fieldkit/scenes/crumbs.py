@@ -102,7 +102,8 @@ def build_crumbs(
         return Mesh(crumbs.name, empty, np.zeros((0, 3), np.int32), empty, colors=empty)
     merged, every = np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32)
     normals = vertex_normals(merged, every)
-    return Mesh(crumbs.name, merged, every, normals, colors=np.concatenate(colors).astype(np.float32))
+    # Seen from outside only, for what lies in the ground is open.
+    return Mesh(crumbs.name, merged, every, normals, two_sided=False, colors=np.concatenate(colors).astype(np.float32))
 
 
 def _shape(seed: int, detail: int, roughness: float) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -19,7 +19,7 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.progress import Progress, Silent
 from fieldkit.scenes.camera_effects import CameraEffects, photographed
-from fieldkit.scenes.edge_smoothing import smooth_edges
+from fieldkit.scenes.drawing import Draw, draw
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
@@ -118,6 +118,7 @@ def simulate_capture(
     started_at: datetime = datetime(2026, 6, 18, 10, 30),
     overwrite: bool = False,
     economy: bool = False,
+    drawing: Draw = draw,
     progress: Progress | None = None,
 ) -> list[Pose]:
     """Photograph the renderer's scene from the poses and write the JPEGs with their metadata.
@@ -140,6 +141,7 @@ def simulate_capture(
         overwrite: replace an existing capture.
         economy: draw with one sample per pixel and smooth the edges afterwards, and take the sensor's noise from a
             table: the same look and other pixels at half the cost, for captures that are made by the hundred.
+        drawing: draws the scene; one that keeps drawings (`KeptDrawings`) is for plants that stand still.
 
     Returns:
         The true poses.
@@ -165,7 +167,11 @@ def simulate_capture(
             rng = np.random.default_rng([seed, 2, i])
             if sway is not None:
                 renderer.move(sway(renderer.scene, i))
-            image = _photograph(renderer, pose, intrinsics, effects, np.random.default_rng([seed, 3, i]), economy)
+            moves = effects is not None and effects.moves
+            image, depth = drawing(renderer, pose, intrinsics, depth=moves, economy=economy)
+            if effects is not None and effects.changes_pixels:
+                shaken = np.random.default_rng([seed, 3, i])
+                image = photographed(image, depth, intrinsics, effects, shaken, economy=economy)
             image = (with_tabled_noise if economy else with_noise)(image, noise.image_sigma, rng)
             tag = None if site is None else _geotag(_compass(pose, row_heading_deg), site, noise, rng)
             taken_at = started_at + timedelta(seconds=4 * i)
@@ -203,22 +209,6 @@ def poses_table(
         values += [f"{v:.{_ANGLE_DECIMALS}f}" for v in ([yaw, pitch, roll_deg] if roll else [yaw, pitch])]
         lines.append(",".join([name, *values, *tail]))
     return "\n".join(lines) + "\n"
-
-
-def _photograph(
-    renderer: Renderer, pose: Pose, intrinsics: Intrinsics, effects: CameraEffects | None, rng: np.random.Generator,
-    economy: bool,
-) -> NDArray[np.uint8]:  # fmt: skip
-    samples, depth = 0 if economy else 4, None
-    if effects is not None and effects.moves:
-        image, depth = renderer.render(pose, intrinsics, samples=samples)
-    else:
-        image = renderer.photograph(pose, intrinsics, samples=samples)
-    if economy:
-        image = smooth_edges(image)
-    if effects is None or not effects.changes_pixels:
-        return image
-    return photographed(image, depth, intrinsics, effects, rng, economy=economy)
 
 
 def _compass(pose: Pose, row_heading_deg: float) -> Pose:

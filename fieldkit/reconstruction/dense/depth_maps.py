@@ -20,7 +20,7 @@ from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
 
-VERSION = 4
+VERSION = 5
 """Part of every cache key; to be raised when the method changes its result."""
 STAGE = "depth"
 _KEPT = 32
@@ -38,8 +38,9 @@ def compute_depth_maps(
 ) -> list[DepthMap]:
     """The depth map of every view, by PatchMatch on the CPU, one thread per view.
 
-    The first pass takes the photographs alone, from coarse to fine; the second takes over the source views' planes
-    where they fit better and asks for agreement with their depths. Each view's results are cached by the content of
+    From coarse to fine: on every level a pass of the photographs alone, from random planes or the coarser level's, then
+    geometric passes, which take over the source views' planes where they fit better and ask for agreement with their
+    depths. Each view's results are cached by the content of
     the view, of its source views, the volume, the settings and the seed, so a repeated or extended run only computes
     what changed.
 
@@ -49,7 +50,7 @@ def compute_depth_maps(
         settings: constants of the method.
         seed: of everything random.
         progress: receives one stage.
-        cache: keeps the hypotheses of both passes.
+        cache: keeps the hypotheses of every pass.
         workers: views computed side by side; the result does not depend on it.
 
     Returns:
@@ -75,26 +76,34 @@ def compute_planes(
     matching = matching_settings(settings)
     count = range(len(views))
     shared = _Shared(volume, settings)
+    levels = _levels(views, settings)
+    steps = sum(1 + _passes(settings, level) for level in range(levels + 1))
     keys = [
-        digest(VERSION, "photographs", contents[i], [contents[j] for j in sources[i]], volume, seed, matching)
+        digest(VERSION, "photographs", contents[i], [contents[j] for j in sources[i]], volume, seed, matching, levels)
         for i in count
     ]
-    with progress.stage("depth maps", (1 + settings.geometric_passes) * len(views)) as advance:
+    results: list[Planes] = []
+    with progress.stage("depth maps", steps * len(views)) as advance:
+        for level in range(levels, -1, -1):
+            if results:
+                keys = [digest(VERSION, "finer", key) for key in keys]
 
-        def first(i: int) -> Planes:
-            return _match(views[i], [views[j] for j in sources[i]], shared, _random_key(seed, views[i]))
+            def first(i: int, level: int = level, coarser: list[Planes] = results) -> Planes:
+                near = [views[j] for j in sources[i]]
+                random = _random_key(seed, views[i], level)
+                return _match(views[i], near, level, coarser[i] if coarser else None, shared, random)
 
-        results = map_threads(_cached(cache, keys, first), count, workers=workers, advance=advance)
-        for number in range(1, 1 + settings.geometric_passes):
-            keys = [digest(VERSION, "geometry", keys[i], [keys[j] for j in sources[i]]) for i in count]
+            results = map_threads(_cached(cache, keys, first), count, workers=workers, advance=advance)
+            for number in range(1, 1 + _passes(settings, level)):
+                keys = [digest(VERSION, "geometry", keys[i], [keys[j] for j in sources[i]]) for i in count]
 
-            def later(i: int, number: int = number, before: list[Planes] = results) -> Planes:
-                near = [(views[j], before[j]) for j in sources[i]]
-                random = _random_key(seed, views[i], number)
-                return _match_geometry(views[i], before[i], near, shared, random)
+                def later(i: int, level: int = level, number: int = number, before: list[Planes] = results) -> Planes:
+                    near = [(views[j], before[j]) for j in sources[i]]
+                    random = _random_key(seed, views[i], level, number)
+                    return _match_geometry(views[i], before[i], near, level, shared, random)
 
-            results = map_threads(_cached(cache, keys, later), count, workers=workers, advance=advance)
-        return results
+                results = map_threads(_cached(cache, keys, later), count, workers=workers, advance=advance)
+    return results
 
 
 def to_depth_map(view: View, planes: Planes, volume: Volume, settings: Settings) -> DepthMap:
@@ -129,10 +138,23 @@ def matching_settings(settings: Settings) -> dict[str, Any]:
     return {name: value for name, value in vars(settings).items() if name not in fusion | {"fidelity"}}
 
 
-def _random_key(seed: int, view: View, number: int = 0) -> np.uint64:
+def _random_key(seed: int, view: View, level: int, number: int = 0) -> np.uint64:
     # Of the pixels alone: a pose that differs by a rounding error must not bring other random planes, or a capture
     # would not even match itself (chamfer distance above one ground sampling distance).
-    return np.uint64(int(digest(seed, view.image, number)[:16], 16))
+    return np.uint64(int(digest(seed, view.image, level, number)[:16], 16))
+
+
+def _levels(views: Sequence[View], settings: Settings) -> int:
+    """How often views are halved: until the largest has at most `Settings.coarsest` pixels."""
+    pixels = max((view.intrinsics.width * view.intrinsics.height for view in views), default=0)
+    levels = 0
+    while pixels / 4**levels > settings.coarsest:
+        levels += 1
+    return levels
+
+
+def _passes(settings: Settings, level: int) -> int:
+    return settings.coarse_passes if level else settings.geometric_passes
 
 
 def _cached(cache: StageCache, keys: list[str], compute: Callable[[int], Planes]) -> Callable[[int], Planes]:
@@ -159,39 +181,36 @@ class _Shared:
         self.packed = lru_cache(_KEPT)(pack_view)
 
 
-def _match(view: View, sources: list[View], shared: _Shared, random: np.uint64) -> Planes:
-    """The first pass: photographs alone, from coarse to fine."""
+def _match(
+    view: View, sources: list[View], level: int, coarser: Planes | None, shared: _Shared, random: np.uint64
+) -> Planes:
+    """Photographs alone at a level, from random planes or the coarser level's."""
     settings = shared.settings
-    levels = 0
-    while view.intrinsics.width * view.intrinsics.height / 4**levels > settings.coarsest:
-        levels += 1
-    coarser: tuple[Active, Planes, float] | None = None
-    for level in range(levels, -1, -1):
-        reference = shared.reduced(view, level)
-        active = shared.active(reference)
-        near = [shared.reduced(source, level) for source in sources]
-        problem = Problem.build(reference, active, near, settings, shared.packed)
-        planes, fresh = problem.empty()
-        if coarser is not None:
-            factor = reference.intrinsics.width / coarser[2]
-            _carry_over(planes, fresh, active, coarser[0], coarser[1], factor)
-        starts = settings.starts if coarser is None else settings.pyramid_starts
-        sweeps = settings.sweeps if coarser is None else settings.pyramid_sweeps
-        result = problem.solve(planes, fresh, random + np.uint64(level), starts, settings.starts, sweeps)
-        coarser = (active, result, float(reference.intrinsics.width))
-    assert coarser is not None
-    return coarser[1]
+    reference = shared.reduced(view, level)
+    active = shared.active(reference)
+    near = [shared.reduced(source, level) for source in sources]
+    problem = Problem.build(reference, active, near, settings, shared.packed)
+    planes, fresh = problem.empty()
+    if coarser is None:
+        return problem.solve(planes, fresh, random, settings.starts, settings.sweeps, settings.first_range_px)
+    coarse = shared.reduced(view, level + 1)
+    factor = reference.intrinsics.width / coarse.intrinsics.width
+    _carry_over(planes, fresh, active, shared.active(coarse), coarser, factor)
+    return problem.solve(
+        planes, fresh, random, settings.pyramid_starts, settings.pyramid_sweeps, settings.pyramid_range_px
+    )
 
 
 def _match_geometry(
-    view: View, first: Planes, sources: list[tuple[View, Planes]], shared: _Shared, random: np.uint64
+    view: View, first: Planes, sources: list[tuple[View, Planes]], level: int, shared: _Shared, random: np.uint64
 ) -> Planes:
-    """A later pass: photographs and agreement with the source views' depths."""
+    """A later pass of a level: photographs and agreement with the source views' depths."""
+    reference = shared.reduced(view, level)
+    near = [(shared.reduced(source, level), planes) for source, planes in sources]
     problem = Problem.build(
-        view, shared.active(view), [source for source, _ in sources], shared.settings, shared.packed
+        reference, shared.active(reference), [source for source, _ in near], shared.settings, shared.packed
     )
-    near = [(source, shared.active(source), planes) for source, planes in sources]
-    return problem.refine(first, near, random)
+    return problem.refine(first, [(source, shared.active(source), planes) for source, planes in near], random)
 
 
 def _beyond(view: View, settings: Settings) -> float:

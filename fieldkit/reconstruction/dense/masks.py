@@ -24,10 +24,10 @@ def excess_green(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     Returns:
         (H, W) float32 in [−1, 2]; 0 where the pixel is darker than `DARKEST`.
     """
-    channels = image.astype(np.float32)
-    total = channels.sum(axis=2)
-    index = 3.0 * channels[..., 1] / np.maximum(total, 1.0) - 1.0
-    return np.where(total >= DARKEST, index, np.float32(0.0)).astype(np.float32)
+    red, green, blue = _channels(image)
+    total = red + green + blue
+    index = np.float32(3.0) * green / np.maximum(total, np.float32(1.0)) - np.float32(1.0)
+    return np.where(total >= DARKEST, index, np.float32(0.0))
 
 
 def excess_red(image: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -39,8 +39,8 @@ def excess_red(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     Returns:
         (H, W) float32 in [−1, 1.4].
     """
-    channels = image.astype(np.float32)
-    index = (1.4 * channels[..., 0] - channels[..., 1]) / np.maximum(channels.sum(axis=2), 1.0)
+    red, green, blue = _channels(image)
+    index = (np.float32(1.4) * red - green) / np.maximum(red + green + blue, np.float32(1.0))
     return np.asarray(index, dtype=np.float32)
 
 
@@ -82,5 +82,10 @@ def plant_mask(
     large[0] = False
     kept = large[labels].astype(np.uint8)
     grown = cv2.dilate(kept, np.ones((3, 3), dtype=np.uint8)) > 0
-    bright = image.sum(axis=2, dtype=np.int32) >= DARKEST
+    bright = sum(_channels(image)) >= DARKEST
     return np.asarray(grown & bright, dtype=np.bool_)
+
+
+def _channels(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], ...]:
+    """Red, green and blue (H, W), each by itself: sums over the last axis of an image are several times slower."""
+    return tuple(image[..., k].astype(np.float32) for k in range(3))

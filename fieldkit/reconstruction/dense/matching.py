@@ -97,8 +97,8 @@ class Problem:
         fresh: NDArray[np.bool_],
         key: np.uint64,
         starts: int,
-        fresh_starts: int,
         sweeps: int,
+        range_px: float,
     ) -> Planes:
         """Random starts and sweeps by the photographs alone; ``planes`` is written to."""
         count = len(planes)
@@ -112,7 +112,7 @@ class Problem:
             self.support, _lens(self.view), _NO_DEPTHS, self.back, key, starts, noise, best,
             np.float32(self.settings.slack),
         )  # fmt: skip
-        self._sweep(planes, costs, _NO_DEPTHS, key, sweeps, geometric=0.0)
+        self._sweep(planes, costs, _NO_DEPTHS, key, sweeps, range_px, geometric=0.0)
         return Planes(planes, costs)
 
     def refine(self, first: Planes, sources: list[tuple[View, Active, Planes]], key: np.uint64) -> Planes:
@@ -145,7 +145,9 @@ class Problem:
                 rotation.astype(np.float32), offset.astype(np.float32), np.float32(settings.max_cost),
             )  # fmt: skip
             adopt(planes, costs, found, self.active.pixels, self.active.ranges, *views, weight, cap)
-        self._sweep(planes, costs, depths, key, settings.geometric_sweeps, settings.geometric_weight)
+        self._sweep(
+            planes, costs, depths, key, settings.geometric_sweeps, settings.second_range_px, settings.geometric_weight
+        )
         score(planes, costs, self.active.pixels, *views, np.float32(0.0), cap)
         return Planes(planes, costs)
 
@@ -156,12 +158,12 @@ class Problem:
         depths: NDArray[np.float32],
         key: np.uint64,
         sweeps: int,
+        range_px: float,
         geometric: float,
     ) -> None:
         settings = self.settings
         best = min(settings.best_sources, len(self.sizes))
-        first = settings.second_range_px if geometric > 0 else settings.first_range_px
-        reach = first * self.pixel_w
+        reach = range_px * self.pixel_w
         for step in range(sweeps):
             for color in (0, 1):
                 sweep(

@@ -38,13 +38,13 @@ class Settings:
         starts: random planes per pixel.
         sweeps: rounds of propagation and perturbation (each a red and a black half).
         perturbations: random changes tried per pixel and round, each half as large as the one before.
-        first_range_px, second_range_px: size of the first change in the first and in later passes, as the shift of a
-            typical source pixel.
+        first_range_px, pyramid_range_px, second_range_px: size of the first change on the coarsest level, on the finer
+            ones and in geometric passes, as the shift of a typical source pixel.
         pyramid_sweeps: rounds on every level above the coarsest.
         pyramid_starts: random planes per pixel there, beside the coarser level's.
-        coarsest: levels are halved as long as they have more pixels than this.
-        geometric_passes: passes after the first, which take over planes of the source views and also ask for agreement
-            with their depths; 0 leaves them out.
+        coarsest: views are halved as long as the largest has more pixels than this.
+        coarse_passes, geometric_passes: geometric passes on levels of reduced views and on the last one. They take over
+            planes of the source views and also ask for agreement with their depths; 0 leaves them out.
         geometric_sweeps: rounds in each of these passes.
         geometric_weight, geometric_cap_px: these passes add weight · min(round-trip error in pixels, cap) to the cost.
 
@@ -76,11 +76,13 @@ class Settings:
     beyond: float = 0.3
     beyond_unmasked: float = 4.0
     first_range_px: float = 4.0
+    pyramid_range_px: float = 1.5
     second_range_px: float = 1.0
     pyramid_sweeps: int = 2
-    pyramid_starts: int = 4
+    pyramid_starts: int = 1
     coarsest: int = 300_000
-    geometric_passes: int = 2
+    coarse_passes: int = 2
+    geometric_passes: int = 1
     geometric_sweeps: int = 1
     geometric_weight: float = 0.2
     geometric_cap_px: float = 3.0
