@@ -30,13 +30,13 @@ class Ranks:
 
     Attributes:
         scene: its name.
-        draft, fine: values of the configurations, metres.
-        repeats: per repeated configuration, draft values over the seeds.
-        cpu_s: mean CPU seconds of a draft and of a fine evaluation.
+        cheap, fine: values of the configurations at the two fidelities, metres.
+        repeats: per repeated configuration, cheap values over the seeds.
+        cpu_s: mean CPU seconds of an evaluation at each.
     """
 
     scene: str
-    draft: tuple[float, ...]
+    cheap: tuple[float, ...]
     fine: tuple[float, ...]
     repeats: tuple[tuple[float, ...], ...]
     cpu_s: tuple[float, float]
@@ -44,7 +44,7 @@ class Ranks:
     @property
     def spearman(self) -> float:
         """Rank correlation of the two fidelities."""
-        return float(spearmanr(self.draft, self.fine).statistic)
+        return float(spearmanr(self.cheap, self.fine).statistic)
 
     @property
     def noise(self) -> float:
@@ -54,7 +54,7 @@ class Ranks:
     @property
     def spread(self) -> float:
         """Standard deviation between configurations at one seed, metres."""
-        return float(np.std(self.draft, ddof=1))
+        return float(np.std(self.cheap, ddof=1))
 
 
 def run_ranks(
@@ -85,12 +85,12 @@ def run_ranks(
         ),
         figures={
             each.scene: {
-                "draft": each.draft, "fine": each.fine, "repeats": each.repeats, "spearman": each.spearman,
+                "cheap": each.cheap, "fine": each.fine, "repeats": each.repeats, "spearman": each.spearman,
                 "noise_m": each.noise, "spread_m": each.spread, "cpu_s": each.cpu_s,
             }
             for each in found
         },
-        pictures={"ranks.png": png(draw_agreement({e.scene: (e.draft, e.fine) for e in found}, fidelities))},
+        pictures={"ranks.png": png(draw_agreement({e.scene: (e.cheap, e.fine) for e in found}, fidelities))},
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
     )  # fmt: skip
@@ -119,15 +119,15 @@ def compare(
         for k in range(len(again))
     ]
     cost = [float(np.mean([e.cpu_s for e in each])) for each in values]
-    draft, fine = (tuple(e.value_m for e in each) for each in values)
-    return Ranks(plot.name, draft, fine, tuple(by_set), (cost[0], cost[1]))
+    cheap, fine = (tuple(e.value_m for e in each) for each in values)
+    return Ranks(plot.name, cheap, fine, tuple(by_set), (cost[0], cost[1]))
 
 
 def rank_table(found: Sequence[Ranks], fidelities: tuple[str, str]) -> ResultTable:
     """A row per scene."""
     rows: list[tuple[Cell, ...]] = [
         (
-            each.scene, f"{each.spearman:.2f}", f"{1000 * min(each.draft):.1f}–{1000 * max(each.draft):.1f}",
+            each.scene, f"{each.spearman:.2f}", f"{1000 * min(each.cheap):.1f}–{1000 * max(each.cheap):.1f}",
             f"{1000 * min(each.fine):.1f}–{1000 * max(each.fine):.1f}", f"{1000 * each.noise:.2f}",
             f"{1000 * each.spread:.2f}", f"{each.noise / each.spread:.2f}" if each.spread > 0 else None,
             f"{each.cpu_s[0]:.1f}", f"{each.cpu_s[1]:.1f}",

@@ -121,7 +121,7 @@ class SearchSettings(Strict):
     mapping: Mapping = "prior"
     refine: bool = False
     """Move each cloud onto the reference by ICP before it is scored."""
-    finalists: Annotated[int, Field(ge=1)] = 4
+    finalists: Annotated[int, Field(ge=1)] = 3
     """Best sets that are evaluated again before one is chosen."""
     repeats: Count = 3
     """Fresh seeds for each of them; 0 leaves the confirmation out."""

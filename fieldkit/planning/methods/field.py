@@ -39,6 +39,8 @@ _EVERYWHERE, _NEARBY = Effort(), Effort(moves=300)
 _SAMPLES = 256
 _CONFIDENCE = 1.0
 _REGISTERED = 16
+_IN_REACH = 3.0
+"""Standard deviations of an evaluation by which a finalist may be behind the best."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,11 @@ class Learnt(NamedTuple):
         """Places of the trials, the best first."""
         return [int(k) for k in np.argsort(-self.mean, kind="stable")]
 
+    @property
+    def noise(self) -> float:
+        """Standard deviation of an evaluation of −ln(value)."""
+        return float(self.model.likelihood.noise.detach().sqrt())
+
     def gain(self, inputs: Array) -> Gain:
         """What candidates (n, d) leave to be gained over the best of the trials.
 
@@ -88,8 +95,7 @@ class Learnt(NamedTuple):
         tried = len(self.x)
         upper = float(np.exp(-(mean - _CONFIDENCE * deviation)[:tried].max()))
         lower = float(np.exp(-(mean + _CONFIDENCE * deviation)[tried:].max()))
-        noise = float(self.model.likelihood.noise.detach().sqrt())
-        return Gain(max(upper - lower, 0.0), noise * float(np.exp(-self.mean.max())))
+        return Gain(max(upper - lower, 0.0), self.noise * float(np.exp(-self.mean.max())))
 
 
 class _Candidate(NamedTuple):
@@ -196,9 +202,9 @@ class Field:
         return [result for result in measured if result.right >= right]
 
     def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
-        """See `Judge.favourites`: those of the largest posterior means, none of them near a better one.
+        """See `Judge.favourites`: those of the largest posterior means that an evaluation's noise could confuse with it.
 
-        Where a set has the same value at every seed there is no luck to guard against: those of the lowest values.
+        None lies near a better one, unless there would be one alone. Where a set has the same value at every seed there is no luck to guard against: those of the lowest values.
         """
         measured = self._usable(results, len(results))
         if len(measured) < 3 or self.problem.exact:
@@ -208,9 +214,10 @@ class Field:
         distances = np.linalg.norm(embedded[:, None] - embedded[None], axis=2)
         one_camera = np.sqrt(2.0) / self.problem.count  # the distance that one camera makes which goes somewhere else
         chosen: list[int] = []
-        for least in (one_camera, 0.0):  # a search that stayed in one place has no others
-            for k in learnt.order:
-                if len(chosen) < count and k not in chosen and all(distances[k, j] > least for j in chosen):
+        least_mean = learnt.mean.max() - _IN_REACH * learnt.noise
+        for least, most in ((one_camera, count), (0.0, min(2, count))):
+            for k in (k for k in learnt.order if learnt.mean[k] >= least_mean):
+                if len(chosen) < most and k not in chosen and all(distances[k, j] > least for j in chosen):
                     chosen.append(k)
         return [learnt.trials[k] for k in chosen]
 

@@ -31,7 +31,7 @@ OFFSET_U = np.array([1, -1, 0, 0, 2, -2, 2, -2, 3, 3, -3, -3, 1, 1, -1, -1], dty
 OFFSET_V = np.array([0, 0, 1, -1, 2, 2, -2, -2, 1, -1, 1, -1, 3, -3, 3, -3], dtype=np.float32)
 """The samples: a quincunx (every other pixel, chequered) of radius 3 without its centre."""
 
-HOPELESS = np.float32(0.15)
+HOPELESS = np.float32(0.05)
 """A neighbour that is this much dearer where it stands is not tried."""
 UNSEEN = np.float32(1.2)
 """Cost of a source view that does not see the whole patch; above every accepted cost."""

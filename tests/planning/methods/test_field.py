@@ -116,9 +116,13 @@ def test_it_tells_when_nothing_is_left_to_gain() -> None:
     found = run(Field(problem, QUICK), 13, problem, lambda cameras: score.score(cameras).distance_m)
     gains = {r.trial.number: r.trial.gain for r in found if r.trial.gain is not None}
     assert list(gains) == [4, 8, 12]  # where the optimum was looked for anywhere
-    assert gains[12].bound_m < gains[4].bound_m
     assert gains[12].negligible
     assert gains[12].noise_m == pytest.approx(0.05 * min(r.value_m for r in found), rel=0.5)
+    doubtful = [Result(r.trial, r.value_m * (1.5 if r.trial.number % 2 else 0.7)) for r in found[:8]]
+    trial = Field(problem, QUICK).propose(8, doubtful, [])  # values that the score does not explain
+    assert trial is not None
+    assert trial.gain is not None
+    assert not trial.gain.negligible
     blind = replace(problem, blind=True)
     results = [Result(r.trial, r.value_m, True, 3) for r in found[:12]]
     trial = Field(blind, QUICK).propose(12, results, [])
@@ -183,7 +187,10 @@ def test_finalists_are_good_by_the_model_and_apart() -> None:
     close = {6, *range(8, 16)}
     assert len([trial for trial in chosen if trial.number in close]) <= 1
     assert Field(problem, QUICK).favourites([], 3) == []
-    assert len(Field(problem, QUICK).favourites(found[:3], 4)) == 3
+    alike = [replace(result, value_m=value) for result, value in zip(found[:3], (3.0, 3.1, 3.2), strict=True)]
+    assert len(Field(problem, QUICK).favourites(alike, 4)) == 3
+    beaten = [*alike[:2], replace(alike[2], value_m=6.0)]
+    assert {trial.number for trial in Field(problem, QUICK).favourites(beaten, 4)} == {0, 1}
 
 
 def test_where_a_set_has_one_value_at_every_seed_finalists_are_the_lowest() -> None:
@@ -260,14 +267,14 @@ def test_where_mapping_is_blind_sets_are_connected_better_until_they_register() 
     never = blind_results(Field(problem, QUICK), problem, 12, np.inf)
     score = GeometricScore(problem)
     connected = [connectivity(score.score(result.trial.cameras).matches) for result in never]
-    assert max(connected[8:]) > 2.0 * max(connected[:4])
+    assert max(connected[8:]) > 1.5 * max(connected[:4])
 
 
 def test_where_mapping_is_blind_the_surrogate_knows_what_registered() -> None:
     problem = replace(bowl_problem(4), blind=True)
     method = Field(problem, QUICK)
     trials = [Trial(k, problem.sample(k), "given") for k in range(8)]
-    results = [Result(t, 0.004 + 0.001 * t.number, True, 4) for t in trials[:4]]
+    results = [Result(t, 0.004 + 0.0001 * t.number, True, 4) for t in trials[:4]]
     results += [Result(t, 0.2, True, 0) for t in trials[4:]]
     assert {t.number for t in method.favourites(results, 8)} == {0, 1, 2, 3}
 
