@@ -20,7 +20,7 @@ class Fidelity:
         name: ``"draft"``, ``"standard"`` or ``"fine"``.
         drawn_side: longer side of rendered photographs, pixels, at most the camera's; recorded ones keep theirs.
         economy: render as `simulate_capture`'s ``economy`` says: half the cost.
-        features: detection.
+        features: detection in rendered photographs; in recorded ones it is `FeatureSettings`' own, and kept.
         dense: working size of dense stereo.
     """
 

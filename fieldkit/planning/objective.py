@@ -128,19 +128,19 @@ class Objective:
             raise UsageError(f"an evaluation needs at least two cameras, not {len(cameras)}")
         timer = StageTimer(Silent())
         chosen = FIDELITIES[fidelity or self.settings.fidelity]
-        wanted = ReconstructionSettings(
-            features=chosen.features,
-            mapping=self.settings.mapping,
-            fidelity=chosen.dense,
-            backend="cpu",
-            min_agreeing_views=self.settings.min_agreeing_views,
-            # They are commands, or a reference's: never a camera's doubtful records.
-            trust_orientations=True,
-            prior=self.settings.prior,
-            seed=self.seed,
-        )
         noise_seed = self.seed if seed is None else seed
         with self.source.photograph(cameras, chosen, noise_seed, timer) as shot:
+            wanted = ReconstructionSettings(
+                features=shot.features,
+                mapping=self.settings.mapping,
+                fidelity=chosen.dense,
+                backend="cpu",
+                min_agreeing_views=self.settings.min_agreeing_views,
+                # They are commands, or a reference's: never a camera's doubtful records.
+                trust_orientations=True,
+                prior=self.settings.prior,
+                seed=self.seed,
+            )
             try:
                 found = reconstruct(
                     shot.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot

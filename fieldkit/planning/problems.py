@@ -20,7 +20,6 @@ from fieldkit.evaluation.report_files import REFERENCE_FILE
 from fieldkit.geometry import Intrinsics
 from fieldkit.missions.plan import PlanEnvelope, PlanSource
 from fieldkit.planning.envelope import Envelope
-from fieldkit.planning.fidelity import FIDELITIES
 from fieldkit.planning.flyable import check_views
 from fieldkit.planning.match_graph import match_graph
 from fieldkit.planning.objective import Objective, ObjectiveSettings
@@ -29,6 +28,7 @@ from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, unchan
 from fieldkit.planning.search import Problem
 from fieldkit.planning.simulated import Proxy, SimulatedSource
 from fieldkit.progress import Progress
+from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import find_scene, scene_reference
 from fieldkit.scenes.renderer import Renderer
@@ -189,8 +189,7 @@ def _recorded(
         (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), (float(low[2]), float(high[2])), plot.volume,
         clearance_m=0.0, pitch_deg=(float(views.pitch_deg.min()), float(views.pitch_deg.max())), separation_m=0.0,
     )  # fmt: skip
-    features = FIDELITIES[settings.fidelity].features
-    matches = match_graph(source, features, workers=workers, progress=progress) if count_matches else None
+    matches = match_graph(source, FeatureSettings(), workers=workers, progress=progress) if count_matches else None
     problem = Problem(
         settings.cameras, envelope, _without_distortion(reference), reference.cloud, reference.cloud.points, views,
         matches, settings.blind, exact=unchanging(settings.source, settings.noise),

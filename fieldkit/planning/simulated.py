@@ -242,7 +242,7 @@ class SimulatedSource:
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
                 capture = read_capture(folder)
-            yield Shot(capture, capture.names)
+            yield Shot(capture, capture.names, fidelity.features)
 
     def forget_drawings(self) -> None:
         """Draw everything anew."""

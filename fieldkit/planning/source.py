@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from fieldkit.cache import StageCache
@@ -12,6 +12,7 @@ from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.fidelity import Fidelity
 from fieldkit.progress import Progress
+from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.pipeline import KnownPlot
 
 
@@ -22,10 +23,12 @@ class Shot:
     Attributes:
         capture: with the commanded poses as its priors, in the plot frame.
         views: the photographs' names in the cameras' order.
+        features: how they are looked for.
     """
 
     capture: Capture
     views: tuple[str, ...]
+    features: FeatureSettings = field(default_factory=FeatureSettings)
 
 
 class PhotoSource(Protocol):

@@ -202,9 +202,10 @@ class Field:
         return [result for result in measured if result.right >= right]
 
     def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
-        """See `Judge.favourites`: those of the largest posterior means that an evaluation's noise could confuse with it.
+        """See `Judge.favourites`: the largest posterior means, and of these what noise could confuse with the best.
 
-        None lies near a better one, unless there would be one alone. Where a set has the same value at every seed there is no luck to guard against: those of the lowest values.
+        None lies near a better one, unless there would be one alone. Where a set has the same value at every seed there
+        is no luck to guard against: those of the lowest values.
         """
         measured = self._usable(results, len(results))
         if len(measured) < 3 or self.problem.exact:
