@@ -10,14 +10,13 @@ import numpy as np
 
 from fieldkit.planning.acquisition import suggest
 from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.expected import LEAST_M
+from fieldkit.planning.expected import LEAST_M, NOISE
 from fieldkit.planning.methods.random import sample_seed
 from fieldkit.planning.methods.space import CameraSpace
 from fieldkit.planning.search import Problem, Result, Trial
 
 _STREAM = 42
 _DRAWS = 20
-_NOISE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +75,7 @@ class Bosfm:
             np.random.default_rng([self.seed, _STREAM, number]),
             pending=np.array([encode(cameras) for cameras in waiting]) if waiting else None,
             avoid=np.array([encode(cameras) for cameras in broken]) if broken else None,
-            least_noise=_NOISE if self.tuned else 0.0,
+            least_noise=NOISE if self.tuned else 0.0,
         )
         notes: dict[str, object] = {
             "model": found.model,
