@@ -115,7 +115,7 @@ class SearchSettings(Strict):
     time_budget_s: Annotated[float, Field(gt=0)] | None = None
     """No trial starts later; finalists are still confirmed."""
     fidelity: FidelityName = "standard"
-    """Of the search. Draft costs a fifth less, and what it finds best among good sets is not."""
+    """Of the search. Draft costs two fifths less, and what it finds best among good sets is not."""
     confirm_fidelity: FidelityName = "fine"
     """Of the confirmations."""
     mapping: Mapping = "prior"

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from fieldkit.planning.families import Circle, circles
-from fieldkit.planning.methods.staged import AROUND, Stage, StagedSearch, half_step
+from fieldkit.planning.methods.staged import Stage, StagedSearch, finer_grid
 from fieldkit.planning.search import Problem
 
 _GRID = 5
@@ -35,17 +35,9 @@ class CircleSearch(StagedSearch[Circle]):
         def aimed(best: Circle) -> list[Circle]:
             return [replace(best, aim_m=height) for height in aims]
 
-        def finer(best: Circle) -> list[Circle]:
-            return [
-                replace(
-                    best, radius_m=half_step(best.radius_m, i, radii, _GRID),
-                    altitude_m=half_step(best.altitude_m, j, altitudes, _GRID),
-                )
-                for i, j in AROUND
-            ]  # fmt: skip
-
+        finer: Stage[Circle] = finer_grid({"radius_m": radii, "altitude_m": altitudes}, _GRID)
         stages = [Stage(len(aims), aimed)] if aim else []
         super().__init__(
             "circle-aim" if aim else "circle", problem, circles(problem, _GRID, _GRID),
-            [*stages, Stage(len(AROUND), finer)],
+            [*stages, finer],
         )  # fmt: skip

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.families import placed
-from fieldkit.planning.methods.staged import AROUND, Stage, StagedSearch, half_step
+from fieldkit.planning.methods.staged import Stage, StagedSearch, finer_grid
 from fieldkit.planning.search import Problem
 
 _GRID = 5
@@ -68,13 +68,5 @@ class Hemisphere(StagedSearch[Cap]):
             for distance in np.linspace(*distances, _GRID).tolist()
         ]
 
-        def finer(best: Cap) -> list[Cap]:
-            return [
-                replace(
-                    best, distance_m=half_step(best.distance_m, i, distances, _GRID),
-                    left_out=half_step(best.left_out, j, _SHARES, _GRID),
-                )
-                for i, j in AROUND
-            ]  # fmt: skip
-
-        super().__init__("hemisphere", problem, first, [Stage(len(AROUND), finer)])
+        finer: Stage[Cap] = finer_grid({"distance_m": distances, "left_out": _SHARES}, _GRID)
+        super().__init__("hemisphere", problem, first, [finer])

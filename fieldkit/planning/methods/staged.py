@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
@@ -85,7 +85,30 @@ class StagedSearch(Generic[D]):
         return type(middle)(**{field.name: float(notes[field.name]) for field in fields(middle)})
 
 
-def half_step(best: float, step: int, limits: tuple[float, float], count: int) -> float:
+def finer_grid(limits: Mapping[str, tuple[float, float]], count: int) -> Stage[D]:
+    """The eight designs about the best of a grid, half a step away in either or both of two numbers.
+
+    Args:
+        limits: of the two numbers' ranges, by their names.
+        count: of the grid's values over each range.
+    """
+
+    def designs(best: D) -> list[D]:
+        return [
+            replace(
+                best,
+                **{
+                    name: _half_step(getattr(best, name), step, bounds, count)
+                    for (name, bounds), step in zip(limits.items(), steps, strict=True)
+                },
+            )
+            for steps in AROUND
+        ]
+
+    return Stage(len(AROUND), designs)
+
+
+def _half_step(best: float, step: int, limits: tuple[float, float], count: int) -> float:
     """Half a step of a grid of ``count`` values over limits from one of them: down (−1), not at all (0), or up (1).
 
     At the range's end the finer grid goes on inside it, between the values that are there.
