@@ -123,7 +123,7 @@ class SearchSettings(Strict):
     """Move each cloud onto the reference by ICP before it is scored."""
     finalists: Annotated[int, Field(ge=1)] = 3
     """Best sets that are evaluated again before one is chosen."""
-    repeats: Count = 3
+    repeats: Count = 2
     """Fresh seeds for each of them; 0 leaves the confirmation out."""
     weights: tuple[Length, Length, Length] = WEIGHTS
     """Of the geometric score's gap, noise and tie, for methods that go by it."""
