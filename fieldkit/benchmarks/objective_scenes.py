@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fieldkit.clouds.cloud import Cloud
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.projection import project
@@ -42,6 +43,6 @@ def tuning_plot(name: str = SCENES[0]) -> TuningPlot:
     """
     source = SimulatedSource.from_description(read_scene(find_scene(name)))
     proxy = source.proxy
-    envelope = Envelope.around(proxy.obstacles, proxy.volume)
+    envelope = Envelope.around(Cloud(proxy.plot.points), proxy.volume)
     circle = Cameras.from_poses(ring_about(VIEWS)(proxy.scene, proxy.camera))
     return TuningPlot(name, source, envelope, project(circle, envelope))

@@ -234,9 +234,8 @@ def slope_ways(
 
 
 def _problem(proxy: Proxy, count: int, slope: Gradient) -> Problem:
-    obstacles = Cloud(np.concatenate([proxy.reference.points, neighbour_points(proxy.scene)]))
-    envelope = Envelope.around(obstacles, proxy.volume, ground=(*slope, 0.0))
-    return Problem(count, envelope, proxy.camera, proxy.reference, obstacles.points)
+    envelope = Envelope.around(Cloud(proxy.plot.points), proxy.volume, ground=(*slope, 0.0))
+    return Problem(count, envelope, proxy.camera, (proxy.plot,))
 
 
 def reuse_table(scored: Mapping[str, Sequence[Evaluation]]) -> ResultTable:

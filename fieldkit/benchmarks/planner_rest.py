@@ -42,7 +42,7 @@ def value_against_rest(
         build_reference(rest, reference, cache=cache, progress=progress, workers=workers, scene=False)
         shutil.rmtree(rest)
     settings = read_settings(run).model_copy(update={"reference_path": str(reference)})
-    objective = open_problem(settings, run, cache=cache, progress=progress, workers=workers).objective
+    objective = open_problem(settings, run, cache=cache, progress=progress, workers=workers).objective.on(0)
     source = objective.source
     assert isinstance(source, RecordedSource)
     index = [k for k, view in enumerate(source.views) if view.name in chosen]

@@ -139,10 +139,10 @@ def make_captures(folder: Path, wanted: Sequence[Design], *, progress: Progress)
 def cameras_of(design: Design, proxy: Proxy) -> Cameras:
     """The commanded cameras of a design, feasible."""
     rng = np.random.default_rng([42, design.number, *design.scene.encode()])
-    envelope = Envelope.around(proxy.obstacles, proxy.volume)
+    envelope = Envelope.around(Cloud(proxy.plot.points), proxy.volume)
     if design.kind == "random":
         return envelope.sample(design.cameras, int(rng.integers(1 << 30)))
-    problem = Problem(design.cameras, envelope, proxy.camera, proxy.reference, proxy.obstacles.points)
+    problem = Problem(design.cameras, envelope, proxy.camera, (proxy.plot,))
     if design.kind == "circle":
         return problem.nearest(Cameras.from_poses(ring_about(design.cameras)(proxy.scene, proxy.camera)))
     family = next(f for f in families(problem) if f.name == design.kind)

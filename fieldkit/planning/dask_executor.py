@@ -8,8 +8,7 @@ from typing import Any
 
 from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.planning.evaluation import Evaluation
-from fieldkit.planning.executor import Executor, Job
-from fieldkit.planning.objective import Objective
+from fieldkit.planning.executor import Evaluator, Executor, Job
 from fieldkit.planning.worker import Answer, answer_job
 from fieldkit.threads import limit_threads
 
@@ -36,7 +35,7 @@ class DaskExecutor(Executor):
         UsageError: the workers have more than one thread each.
     """
 
-    def __init__(self, objective: Objective, client: Any, *, seconds: float = 600.0) -> None:
+    def __init__(self, objective: Evaluator, client: Any, *, seconds: float = 600.0) -> None:
         threads = client.nthreads()
         if any(count != 1 for count in threads.values()):
             raise UsageError(
@@ -117,7 +116,7 @@ class DaskExecutor(Executor):
                 self._client.restart_workers([worker])
 
 
-def _keeper(objective: Objective, plugin_name: str) -> Any:
+def _keeper(objective: Evaluator, plugin_name: str) -> Any:
     """Holds the objective on every worker, also on those that start later: scattered data die with their workers."""
     import distributed
 

@@ -7,12 +7,12 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.evaluation import Evaluation
 from fieldkit.planning.fidelity import FidelityName
-from fieldkit.planning.objective import Objective
+from fieldkit.planning.objective import Objective, ObjectiveSettings
 
 
 @dataclass(frozen=True)
@@ -23,16 +23,37 @@ class Job:
         cameras: what to evaluate.
         seed: of the photographs' noise; None takes the objective's.
         fidelity: other than the objective's.
+        plot: number of the plot that is photographed.
     """
 
     cameras: Cameras
     seed: int | None = None
     fidelity: FidelityName | None = None
+    plot: int = 0
 
 
-def evaluate_job(objective: Objective, job: Job) -> Evaluation:
-    """What the objective says of one job. Raises what it raises."""
-    return objective.evaluate(job.cameras, seed=job.seed, fidelity=job.fidelity)
+class Evaluator(Protocol):
+    """What executors are given: an `Objective`, or those of several plots. It can be pickled."""
+
+    @property
+    def settings(self) -> ObjectiveSettings: ...
+
+    def prepare(self) -> None:
+        """Do now what the first evaluation would do once. Raises what cannot be done here at all."""
+        ...
+
+    def on(self, plot: int) -> Objective:
+        """The objective of the plot of that number."""
+        ...
+
+    def close(self) -> None:
+        """Free what was prepared."""
+        ...
+
+
+def evaluate_job(evaluator: Evaluator, job: Job) -> Evaluation:
+    """What the objective of the job's plot says of it. Raises what it raises."""
+    return evaluator.on(job.plot).evaluate(job.cameras, seed=job.seed, fidelity=job.fidelity)
 
 
 class Executor(ABC):
@@ -110,7 +131,7 @@ class Serial(Executor):
         objective: closed with the executor.
     """
 
-    def __init__(self, objective: Objective) -> None:
+    def __init__(self, objective: Evaluator) -> None:
         self.objective = objective
         self._waiting: deque[tuple[int, Job]] = deque()
         self._submitted = 0

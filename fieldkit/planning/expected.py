@@ -33,14 +33,18 @@ _REST_DOUBT = 1.0
 
 
 class _Known(NamedTuple):
-    """What the score says of a set: its terms (3,) in metres and, where mapping is blind, its views' connectivity."""
+    """What the score says of a set: its terms (plots, 3) in metres and, where mapping is blind, its views' connectivity
+    on the plot where it is least.
+    """
 
     terms_m: Array
     connectivity: float
 
 
 class Expected:
-    """Expects values of sets about one plot; terms and connectivity of a set that was asked for are kept.
+    """Expects values of sets on a problem's plots; terms and connectivity of a set that was asked for are kept.
+
+    Of several plots the mean counts.
 
     Args:
         problem: what is planned.
@@ -49,18 +53,19 @@ class Expected:
 
     def __init__(self, problem: Problem, certainty: float = CERTAINTY) -> None:
         self._problem, self._certainty = problem, certainty
-        self._score = GeometricScore(problem)
+        self._scores = [GeometricScore(problem, plot=plot) for plot in problem.plots]
         self._sets: dict[Cameras, _Known] = {}
 
-    def terms(self, cameras: Cameras) -> Array:
-        """(3,) −ln of the score's terms gap, noise and tie in metres."""
-        found: Array = -np.log(np.maximum(self._known(cameras).terms_m, LEAST_M))
+    def terms(self, cameras: Cameras, plot: int | None = None) -> Array:
+        """(3,) −ln of the score's terms gap, noise and tie in metres, on one of the plots or in their mean."""
+        of_plots = self._known(cameras).terms_m
+        found: Array = -np.log(np.maximum(of_plots.mean(axis=0) if plot is None else of_plots[plot], LEAST_M))
         return found
 
     def value_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
         """The terms times ``slopes`` (3,), the dearer the less likely the set is to register; nothing is kept."""
         found = self._scored(cameras)
-        expected = float(np.dot(found.terms_m, slopes))
+        expected = float(np.dot(found.terms_m.mean(axis=0), slopes))
         if registration is None:
             return expected
         return float(expected * float(registration.probability(found.connectivity)) ** -self._certainty)
@@ -81,9 +86,9 @@ class Expected:
         return self._sets[cameras]
 
     def _scored(self, cameras: Cameras) -> _Known:
-        found = self._score.score(cameras)
-        connected = connectivity(found.matches) if self._problem.blind else np.inf
-        return _Known(np.array([found.gap_m, found.noise_m, found.tie_m]), connected)
+        found = [score.score(cameras) for score in self._scores]
+        connected = min(connectivity(each.matches) for each in found) if self._problem.blind else np.inf
+        return _Known(np.array([(each.gap_m, each.noise_m, each.tie_m) for each in found]), connected)
 
 
 def fit_slopes(terms: Array, y: Array, slopes: Sequence[float], *, doubt: float, noise: float) -> tuple[Array, float]:

@@ -49,7 +49,7 @@ def weights_of_run(run: Path) -> Weights:
             f"weights take {LEAST} evaluations of a search, and this run has {len(results)}", path=run,
             remedy="Give a longer run, or numbers: --weights GAP,NOISE,TIE.",
         )  # fmt: skip
-    problem = open_problem(settings, run, cache=StageCache(None), progress=Silent(), problem_first=True).problem
+    problem = open_problem(settings, run, cache=StageCache(None), progress=Silent()).problem
     expected = Expected(problem)
     terms = np.array([expected.terms(result.trial.cameras) for result in results])
     y = -np.log(np.maximum([result.value_m for result in results], LEAST_M))

@@ -14,8 +14,9 @@ from scipy.spatial import cKDTree
 from fieldkit.kernels import fast_kernel, kernel
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.matchability import Matchability, expected_matches, looseness_m
+from fieldkit.planning.plots import Plot
 from fieldkit.planning.search import Problem
-from fieldkit.planning.visibility import PerCamera, Surface, in_picture, look
+from fieldkit.planning.visibility import OBSTACLES, POINTS, PerCamera, Surface, in_picture, look
 
 _STEPS = 4096
 _GRID = 12
@@ -116,10 +117,12 @@ class GeometricScore:
     noise, tilt the whole cloud.
 
     Args:
-        problem: with the reference and the obstacles.
+        problem: what is planned.
         matchability: of the plot's kind of plants and soil, for matches that are not counted.
         settings: constants.
+        plot: of the problem's; the first one by default.
         points: of the surface, at most.
+        obstacles: points that hide, at most.
     """
 
     def __init__(
@@ -128,11 +131,13 @@ class GeometricScore:
         matchability: Matchability | None = None,
         settings: ScoreSettings | None = None,
         *,
-        points: int = 2500,
+        plot: Plot | None = None,
+        points: int = POINTS,
+        obstacles: int = OBSTACLES,
     ) -> None:
         self.problem, self.matchability = problem, matchability or Matchability()
         self.settings = settings or ScoreSettings()
-        self.surface = Surface.of(problem, points)
+        self.surface = Surface.of(plot or problem.plots[0], points, obstacles)
         self._plot = _plot_points(problem, self.surface)
         self._worth = _pair_worth(self.settings)
         self._views = PerCamera(self._look)

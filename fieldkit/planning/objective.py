@@ -100,6 +100,12 @@ class Objective:
         """Free the source's renderer."""
         self.source.close()
 
+    def on(self, plot: int) -> Objective:
+        """Itself, for there is one plot, number 0."""
+        if plot:
+            raise UsageError(f"there is no plot {plot} to evaluate on")
+        return self
+
     def evaluate(
         self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
     ) -> Evaluation:

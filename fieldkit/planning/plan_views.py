@@ -11,9 +11,8 @@ from typing import Any
 from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError, UsageError
-from fieldkit.planning.executor import Executor
-from fieldkit.planning.methods.registry import CHOOSERS, USING_MATCHES, make_method
-from fieldkit.planning.objective import Objective
+from fieldkit.planning.executor import Evaluator, Executor
+from fieldkit.planning.methods.registry import USING_MATCHES, make_method
 from fieldkit.planning.outcome import Outcome, write_outcome
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.problems import Plannable, open_problem
@@ -104,7 +103,7 @@ def _planned(
     settings = run.settings
     plannable = open_problem(
         settings, run.path, cache=cache, progress=progress, workers=workers,
-        count_matches=settings.method in USING_MATCHES, problem_first=settings.method in CHOOSERS,
+        count_matches=settings.method in USING_MATCHES,
     )  # fmt: skip
     method = make_method(plannable.problem, settings)
     if isinstance(method, Chooser):
@@ -149,14 +148,14 @@ def _chosen(
 
 @contextmanager
 def _executor(
-    objective: Objective, workers: int, scheduler: str, known: Sequence[LogEntry], settings: SearchSettings
+    objective: Evaluator, workers: int, scheduler: str, known: Sequence[LogEntry], settings: SearchSettings
 ) -> Iterator[Executor]:
     with _evaluating(objective, workers, scheduler) as executor:
         yield Recalling(executor, known, settings.fidelity) if known else executor
 
 
 @contextmanager
-def _evaluating(objective: Objective, workers: int, scheduler: str) -> Iterator[Executor]:
+def _evaluating(objective: Evaluator, workers: int, scheduler: str) -> Iterator[Executor]:
     if not scheduler:
         with WorkerPool(objective, workers=workers) as pool:
             yield pool

@@ -16,8 +16,7 @@ import psutil
 
 from fieldkit.errors import FieldkitError
 from fieldkit.planning.evaluation import Evaluation
-from fieldkit.planning.executor import Executor, Job
-from fieldkit.planning.objective import Objective
+from fieldkit.planning.executor import Evaluator, Executor, Job
 from fieldkit.planning.worker import Answer, work
 from fieldkit.threads import set_memory_environment
 
@@ -56,7 +55,7 @@ class _Task:
 class _Worker:
     """One process and what it is doing."""
 
-    def __init__(self, objective: Objective, limits: Limits) -> None:
+    def __init__(self, objective: Evaluator, limits: Limits) -> None:
         # Forking a process that has threads (progress display, OpenCV) can deadlock the child.
         set_memory_environment()
         context = multiprocessing.get_context("spawn")
@@ -127,7 +126,7 @@ class WorkerPool(Executor):
         ...     evaluations = evaluate_all(pool, candidates)
     """
 
-    def __init__(self, objective: Objective, *, workers: int = 2, limits: Limits | None = None) -> None:
+    def __init__(self, objective: Evaluator, *, workers: int = 2, limits: Limits | None = None) -> None:
         if workers < 1:
             raise ValueError("a pool needs at least one worker")
         self._objective, self._count, self._limits = objective, workers, limits or Limits()

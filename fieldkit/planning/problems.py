@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache as once
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -13,6 +12,8 @@ import numpy as np
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.volume import Volume
 from fieldkit.errors import SceneError, UsageError
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
@@ -20,9 +21,12 @@ from fieldkit.evaluation.report_files import REFERENCE_FILE
 from fieldkit.geometry import Intrinsics
 from fieldkit.missions.plan import PlanEnvelope, PlanSource
 from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.executor import Evaluator
 from fieldkit.planning.flyable import check_views
 from fieldkit.planning.match_graph import match_graph
 from fieldkit.planning.objective import Objective, ObjectiveSettings
+from fieldkit.planning.plots import Plot
+from fieldkit.planning.plots_objective import PlotsObjective
 from fieldkit.planning.recorded import EXACT, RecordedSource
 from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, unchanging
 from fieldkit.planning.search import Problem
@@ -30,6 +34,7 @@ from fieldkit.planning.simulated import Proxy, SimulatedSource
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.generator import plots_of_kind
 from fieldkit.scenes.library import find_scene, scene_reference
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
@@ -48,17 +53,17 @@ class Plannable:
     Attributes:
         problem: for the methods.
         envelope: as plan.json tells it.
-        make_objective: for the executor.
+        make_objective: for the executor; of all plots.
         photographs: names of recorded ones, in the order of the problem's views; empty where they are rendered.
     """
 
     problem: Problem
     envelope: PlanEnvelope
-    make_objective: Callable[[], Objective]
+    make_objective: Callable[[], Evaluator]
     photographs: tuple[str, ...] = ()
 
     @cached_property
-    def objective(self) -> Objective:
+    def objective(self) -> Evaluator:
         """Made when it is first asked for. Raises what `open_problem` raises."""
         return self.make_objective()
 
@@ -103,7 +108,7 @@ def sha256(file: Path) -> str:
 
 def open_problem(
     settings: SearchSettings, folder: Path, *, cache: StageCache, progress: Progress, workers: int = 1,
-    count_matches: bool = False, problem_first: bool = False,
+    count_matches: bool = False,
 ) -> Plannable:  # fmt: skip
     """The problem and the objective of a run.
 
@@ -114,8 +119,6 @@ def open_problem(
         progress: told of what takes long.
         workers: processes, where something is made on the way.
         count_matches: of a recorded set, between each two of its photographs.
-        problem_first: build no more of a scene than the problem asks for until there is need of the objective: half
-            the cost where it is not evaluated, half as much again where it is.
 
     Raises:
         InputError: the source is missing, has changed since the run began, or cannot be used.
@@ -132,30 +135,46 @@ def open_problem(
             images = None if settings.images_path is None else Path(settings.images_path)
             make_proxy(Path(settings.path), scene, images=images, progress=progress)
     scene = find_scene(scene)
-    with progress.stage("Building the scene"):
+    with progress.stage("Reading the scene"):
         description = read_scene(scene)
+        kind = _Kind(description, settings.seed)
         camera = description.camera
         if settings.camera is not None:
             camera = _rendered(settings.camera.intrinsics, camera)
-        take = once(partial(_simulated, settings.noise, description, camera))
-        proxy = Proxy.from_description(description, camera, rendered=False) if problem_first else take().proxy
+        found = [Plot.of(kind(number)) for number in range(settings.plots)]
+    plots = tuple(plot for plot, _ in found)
+    volume = Volume.around([corner for _, each in found for corner in (each.lower, each.upper)])
     limits = settings.envelope
     envelope = Envelope.around(
-        proxy.obstacles, proxy.volume, margin_m=limits.margin_m, height_m=limits.height_m,
-        clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg, separation_m=limits.separation_m,
-        vehicle_clearance_m=limits.vehicle_clearance_m,
+        Cloud(np.concatenate([plot.points for plot in plots])), volume, margin_m=limits.margin_m,
+        height_m=limits.height_m, clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg,
+        separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
-    problem = Problem(
-        settings.cameras, envelope, proxy.camera, proxy.reference, proxy.obstacles.points,
-        blind=settings.blind,
-    )  # fmt: skip
+    problem = Problem(settings.cameras, envelope, camera, plots, blind=settings.blind)
+    build, source = partial(_built, kind, camera), partial(_photographed, kind, settings.noise)
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
-    return Plannable(problem, _described(envelope), lambda: Objective(take(), wanted, seed=settings.seed))
+    return Plannable(problem, _described(envelope), lambda: PlotsObjective(build, source, wanted, seed=settings.seed))
 
 
-def _simulated(noise: NoiseSettings, description: SceneDescription, camera: Intrinsics) -> SimulatedSource:
-    wanted = _capture_noise(noise, description.noise)
-    return SimulatedSource.from_description(description, wanted, camera=camera, wind_m=noise.wind_m)
+@dataclass(frozen=True)
+class _Kind:
+    """The scenes of a run's plots: number 0 is the one that is planned on, the others are drawn of its kind."""
+
+    description: SceneDescription
+    seed: int
+
+    def __call__(self, number: int) -> SceneDescription:
+        if number == 0:
+            return self.description
+        return plots_of_kind(self.description, number, self.seed)[-1]
+
+
+def _built(kind: _Kind, camera: Intrinsics, number: int) -> Proxy:
+    return Proxy.from_description(kind(number), camera)
+
+
+def _photographed(kind: _Kind, noise: NoiseSettings, number: int, proxy: Proxy) -> SimulatedSource:
+    return SimulatedSource.of_scene(kind(number), proxy, _capture_noise(noise, kind.description.noise), noise.wind_m)
 
 
 def _recorded(
@@ -191,7 +210,7 @@ def _recorded(
     )  # fmt: skip
     matches = match_graph(source, FeatureSettings(), workers=workers, progress=progress) if count_matches else None
     problem = Problem(
-        settings.cameras, envelope, _without_distortion(reference), reference.cloud, reference.cloud.points, views,
+        settings.cameras, envelope, _without_distortion(reference), (Plot(reference.cloud, np.zeros((0, 3))),), views,
         matches, settings.blind, exact=unchanging(settings.source, settings.noise),
     )  # fmt: skip
     objective = partial(Objective, source, wanted, seed=settings.seed)

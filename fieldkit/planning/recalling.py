@@ -22,8 +22,10 @@ class Recalling(Executor):
 
     def __init__(self, executor: Executor, known: Iterable[LogEntry], fidelity: FidelityName) -> None:
         self._executor, self._fidelity = executor, fidelity
-        self._known: dict[tuple[Cameras, int | None, FidelityName], Evaluation] = {
-            (entry.trial.cameras, entry.seed, entry.fidelity): entry.evaluation for entry in known if entry.measured
+        self._known: dict[tuple[Cameras, int | None, FidelityName, int], Evaluation] = {
+            (entry.trial.cameras, entry.seed, entry.fidelity, entry.plot): entry.evaluation
+            for entry in known
+            if entry.measured
         }
         self._ready: list[tuple[int, Evaluation]] = []
         self._tickets: dict[int, int] = {}
@@ -31,7 +33,7 @@ class Recalling(Executor):
 
     def submit(self, job: Job) -> int:
         ticket, self._submitted = self._submitted, self._submitted + 1
-        found = self._known.get((job.cameras, job.seed, job.fidelity or self._fidelity))
+        found = self._known.get((job.cameras, job.seed, job.fidelity or self._fidelity, job.plot))
         if found is None:
             self._tickets[self._executor.submit(job)] = ticket
         else:

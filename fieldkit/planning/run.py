@@ -143,7 +143,7 @@ class _Search:
             self._end(Ending("converged", trial.gain))
             return
         self._trials.append(trial)
-        job = Job(trial.cameras, search_seed(self._run.settings, trial.number))
+        job = Job(trial.cameras, search_seed(self._run.settings, trial.number), plot=trial.plot)
         self._running[self._executor.submit(job)] = (trial, cpu_s)
 
     def _end(self, ending: Ending) -> None:
@@ -156,6 +156,7 @@ class _Search:
             entry = LogEntry.of(
                 trial, found, stage="search", seed=search_seed(self._run.settings, trial.number),
                 fidelity=self._run.settings.fidelity, proposal_cpu_s=cpu_s, finished_s=self._clock.seconds,
+                plot=trial.plot,
             )  # fmt: skip
             self._run.append(entry)
             self._results[trial.number] = entry.result
@@ -183,6 +184,8 @@ def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch)
 def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch) -> list[Finalist]:
     """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
 
+    Where the plan is for plots of a kind, each repeat is on a plot of its own that no trial has met.
+
     Returns:
         The trials by value, the best first; as they are where the settings ask for no repeats.
 
@@ -192,23 +195,31 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
     settings = run.settings
     if not settings.repeats:
         return [Finalist(trial) for trial in chosen]
-    seeds = [_FRESH_SEEDS + settings.seed * settings.repeats + k for k in range(settings.repeats)]
+    fresh = [
+        (_FRESH_SEEDS + settings.seed * settings.repeats + k, settings.plots + k if settings.plots > 1 else 0)
+        for k in range(settings.repeats)
+    ]
     # By cameras, not by number: of plans carried from elsewhere, a number may mean another plan the next time.
-    there = {(e.trial.cameras, e.seed, e.fidelity): e for e in run.entries if e.stage == "confirmation"}
-    wanted = [(t, s) for s in seeds for t in chosen if (t.cameras, s, settings.confirm_fidelity) not in there]
-    jobs = [Job(trial.cameras, seed, settings.confirm_fidelity) for trial, seed in wanted]
+    fidelity = settings.confirm_fidelity
+    there = {
+        (e.trial.cameras, e.seed, e.plot): e for e in run.entries
+        if e.stage == "confirmation" and e.fidelity == fidelity
+    }  # fmt: skip
+    wanted = [(trial, seed, plot) for seed, plot in fresh for trial in chosen]
+    wanted = [each for each in wanted if (each[0].cameras, *each[1:]) not in there]
+    jobs = [Job(trial.cameras, seed, fidelity, plot) for trial, seed, plot in wanted]
     clock = _Clock(run)
-    for (trial, seed), found in zip(wanted, executor.run(jobs), strict=True):
+    for (trial, seed, plot), found in zip(wanted, executor.run(jobs), strict=True):
         entry = LogEntry.of(
-            trial, found, stage="confirmation", seed=seed, fidelity=settings.confirm_fidelity, proposal_cpu_s=0.0,
-            finished_s=clock.seconds,
+            trial, found, stage="confirmation", seed=seed, fidelity=fidelity, proposal_cpu_s=0.0,
+            finished_s=clock.seconds, plot=plot,
         )  # fmt: skip
         run.append(entry)
-        there[trial.cameras, seed, settings.confirm_fidelity] = entry
+        there[trial.cameras, seed, plot] = entry
         watch(entry)
     confirmed = []
     for trial in chosen:
-        entries = tuple(there[trial.cameras, seed, settings.confirm_fidelity] for seed in seeds)
+        entries = tuple(there[trial.cameras, seed, plot] for seed, plot in fresh)
         values = [entry.value_m for entry in entries]
         spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
         value = worst_mean(values, settings.noise.risk)

@@ -41,6 +41,8 @@ class LogEntry(Strict):
     seed: Count
     """Of the photographs' noise."""
     fidelity: FidelityName
+    plot: Count = 0
+    """Number of the plot that was photographed; 0 is the one that the plan is made on."""
     cameras: Annotated[tuple[Row, ...], Field(min_length=1)]
     """x, y, z in metres, yaw and pitch in degrees, plot frame."""
     value_m: Length
@@ -69,11 +71,11 @@ class LogEntry(Strict):
     @classmethod
     def of(
         cls, trial: Trial, found: Evaluation, *, stage: Stage, seed: int, fidelity: FidelityName,
-        proposal_cpu_s: float, finished_s: float,
+        proposal_cpu_s: float, finished_s: float, plot: int = 0,
     ) -> LogEntry:  # fmt: skip
         """The line of an evaluation."""
         return cls(
-            number=trial.number, stage=stage, origin=trial.origin, seed=seed, fidelity=fidelity,
+            number=trial.number, stage=stage, origin=trial.origin, seed=seed, fidelity=fidelity, plot=plot,
             cameras=_rows(trial.cameras), value_m=found.value_m, chamfer_m=found.chamfer_m,
             accuracy_m=found.accuracy_m, completeness_m=found.completeness_m,
             f_score={f"{d:.3f}": float(found.f_scores.get(d, 0.0)) for d in DISTANCES_M},
@@ -86,7 +88,7 @@ class LogEntry(Strict):
     @property
     def trial(self) -> Trial:
         """The trial, camera for camera and bit for bit as it was proposed."""
-        return Trial(self.number, Cameras.from_vector(np.array(self.cameras)), self.origin, self.notes)
+        return Trial(self.number, Cameras.from_vector(np.array(self.cameras)), self.origin, self.notes, plot=self.plot)
 
     @property
     def evaluation(self) -> Evaluation:

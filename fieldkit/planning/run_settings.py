@@ -123,6 +123,8 @@ class SearchSettings(Strict):
     """Move each cloud onto the reference by ICP before it is scored."""
     finalists: Annotated[int, Field(ge=1)] = 3
     """Best sets that are evaluated again before one is chosen."""
+    plots: Annotated[int, Field(ge=1)] = 1
+    """That the plan is for: 1 is the one it is made on; the others are drawn of its kind."""
     repeats: Count = 2
     """Fresh seeds for each of them; 0 leaves the confirmation out."""
     weights: tuple[Length, Length, Length] = WEIGHTS

@@ -14,6 +14,7 @@ from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.plots import Plot
 from fieldkit.planning.projection import project
 from fieldkit.planning.ranges import Ranges
 from fieldkit.planning.recorded import assign
@@ -30,8 +31,7 @@ class Problem:
         count: N.
         envelope: the feasible set Z.
         camera: of the photographs, without distortion.
-        reference: PC_env with normals where there are any, plot frame.
-        obstacles: (m, 3) points that hide what lies behind them, plot frame: plants and, where there are, other rows.
+        plots: that the cameras are for: one, or several of a kind. Z keeps clear of all of them.
         views: of a recorded set, the only cameras there are; None where any camera of the envelope can be had.
         matches: (m, m) counted of each two views; None where they are not known.
         blind: whether mapping must find the poses without commanded ones, so that sets may not register.
@@ -44,8 +44,7 @@ class Problem:
     count: int
     envelope: Envelope
     camera: Intrinsics
-    reference: Cloud
-    obstacles: Array
+    plots: tuple[Plot, ...]
     views: Cameras | None = None
     matches: Array | None = None
     blind: bool = False
@@ -62,6 +61,11 @@ class Problem:
                 f"{self.count} cameras are asked of a set of {len(self.views)} photographs",
                 remedy="Ask for fewer cameras.",
             )
+
+    @property
+    def reference(self) -> Cloud:
+        """PC_env of the first plot, which those methods go by that know one only."""
+        return self.plots[0].reference
 
     @property
     def center(self) -> Array:
@@ -151,6 +155,7 @@ class Trial:
         notes: plain values worth keeping: model weights, what is still to be gained.
         gain: that this trial and all later ones may bring; None where the method does not say. A search may end
             instead of evaluating a trial whose gain is negligible.
+        plot: number of the problem's plot that it is evaluated on.
     """
 
     number: int
@@ -158,6 +163,7 @@ class Trial:
     origin: str
     notes: Mapping[str, Any] = field(default_factory=dict)
     gain: Gain | None = None
+    plot: int = 0
 
 
 @dataclass(frozen=True, eq=False)

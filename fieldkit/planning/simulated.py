@@ -10,23 +10,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.volume import Volume
-from fieldkit.errors import SceneError
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.fidelity import Fidelity
+from fieldkit.planning.plots import Plot, above_soil, check_plants, of_interest
 from fieldkit.planning.source import Shot
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.scenes.camera_effects import CameraEffects
-from fieldkit.scenes.description import SceneDescription, build, build_unlit, sample_reference, sample_truth
+from fieldkit.scenes.description import SceneDescription, build, sample_truth
 from fieldkit.scenes.drawing import Draw, KeptDrawings, draw
 from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.plot import sample_plants
@@ -42,8 +40,6 @@ FIELD_NOISE = CaptureNoise(position_m=0.010, angle_deg=1.0)
 """What a copter with RTK leaves of a command, and an ordinary sensor."""
 _CLAIMED_M = 0.010
 _REFERENCE_POINTS = 200_000
-_LOWEST_M = 0.03
-_MARGIN_M = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +62,8 @@ class Proxy:
 
     @classmethod
     def of(
-        cls, scene: Scene, camera: Intrinsics, *, points: int = _REFERENCE_POINTS, lowest_m: float = _LOWEST_M,
-        seed: int = 0,
-    ) -> Proxy:  # fmt: skip
+        cls, scene: Scene, camera: Intrinsics, *, points: int = _REFERENCE_POINTS, lowest_m: float = 0.03, seed: int = 0
+    ) -> Proxy:
         """A proxy of a scene: its plants' visible surfaces, sampled uniformly by area.
 
         Args:
@@ -78,67 +73,35 @@ class Proxy:
             lowest_m: what lies lower is counted on neither side, for the soil is bumpy.
             seed: of the sampling.
         """
-        return cls._above(scene, sample_plants(scene, points, seed), lowest_m, camera)
+        return cls(scene, *above_soil(sample_plants(scene, points, seed), lowest_m), camera)
 
     @classmethod
-    def from_description(
-        cls, description: SceneDescription, camera: Intrinsics | None = None, *, rendered: bool = True
-    ) -> Proxy:
+    def from_description(cls, description: SceneDescription, camera: Intrinsics | None = None) -> Proxy:
         """A proxy of all that a scene file can hold: maize, mesh plants, or a scene made from a reference.
 
-        PC_env is `sample_truth` of the description. What plants have below 3 cm is counted on neither side, for the
-        soil is bumpy; a scene made from a reference keeps that one's volume, down to its lowest plant point.
+        PC_env is `sample_truth` of the description, as far as `of_interest` counts it.
 
         Args:
             description: of the scene.
             camera: of the photographs; the description's own where not given.
-            rendered: whether it is to be photographed. Else it costs half: its scene cannot be drawn and it has no
-                ``surface``, and all else is the same.
 
         Raises:
             SceneError: the scene has no plants, or one of its files cannot be used.
         """
-        if description.recorded is None and not description.plot.plants:
-            raise SceneError("the scene has no plants to plan for", remedy="Add [[plants]] to the scene file.")
-        camera, surface = camera or description.camera, None
-        if rendered:
-            scene = build(description)
-            reference, surface = sample_truth(description, scene)
-        else:
-            scene = build_unlit(description)
-            reference = sample_reference(description, scene)
+        check_plants(description)
+        scene = build(description)
+        visible, surface = sample_truth(description, scene)
+        reference, volume = of_interest(description, visible)
         if description.recorded is None:
-            return cls._above(scene, reference, _LOWEST_M, camera, surface)
-        bounds = description.bounds.volume
-        reference = reference.select(bounds.contains(reference.points))
-        if not len(reference):
-            raise SceneError("no plant lies in the scene's bounds", remedy="Make the scene again from its reference.")
-        lowest = max(bounds.lower[2], float(reference.points[:, 2].min()))
-        volume = Volume((bounds.lower[0], bounds.lower[1], lowest), bounds.upper)
-        if surface is not None:
-            surface = surface.select(bounds.contains(surface.points))
-        return cls(scene, reference, volume, camera, surface)
+            inside = surface.points[:, 2] > volume.lower[2]
+        else:
+            inside = description.bounds.volume.contains(surface.points)
+        return cls(scene, reference, volume, camera or description.camera, surface.select(inside))
 
     @property
-    def obstacles(self) -> Cloud:
-        """What cameras must keep clear of: the plants and, where there are any, the neighbour rows."""
-        return Cloud(np.concatenate([self.reference.points, neighbour_points(self.scene)]))
-
-    @classmethod
-    def _above(
-        cls, scene: Scene, visible: Cloud, lowest_m: float, camera: Intrinsics, surface: Cloud | None = None
-    ) -> Proxy:
-        reference = visible.select(visible.points[:, 2] > lowest_m)
-        if not len(reference):
-            raise SceneError(
-                f"nothing of the plants is seen above {1000 * lowest_m:.0f} mm",
-                remedy="Let the plants stand on the ground and be higher than that.",
-            )
-        if surface is not None:
-            surface = surface.select(surface.points[:, 2] > lowest_m)
-        around = Volume.around(reference.points, margin_m=_MARGIN_M)
-        volume = Volume((around.lower[0], around.lower[1], lowest_m), around.upper)
-        return cls(scene, reference, volume, camera, surface)
+    def plot(self) -> Plot:
+        """What planning knows of it without a photograph."""
+        return Plot(self.reference, neighbour_points(self.scene))
 
 
 class SimulatedSource:
@@ -186,7 +149,13 @@ class SimulatedSource:
         Raises:
             SceneError: as `Proxy.from_description`.
         """
-        proxy = Proxy.from_description(description, camera)
+        return cls.of_scene(description, Proxy.from_description(description, camera), noise, wind_m)
+
+    @classmethod
+    def of_scene(
+        cls, description: SceneDescription, proxy: Proxy, noise: CaptureNoise | None = None, wind_m: float = 0.0
+    ) -> SimulatedSource:
+        """As `from_description`, of a proxy that was made of the description before."""
         sway = partial(wind_sway, wind_m) if wind_m else None
         return cls(proxy, noise or description.noise, effects=description.camera_effects, sway=sway)
 

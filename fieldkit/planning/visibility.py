@@ -16,12 +16,11 @@ from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics
 from fieldkit.kernels import fast_kernel, kernel
 from fieldkit.planning.cameras import Array, Cameras
-from fieldkit.planning.search import Problem
+from fieldkit.planning.plots import Plot
 
 _FINEST_M = 0.005
 _COARSER = 1.12
-_LIMIT = 2500
-_OBSTACLES = 100_000
+POINTS, OBSTACLES = 2500, 100_000
 _BUFFER = 400
 _TOLERANCE = 2.0
 _STREAM = 45
@@ -47,20 +46,19 @@ class Surface:
     splat_m: float
 
     @classmethod
-    def of(cls, problem: Problem, limit: int = _LIMIT) -> Surface:
-        """At most ``limit`` points of a problem's reference, always the same ones, and its obstacles, thinned to 5 mm
-        where they are not too many.
+    def of(cls, plot: Plot, limit: int = POINTS, obstacles: int = OBSTACLES) -> Surface:
+        """At most ``limit`` points of a plot's reference, always the same ones, and what hides, thinned to 5 mm or as
+        far as it takes for at most ``obstacles`` points.
 
         Raises:
             ValueError: the reference has no points.
         """
-        reference = problem.reference
+        reference = plot.reference
         if not len(reference):
             raise ValueError("the reference has no points")
         drawn = np.random.default_rng(_STREAM).permutation(len(reference))[:limit]
         normals = None if reference.normals is None else reference.normals[drawn].astype(np.float64)
-        obstacles = Cloud(np.vstack([problem.obstacles.reshape(-1, 3), reference.points]))
-        kept, size = _thinned(obstacles, _OBSTACLES)
+        kept, size = _thinned(Cloud(plot.points), obstacles)
         return cls(reference.points[drawn].astype(np.float64), normals, np.array(kept.points), size)
 
     def __len__(self) -> int:

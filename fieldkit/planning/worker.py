@@ -13,8 +13,7 @@ from typing import Literal, NamedTuple
 
 from fieldkit.errors import FieldkitError
 from fieldkit.planning.evaluation import Evaluation
-from fieldkit.planning.executor import Job, evaluate_job
-from fieldkit.planning.objective import Objective
+from fieldkit.planning.executor import Evaluator, Job, evaluate_job
 from fieldkit.threads import limit_threads, set_thread_environment
 
 _PARENT_POLL_S = 1.0
@@ -33,7 +32,7 @@ class Answer(NamedTuple):
     reason: str = ""
 
 
-def work(connection: Connection, objective: Objective, parent: int) -> None:
+def work(connection: Connection, objective: Evaluator, parent: int) -> None:
     """Prepare, say so, then answer jobs until the connection closes.
 
     Args:
@@ -60,7 +59,7 @@ def work(connection: Connection, objective: Objective, parent: int) -> None:
             connection.send(answer)
 
 
-def _prepared(objective: Objective) -> Answer:
+def _prepared(objective: Evaluator) -> Answer:
     try:
         objective.prepare()
     except FieldkitError as error:
@@ -68,7 +67,7 @@ def _prepared(objective: Objective) -> Answer:
     return Answer("ready")
 
 
-def answer_job(objective: Objective, job: Job) -> Answer:
+def answer_job(objective: Evaluator, job: Job) -> Answer:
     """The answer to one job; whatever is raised on the way becomes part of it."""
     try:
         return Answer("done", evaluate_job(objective, job))

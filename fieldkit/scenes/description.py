@@ -15,7 +15,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.mesh_plant import MeshPlantDescription
-from fieldkit.scenes.plot import PlotDescription, build_scene, build_surfaces, sample_visible
+from fieldkit.scenes.plot import PlotDescription, build_scene, sample_visible
 from fieldkit.scenes.recorded import RecordedSurface, build_recorded, recorded_plants
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Site
@@ -125,23 +125,12 @@ def build(description: SceneDescription) -> Scene:
     return build_scene(description.plot)
 
 
-def build_unlit(description: SceneDescription) -> Scene:
-    """What `sample_reference` and obstacles need of `build`'s scene, at a third of its cost: it cannot be drawn.
-
-    Raises:
-        SceneError: as `build`.
-    """
-    if description.recorded is not None:
-        return Scene(())
-    return Scene(tuple(mesh for mesh, _ in build_surfaces(description.plot)))
-
-
 def sample_reference(description: SceneDescription, scene: Scene) -> Cloud:
     """PC_env of ``description``: points on the plants that can be seen, ground excluded, plot frame.
 
     Args:
         description: says how many.
-        scene: what `build` or `build_unlit` made of it.
+        scene: what `build` made of it.
     """
     return _sampled(description, scene, (description.reference.points,))[0]
 

@@ -33,7 +33,9 @@ WIND_M = 0.010
 _REACH_M = 0.55
 """How far leaves reach from the foot of a plant."""
 _JITTER_M = 0.015
-_PURPOSE_PLACES, _PURPOSE_FORM, _PURPOSE_VARIATION, _PURPOSE_LIGHT = 21, 22, 23, 24
+_PURPOSE_PLACES, _PURPOSE_FORM, _PURPOSE_VARIATION, _PURPOSE_LIGHT, _PURPOSE_KIND = 21, 22, 23, 24, 25
+_OTHER_PLANTS, _MISSING = 0.5, 0.25
+"""Shares of `plots_of_kind`."""
 
 
 def new_scene(
@@ -112,6 +114,34 @@ def without_plant(description: SceneDescription, number: int, *, name: str = "",
         raise ValueError(f"the scene has plants 1 to {len(plants)}, not {number}")
     left = plants[: number - 1] + plants[number:]
     return replace(description, plot=replace(description.plot, plants=left), name=name, notes=notes)
+
+
+def plots_of_kind(description: SceneDescription, count: int, seed: int) -> tuple[SceneDescription, ...]:
+    """Plots that have in common with ``description`` what a trial's plots have: places, stages, the camera.
+
+    On each every plant is turned at random and scaled within ±10 %, about every second plot has other plants of the
+    same stages, on about every fourth one plant is missing (of two or more), and sun and soil are its own.
+
+    Args:
+        description: of a simulated plot with plants.
+        count: how many; plot k is the same however many there are.
+        seed: of all draws.
+    """
+    return tuple(_of_kind(description, np.random.default_rng([seed, _PURPOSE_KIND, k])) for k in range(count))
+
+
+def _of_kind(description: SceneDescription, rng: np.random.Generator) -> SceneDescription:
+    seed = int(rng.integers(1 << 30))
+    others, missing = rng.random() < _OTHER_PLANTS, rng.random() < _MISSING
+    made = varied(description, seed)
+    plants = made.plot.plants
+    if others:
+        plants = tuple(replace(plant, seed=int(rng.integers(1 << 30))) for plant in plants)
+    if missing and len(plants) > 1:
+        left_out = int(rng.integers(len(plants)))
+        plants = plants[:left_out] + plants[left_out + 1 :]
+    plot = replace(made.plot, plants=plants, soil=replace(made.plot.soil, seed=seed), light=_light(seed))
+    return replace(made, plot=plot)
 
 
 def _places(

@@ -75,13 +75,16 @@ def neighbour_plants(
 
 
 def build_neighbours(
-    neighbours: NeighboursDescription, lower: tuple[float, float], upper: tuple[float, float], height: Height
-) -> list[Mesh]:
+    neighbours: NeighboursDescription, lower: tuple[float, float], upper: tuple[float, float], height: Height, *,
+    textured: bool = True,
+) -> list[Mesh]:  # fmt: skip
     """The neighbours as coarse, unlit meshes that are no part of the reference."""
     meshes = []
     for i, plant in enumerate(neighbour_plants(neighbours, lower, upper)):
         ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
-        meshes.append(replace(build_maize(plant, ground, coarse=True), name=f"{_NAME}{i + 1}", plant=False))
+        meshes.append(
+            replace(build_maize(plant, ground, coarse=True, textured=textured), name=f"{_NAME}{i + 1}", plant=False)
+        )
     return meshes
 
 

@@ -20,7 +20,7 @@ from fieldkit.scenes.weeds import WeedsDescription, build_weeds
 
 Layout = Literal["row", "grid", "random"]
 Plant = MaizeDescription | MeshPlantDescription
-_DIRECTIONS = 36
+_DIRECTIONS, _PIXELS = 36, 1600
 
 Material = tuple[float, float]
 """Translucency and gloss of a surface, both in [0, 1] and by eye."""
@@ -125,25 +125,38 @@ def build_surfaces(plot: PlotDescription) -> list[tuple[Mesh, Material]]:
     def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         return soil_height(plot.soil, x, y)
 
-    surfaces: list[tuple[Mesh, Material]] = []
-    for i, plant in enumerate(plot.plants):
-        ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
-        plain = isinstance(plant, MaizeDescription) and plant.leaves is not None
-        leaf = _PLAIN_LEAF if plain else _LEAF
-        surfaces.append((replace(_build_plant(plant, ground), name=f"plant-{i + 1}"), leaf))
-    if plot.neighbours.rows:
-        x, y = [p.x_m for p in plot.plants] or [0.0], [p.y_m for p in plot.plants] or [0.0]
-        meshes = build_neighbours(plot.neighbours, (min(x), min(y)), (max(x), max(y)), height)
-        surfaces += [(mesh, _LEAF) for mesh in meshes]
+    surfaces = _plants(plot, coarse=False)
     surfaces += [(mesh, _GROUND.get(mesh.name, _CRUMB)) for mesh in build_soil(plot.soil)]
     surfaces += [(mesh, _WEED) for mesh in build_weeds(plot.weeds, height)]
     return surfaces
 
 
-def _build_plant(plant: Plant, ground_m: float) -> Mesh:
+def build_plants(plot: PlotDescription) -> Scene:
+    """The plot's plants and its neighbours as `build_maize`'s coarse forms: no textures, no light, no soil."""
+    return Scene(tuple(mesh for mesh, _ in _plants(plot, coarse=True)))
+
+
+def _plants(plot: PlotDescription, *, coarse: bool) -> list[tuple[Mesh, Material]]:
+    def height(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        return soil_height(plot.soil, x, y)
+
+    surfaces: list[tuple[Mesh, Material]] = []
+    for i, plant in enumerate(plot.plants):
+        ground = float(height(np.array([plant.x_m]), np.array([plant.y_m]))[0])
+        plain = isinstance(plant, MaizeDescription) and plant.leaves is not None
+        leaf = _PLAIN_LEAF if plain else _LEAF
+        surfaces.append((replace(_build_plant(plant, ground, coarse), name=f"plant-{i + 1}"), leaf))
+    if plot.neighbours.rows:
+        x, y = [p.x_m for p in plot.plants] or [0.0], [p.y_m for p in plot.plants] or [0.0]
+        meshes = build_neighbours(plot.neighbours, (min(x), min(y)), (max(x), max(y)), height, textured=not coarse)
+        surfaces += [(mesh, _LEAF) for mesh in meshes]
+    return surfaces
+
+
+def _build_plant(plant: Plant, ground_m: float, coarse: bool) -> Mesh:
     if isinstance(plant, MeshPlantDescription):
         return build_mesh_plant(plant, ground_m)
-    return build_maize(plant, ground_m)
+    return build_maize(plant, ground_m, coarse=coarse, textured=not coarse)
 
 
 def _sky() -> Mesh:
@@ -172,12 +185,12 @@ def sample_plants(scene: Scene, count: int, seed: int = 0) -> Cloud:
     return sample_visible(scene, (count,), seed)[0]
 
 
-def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0) -> list[Cloud]:
-    """`sample_plants` for several counts; what hides what is drawn once for all of them."""
+def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0, *, pixels: int = _PIXELS) -> list[Cloud]:
+    """`sample_plants` for several counts; what hides what is drawn once for all of them, ``pixels`` wide."""
     meshes = list(scene.plants)
     areas = [_areas(mesh) for mesh in meshes]
     everything = [_sample_all(meshes, areas, count, seed) for count in counts]
-    seen = _seen_from_outside(np.concatenate([cloud.points for cloud in everything]), scene)
+    seen = _seen_from_outside(np.concatenate([cloud.points for cloud in everything]), scene, pixels)
     ends = np.cumsum([len(cloud) for cloud in everything])[:-1]
     return [cloud.select(mask) for cloud, mask in zip(everything, np.split(seen, ends), strict=True)]
 
@@ -193,7 +206,7 @@ def _sample_all(meshes: Sequence[Mesh], areas: Sequence[NDArray[np.float64]], co
     return Cloud(points, colors, normals)
 
 
-def _seen_from_outside(points: NDArray[np.float64], scene: Scene) -> NDArray[np.bool_]:
+def _seen_from_outside(points: NDArray[np.float64], scene: Scene, pixels: int) -> NDArray[np.bool_]:
     solid = [m for m in scene.meshes if m.normals is not None]
     corners = np.concatenate([m.vertices[m.faces] for m in solid]).astype(np.float64)
     lower, upper = scene.bounds(plants_only=True)
@@ -206,7 +219,7 @@ def _seen_from_outside(points: NDArray[np.float64], scene: Scene) -> NDArray[np.
     for h, a in zip(height, turn, strict=True):
         direction = np.array([np.sqrt(1 - h * h) * np.cos(a), np.sqrt(1 - h * h) * np.sin(a), h])
         left = np.flatnonzero(~seen)
-        seen[left] = visible_from(points[left], corners, direction, radius * 1.6, pixels=1600, bias_m=0.003) > 0.5
+        seen[left] = visible_from(points[left], corners, direction, radius * 1.6, pixels=pixels, bias_m=0.003) > 0.5
     return seen
 
 

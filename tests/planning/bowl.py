@@ -16,6 +16,7 @@ from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.evaluation import Evaluation, StageCost
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Objective, ObjectiveSettings
+from fieldkit.planning.plots import Plot
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.planning.search import Problem
 
@@ -35,7 +36,7 @@ def bowl_problem(count: int = 4, views: int = 0) -> Problem:
         turn = 2 * np.pi * np.arange(views) / views
         centers = np.stack([1.5 * np.cos(turn), 1.5 * np.sin(turn), np.full(views, 1.0)], axis=1)
         ring = Cameras.aimed(centers, (0.0, 0.0, 0.4))
-    return Problem(count, envelope, CAMERA, plants, points, ring)
+    return Problem(count, envelope, CAMERA, (Plot(plants, points),), ring)
 
 
 class Bowl(Objective):

@@ -8,6 +8,7 @@ from fieldkit.clouds import Cloud, Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.envelope import Envelope
+from fieldkit.planning.plots import Plot
 from fieldkit.planning.search import Problem
 
 CAMERA = Intrinsics.pinhole(1000, 750, 850.0)
@@ -36,15 +37,13 @@ def problem(count: int = 6, *, normals: bool = True) -> Problem:
     plants = leaves()
     target = Volume.around(plants.points, margin_m=0.03)
     reference = plants if normals else Cloud(plants.points)
-    return Problem(count, Envelope.around(plants, target), CAMERA, reference, plants.points)
+    return Problem(count, Envelope.around(plants, target), CAMERA, (Plot(reference, plants.points),))
 
 
 def recorded(count: int = 6, views: int = 40) -> Problem:
     """The same plot with views on a ring at 1.5 m, all the way round."""
     plot = problem(count)
-    return Problem(
-        count, plot.envelope, CAMERA, plot.reference, plot.obstacles, around(360.0 * np.arange(views) / views)
-    )
+    return Problem(count, plot.envelope, CAMERA, plot.plots, around(360.0 * np.arange(views) / views))
 
 
 def around(azimuth_deg: np.ndarray, radius_m: float = 1.5, height_m: float = 1.2) -> Cameras:

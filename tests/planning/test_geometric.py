@@ -7,12 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
-from fieldkit.clouds import Cloud, Volume
+from fieldkit.clouds import Cloud
 from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.geometric import GeometricScore, ScoreSettings
 from fieldkit.planning.matchability import Matchability
-from fieldkit.planning.search import Problem
+from fieldkit.planning.plots import Plot
 from fieldkit.planning.visibility import PerCamera, Surface, in_picture, look
 from tests.planning.leafy import CAMERA, around, leaves, problem
 
@@ -70,7 +69,7 @@ def test_distance_is_what_enumeration_finds(normals: bool) -> None:
 
 
 def test_incidence_is_left_out_without_normals() -> None:
-    sights = look(Surface.of(problem(normals=False)), PROBLEM.sample(0), CAMERA)
+    sights = look(Surface.of(problem(normals=False).plots[0]), PROBLEM.sample(0), CAMERA)
     assert all((sight.facing == 1).all() for sight in sights)
 
 
@@ -80,10 +79,7 @@ def test_a_wall_hides_what_is_behind_it_and_nothing_else() -> None:
     y = np.arange(-0.3, 0.0, 0.008)
     wall = np.stack(np.meshgrid(y, np.arange(0, 0.8, 0.008)), axis=-1).reshape(-1, 2)
     wall = np.column_stack([wall[:, 0], np.zeros(len(wall)), wall[:, 1]])  # x from −0.3 to 0
-    plot = Problem(
-        3, Envelope((-3, 3), (-3, 3), (0, 3), Volume((-0.3, -0.3, 0), (0.3, 0.5, 0.8))), CAMERA, Cloud(behind), wall
-    )
-    surface = Surface.of(plot)
+    surface = Surface.of(Plot(Cloud(behind), wall))
     front, back = look(surface, Cameras.aimed([(0, -1.5, 0.3), (0, 2.0, 0.3)], (0.0, 0.3, 0.3)), CAMERA)
     assert back.seen.all()
     # The shadow of the wall's edge at x = 0, as seen from x = 0, is at x = 0.
@@ -98,9 +94,7 @@ def test_a_stem_hides_its_own_far_side() -> None:
     rng = np.random.default_rng(0)
     angle, height = rng.uniform(0.0, 2.0 * np.pi, 6000), rng.uniform(0.1, 0.4, 6000)
     stem = np.column_stack([0.0125 * np.cos(angle), 0.0125 * np.sin(angle), height])
-    volume = Volume((-0.3, -0.3, 0), (0.3, 0.3, 0.5))
-    plot = Problem(3, Envelope((-3, 3), (-3, 3), (0, 3), volume), CAMERA, Cloud(stem), np.zeros((0, 3)))
-    surface = Surface.of(plot)
+    surface = Surface.of(Plot(Cloud(stem), np.zeros((0, 3))))
     seen = look(surface, Cameras.aimed([(0, -1.5, 0.25)], (0.0, 0.0, 0.25)), CAMERA)[0].seen
     assert seen[surface.points[:, 1] < -0.008].all()
     assert seen[surface.points[:, 1] > 0.008].mean() < 0.1  # what the splats of its front leave open
@@ -193,17 +187,17 @@ def test_the_order_of_cameras_does_not_matter() -> None:
 
 
 def test_a_surface_is_of_the_references_own_points_and_always_of_the_same() -> None:
-    surface, reference = Surface.of(PROBLEM, 300), PROBLEM.reference
+    surface, reference = Surface.of(PROBLEM.plots[0], 300), PROBLEM.reference
     assert len(surface) == 300
     assert reference.normals is not None
     assert surface.normals is not None
     rows = {point.tobytes(): normal for point, normal in zip(reference.points, reference.normals, strict=True)}
     for point, normal in zip(surface.points.astype(reference.points.dtype), surface.normals, strict=True):
         np.testing.assert_array_equal(normal, rows[point.tobytes()])
-    np.testing.assert_array_equal(surface.points, Surface.of(PROBLEM, 300).points)
-    assert len(Surface.of(PROBLEM, 10**6)) == len(reference) == len(leaves())
+    np.testing.assert_array_equal(surface.points, Surface.of(PROBLEM.plots[0], 300).points)
+    assert len(Surface.of(PROBLEM.plots[0], 10**6)) == len(reference) == len(leaves())
     with pytest.raises(ValueError, match="no points"):
-        Surface.of(Problem(3, PROBLEM.envelope, CAMERA, Cloud.empty(), np.zeros((0, 3))))
+        Surface.of(Plot(Cloud.empty(), np.zeros((0, 3))))
 
 
 def test_settings_are_used() -> None:

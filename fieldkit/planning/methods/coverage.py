@@ -99,7 +99,7 @@ class MaximumCoverage:
 
     @cached_property
     def _seen(self) -> Mask:
-        surface = Surface.of(self._problem, _POINTS)
+        surface = Surface.of(self._problem.plots[0], _POINTS)
         sights = look(surface, self._candidates, self._problem.camera)
         return np.array([sight.seen & (sight.facing > _STEEPEST) for sight in sights])
 

@@ -24,7 +24,7 @@ from fieldkit.planning.methods.uniform import MatchGraph, Uniform
 from fieldkit.planning.registration import Registration
 from fieldkit.planning.search import Gain, Problem, Result, Trial, lowest
 from fieldkit.planning.surrogates.fit import moments
-from fieldkit.planning.surrogates.sets import FEATURES, ScoreMean, SetEmbedding, fit_sets
+from fieldkit.planning.surrogates.sets import FEATURES, NO_PLOT, TERMS, ScoreMean, SetEmbedding, fit_sets
 from fieldkit.threads import one_torch_thread
 
 _STREAM = 44
@@ -39,6 +39,8 @@ _EVERYWHERE, _NEARBY = Effort(), Effort(moves=300)
 _SAMPLES = 256
 _CONFIDENCE = 1.0
 _REGISTERED = 16
+_PLOTS_TRIED = 3
+"""Plots that trials are spread over, at most: each has to be built, and kept by every worker."""
 _IN_REACH = 3.0
 """Standard deviations of an evaluation by which a finalist may be behind the best."""
 
@@ -61,9 +63,10 @@ class FieldSettings:
 
 
 class Learnt(NamedTuple):
-    """The surrogate: measured trials, their inputs (t, d), the process of −ln(value), what is expected there (t,).
+    """The surrogate: measured trials, their sets' inputs (t, d), the process of −ln(value), its expectations (t,).
 
-    Where a set has the same value at every seed that is what was observed, else the process' mean. The prior mean is
+    Where the problem has several plots, inputs and expectations are of their mean, whichever each trial was on. Where
+    a set has the same value at every seed it is what was observed, else the process' mean. The prior mean is
     −ln of the score's terms (3,) times ``slopes`` (3,) plus ``rest_m``, which no term explains.
     """
 
@@ -154,15 +157,13 @@ class Field:
         registration = self._expected.registration(results) if self.problem.blind else None
         measured = self._usable(results, number)
         if number < self.settings.initial or len(measured) < 3:
-            start = self._start(number, known, registration, rng)
-            return None if start is None else Trial(number, start.cameras, start.origin)
+            return self._trial(number, self._start(number, known, registration, rng))
         learnt = self.learn(measured)
         anywhere = number % _ANYWHERE == 0
         candidates = [c for c in self._pool(learnt, registration, rng, anywhere) if c.cameras not in known]
         notes: dict[str, object] = {"slopes": [float(s) for s in learnt.slopes], "rest_m": learnt.rest_m}
         if not candidates:  # a small recorded set is soon exhausted
-            start = self._start(number, known, registration, rng)
-            return None if start is None else Trial(number, start.cameras, start.origin, notes)
+            return self._trial(number, self._start(number, known, registration, rng), notes)
         inputs = self.inputs([c.cameras for c in candidates])
         values = self._improvements(learnt, inputs, pending, number)
         gain = None
@@ -174,7 +175,16 @@ class Field:
             gain = learnt.gain(inputs)
             notes |= {"gain_m": gain.bound_m, "noise_m": gain.noise_m}
         chosen = candidates[int(np.argmax(values))]
-        return Trial(number, chosen.cameras, chosen.origin, notes, gain)
+        return self._trial(number, chosen, notes, gain)
+
+    def _trial(
+        self, number: int, chosen: _Candidate | None, notes: dict[str, object] | None = None, gain: Gain | None = None
+    ) -> Trial | None:
+        """A candidate as trial, on each of the first plots in turn."""
+        if chosen is None:
+            return None
+        plot = number % min(len(self.problem.plots), _PLOTS_TRIED)
+        return Trial(number, chosen.cameras, chosen.origin, notes or {}, gain, plot)
 
     @one_torch_thread()
     def _improvements(self, learnt: Learnt, inputs: Array, pending: Sequence[Trial], seed: int) -> Array:
@@ -226,16 +236,26 @@ class Field:
         """The surrogate of y = −ln(value) after measured results, at least one."""
         trials = [result.trial for result in measured]
         y = -np.log(np.maximum([result.value_m for result in measured], LEAST_M))
-        x = self.inputs([trial.cameras for trial in trials])
+        sets, plots = [trial.cameras for trial in trials], [trial.plot for trial in trials]
+        x = self.inputs(sets, plots)
         noise = _EXACT if self.problem.exact else self.settings.noise
-        slopes, rest_m = fit_slopes(x[:, FEATURES:], y, self.weights, doubt=DOUBT, noise=self.settings.noise)
+        slopes, rest_m = fit_slopes(x[:, TERMS], y, self.weights, doubt=DOUBT, noise=self.settings.noise)
         model = fit_sets(x, y, ScoreMean(slopes, rest_m), noise)
+        x = self.inputs(sets)
         mean = y if self.problem.exact else moments(model, x)[0]
         return Learnt(trials, x, model, slopes, rest_m, mean)
 
-    def inputs(self, sets: Sequence[Cameras]) -> Array:
-        """(n, FEATURES + 3): the embedding and minus the logarithms of the geometric score's terms."""
-        return np.hstack([self._embedding(sets), [self._expected.terms(cameras) for cameras in sets]])
+    def inputs(self, sets: Sequence[Cameras], plots: Sequence[int] | None = None) -> Array:
+        """(n, COLUMNS): the embedding, −ln of the geometric score's terms, and the plot's number.
+
+        On the plots given, else in the mean of the problem's.
+        """
+        if plots is None:
+            terms, numbers = [self._expected.terms(cameras) for cameras in sets], [NO_PLOT] * len(sets)
+        else:
+            terms = [self._expected.terms(cameras, plot) for cameras, plot in zip(sets, plots, strict=True)]
+            numbers = [float(plot) for plot in plots]
+        return np.hstack([self._embedding(sets), terms, np.array(numbers)[:, None]])
 
     def _start(
         self, number: int, known: set[Cameras], registration: Registration | None, rng: np.random.Generator

@@ -50,7 +50,7 @@ class Triangulation:
     """
 
     def __init__(self, problem: Problem) -> None:
-        surface, camera = Surface.of(problem, _POINTS), problem.camera
+        surface, camera = Surface.of(problem.plots[0], _POINTS), problem.camera
         self._views = PerCamera(lambda cameras: look(surface, cameras, camera))
         self._focal = 0.5 * (camera.fx + camera.fy)
 

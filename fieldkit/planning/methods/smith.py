@@ -35,7 +35,7 @@ class Reconstructability:
     """
 
     def __init__(self, problem: Problem) -> None:
-        self._surface, self._camera = Surface.of(problem, _POINTS), problem.camera
+        self._surface, self._camera = Surface.of(problem.plots[0], _POINTS), problem.camera
         self._farthest_m = 2.0 * fill_distance_m(problem.envelope, problem.camera)
         self._views = PerCamera(self._look)
 

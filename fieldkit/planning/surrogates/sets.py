@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import gpytorch  # type: ignore[import-untyped]
 import numpy as np
@@ -17,6 +18,11 @@ from fieldkit.planning.search import Problem
 from fieldkit.planning.surrogates.fit import above, fit, noise_model
 
 FEATURES = 160
+TERMS = slice(FEATURES, FEATURES + 3)
+_PLOT = FEATURES + 3
+COLUMNS = FEATURES + 4
+NO_PLOT = -1.0
+"""Where inputs have a plot's number: the mean of all plots."""
 _STREAM = 53
 REACH = 0.35
 _LENGTHSCALE, _LEAST_LENGTHSCALE = 0.4, 0.02
@@ -56,7 +62,7 @@ class SetEmbedding:
 
 
 class ScoreMean(gpytorch.means.Mean):  # type: ignore[misc]
-    """−ln of the score's weighted terms plus a rest, of inputs (…, FEATURES + 3) that end with the terms' −ln.
+    """−ln of the score's weighted terms plus a rest, of inputs (…, COLUMNS) that hold the terms' −ln.
 
     Args:
         slopes: (3,) of the terms.
@@ -69,16 +75,29 @@ class ScoreMean(gpytorch.means.Mean):  # type: ignore[misc]
         self.rest_m = rest_m
 
     def forward(self, x: Tensor) -> Tensor:
-        """(…,) of inputs (…, n, FEATURES + 3)."""
-        expected: Tensor = torch.exp(-x[..., FEATURES:]) @ self.slopes + self.rest_m
+        """(…, n) of inputs (…, n, COLUMNS)."""
+        expected: Tensor = torch.exp(-x[..., TERMS]) @ self.slopes + self.rest_m
         return -expected.clamp_min(LEAST_M).log()
 
 
+class PlotEffect(gpytorch.kernels.Kernel):  # type: ignore[misc]
+    """1 for two inputs on the same plot, else 0, also where an input is the mean of plots (`NO_PLOT`).
+
+    Scaled, it is what a plot adds to the value of every set alike.
+    """
+
+    def forward(self, x1: Tensor, x2: Tensor, diag: bool = False, **params: Any) -> Tensor:
+        """(…, n, m) of plots' numbers (…, n, 1) and (…, m, 1), or its diagonal."""
+        if diag:
+            return ((x1 == x2) & (x1 >= 0)).squeeze(-1).to(x1)
+        return ((x1 == x2.transpose(-1, -2)) & (x1 >= 0)).to(x1)
+
+
 def fit_sets(x: Array, y: Array, mean: gpytorch.means.Mean, noise: float) -> SingleTaskGP:
-    """A process of y = −ln(value) with a Matérn 5/2 kernel of the embedding's distance.
+    """A process of y = −ln(value) with a Matérn 5/2 kernel of the embedding's distance, and an effect of the plot.
 
     Args:
-        x: (t, FEATURES + 3), t ≥ 1: embedded sets, and columns that only the mean sees.
+        x: (t, COLUMNS), t ≥ 1: embedded sets, the score's terms, which only the mean sees, and the plots' numbers.
         y: (t,).
         mean: what is expected without data.
         noise: standard deviation of y's noise, which the fit finds no less of.
@@ -90,6 +109,12 @@ def fit_sets(x: Array, y: Array, mean: gpytorch.means.Mean, noise: float) -> Sin
     )  # fmt: skip
     kernel = gpytorch.kernels.ScaleKernel(base, outputscale_prior=deviation, outputscale_constraint=above(1e-6))
     base.lengthscale, kernel.outputscale = _LENGTHSCALE, _DEVIATION**2
+    if len(np.unique(x[:, _PLOT])) > 1:
+        effect = gpytorch.kernels.ScaleKernel(
+            PlotEffect(active_dims=(_PLOT,)), outputscale_prior=deviation, outputscale_constraint=above(1e-6)
+        )
+        effect.outputscale = _DEVIATION**2
+        kernel = kernel + effect
     model = SingleTaskGP(
         torch.from_numpy(x), torch.from_numpy(y)[:, None], covar_module=kernel, mean_module=mean,
         likelihood=noise_model(noise**2), outcome_transform=None,

@@ -16,7 +16,7 @@ from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
 _BLADE_ROWS, _STEM_ROWS, _FLOWER_ROWS = 96, 128, 32
 
 
-def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool = False) -> Mesh:
+def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool = False, textured: bool = True) -> Mesh:
     """The plant as one textured mesh with normals, unlit, standing at height ``ground_m``.
 
     ``flex_m`` of its vertices is the distance along the blade from the collar, 0 on the stem.
@@ -25,6 +25,7 @@ def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool 
         plant: what to build.
         ground_m: height of the ground under it.
         coarse: with about a tenth of the triangles and a sixteenth of the texture, for plants seen from afar.
+        textured: False leaves the texture out, which is most of the work: for where the form alone counts.
     """
     if plant.leaves is not None:
         return build_compact_maize(plant, plant.leaves, ground_m)
@@ -32,20 +33,23 @@ def build_maize(plant: MaizeDescription, ground_m: float = 0.0, *, coarse: bool 
     grown = grow(plant.stage, rng)
     shrink = 4 if coarse else 1
     strips = _Strips(shrink)
-    parts, flex, pictures = _stem(plant.seed, plant.markings, grown, strips, shrink)
+    parts, flex, pictures = _stem(plant.seed, plant.markings, grown, strips, shrink, textured)
     for leaf in grown.leaves:
         strip = strips.take(_BLADE_ROWS)
         along, across = (32, 7) if coarse else (160, 19) if len(grown.leaves) <= 8 else (112, 17)
         part = blade(leaf, strip, along=along, across=across)
         parts.append(part)
         flex.append(np.repeat(np.linspace(0, leaf.length, along), across))
-        pictures.append(blade_texture(leaf, strip.height, strip.width, plant.markings))
-    texture = np.concatenate(pictures[::-1])  # texture row 0 is at the top, uv's v = 0 at the bottom
+        if textured:
+            pictures.append(blade_texture(leaf, strip.height, strip.width, plant.markings))
+    texture = uv = None
     vertices = np.concatenate([part[0] for part in parts])
     offsets = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
     faces = np.concatenate([part[1] + offset for part, offset in zip(parts, offsets, strict=True)]).astype(np.int32)
-    uv = np.concatenate([part[2] for part in parts]).astype(np.float32)
-    uv[:, 1] *= np.float32(1.0 / len(texture))
+    if textured:
+        texture = np.concatenate(pictures[::-1])  # texture row 0 is at the top, uv's v = 0 at the bottom
+        uv = np.concatenate([part[2] for part in parts]).astype(np.float32)
+        uv[:, 1] *= np.float32(1.0 / len(texture))
     turn = np.radians(-plant.yaw_deg)
     spin = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
     placed = (plant.scale * vertices @ spin.T + (plant.x_m, plant.y_m, ground_m)).astype(np.float32)
@@ -69,7 +73,7 @@ class _Strips:
 
 
 def _stem(
-    seed: int, markings: float, grown: Architecture, strips: _Strips, shrink: int
+    seed: int, markings: float, grown: Architecture, strips: _Strips, shrink: int, textured: bool
 ) -> tuple[list[Part], list[NDArray[np.float64]], list[NDArray[np.uint8]]]:
     """Stem with its sheaths, and tassel and ear where there are any."""
     strip = strips.take(_STEM_ROWS)
@@ -83,15 +87,19 @@ def _stem(
     v = strip.first_row + 0.5 + (strip.height - 1) * np.linspace(0, 1, sides)
     uv = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=-1).reshape(-1, 2)
     parts: list[Part] = [(vertices, grid_faces(len(line), sides), uv)]
-    pictures = [stem_texture(seed, foot, length, grown.nodes, strip.height, strip.width, markings)]
+    pictures = []
+    if textured:
+        pictures.append(stem_texture(seed, foot, length, grown.nodes, strip.height, strip.width, markings))
     rng = np.random.default_rng([seed, 79])
     if grown.tassel_m:
         strip = strips.take(_FLOWER_ROWS)
         parts += tassel(line[-1], grown.tassel_m, strip, rng)
-        pictures.append(plain_texture(seed, (0.68, 0.62, 0.38), strip.height, strip.width))
+        if textured:
+            pictures.append(plain_texture(seed, (0.68, 0.62, 0.38), strip.height, strip.width))
     if grown.ear:
         strip = strips.take(_FLOWER_ROWS)
         leaf = grown.leaves[round(0.55 * len(grown.leaves))]
         parts += ear(leaf.collar - np.array([0.0, 0.0, 0.12]), leaf.azimuth, strip, rng)
-        pictures.append(plain_texture(seed + 1, (0.58, 0.66, 0.36), strip.height, strip.width))
+        if textured:
+            pictures.append(plain_texture(seed + 1, (0.58, 0.66, 0.36), strip.height, strip.width))
     return parts, [np.zeros(len(part[0])) for part in parts], pictures

@@ -20,6 +20,7 @@ from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.methods.bosfm import Bosfm
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.space import CameraSpace
+from fieldkit.planning.plots import Plot
 from fieldkit.planning.search import Problem, Result, Trial
 from tests.planning.test_envelope import FLAT, SLOPED
 
@@ -39,7 +40,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def problem(count: int, envelope: Envelope = FLAT, views: int = 0) -> Problem:
     recorded = envelope.sample(views, 77) if views else None
     cloud = Cloud(envelope.plants)
-    return Problem(count, envelope, Intrinsics.pinhole(640, 480, 560.0), cloud, cloud.points, recorded)
+    return Problem(count, envelope, Intrinsics.pinhole(640, 480, 560.0), (Plot(cloud, cloud.points),), recorded)
 
 
 def cost(cameras: Cameras) -> float:

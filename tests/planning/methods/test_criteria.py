@@ -26,7 +26,7 @@ SMALL = Effort(designs=8, starts=2, moves=60)
 
 def test_triangulation_is_the_covariance_of_the_rays() -> None:
     cameras = PROBLEM.sample(2)
-    surface = Surface.of(PROBLEM, 800)
+    surface = Surface.of(PROBLEM.plots[0], 800)
     views = look(surface, cameras, CAMERA)
     expected = []
     for k in range(len(surface)):
@@ -64,7 +64,7 @@ def test_one_trial_better_than_chance(cost: Cost) -> None:
 
 def test_reconstructability_is_the_sum_over_pairs() -> None:
     cameras = PROBLEM.sample(2)
-    views = look(Surface.of(PROBLEM, 800), cameras, CAMERA)
+    views = look(Surface.of(PROBLEM.plots[0], 800), cameras, CAMERA)
     farthest = 2.0 * fill_distance_m(PROBLEM.envelope, CAMERA)
     found = Reconstructability(PROBLEM).of_points(cameras)
     for k in range(0, len(found), 50):
