@@ -96,6 +96,16 @@ def command(
         Path | None,
         typer.Option("--images", rich_help_panel=_PLOT, help="With --reference: its photographs, for a finer proxy."),
     ] = None,
+    vary: Annotated[
+        int | None,
+        typer.Option(
+            "--vary",
+            rich_help_panel=_PLOT,
+            metavar="K",
+            min=1,
+            help="Plan for K plots: this one and others drawn of its kind.",
+        ),
+    ] = None,
     cameras: Annotated[int | None, typer.Option("--cameras", "-n", min=3, help="N; 10 where not given.")] = None,
     preset: Annotated[
         Preset | None,
@@ -264,7 +274,7 @@ def command(
         fieldkit reference, fieldkit export-mission, fieldkit simulate
     """
     given: dict[str, Any] = {
-        "cameras": cameras, "preset": preset, "method": method, "evaluations": evaluations, "at_least": at_least,
+        "cameras": cameras, "plots": vary, "preset": preset, "method": method, "evaluations": evaluations, "at_least": at_least,
         "initial": initial,
         "time_budget_s": seconds(time_budget) if time_budget else None, "fidelity": fidelity,
         "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,

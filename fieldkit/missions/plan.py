@@ -107,6 +107,8 @@ class PlanMethod(Strict):
     """Standard deviation over repeats."""
     repeats: Count | None = None
     """Evaluations at these stations; with 0 they are not confirmed."""
+    plots: Count | None = None
+    """That it was made for; with more than one each repeat is on a plot that had no part in finding it."""
     expected_m: Length | None = None
     """What the geometric score leads to expect, where the method goes by it alone."""
     weights: tuple[Length, Length, Length] | None = None

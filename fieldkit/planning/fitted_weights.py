@@ -51,7 +51,7 @@ def weights_of_run(run: Path) -> Weights:
         )  # fmt: skip
     problem = open_problem(settings, run, cache=StageCache(None), progress=Silent()).problem
     expected = Expected(problem)
-    terms = np.array([expected.terms(result.trial.cameras) for result in results])
+    terms = np.array([expected.terms(result.trial.cameras, result.trial.plot) for result in results])
     y = -np.log(np.maximum([result.value_m for result in results], LEAST_M))
     slopes, _ = fit_slopes(terms, y, WEIGHTS, doubt=DOUBT, noise=NOISE)
     if not slopes.any():

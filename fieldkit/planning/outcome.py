@@ -50,6 +50,8 @@ class Outcome(Strict):
 
     method: str
     cameras: Count
+    plots: Count = 1
+    """That the plan is for: 1 is the one it was made on; with more each confirmation is on a plot of its own."""
     chamfer_m: Length | None
     """The chosen set's value, by confirmations that had no part in finding it; null where it was not confirmed."""
     chamfer_spread_m: Length | None
@@ -113,6 +115,7 @@ def write_outcome(
     outcome = Outcome(
         method=settings.method,
         cameras=settings.cameras,
+        plots=settings.plots,
         chamfer_m=chosen.value_m,
         chamfer_spread_m=chosen.spread_m,
         expected_m=chosen.trial.notes.get("expected_m"),
@@ -233,6 +236,7 @@ def _plan(run: RunFolder, plannable: Plannable, chosen: Finalist, outcome: Outco
             chamfer_m=outcome.chamfer_m,
             chamfer_spread_m=outcome.chamfer_spread_m,
             repeats=len(chosen.entries),
+            plots=settings.plots,
             expected_m=outcome.expected_m,
             weights=outcome.weights,
         ),

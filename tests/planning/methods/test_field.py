@@ -18,7 +18,7 @@ from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
 from fieldkit.planning.methods.uniform import MatchGraph, Uniform
 from fieldkit.planning.search import Judge, Method, Problem, Result, Trial
-from fieldkit.planning.surrogates.sets import SetEmbedding
+from fieldkit.planning.surrogates.sets import TERMS, SetEmbedding
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 from tests.planning.leafy import recorded
 
@@ -50,7 +50,7 @@ def run(method: Method, count: int, problem: Problem, value_m: Callable[[Cameras
 
 def terms_m(method: Field, sets: Sequence[Cameras]) -> np.ndarray:
     """(n, 3) the geometric score's gap, noise and tie, metres."""
-    return np.exp(-method.inputs(sets)[:, -3:])
+    return np.exp(-method.inputs(sets)[:, TERMS])
 
 
 def vectors(results: Sequence[Result]) -> list[bytes]:
