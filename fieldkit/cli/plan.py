@@ -274,8 +274,8 @@ def command(
         fieldkit reference, fieldkit export-mission, fieldkit simulate
     """
     given: dict[str, Any] = {
-        "cameras": cameras, "plots": vary, "preset": preset, "method": method, "evaluations": evaluations, "at_least": at_least,
-        "initial": initial,
+        "cameras": cameras, "plots": vary, "preset": preset, "method": method, "evaluations": evaluations,
+        "at_least": at_least, "initial": initial,
         "time_budget_s": seconds(time_budget) if time_budget else None, "fidelity": fidelity,
         "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,
         "refine": refine or None, "weights": score_weights(weights) if weights else None,
@@ -348,7 +348,7 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     expected = "" if outcome.expected_m is None else f" (expected {length(outcome.expected_m)})"
     show.print(
         f"{outcome.cameras} cameras by {outcome.method}: {length(outcome.chamfer_m)}{expected} on "
-        f"{settings.source.name}, {outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) and "
+        f"{_planned_on(settings)}, {outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) and "
         f"{outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}.",
         markup=False, soft_wrap=True,
     )  # fmt: skip
@@ -361,3 +361,9 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     if outcome.photographs:
         show.print(f"photographs: {', '.join(outcome.photographs)}", markup=False, soft_wrap=True)
     show.print(f"{output / 'plan.json'}\n{output / 'plan.png'}", markup=False, soft_wrap=True)
+
+
+def _planned_on(settings: SearchSettings) -> str:
+    if settings.plots == 1:
+        return settings.source.name
+    return f"plots like {settings.source.name} that it had not met ({settings.plots} were planned on)"
