@@ -348,8 +348,8 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     expected = "" if outcome.expected_m is None else f" (expected {length(outcome.expected_m)})"
     show.print(
         f"{outcome.cameras} cameras by {outcome.method}: {length(outcome.chamfer_m)}{expected} on "
-        f"{_planned_on(settings)}, {outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) and "
-        f"{outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}.",
+        f"{_planned_on(settings)}, {outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) "
+        f"and {outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}.",
         markup=False, soft_wrap=True,
     )  # fmt: skip
     if not outcome.confirmations:
