@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import fcntl
 import pickle
+import shutil
 import tempfile
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
@@ -38,12 +40,12 @@ class PlotsObjective:
         settings: ObjectiveSettings, *, seed: int = 0,
     ) -> None:  # fmt: skip
         self._build, self._source, self.settings, self.seed = build, source, settings, seed
-        self._folder = tempfile.TemporaryDirectory(prefix="fieldkit-plots-")
-        self._shared = Path(self._folder.name)
+        self._shared = Path(tempfile.mkdtemp(prefix="fieldkit-plots-"))
+        weakref.finalize(self, shutil.rmtree, self._shared, ignore_errors=True)
         self._open: OrderedDict[int, Objective] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_folder": None, "_open": OrderedDict()}
+        return self.__dict__ | {"_open": OrderedDict()}
 
     def prepare(self) -> None:
         """Raises RenderingError: this machine cannot render."""

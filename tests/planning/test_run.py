@@ -15,6 +15,7 @@ from fieldkit.missions.plan import PlanSource
 from fieldkit.planning.asked import Asked, resumed_settings
 from fieldkit.planning.executor import Executor, Serial
 from fieldkit.planning.methods.random import Random
+from fieldkit.planning.objective import Objective
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.run import Ending, confirm, evaluate_again, search, worst_mean
 from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
@@ -174,6 +175,29 @@ def test_a_run_stops_where_nothing_is_left_to_gain_and_goes_on_when_told(tmp_pat
         run.save_settings(resumed_settings(run.settings, Asked({"evaluations": 12}, {}, {})))
         assert search(method, executor, run, out_of_time=never, watch=ignore) == Ending("evaluations")
         assert plain(run.entries) == [entry for entry in whole if entry["stage"] == "search"]
+
+
+class Bowls(Bowl):
+    """Bowls of several plots, each deeper than the one before."""
+
+    def on(self, plot: int) -> Objective:
+        return Bowl(self.folder, noise_m=0.1 * plot)
+
+
+def test_plans_for_a_kind_are_confirmed_on_plots_that_no_trial_has_met(tmp_path: Path) -> None:
+    settings = bowl_settings(plots=4, repeats=3)
+    with create_run(tmp_path / "run", settings) as run, Serial(Bowls()) as executor:
+        search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
+        chosen = [entry.trial for entry in run.entries[:2]]
+        first = evaluate_again(executor, run, chosen, watch=ignore)
+        count = len(run.entries)
+    with open_run(tmp_path / "run") as run, Serial(Bowls()) as executor:
+        again = evaluate_again(executor, run, chosen, watch=ignore)
+        assert len(run.entries) == count  # nothing is done twice
+    assert {entry.plot for entry in run.entries if entry.stage == "search"} == {0}
+    for found in (*first, *again):
+        assert [entry.plot for entry in found.entries] == [4, 5, 6]
+        assert len({entry.value_m for entry in found.entries}) == 3
 
 
 def test_sets_that_change_their_numbers_keep_their_own_values(tmp_path: Path) -> None:

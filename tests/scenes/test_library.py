@@ -13,7 +13,7 @@ import pytest
 
 from fieldkit.errors import SceneError
 from fieldkit.scenes.description import SceneDescription
-from fieldkit.scenes.generator import Layout, new_scene, varied, without_plant
+from fieldkit.scenes.generator import Layout, new_scene, plots_of_kind, varied, without_plant
 from fieldkit.scenes.library import find_scene, scene_names, scene_reference, scenes_folder
 from fieldkit.scenes.scene_file import read_scene, scene_text
 
@@ -126,6 +126,27 @@ def test_new_scenes(layout: Layout, count: int) -> None:
 def test_out_of_range(call: Callable[[], object]) -> None:
     with pytest.raises(ValueError):
         call()
+
+
+def test_plots_of_a_kind_differ_in_what_plots_of_a_trial_differ_in() -> None:
+    base = new_scene(3, 9)
+    plots = plots_of_kind(base, 24, 5)
+    assert plots == plots_of_kind(base, 24, 5)
+    assert plots[:7] == plots_of_kind(base, 7, 5)
+    assert plots[0] != plots_of_kind(base, 1, 6)[0]
+    places = {(p.x_m, p.y_m): p for p in base.plot.plants}
+    assert {len(made.plot.plants) for made in plots} == {2, 3}
+    same = [{p.seed for p in made.plot.plants} <= {p.seed for p in base.plot.plants} for made in plots]
+    assert 6 <= sum(same) <= 18
+    for made in plots:
+        for plant in made.plot.plants:
+            assert plant.stage == places[plant.x_m, plant.y_m].stage
+            assert 0.9 <= plant.scale <= 1.1
+        assert (made.camera, made.bounds) == (base.camera, base.bounds)
+    for few in ({made.plot.light.sun for made in plots}, {made.plot.soil.seed for made in plots}):
+        assert len(few) == 24
+    alone = new_scene(1, 9)
+    assert all(len(made.plot.plants) == 1 for made in plots_of_kind(alone, 12, 5))
 
 
 def test_variation_depends_on_its_seed() -> None:

@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import spearmanr
 
+from fieldkit.clouds import Cloud
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.geometric import GeometricScore
 from fieldkit.planning.matchability import connectivity
@@ -17,9 +19,11 @@ from fieldkit.planning.methods.moves import looked_at, near
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
 from fieldkit.planning.methods.uniform import MatchGraph, Uniform
+from fieldkit.planning.plots import Plot
 from fieldkit.planning.search import Judge, Method, Problem, Result, Trial
 from fieldkit.planning.surrogates.sets import TERMS, SetEmbedding
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
+from tests.planning.leafy import problem as leafy
 from tests.planning.leafy import recorded
 
 QUICK = FieldSettings(initial=4)
@@ -108,6 +112,30 @@ def test_weights_of_the_scores_terms_are_learnt_where_results_tell_them_apart() 
     few, many = (np.abs(learnt((1.0, 0.4, 0.0), slice(n)) - (1.0, 0.4, 0.0)).sum() for n in (3, 12))
     assert many < few < 2.0
     assert (learnt((0.0, 0.5, 1.0), slice(None)) >= 0).all()
+
+
+def test_what_a_plot_adds_to_all_sets_is_not_learnt_as_the_sets_doing() -> None:
+    plot = leafy(5).plots[0]
+    turned = [Plot(Cloud(plot.reference.points @ turn(a)), np.zeros((0, 3))) for a in (0.0, 2.0, 4.0)]
+    problem = replace(leafy(5), plots=tuple(turned))
+    method = Field(problem, QUICK)
+    assert [method.propose(number, [], []).plot for number in range(4)] == [0, 1, 2, 0]  # type: ignore[union-attr]
+    sets = [problem.sample(seed) for seed in range(18)]
+    effect = (1.0, 2.0, 0.6)
+    results = []
+    for number, cameras in enumerate(sets):
+        expected_m = float(np.exp(-method.inputs([cameras], [number % 3])[0, TERMS]) @ method.weights)
+        results.append(Result(Trial(number, cameras, "given", plot=number % 3), expected_m * effect[number % 3]))
+    learnt = method.learn(results)
+    truth = np.log(np.exp(-method.inputs(sets)[:, TERMS]) @ method.weights)
+    assert spearmanr(-learnt.mean, truth).statistic > 0.9
+    blind = method.learn([replace(r, trial=replace(r.trial, plot=0)) for r in results])
+    assert spearmanr(-blind.mean, truth).statistic < 0.8
+
+
+def turn(angle: float) -> np.ndarray:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([(cosine, sine, 0.0), (-sine, cosine, 0.0), (0.0, 0.0, 1.0)])
 
 
 def test_it_tells_when_nothing_is_left_to_gain() -> None:
