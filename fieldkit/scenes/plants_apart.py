@@ -37,9 +37,9 @@ _STEM_RADIUS, _STEM_TOP, _STEM_LEAN = 5.0, 0.6, 0.3
 """A stem is followed within so many cells of its axis up to this share of the height. The axis moves by this share of
 the way to the middle of each slice of two cells."""
 _STEM_COST = 2.0
-_UPRIGHT_BAND, _UPRIGHT, _AWAY = (0.25, 0.5), 0.7, 12.0
-"""What fills this share of the heights between these shares of the plants' height, more than so many cells from any
-stem that was followed, is a stem whose foot was not found."""
+_UPRIGHT_BANDS, _UPRIGHT, _AWAY = ((0.25, 0.5), (0.4, 0.6)), 0.7, 16.0
+"""What fills this share of one of these bands of the plants' height, more than so many cells from any stem that was
+followed, is a stem whose foot was not found."""
 _REACH, _BEND = 2.4, 30.0
 """Neighbours on a surface are so many cells apart. Steps out of a surface, or to one that faces elsewhere, count up to
 ``1 + 2 · _BEND`` times: that is what keeps paths from changing leaves where two cross."""
@@ -126,7 +126,8 @@ def tell_apart(cloud: Cloud) -> PlantsApart:
     stems = [
         _stem(points, foot, place, base + _STEM_TOP * height, cell) for foot, place in zip(feet, places, strict=True)
     ]
-    if _stands_elsewhere(points, stems, base, height, cell):
+    bands = [(base + a * height, base + b * height) for a, b in _UPRIGHT_BANDS]
+    if any(_stands_elsewhere(points, stems, bottom, top, cell) for bottom, top in bands):
         return _refused(cloud, "a stem stands where no foot is found")
     surface = _surface(thin, cell)
     graph = _with_shortcuts(points, surface, feet, stems, cell)
@@ -227,14 +228,13 @@ def _stem(
 
 
 def _stands_elsewhere(
-    points: NDArray[np.float64], stems: list[NDArray[np.int64]], low: float, height: float, cell: float
+    points: NDArray[np.float64], stems: list[NDArray[np.int64]], bottom: float, top: float, cell: float
 ) -> bool:
-    """Whether something upright stands away from all ``stems``.
+    """Whether something upright stands away from all ``stems`` between two heights.
 
-    The heights of a band are cut into slices of two cells, the ground plan into squares of two cells. A square and its
-    eight neighbours hold something upright when most of the slices have points there.
+    The heights are cut into slices of two cells, the ground plan into squares of two cells. A square and its eight
+    neighbours hold something upright when most of the slices have points there.
     """
-    bottom, top = (low + share * height for share in _UPRIGHT_BAND)
     side = 2.0 * cell
     inside = points[(points[:, 2] >= bottom) & (points[:, 2] < top)]
     if not len(inside):
