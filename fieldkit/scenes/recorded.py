@@ -74,7 +74,7 @@ def build_recorded(surface: RecordedSurface) -> Scene:
         ("ground-surfels", surface.ground, surface.ground_atlas, surface.ground_surfel_m),
     ):
         cloud = _read(cloud_file)
-        atlas = None if atlas_file is None else _read_atlas(atlas_file, len(cloud), surface.texels)
+        atlas = None if atlas_file is None else read_atlas(atlas_file, len(cloud), surface.texels)
         parts.append(surfels(name, cloud, side_m, plant=name == "plants", atlas=atlas, texels=surface.texels))
     plants, rest = parts
     return Scene((plants, rest, _plane(surface.ground_color)), background=surface.background)
@@ -122,10 +122,18 @@ def surfel_axes(cloud: Cloud) -> tuple[NDArray[np.float64], NDArray[np.float64],
     normals = np.zeros((n, 3)) if cloud.normals is None else cloud.normals.astype(np.float64)
     normals[np.linalg.norm(normals, axis=1) < 0.5] = (0.0, 0.0, 1.0)
     u, v = _tangents(normals)
-    turn = np.arange(n) * (np.pi * (3.0 - np.sqrt(5.0)))  # spread, without a pattern and without a seed
+    turn = surfel_turns(n)
     a = np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
     b = np.cos(turn)[:, None] * v - np.sin(turn)[:, None] * u
     return normals, a, b
+
+
+def surfel_turns(count: int) -> NDArray[np.float64]:
+    """(count,) radians: how each surfel is turned in its plane, by its place in the cloud.
+
+    Multiples of the golden angle: spread evenly, without a pattern and without a seed.
+    """
+    return np.asarray(np.arange(count) * (np.pi * (3.0 - np.sqrt(5.0))))
 
 
 def pack_atlas(patches: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -136,6 +144,34 @@ def pack_atlas(patches: NDArray[np.uint8]) -> NDArray[np.uint8]:
     cells = np.zeros((rows * columns, k, k, 3), np.uint8)
     cells[:n] = patches
     return np.ascontiguousarray(cells.reshape(rows, columns, k, k, 3).swapaxes(1, 2).reshape(rows * k, columns * k, 3))
+
+
+def unpack_atlas(atlas: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
+    """The first ``count`` patches (count, k, k, 3) of an atlas: what `pack_atlas` was given."""
+    columns = _columns(count)
+    rows, k = -(-count // columns), atlas.shape[1] // columns
+    cells = atlas.reshape(rows, k, columns, k, 3).swapaxes(1, 2).reshape(rows * columns, k, k, 3)
+    return np.ascontiguousarray(cells[:count])
+
+
+def read_atlas(path: Path, count: int, texels: int) -> NDArray[np.uint8]:
+    """The atlas of ``count`` patches of ``texels`` × ``texels`` pixels in a file.
+
+    Raises:
+        SceneError: it cannot be read, or has another size.
+    """
+    from PIL import Image
+
+    remedy = "Make the scene again with `fieldkit scene from-reference`."
+    columns = _columns(count)
+    width, height = columns * texels, -(-count // columns) * texels
+    try:
+        with Image.open(path) as image:
+            if image.size != (width, height):
+                raise SceneError(f"is {image.size}, not {(width, height)} pixels", path=path, remedy=remedy)
+            return np.asarray(image.convert("RGB"), np.uint8)
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise SceneError(f"cannot be read as a picture ({error})", path=path, remedy=remedy) from error
 
 
 def _columns(count: int) -> int:
@@ -149,21 +185,6 @@ def _atlas_uv(count: int, texels: int, shape: tuple[int, ...], corners: NDArray[
     x = (i % columns)[:, None] * texels + inside[None, :, 0]
     y = (i // columns)[:, None] * texels + inside[None, :, 1]
     return np.stack([x / shape[1], 1.0 - y / shape[0]], axis=-1).reshape(-1, 2).astype(np.float32)
-
-
-def _read_atlas(path: Path, count: int, texels: int) -> NDArray[np.uint8]:
-    from PIL import Image
-
-    remedy = "Make the scene again with `fieldkit scene from-reference`."
-    columns = _columns(count)
-    width, height = columns * texels, -(-count // columns) * texels
-    try:
-        with Image.open(path) as image:
-            if image.size != (width, height):
-                raise SceneError(f"is {image.size}, not {(width, height)} pixels", path=path, remedy=remedy)
-            return np.asarray(image.convert("RGB"), np.uint8)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise SceneError(f"cannot be read as a picture ({error})", path=path, remedy=remedy) from error
 
 
 def _tangents(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

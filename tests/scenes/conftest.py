@@ -1,13 +1,17 @@
-"""One small plot for all scene tests, and a renderer of it, kept."""
+"""One small plot and one row of plants for all scene tests, and a renderer of the plot, kept."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from fieldkit.scenes.maize import MaizeDescription
-from fieldkit.scenes.plot import PlotDescription, build_scene
+from fieldkit.clouds import Cloud, concatenate
+from fieldkit.scenes.maize import MaizeDescription, build_maize
+from fieldkit.scenes.plot import PlotDescription, build_scene, sample_plants
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.soil import SoilDescription
@@ -33,3 +37,22 @@ def renderer(small_scene: Scene) -> Iterator[Renderer]:
     """A renderer of `small_scene`."""
     with Renderer(small_scene) as kept:
         yield kept
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """Points of a simulated row and the plant, from 1, that each of them is of."""
+
+    cloud: Cloud
+    plants: NDArray[np.int32]
+
+
+@pytest.fixture(scope="session")
+def row() -> Row:
+    """Three plants 25 cm apart along x, whose leaves cross."""
+    clouds = []
+    for number in range(3):
+        plant = MaizeDescription(seed=number + 1, x_m=0.25 * (number - 1), yaw_deg=40.0 * number, leaves=7)
+        clouds.append(sample_plants(Scene((build_maize(plant, 0.0),)), 12_000, seed=number))
+    plants = np.repeat(np.arange(1, 4, dtype=np.int32), [len(cloud) for cloud in clouds])
+    return Row(concatenate(clouds), plants)
