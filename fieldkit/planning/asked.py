@@ -125,8 +125,10 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
             values["reference_path"] = str(asked.reference.resolve())
         if unchanging(source, noise):
             values["repeats"] = 1
-    if given.get("plots", 1) > 1 and source.kind != "scene":
-        raise UsageError("plots of a kind are drawn of a scene's plants", remedy="Give --scene, or leave --vary out.")
+    if given.get("plots", 1) > 1 and source.kind == "captures":
+        raise UsageError(
+            "recorded photographs are of one plot: no others of its kind can be drawn", remedy="Leave --vary out."
+        )
     if asked.images is not None:
         if source.kind != "reference":
             raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")

@@ -20,9 +20,11 @@ from fieldkit.planning.run_folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.planning.search import Problem
 from fieldkit.reporting.objective_plots import png
+from fieldkit.reporting.plants_picture import draw_plants_apart
 from fieldkit.reporting.search_plots import draw_plan, draw_search
 
 OUTCOME_FILE, PROGRESS_FILE, SEARCH_PICTURE, PLAN_PICTURE = "outcome.json", "progress.csv", "search.png", "plan.png"
+PLANTS_PICTURE = "plants.png"
 _MAX_BYTES = 16 << 20
 _REMEDY = "Give the folder of a finished run of `fieldkit plan`."
 
@@ -160,6 +162,8 @@ def write_outcome(
         None if views is None else views.positions,
     )  # fmt: skip
     write_atomic(run.path / PLAN_PICTURE, png(figure))
+    if plannable.apart is not None:
+        write_atomic(run.path / PLANTS_PICTURE, png(draw_plants_apart(settings.source.name, *plannable.apart)))
     save_plan(run.path / PLAN_FILE, _plan(run, plannable, chosen, outcome))
     return outcome
 

@@ -44,11 +44,16 @@ class Plot:
         check_plants(description)
         if description.recorded is not None:
             reference, volume = of_interest(description, recorded_plants(description.recorded))
-            return cls(reference, np.zeros((0, 3))), volume
+            return cls.without_others(reference), volume
         plants = build_plants(description.plot)
         (visible,) = sample_visible(plants, (_POINTS,), description.reference.seed, pixels=_PIXELS)
         reference, volume = of_interest(description, visible)
         return cls(reference, neighbour_points(plants)), volume
+
+    @classmethod
+    def without_others(cls, reference: Cloud) -> Plot:
+        """A plot with nothing beside its own plants."""
+        return cls(reference, np.zeros((0, 3)))
 
     @property
     def points(self) -> Array:

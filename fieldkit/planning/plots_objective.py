@@ -30,13 +30,13 @@ class PlotsObjective:
 
     Args:
         build: of a plot's proxy; it has to pickle.
-        source: of a plot's photographs, from its number and its proxy; it has to pickle.
+        source: of a plot's photographs, from its proxy; it has to pickle.
         settings: of all objectives.
         seed: of all objectives.
     """
 
     def __init__(
-        self, build: Callable[[int], Proxy], source: Callable[[int, Proxy], SimulatedSource],
+        self, build: Callable[[int], Proxy], source: Callable[[Proxy], SimulatedSource],
         settings: ObjectiveSettings, *, seed: int = 0,
     ) -> None:  # fmt: skip
         self._build, self._source, self.settings, self.seed = build, source, settings, seed
@@ -54,7 +54,7 @@ class PlotsObjective:
     def on(self, plot: int) -> Objective:
         """The plot's objective. Raises SceneError."""
         if plot not in self._open:
-            self._open[plot] = Objective(self._source(plot, self._proxy(plot)), self.settings, seed=self.seed)
+            self._open[plot] = Objective(self._source(self._proxy(plot)), self.settings, seed=self.seed)
             if len(self._open) > _OPEN:
                 self._open.popitem(last=False)[1].close()
         self._open.move_to_end(plot)

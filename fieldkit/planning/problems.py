@@ -23,6 +23,7 @@ from fieldkit.missions.plan import PlanEnvelope, PlanSource
 from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.executor import Evaluator
 from fieldkit.planning.flyable import check_views
+from fieldkit.planning.kind import Kind
 from fieldkit.planning.match_graph import match_graph
 from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.plots import Plot
@@ -30,18 +31,16 @@ from fieldkit.planning.plots_objective import PlotsObjective
 from fieldkit.planning.recorded import EXACT, RecordedSource
 from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, unchanging
 from fieldkit.planning.search import Problem
-from fieldkit.planning.simulated import Proxy, SimulatedSource
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.scenes.description import SceneDescription
-from fieldkit.scenes.generator import plots_of_kind
 from fieldkit.scenes.library import find_scene, scene_reference
+from fieldkit.scenes.plants_apart import PlantsApart
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 
-PROXY_FOLDER, BUILT_REFERENCE = "proxy", "reference"
+PROXY_FOLDER, BUILT_REFERENCE, KIND_FOLDER = "proxy", "reference", "plots"
 _GOOD_POSES_M = 0.010
 _TWO_ROUNDS_PX = (10.0, 3.0)
 
@@ -54,6 +53,7 @@ class Plannable:
         problem: for the methods.
         envelope: as plan.json tells it.
         make_objective: for the executor; of all plots.
+        apart: a recorded plot's plants and how they were told apart, where plots of its kind are planned for.
         photographs: names of recorded ones, in the order of the problem's views; empty where they are rendered.
     """
 
@@ -61,6 +61,7 @@ class Plannable:
     envelope: PlanEnvelope
     make_objective: Callable[[], Evaluator]
     photographs: tuple[str, ...] = ()
+    apart: tuple[Cloud, PlantsApart] | None = None
 
     @cached_property
     def objective(self) -> Evaluator:
@@ -137,11 +138,13 @@ def open_problem(
     scene = find_scene(scene)
     with progress.stage("Reading the scene"):
         description = read_scene(scene)
-        kind = _Kind(description, settings.seed)
+        kind = Kind(description, settings.seed, folder / KIND_FOLDER)
         camera = description.camera
         if settings.camera is not None:
             camera = _rendered(settings.camera.intrinsics, camera)
-        found = [Plot.of(kind(number)) for number in range(settings.plots)]
+        found = [kind.plot(number) for number in range(settings.plots)]
+    if settings.plots > 1 and kind.recorded is not None:
+        progress.note(_told_apart(kind.recorded[1]))
     plots = tuple(plot for plot, _ in found)
     volume = Volume.around([corner for _, each in found for corner in (each.lower, each.upper)])
     limits = settings.envelope
@@ -151,30 +154,24 @@ def open_problem(
         separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
     problem = Problem(settings.cameras, envelope, camera, plots, blind=settings.blind)
-    build, source = partial(_built, kind, camera), partial(_photographed, kind, settings.noise)
+    noise = _capture_noise(settings.noise, description.noise)
+    source = partial(kind.source, noise=noise, wind_m=settings.noise.wind_m)
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
-    return Plannable(problem, _described(envelope), lambda: PlotsObjective(build, source, wanted, seed=settings.seed))
+    return Plannable(
+        problem, _described(envelope),
+        lambda: PlotsObjective(partial(kind.proxy, camera=camera), source, wanted, seed=settings.seed),
+        apart=kind.recorded if settings.plots > 1 else None,
+    )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Kind:
-    """The scenes of a run's plots: number 0 is the one that is planned on, the others are drawn of its kind."""
-
-    description: SceneDescription
-    seed: int
-
-    def __call__(self, number: int) -> SceneDescription:
-        if number == 0:
-            return self.description
-        return plots_of_kind(self.description, number, self.seed)[-1]
-
-
-def _built(kind: _Kind, camera: Intrinsics, number: int) -> Proxy:
-    return Proxy.from_description(kind(number), camera)
-
-
-def _photographed(kind: _Kind, noise: NoiseSettings, number: int, proxy: Proxy) -> SimulatedSource:
-    return SimulatedSource.of_scene(kind(number), proxy, _capture_noise(noise, kind.description.noise), noise.wind_m)
+def _told_apart(apart: PlantsApart) -> str:
+    """How plots of a recorded plot's kind are drawn, for people; ``PLAN/plants.png`` shows it."""
+    if apart.count:
+        plants = "plant is" if apart.count == 1 else "plants are"
+        return f"{apart.count} {plants} told apart; on other plots of the kind each is turned and scaled"
+    return (
+        f"the plants cannot be told apart ({apart.refused}); other plots of the kind are this one turned and mirrored"
+    )
 
 
 def _recorded(
@@ -210,7 +207,7 @@ def _recorded(
     )  # fmt: skip
     matches = match_graph(source, FeatureSettings(), workers=workers, progress=progress) if count_matches else None
     problem = Problem(
-        settings.cameras, envelope, _without_distortion(reference), (Plot(reference.cloud, np.zeros((0, 3))),), views,
+        settings.cameras, envelope, _without_distortion(reference), (Plot.without_others(reference.cloud),), views,
         matches, settings.blind, exact=unchanging(settings.source, settings.noise),
     )  # fmt: skip
     objective = partial(Objective, source, wanted, seed=settings.seed)

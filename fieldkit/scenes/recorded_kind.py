@@ -193,7 +193,7 @@ def write_varied_scene(
             varied = replace(varied, ground_atlas=partial / ATLAS_FILES[1])
         written = replace(
             description, name=name or description.name, notes=_notes(description.name, variation), recorded=varied,
-            bounds=_around(description.bounds, plants),
+            bounds=bounds_around(description.bounds, plants),
         )  # fmt: skip
         write_scene(partial / SCENE_FILE, written)
     return output / SCENE_FILE
@@ -282,7 +282,7 @@ def _turned_order(
     return order, flipped
 
 
-def _around(bounds: Bounds, plants: Cloud) -> Bounds:
+def bounds_around(bounds: Bounds, plants: Cloud) -> Bounds:
     """The bounds, widened to whole centimetres about the plants."""
     low, high = plants.bounds()
     lower = np.minimum(bounds.lower_m, np.floor(100.0 * (low - _MARGIN_M)) / 100.0)

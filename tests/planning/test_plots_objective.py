@@ -27,15 +27,11 @@ def build(log: Path, plot: int) -> Proxy:
     return Proxy.from_description(BASE if plot == 0 else plots_of_kind(BASE, plot, 0)[-1])
 
 
-def photographed(plot: int, proxy: Proxy) -> SimulatedSource:
-    return SimulatedSource(proxy)
-
-
 @pytest.mark.slow
 def test_each_plot_is_built_once_for_all_workers(
     source: SimulatedSource, arc: Cameras, tmp_path: Path
 ) -> None:  # the source says whether anything can be rendered here
-    objective = PlotsObjective(partial(build, tmp_path / "built"), photographed, ObjectiveSettings("draft"))
+    objective = PlotsObjective(partial(build, tmp_path / "built"), SimulatedSource, ObjectiveSettings("draft"))
     plots = [0, 1, 2, 0, 1, 2]
     with WorkerPool(objective, workers=2) as pool:
         found = list(pool.run(Job(arc, 5, plot=plot) for plot in plots))
