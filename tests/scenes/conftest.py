@@ -50,6 +50,11 @@ class Row:
 @pytest.fixture(scope="session")
 def row() -> Row:
     """Three plants 25 cm apart along x, whose leaves cross."""
+    return make_row()
+
+
+def make_row() -> Row:
+    """`row`, for tests of other folders."""
     clouds = []
     for number in range(3):
         plant = MaizeDescription(seed=number + 1, x_m=0.25 * (number - 1), yaw_deg=40.0 * number, leaves=7)
