@@ -55,6 +55,15 @@ class Status:
         return min(measured, key=lambda entry: entry.value_m, default=None)
 
     @property
+    def best_text(self) -> str:
+        """Its value and where it comes from; of several plots also which it was on, for some are easier than others."""
+        best = self.best
+        if best is None:
+            return ""
+        on = f", on plot {best.plot}" if len({entry.plot for entry in self.entries}) > 1 else ""
+        return f"{format_length(best.value_m)} ({best.origin}{on})"
+
+    @property
     def per_minute(self) -> float:
         """Evaluations, over the whole run so far."""
         seconds = max((entry.finished_s for entry in self.entries), default=0.0)
@@ -68,13 +77,12 @@ class Status:
 
     def line(self) -> str:
         """One line for a log."""
-        best = self.best
         left = self.seconds_left
         if self.confirmed:
             return f"confirming: {self.confirmed} of {self.confirmations}"
         parts = [f"{self.done} of at most {self.total}"]
-        if best is not None:
-            parts.append(f"best {format_length(best.value_m)} ({best.origin})")
+        if self.best_text:
+            parts.append(f"best {self.best_text}")
         if left is not None:
             parts.append(f"{self.per_minute:.1f} a minute, at most {format_seconds(left)} left")
         return ", ".join(parts)
@@ -172,7 +180,7 @@ def _picture(status: Status, settings: SearchSettings) -> RenderableType:
     rows = Table.grid(padding=(0, 2))
     rows.add_column(style="dim")
     rows.add_column()
-    best, left = status.best, status.seconds_left
+    left = status.seconds_left
     if status.total:
         rows.add_row(
             "evaluations", ProgressBar(total=status.total, completed=status.done, width=_WIDTH, finished_style="green")
@@ -180,12 +188,13 @@ def _picture(status: Status, settings: SearchSettings) -> RenderableType:
         rows.add_row("", f"{status.done} of at most {status.total}, {status.per_minute:.1f} a minute")
     if status.confirmed:
         rows.add_row("confirming", f"{status.confirmed} of {status.confirmations}")
-    if best is not None:
-        rows.add_row("best so far", Text(f"{format_length(best.value_m)}  {best.origin}"))
+    if status.best_text:
+        rows.add_row("best so far", Text(status.best_text))
         rows.add_row("", Text(status.curve(), style="cyan"))
     weights = next((found for entry in reversed(status.entries) if (found := weights_of(entry))), {})
     if weights:
         rows.add_row("models", "  ".join(f"{name} {weight:.2f}" for name, weight in weights.items()))
     rows.add_row("time left", "–" if left is None else f"at most {format_seconds(left)}")
-    title = f"{settings.method}: {settings.cameras} cameras on {settings.source.name}"
+    like = "" if settings.plots == 1 else f"{settings.plots} plots like "
+    title = f"{settings.method}: {settings.cameras} cameras on {like}{settings.source.name}"
     return Panel(rows, title=Text(title), title_align="left", expand=False)
