@@ -32,17 +32,20 @@ from fieldkit.reporting.objective_plots import png
 from fieldkit.reporting.search_plots import draw_regret
 
 RECORDED_FIDELITY: FidelityName = "standard"
-PLANNERS = ("bosfm", "field")
+PLANNERS = ("bosfm", "bosfm-tuned", "field")
 _OPTIMISED = ("circle", "circle-aim", "two-rings", "hemisphere", "mcp", "geometric", "smith", "score")
 """What plans carried to another plot are held against."""
 _SIMULATED = ("random", *_OPTIMISED, *PLANNERS)
 _RECORDED = ("random", "uniform", "match-graph", *PLANNERS)
 _SEVERAL = ("random", "circle", "circle-aim", "two-rings", "hemisphere", "smith", "score", *PLANNERS)
 """Methods whose outcome depends on the seed; that of circles by what registers in a trial's photographs."""
-_CARRIED = ("circle-aim", "score", *PLANNERS)
+_KIND = {"score-kind": "score", "field-kind": "field"}
+"""Methods that plan for plots of a kind, by the names they have here."""
+_CARRIED = ("circle-aim", "score", *PLANNERS, *_KIND)
 _REPEATS = 2
 _SUBSETS = 20
-_OURS = ("score", "field")
+_KIND_PLOTS = 8
+_OURS = ("score", "field", *_KIND)
 """What is no baseline."""
 
 
@@ -271,7 +274,13 @@ def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progres
 def _contenders(names: Sequence[str], options: PlannerOptions) -> list[Contender]:
     chosen = [name for name in names if not options.methods or name in options.methods]
     seeds = tuple(range(options.seeds))
-    return [Contender(name, options.evaluations, seeds if name in _SEVERAL else (0,)) for name in chosen]
+    return [
+        Contender(
+            _KIND.get(name, name), options.evaluations, seeds if name in (*_SEVERAL, *_KIND) else (0,),
+            _KIND_PLOTS if name in _KIND else 1,
+        )
+        for name in chosen
+    ]  # fmt: skip
 
 
 def _study(

@@ -64,11 +64,13 @@ class Contender:
         method: by name.
         evaluations: of its search, at most.
         seeds: of as many runs.
+        plots: that its plans are for.
     """
 
     method: str
     evaluations: int
     seeds: tuple[int, ...] = (0,)
+    plots: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +136,11 @@ def figures(plans: Sequence[Confirmed], best_m: float) -> tuple[Cell, ...]:
     )
 
 
+def name_of(planned: Contender | SearchSettings) -> str:
+    """The method's, with ``-kind`` where plans are for several plots."""
+    return f"{planned.method}-kind" if planned.plots > 1 else planned.method
+
+
 def run_name(place: Place, cameras: int, mapping: Mapping, fidelity: FidelityName, method: str, seed: int) -> str:
     """Of a run's folder."""
     return f"{place.name}-{cameras}-{mapping}-{fidelity}-{method}-{seed}"
@@ -163,8 +170,9 @@ def run_all(
         FieldkitError: as `plan_views`.
     """
     runs = {
-        folder / run_name(place, cameras, mapping, fidelity, contender.method, seed): place.settings(
-            cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
+        folder / run_name(place, cameras, mapping, fidelity, name_of(contender), seed): place.settings(
+            cameras=cameras, method=contender.method, plots=contender.plots, seed=seed,
+            evaluations=contender.evaluations, mapping=mapping,
             fidelity=fidelity, confirm_fidelity=confirm_fidelity, repeats=repeats,
             lag=lag_for(workers, deterministic=False),
         )
@@ -216,7 +224,7 @@ def _ran(settings: SearchSettings, outcome: Outcome, entries: Sequence[LogEntry]
     confirmed_m(outcome.chamfer_m)
     plan = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
     return Ran(
-        settings.method, settings.seed, outcome, plan[0].trial.cameras, plan[0].views,
+        name_of(settings), settings.seed, outcome, plan[0].trial.cameras, plan[0].views,
         tuple(best_so_far(searched(entries))), mean_of(plan, "right"), mean_of(plan, "accuracy_m"),
         mean_of(plan, "completeness_m"),
     )  # fmt: skip
