@@ -30,6 +30,9 @@ from fieldkit.planning.run_folder import read_log, read_settings, searched
 from fieldkit.progress import Progress
 from fieldkit.reporting.objective_plots import png
 from fieldkit.reporting.search_plots import draw_regret
+from fieldkit.scenes.generator import plots_of_kind
+from fieldkit.scenes.library import find_scene
+from fieldkit.scenes.scene_file import read_scene, write_scene
 
 RECORDED_FIDELITY: FidelityName = "standard"
 PLANNERS = ("bosfm", "bosfm-tuned", "field")
@@ -45,6 +48,8 @@ _CARRIED = ("circle-aim", "score", *PLANNERS, *_KIND)
 _REPEATS = 2
 _SUBSETS = 20
 _KIND_PLOTS = 8
+_LIKE, _LIKE_SEED = "like:", 7001
+"""Of plots that plans are carried to: no run's seed is as large."""
 _OURS = ("score", "field", *_KIND)
 """What is no baseline."""
 
@@ -65,7 +70,8 @@ class PlannerOptions:
         fidelity: of searches on simulated plots; recorded sets are searched at `RECORDED_FIDELITY`.
         workers: processes.
         methods: to compare; all where empty.
-        onto: scenes that plans of ``scenes`` are carried to in ``transfer``.
+        onto: scenes that plans of ``scenes`` are carried to in ``transfer``; "like:N" for N plots of each scene's kind
+            that no plan has met.
     """
 
     data: Path | None
@@ -112,13 +118,30 @@ def _scene_notes(options: PlannerOptions) -> tuple[str, ...]:
     )
 
 
+def _destinations(scene: str, options: PlannerOptions) -> list[str]:
+    """Scenes that a scene's plans are carried to; files of plots of its kind are written beside the runs."""
+    found: list[str] = []
+    for name in options.onto:
+        if not name.startswith(_LIKE):
+            found.append(name)
+            continue
+        description = read_scene(find_scene(scene))
+        options.runs.mkdir(parents=True, exist_ok=True)
+        for number, made in enumerate(plots_of_kind(description, int(name.removeprefix(_LIKE)), _LIKE_SEED)):
+            file = options.runs / f"{Path(scene).stem}-like-{number}.toml"
+            if not file.is_file():
+                write_scene(file, made)
+            found.append(str(file))
+    return found
+
+
 def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
     wall, cpu = time.perf_counter(), time.process_time()
     tables, figures = [], {}
-    places = [Place.scene(name) for name in options.onto]
     for scene in options.scenes:
         origin, plans = Place.scene(scene).name, _on_scene(scene, _CARRIED, options, progress)
-        for name, place in zip(options.onto, places, strict=True):
+        for name in _destinations(scene, options):
+            place = Place.scene(name)
             carried = carry(
                 plans, origin, place, options.runs, cameras=options.cameras,
                 mapping=options.mapping, fidelity=options.fidelity, repeats=_REPEATS, workers=options.workers,

@@ -115,7 +115,9 @@ def command(
     ] = "standard",
     onto: Annotated[
         list[str] | None,
-        typer.Option("--onto", metavar="SCENE", help="Repeatable; in transfer: where plans are taken to."),
+        typer.Option(
+            "--onto", metavar="SCENE", help="Repeatable; in transfer: where plans go; like:N: plots like these."
+        ),
     ] = None,
     count: Annotated[
         int | None,

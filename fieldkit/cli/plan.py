@@ -66,6 +66,13 @@ class Fidelity(StrEnum):
     FINE = "fine"
 
 
+class For(StrEnum):
+    """Which plots a plan is for."""
+
+    KIND = "kind"
+    THIS_PLOT = "this-plot"
+
+
 class Mapping(StrEnum):
     """How camera poses are found in an evaluation."""
 
@@ -96,6 +103,14 @@ def command(
         Path | None,
         typer.Option("--images", rich_help_panel=_PLOT, help="With --reference: its photographs, for a finer proxy."),
     ] = None,
+    plan_for: Annotated[
+        For | None,
+        typer.Option(
+            "--for",
+            rich_help_panel=_PLOT,
+            help="kind: plots like this one, which field and score plan for; this-plot: it alone.",
+        ),
+    ] = None,
     vary: Annotated[
         int | None,
         typer.Option(
@@ -103,7 +118,7 @@ def command(
             rich_help_panel=_PLOT,
             metavar="K",
             min=1,
-            help="Plan for K plots: this one and others drawn of its kind.",
+            help="Plots of the kind, this one among them; 8 where not given.",
         ),
     ] = None,
     cameras: Annotated[int | None, typer.Option("--cameras", "-n", min=3, help="N; 10 where not given.")] = None,
@@ -253,9 +268,10 @@ def command(
     to stderr.
 
     Examples:
-        fieldkit plan --reference plot_7-reference --images plot_7/ -n 12 -o plot_7-plan
+        fieldkit plan --reference plot_7-reference --images plot_7/ -n 12 -o trial-plan
         fieldkit plan --reference plot_7-reference --vehicle ardupilot-pitch --pose-noise from:flight_1 -o plot_7-plan
         fieldkit plan --captures plot_7/ --reference plot_7-reference -n 13 -o plot_7-best-views
+        fieldkit plan --scene case-1 --for this-plot -o case-1-plan
         fieldkit plan --scene case-1 --preset paper --evaluations 200 -o case-1-paper
         fieldkit plan --resume --evaluations 150 -o plot_7-plan
 
@@ -302,7 +318,8 @@ def command(
 
     limit_threads(1)
     count = workers or os.cpu_count() or 1
-    wishes = asked.Asked(given, noise, envelope, scene, reference, captures, images, vehicle, camera_file)
+    purpose = None if plan_for is None else plan_for.value
+    wishes = asked.Asked(given, noise, envelope, scene, reference, captures, images, vehicle, camera_file, purpose)
     settings = read_settings(output) if resume else asked.new_settings(wishes, count, deterministic=deterministic)
     if resume:
         settings = asked.resumed_settings(settings, wishes)

@@ -174,7 +174,7 @@ def _plan(
         scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, evaluations=_EVALUATIONS, finalists=_FINALISTS,
         repeats=_REPEATS, fidelity="draft", confirm_fidelity="draft",
         noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
-        refine=True, seed=seed, workers=workers,
+        purpose="this-plot", refine=True, seed=seed, workers=workers,
     )  # fmt: skip
     with progress.stage("Plan", _EVALUATIONS + _FINALISTS * _REPEATS) as advance:
         outcome = plan_views(output, settings, cache=cache, workers=workers, watch=lambda _: advance(1))

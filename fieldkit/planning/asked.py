@@ -15,7 +15,7 @@ from fieldkit.documents import first_problem
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.missions.plan import PlanCamera
 from fieldkit.planning.flyable import read_vehicle, vehicle_envelope
-from fieldkit.planning.methods.registry import USING_WEIGHTS
+from fieldkit.planning.methods.registry import FOR_A_KIND, USING_WEIGHTS
 from fieldkit.planning.problems import describe_source
 from fieldkit.planning.run_settings import (
     CHANGEABLE,
@@ -30,7 +30,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
     "field": {"method": "field"},
     "paper": {"method": "bosfm", "mapping": "incremental"},
 }
-_DEFAULT_CAMERAS = 10
+_DEFAULT_CAMERAS, _DEFAULT_PLOTS = 10, 8
 _LIMITS = {
     "margin_m": "--margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "--pitch",
     "separation_m": "--separation",
@@ -49,6 +49,7 @@ class Asked:
         images: the reference's photographs.
         vehicle: a profile's name or file.
         camera: a camera.toml or camera.json.
+        purpose: "kind" or "this-plot": which plots the plan is for.
     """
 
     settings: Mapping[str, Any]
@@ -60,12 +61,13 @@ class Asked:
     images: Path | None = None
     vehicle: str | Path | None = None
     camera: Path | None = None
+    purpose: str | None = None
 
 
 def search_settings(
     *, scene: Path | None = None, reference: Path | None = None, captures: Path | None = None,
     images: Path | None = None, vehicle: str | Path | None = None, camera: Path | None = None,
-    noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
+    purpose: str | None = None, noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
     workers: int = 1, deterministic: bool = False, **more: Any,
 ) -> SearchSettings:  # fmt: skip
     """The settings of a new run, for `plan_views`.
@@ -75,6 +77,8 @@ def search_settings(
         images: the reference's photographs.
         vehicle: a profile's name or file: its camera, and its limits where ``envelope`` says nothing.
         camera: calibration (camera.toml) to use instead of the vehicle's or the scene's.
+        purpose: "kind" (plots like this one) or "this-plot"; None is the method's own: `field` and `score` plan for
+            the kind, but of recorded photographs.
         noise: fields of `NoiseSettings`.
         envelope: fields of `EnvelopeSettings`.
         workers: that will evaluate.
@@ -88,7 +92,7 @@ def search_settings(
     Example:
         >>> settings = search_settings(scene=Path("case-1"), cameras=10, evaluations=60)
     """
-    asked = Asked(more, noise or {}, envelope or {}, scene, reference, captures, images, vehicle, camera)
+    asked = Asked(more, noise or {}, envelope or {}, scene, reference, captures, images, vehicle, camera, purpose)
     return new_settings(asked, workers, deterministic=deterministic)
 
 
@@ -125,10 +129,6 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
             values["reference_path"] = str(asked.reference.resolve())
         if unchanging(source, noise):
             values["repeats"] = 1
-    if given.get("plots", 1) > 1 and source.kind == "captures":
-        raise UsageError(
-            "recorded photographs are of one plot: no others of its kind can be drawn", remedy="Leave --vary out."
-        )
     if asked.images is not None:
         if source.kind != "reference":
             raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
@@ -143,6 +143,7 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
             raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
         values["camera"] = _camera(asked.camera)
     values |= _PRESETS[given.get("preset", "field")] | given
+    values["plots"] = _plots(asked.purpose, given.get("plots"), values["method"], source.kind)
     if "weights" in given and values["method"] not in USING_WEIGHTS:
         raise UsageError(
             f"--weights would change nothing: {values['method']} does not go by the geometric score",
@@ -152,6 +153,24 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         return SearchSettings(**values, noise=noise, envelope=EnvelopeSettings(**envelope))
     except ValidationError as error:
         raise _refused(error) from error
+
+
+def _plots(purpose: str | None, plots: int | None, method: str, source: str) -> int:
+    """How many plots a plan is for."""
+    if source == "captures":
+        if purpose == "kind" or (plots or 1) > 1:
+            raise UsageError(
+                "recorded photographs are of one plot: no others of its kind can be drawn",
+                remedy="Leave --for and --vary out.",
+            )
+        return 1
+    if purpose == "this-plot":
+        if (plots or 1) > 1:
+            raise UsageError(f"--vary {plots} plans for more than this plot", remedy="Give --for or --vary.")
+        return 1
+    if plots is not None:
+        return plots
+    return _DEFAULT_PLOTS if purpose == "kind" or method in FOR_A_KIND else 1
 
 
 def _refused(error: ValidationError) -> UsageError:
@@ -165,6 +184,8 @@ def resumed_settings(settings: SearchSettings, asked: Asked) -> SearchSettings:
         UsageError: something else was asked for than what the run began with.
     """
     given = _given(asked.settings)
+    if asked.purpose is not None and (asked.purpose == "kind") != (settings.plots > 1):
+        given["plots"] = 1 if asked.purpose == "this-plot" else _DEFAULT_PLOTS
     fixed = {key: value for key, value in given.items() if key not in CHANGEABLE and getattr(settings, key) != value}
     for own, wished in ((settings.noise, asked.noise), (settings.envelope, asked.envelope)):
         fixed |= {key: value for key, value in _given(wished).items() if getattr(own, key) != value}

@@ -115,5 +115,7 @@ USING_MATCHES = frozenset({"field", "score", "match-graph"})
 """Methods that use a recorded set's counted matches (`Problem.matches`)."""
 USING_WEIGHTS = frozenset({"field", "score"})
 """Methods that go by the geometric score's weights (`SearchSettings.weights`)."""
+FOR_A_KIND = frozenset({"field", "score"})
+"""Methods that know how to plan for several plots, and do so unless asked otherwise."""
 CHOOSERS = frozenset({"score"})
 """Methods that need no results (`Chooser`)."""
