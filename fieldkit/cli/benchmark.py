@@ -115,9 +115,7 @@ def command(
     ] = "standard",
     onto: Annotated[
         list[str] | None,
-        typer.Option(
-            "--onto", metavar="SCENE", help="Repeatable; in transfer: where plans go; like:N: plots like these."
-        ),
+        typer.Option("--onto", metavar="SCENE", help="Repeatable; in transfer: where plans go. like:N: new plots."),
     ] = None,
     count: Annotated[
         int | None,
