@@ -44,6 +44,9 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "--height", "2"], 2, "two numbers"),
         (["--scene", "case-1", "--height", "3,2"], 2, "3 is above 2"),
         (["--captures", str(SMALL_PLOT), "--clearance", "0.5"], 2, "--clearance would not change the choice"),
+        (["--scene", "case-1", "--for", "this-plot", "--vary", "4"], 2, "--vary 4 plans for more than this plot"),
+        (["--captures", str(SMALL_PLOT), "--for", "kind"], 2, "no others of its kind"),
+        (["--captures", str(SMALL_PLOT), "--vary", "4"], 2, "no others of its kind"),
         (["--scene", "case-1", "--risk", "0"], 2, "risk"),
         (["--captures", str(SMALL_PLOT), "--risk", "0"], 2, "risk"),
         (["--scene", "case-1", "--time-budget", "soon"], 2, "--time-budget"),
@@ -74,7 +77,16 @@ def test_wrong_calls_are_told_in_words(
 
 
 @pytest.mark.parametrize(
-    "arguments", [["-n", "5"], ["--seed", "4"], ["--clearance", "2"], ["--pose-noise", "0.1,1"], ["--refine"]]
+    "arguments",
+    [
+        ["-n", "5"],
+        ["--seed", "4"],
+        ["--for", "kind"],
+        ["--vary", "8"],
+        ["--clearance", "2"],
+        ["--pose-noise", "0.1,1"],
+        ["--refine"],
+    ],
 )
 def test_a_run_goes_on_as_it_began(tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None:
     with create_run(tmp_path / "run", bowl_settings()):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,6 +31,17 @@ def test_settings_without_a_command_line() -> None:
         search_settings()
     with pytest.raises(UsageError, match="cameras"):
         search_settings(scene=Path("case-1"), cameras=1)
+
+
+@pytest.mark.parametrize(
+    ("asked", "plots"),
+    [
+        ({}, 8), ({"method": "score"}, 8), ({"plots": 5}, 5), ({"purpose": "kind", "method": "circle"}, 8),
+        ({"purpose": "this-plot"}, 1), ({"method": "circle"}, 1), ({"preset": "paper"}, 1),
+    ],
+)  # fmt: skip
+def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[str, Any], plots: int) -> None:
+    assert search_settings(scene=Path("case-1"), **asked).plots == plots
 
 
 def test_a_plan_says_where_the_plants_are() -> None:
