@@ -16,7 +16,7 @@ from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.matchability import Matchability, expected_matches, looseness_m
 from fieldkit.planning.plots import Plot
 from fieldkit.planning.search import Problem
-from fieldkit.planning.visibility import OBSTACLES, POINTS, PerCamera, Surface, in_picture, look
+from fieldkit.planning.visibility import POINTS, PerCamera, Surface, in_picture, look
 
 _STEPS = 4096
 _GRID = 12
@@ -122,7 +122,6 @@ class GeometricScore:
         settings: constants.
         plot: of the problem's; the first one by default.
         points: of the surface, at most.
-        obstacles: points that hide, at most.
     """
 
     def __init__(
@@ -133,11 +132,10 @@ class GeometricScore:
         *,
         plot: Plot | None = None,
         points: int = POINTS,
-        obstacles: int = OBSTACLES,
     ) -> None:
         self.problem, self.matchability = problem, matchability or Matchability()
         self.settings = settings or ScoreSettings()
-        self.surface = Surface.of(plot or problem.plots[0], points, obstacles)
+        self.surface = Surface.of(plot or problem.plots[0], points)
         self._plot = _plot_points(problem, self.surface)
         self._worth = _pair_worth(self.settings)
         self._views = PerCamera(self._look)

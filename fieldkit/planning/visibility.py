@@ -20,7 +20,8 @@ from fieldkit.planning.plots import Plot
 
 _FINEST_M = 0.005
 _COARSER = 1.12
-POINTS, OBSTACLES = 2500, 100_000
+POINTS = 2500
+_OBSTACLES = 100_000
 _BUFFER = 400
 _TOLERANCE = 2.0
 _STREAM = 45
@@ -46,9 +47,9 @@ class Surface:
     splat_m: float
 
     @classmethod
-    def of(cls, plot: Plot, limit: int = POINTS, obstacles: int = OBSTACLES) -> Surface:
-        """At most ``limit`` points of a plot's reference, always the same ones, and what hides, thinned to 5 mm or as
-        far as it takes for at most ``obstacles`` points.
+    def of(cls, plot: Plot, limit: int = POINTS) -> Surface:
+        """At most ``limit`` points of a plot's reference, always the same ones, and what hides, thinned to 5 mm where
+        it is not too many.
 
         Raises:
             ValueError: the reference has no points.
@@ -58,7 +59,7 @@ class Surface:
             raise ValueError("the reference has no points")
         drawn = np.random.default_rng(_STREAM).permutation(len(reference))[:limit]
         normals = None if reference.normals is None else reference.normals[drawn].astype(np.float64)
-        kept, size = _thinned(Cloud(plot.points), obstacles)
+        kept, size = _thinned(Cloud(plot.points), _OBSTACLES)
         return cls(reference.points[drawn].astype(np.float64), normals, np.array(kept.points), size)
 
     def __len__(self) -> int:
