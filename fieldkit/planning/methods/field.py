@@ -87,18 +87,20 @@ class Learnt(NamedTuple):
         """Standard deviation of an evaluation of −ln(value)."""
         return float(self.model.likelihood.noise.detach().sqrt())
 
-    def gain(self, inputs: Array) -> Gain:
+    def gain(self, inputs: Array, least_noise: float) -> Gain:
         """What candidates (n, d) leave to be gained over the best of the trials.
 
         The bound on simple regret of Makarova et al. (2022), "Automatic termination for hyperparameter optimization":
         the lowest upper bound of what was tried less the lowest lower bound of the candidates, both one standard
-        deviation from the mean. The noise is the model's, of the best trial.
+        deviation from the mean. The noise is the model's, of the best trial, and ``least_noise`` (a share) at least:
+        also where a set has the same value at every seed a smaller gain is not worth looking for.
         """
         mean, deviation = moments(self.model, np.vstack([self.x, inputs]))
         tried = len(self.x)
         upper = float(np.exp(-(mean - _CONFIDENCE * deviation)[:tried].max()))
         lower = float(np.exp(-(mean + _CONFIDENCE * deviation)[tried:].max()))
-        return Gain(max(upper - lower, 0.0), self.noise * float(np.exp(-self.mean.max())))
+        noise = max(self.noise, least_noise)
+        return Gain(max(upper - lower, 0.0), noise * float(np.exp(-self.mean.max())))
 
 
 class _Candidate(NamedTuple):
@@ -172,7 +174,7 @@ class Field:
             values = values + np.log(whole)
             notes["whole"] = float(whole[int(np.argmax(values))])
         elif anywhere:
-            gain = learnt.gain(inputs)
+            gain = learnt.gain(inputs, self.settings.noise)
             notes |= {"gain_m": gain.bound_m, "noise_m": gain.noise_m}
         chosen = candidates[int(np.argmax(values))]
         return self._trial(number, chosen, notes, gain)
