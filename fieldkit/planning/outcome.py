@@ -155,7 +155,8 @@ def write_outcome(
         figure = draw_search(values, best_so_far(trials), history, outcome.chamfer_m)
         write_atomic(run.path / SEARCH_PICTURE, png(figure))
     cameras = chosen.trial.cameras
-    title = f"{settings.source.name}: {settings.cameras} cameras, {_worth(outcome)}"
+    like = "" if settings.plots == 1 else "plots like "
+    title = f"{like}{settings.source.name}: {settings.cameras} cameras, {_worth(outcome)}"
     views = plannable.problem.views
     figure = draw_plan(
         title, cameras.positions, cameras.forward, plannable.problem.reference,
