@@ -22,6 +22,7 @@ from fieldkit.benchmarks.suite import run_studies
 from fieldkit.cache import StageCache
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.missions.plan import PlanSource
+from fieldkit.planning.asked import KIND_PLOTS
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping as SfmMapping
 from fieldkit.planning.outcome import PLAN_PICTURE
@@ -47,7 +48,6 @@ _KIND = {"score-kind": "score", "field-kind": "field"}
 _CARRIED = ("circle-aim", "score", *PLANNERS, *_KIND)
 _REPEATS = 2
 _SUBSETS = 20
-_KIND_PLOTS = 8
 _LIKE, _LIKE_SEED = "like:", 7001
 """Of plots that plans are carried to: no run's seed is as large."""
 _OURS = ("score", "field", *_KIND)
@@ -300,7 +300,7 @@ def _contenders(names: Sequence[str], options: PlannerOptions) -> list[Contender
     return [
         Contender(
             _KIND.get(name, name), options.evaluations, seeds if name in (*_SEVERAL, *_KIND) else (0,),
-            _KIND_PLOTS if name in _KIND else 1,
+            KIND_PLOTS if name in _KIND else 1,
         )
         for name in chosen
     ]  # fmt: skip

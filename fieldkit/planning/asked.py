@@ -30,7 +30,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
     "field": {"method": "field"},
     "paper": {"method": "bosfm", "mapping": "incremental"},
 }
-_DEFAULT_CAMERAS, _DEFAULT_PLOTS = 10, 8
+_DEFAULT_CAMERAS, KIND_PLOTS = 10, 8
 _LIMITS = {
     "margin_m": "--margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "--pitch",
     "separation_m": "--separation",
@@ -170,7 +170,7 @@ def _plots(purpose: str | None, plots: int | None, method: str, source: str) -> 
         return 1
     if plots is not None:
         return plots
-    return _DEFAULT_PLOTS if purpose == "kind" or method in FOR_A_KIND else 1
+    return KIND_PLOTS if purpose == "kind" or method in FOR_A_KIND else 1
 
 
 def _refused(error: ValidationError) -> UsageError:
@@ -185,7 +185,7 @@ def resumed_settings(settings: SearchSettings, asked: Asked) -> SearchSettings:
     """
     given = _given(asked.settings)
     if asked.purpose is not None and (asked.purpose == "kind") != (settings.plots > 1):
-        given["plots"] = 1 if asked.purpose == "this-plot" else _DEFAULT_PLOTS
+        given["plots"] = 1 if asked.purpose == "this-plot" else KIND_PLOTS
     fixed = {key: value for key, value in given.items() if key not in CHANGEABLE and getattr(settings, key) != value}
     for own, wished in ((settings.noise, asked.noise), (settings.envelope, asked.envelope)):
         fixed |= {key: value for key, value in _given(wished).items() if getattr(own, key) != value}

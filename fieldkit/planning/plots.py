@@ -16,7 +16,7 @@ from fieldkit.scenes.plot import build_plants, sample_visible
 from fieldkit.scenes.recorded import recorded_plants
 
 _POINTS, _PIXELS = 40_000, 800
-_LOWEST_M = 0.03
+LOWEST_M = 0.03
 _MARGIN_M = 0.03
 
 
@@ -87,7 +87,7 @@ def of_interest(description: SceneDescription, visible: Cloud) -> tuple[Cloud, V
     return reference, Volume((bounds.lower[0], bounds.lower[1], lowest), bounds.upper)
 
 
-def above_soil(visible: Cloud, lowest_m: float = _LOWEST_M) -> tuple[Cloud, Volume]:
+def above_soil(visible: Cloud, lowest_m: float = LOWEST_M) -> tuple[Cloud, Volume]:
     """The points above ``lowest_m``, and the box about them with 3 cm around. Raises SceneError: there are none."""
     reference = visible.select(visible.points[:, 2] > lowest_m)
     if not len(reference):

@@ -18,7 +18,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.fidelity import Fidelity
-from fieldkit.planning.plots import Plot, above_soil, check_plants, of_interest
+from fieldkit.planning.plots import LOWEST_M, Plot, above_soil, check_plants, of_interest
 from fieldkit.planning.source import Shot
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.known_poses import SourceFrame
@@ -62,7 +62,13 @@ class Proxy:
 
     @classmethod
     def of(
-        cls, scene: Scene, camera: Intrinsics, *, points: int = _REFERENCE_POINTS, lowest_m: float = 0.03, seed: int = 0
+        cls,
+        scene: Scene,
+        camera: Intrinsics,
+        *,
+        points: int = _REFERENCE_POINTS,
+        lowest_m: float = LOWEST_M,
+        seed: int = 0,
     ) -> Proxy:
         """A proxy of a scene: its plants' visible surfaces, sampled uniformly by area.
 
