@@ -20,6 +20,7 @@ from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.benchmarks.rigs import load_rig
 from fieldkit.benchmarks.suite import run_studies
 from fieldkit.cache import StageCache
+from fieldkit.errors import UsageError
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.missions.plan import PlanSource
 from fieldkit.planning.asked import KIND_PLOTS
@@ -125,9 +126,12 @@ def _destinations(scene: str, options: PlannerOptions) -> list[str]:
         if not name.startswith(_LIKE):
             found.append(name)
             continue
+        count = name.removeprefix(_LIKE)
+        if not (count.isdecimal() and int(count)):
+            raise UsageError(f"{name}: how many plots?", remedy="Give a whole number, as in like:2.")
         description = read_scene(find_scene(scene))
         options.runs.mkdir(parents=True, exist_ok=True)
-        for number, made in enumerate(plots_of_kind(description, int(name.removeprefix(_LIKE)), _LIKE_SEED)):
+        for number, made in enumerate(plots_of_kind(description, int(count), _LIKE_SEED)):
             file = options.runs / f"{Path(scene).stem}-like-{number}.toml"
             if not file.is_file():
                 write_scene(file, made)
@@ -138,10 +142,11 @@ def _destinations(scene: str, options: PlannerOptions) -> list[str]:
 def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
     wall, cpu = time.perf_counter(), time.process_time()
     tables, figures = [], {}
-    for scene in options.scenes:
+    # All of them first: a name that is wrong shall not be found out after hours of planning.
+    targets = {scene: [(name, Place.scene(name)) for name in _destinations(scene, options)] for scene in options.scenes}
+    for scene, places in targets.items():
         origin, plans = Place.scene(scene).name, _on_scene(scene, _CARRIED, options, progress)
-        for name in _destinations(scene, options):
-            place = Place.scene(name)
+        for name, place in places:
             carried = carry(
                 plans, origin, place, options.runs, cameras=options.cameras,
                 mapping=options.mapping, fidelity=options.fidelity, repeats=_REPEATS, workers=options.workers,
