@@ -25,7 +25,8 @@ from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.progress import Progress, Silent
 from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.dense import Settings as DenseSettings
-from fieldkit.reconstruction.pipeline import KnownPlot, clearance, reconstruct
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
+from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.scenes.simulate import CaptureNoise
 

@@ -20,7 +20,7 @@ from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping
 from fieldkit.planning.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.plan_views import plan_views, resume_plan
-from fieldkit.planning.problems import describe_source
+from fieldkit.planning.problems import describe_sources
 from fieldkit.planning.run_folder import LOG_FILE, SETTINGS_FILE, LogEntry, read_log, read_settings, searched
 from fieldkit.planning.run_settings import SearchSettings, lag_for
 from fieldkit.progress import Progress
@@ -45,7 +45,7 @@ class Place:
     @classmethod
     def scene(cls, name: str) -> Place:
         """A scene that comes with fieldkit, or a file's. Raises SceneError."""
-        source, path = describe_source(Path(name), None, None)
+        ((source, path),) = describe_sources([Path(name)], (), None)
         return cls(path.stem, source, path)
 
     def settings(self, **more: Any) -> SearchSettings:

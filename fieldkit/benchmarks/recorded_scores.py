@@ -26,7 +26,8 @@ from fieldkit.planning.recorded import RecordedSource
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.dense import Settings as DenseSettings
 from fieldkit.reconstruction.dense import prepare_view, select_backend
-from fieldkit.reconstruction.pipeline import KnownPlot, clearance, place
+from fieldkit.reconstruction.pipeline import KnownPlot, place
+from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reporting.objective_plots import png

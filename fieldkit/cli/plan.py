@@ -83,16 +83,22 @@ class Mapping(StrEnum):
 
 def command(
     output: OutputOption,
-    scene: Annotated[
-        Path | None,
+    scenes: Annotated[
+        list[Path] | None,
         typer.Option(
-            "--scene", rich_help_panel=_PLOT, help="Plan on a scene: a file, a folder or a name such as case-1."
+            "--scene",
+            rich_help_panel=_PLOT,
+            metavar="SCENE",
+            help="Plan on a scene: a file, a folder or a name such as case-1. Repeatable.",
         ),
     ] = None,
-    reference: Annotated[
-        Path | None,
+    references: Annotated[
+        list[Path] | None,
         typer.Option(
-            "--reference", rich_help_panel=_PLOT, help="Plan on a proxy of a reference; with --captures: their truth."
+            "--reference",
+            rich_help_panel=_PLOT,
+            metavar="REF",
+            help="Plan on a proxy of a reference; repeatable. With --captures: their truth.",
         ),
     ] = None,
     captures: Annotated[
@@ -100,8 +106,13 @@ def command(
         typer.Option("--captures", rich_help_panel=_PLOT, help="Choose of recorded photographs with known poses."),
     ] = None,
     images: Annotated[
-        Path | None,
-        typer.Option("--images", rich_help_panel=_PLOT, help="With --reference: its photographs, for a finer proxy."),
+        list[Path] | None,
+        typer.Option(
+            "--images",
+            rich_help_panel=_PLOT,
+            metavar="FOLDER",
+            help="Photographs of each --reference, for a finer proxy.",
+        ),
     ] = None,
     plan_for: Annotated[
         For | None,
@@ -118,7 +129,7 @@ def command(
             rich_help_panel=_PLOT,
             metavar="K",
             min=1,
-            help="Plots of the kind, this one among them; 8 where not given.",
+            help="Plots of the kind, those given among them; 8 where not given.",
         ),
     ] = None,
     cameras: Annotated[int | None, typer.Option("--cameras", "-n", min=3, help="N; 10 where not given.")] = None,
@@ -183,7 +194,7 @@ def command(
             "--pose-noise",
             rich_help_panel=_NOISE,
             metavar="M,DEG",
-            help="Plan for flights that miss their stations by this; from:EVAL as one.",
+            help="Plan for flights that miss stations by this; from:EVAL as one. For a kind: the vehicle's; 0,0: none.",
         ),
     ] = "",
     image_noise: Annotated[
@@ -205,9 +216,13 @@ def command(
         ),
     ] = None,
     refine: Annotated[
-        bool,
-        typer.Option("--refine", rich_help_panel=_NOISE, help="Move clouds onto the reference before they are scored."),
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--refine/--no-refine",
+            rich_help_panel=_NOISE,
+            help="Move clouds onto the reference before they are scored; of a kind's plots they are.",
+        ),
+    ] = None,
     margin: Annotated[
         float | None,
         typer.Option("--margin", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="Beyond the plants, for cameras."),
@@ -294,7 +309,7 @@ def command(
         "at_least": at_least, "initial": initial,
         "time_budget_s": seconds(time_budget) if time_budget else None, "fidelity": fidelity,
         "confirm_fidelity": confirm, "finalists": finalists, "repeats": repeats, "mapping": mapping, "seed": seed,
-        "refine": refine or None, "weights": score_weights(weights) if weights else None,
+        "refine": refine, "weights": score_weights(weights) if weights else None,
     }  # fmt: skip
     given = {key: str(value) if isinstance(value, StrEnum) else value for key, value in given.items()}
     pose = pose_noise_of(pose_noise) if pose_noise else (None, None)
@@ -319,7 +334,10 @@ def command(
     limit_threads(1)
     count = workers or os.cpu_count() or 1
     purpose = None if plan_for is None else plan_for.value
-    wishes = asked.Asked(given, noise, envelope, scene, reference, captures, images, vehicle, camera_file, purpose)
+    wishes = asked.Asked(
+        given, noise, envelope, tuple(scenes or ()), tuple(references or ()), captures, tuple(images or ()), vehicle,
+        camera_file, purpose,
+    )  # fmt: skip
     settings = read_settings(output) if resume else asked.new_settings(wishes, count, deterministic=deterministic)
     if resume:
         settings = asked.resumed_settings(settings, wishes)
@@ -381,6 +399,8 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
 
 
 def _planned_on(settings: SearchSettings) -> str:
+    name, others = settings.source.name, len(settings.others)
     if settings.plots == 1:
-        return settings.source.name
-    return f"plots like {settings.source.name} that it had not met ({settings.plots} were planned on)"
+        return name
+    more = f" and {others} others" if others else ""
+    return f"plots like {name}{more} that it had not met ({settings.plots} were planned on)"

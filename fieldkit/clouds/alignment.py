@@ -18,7 +18,7 @@ from fieldkit.errors import EmptyCloudError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 
-_REFERENCE_REACH_M = 0.05
+REFERENCE_REACH_M = 0.05
 """From how far a plot's cloud, placed by its photographs' positions, is moved onto the plot's reference."""
 _SHAPE_NEIGHBORS = 12
 _ITERATIONS = 60
@@ -104,13 +104,15 @@ def icp(
     return result, _stats(source, fixed, middle, start, result, distance, converged)
 
 
-def icp_onto_reference(cloud: Cloud, reference: Cloud) -> tuple[Similarity, AlignmentStats]:
+def icp_onto_reference(
+    cloud: Cloud, reference: Cloud, *, with_scale: bool = False
+) -> tuple[Similarity, AlignmentStats]:
     """`icp` of a plot's cloud, placed by its photographs' positions, onto the plot's reference: within 5 cm.
 
     Raises:
         EmptyCloudError: either cloud has no points.
     """
-    return icp(cloud, reference, max_distance_m=_REFERENCE_REACH_M)
+    return icp(cloud, reference, max_distance_m=REFERENCE_REACH_M, with_scale=with_scale)
 
 
 def _align_level(

@@ -70,6 +70,11 @@ class Volume:
         """Metres."""
         return float(np.linalg.norm(self.size))
 
+    def grown(self, margin_m: float) -> Volume:
+        """The box with ``margin_m`` more on every side."""
+        lower, upper = np.array(self.lower) - margin_m, np.array(self.upper) + margin_m
+        return Volume(tuple(lower), tuple(upper))
+
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Mask (n,) of the points (n, 3) inside; the faces belong to the box."""
         p = np.asarray(points, dtype=np.float64)

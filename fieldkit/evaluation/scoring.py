@@ -11,13 +11,14 @@ import numpy as np
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, Finding
 from fieldkit.clouds import Cloud, ReferenceIndex, score, write_cloud
-from fieldkit.clouds.alignment import icp_onto_reference
+from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.report_files import describe_files
 from fieldkit.evaluation.schema import CorrectionEntry, PlotEvaluation
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
+from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reporting.comparison import write_comparison
 from fieldkit.reporting.overview import write_overview
@@ -104,13 +105,17 @@ def score_capture(
     """
     place = name if subfolder is None else subfolder
     reference = scoring.reference
-    found = reconstruct(capture, settings, cache=cache, progress=progress, workers=workers, known_plot=known_plot)
+    refine = scoring.refine and reference is not None
+    found = reconstruct(
+        capture, settings, cache=cache, progress=progress, workers=workers, known_plot=known_plot,
+        reach_m=REFERENCE_REACH_M if refine else 0.0,
+    )  # fmt: skip
     plants, correction, result = found.plants, None, None
     findings: list[Finding] = []
     with progress.stage("Scoring"):
         if reference is not None and scoring.index is not None:
-            if scoring.refine:
-                plants, correction, findings = _refined(plants, reference.cloud, name)
+            if refine:
+                plants, correction, findings = _refined(found, reference.cloud, name)
             result = score(scoring.index, plants, scoring.distances_m)
         (folder / place).mkdir(parents=True)
         write_cloud(folder / place / CLOUD_FILE, plants)
@@ -126,14 +131,14 @@ def score_capture(
     return plot.model_copy(update={"files": describe_files(folder, [f"{place}/{n}" for n in names])})
 
 
-def _refined(plants: Cloud, reference: Cloud, name: str) -> tuple[Cloud, CorrectionEntry, list[Finding]]:
+def _refined(found: Reconstruction, reference: Cloud, name: str) -> tuple[Cloud, CorrectionEntry, list[Finding]]:
     """The cloud moved onto the reference by ICP, and by how much."""
-    motion, stats = icp_onto_reference(plants, reference)
+    motion, stats = icp_onto_reference(found.plants, reference)
     findings: list[Finding] = []
     if not stats.converged:
         message = "ICP did not converge: too little of the cloud is near the reference; read the correction with care"
         findings.append(Finding(name, "refinement-not-converged", message))
-    center = plants.points.mean(axis=0)
+    center = found.plants.points.mean(axis=0)
     shift = np.asarray(motion.apply(center)) - center
     correction = CorrectionEntry(
         translation_m=(float(shift[0]), float(shift[1]), float(shift[2])),
@@ -141,4 +146,4 @@ def _refined(plants: Cloud, reference: Cloud, name: str) -> tuple[Cloud, Correct
         scale=stats.scale,
         rms_m=stats.rms_m,
     )
-    return plants.transformed(motion), correction, findings
+    return found.moved_plants(motion), correction, findings

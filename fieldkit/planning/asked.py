@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,14 @@ from fieldkit import __version__
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents import first_problem
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.missions.plan import PlanCamera
-from fieldkit.planning.flyable import read_vehicle, vehicle_envelope
+from fieldkit.missions.plan import PlanCamera, PlanSource
+from fieldkit.planning.flyable import flight_noise, read_vehicle, vehicle_envelope
 from fieldkit.planning.methods.registry import FOR_A_KIND, USING_WEIGHTS
-from fieldkit.planning.problems import describe_source
+from fieldkit.planning.problems import describe_sources
 from fieldkit.planning.run_settings import (
     CHANGEABLE,
     EnvelopeSettings,
+    GivenPlot,
     NoiseSettings,
     SearchSettings,
     lag_for,
@@ -30,6 +31,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
     "field": {"method": "field"},
     "paper": {"method": "bosfm", "mapping": "incremental"},
 }
+Paths = Path | Sequence[Path]
 _DEFAULT_CAMERAS, KIND_PLOTS = 10, 8
 _LIMITS = {
     "margin_m": "--margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "--pitch",
@@ -43,10 +45,10 @@ class Asked:
 
     Attributes:
         settings: by `SearchSettings`' keys.
-        noise: by `NoiseSettings`' keys.
+        noise: by `NoiseSettings`' keys. Where plans are for a kind, poses have the flight's if nothing is given.
         envelope: by `EnvelopeSettings`' keys.
-        scene, reference, captures: what to plan on; see `describe_source`.
-        images: the reference's photographs.
+        scenes, references, captures: what to plan on; see `describe_sources`.
+        images: the references' photographs, in the same order; none, or of all of them.
         vehicle: a profile's name or file.
         camera: a camera.toml or camera.json.
         purpose: "kind" or "this-plot": which plots the plan is for.
@@ -55,31 +57,31 @@ class Asked:
     settings: Mapping[str, Any]
     noise: Mapping[str, Any]
     envelope: Mapping[str, Any]
-    scene: Path | None = None
-    reference: Path | None = None
+    scenes: tuple[Path, ...] = ()
+    references: tuple[Path, ...] = ()
     captures: Path | None = None
-    images: Path | None = None
+    images: tuple[Path, ...] = ()
     vehicle: str | Path | None = None
     camera: Path | None = None
     purpose: str | None = None
 
 
 def search_settings(
-    *, scene: Path | None = None, reference: Path | None = None, captures: Path | None = None,
-    images: Path | None = None, vehicle: str | Path | None = None, camera: Path | None = None,
-    purpose: str | None = None, noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
+    *, scene: Paths = (), reference: Paths = (), captures: Path | None = None, images: Paths = (),
+    vehicle: str | Path | None = None, camera: Path | None = None, purpose: str | None = None,
+    noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
     workers: int = 1, deterministic: bool = False, **more: Any,
 ) -> SearchSettings:  # fmt: skip
     """The settings of a new run, for `plan_views`.
 
     Args:
-        scene, reference, captures: what to plan on, as `fieldkit plan` takes them.
-        images: the reference's photographs.
+        scene, reference, captures: what to plan on, as `fieldkit plan` takes them: one scene or reference, or several.
+        images: the references' photographs, in the same order.
         vehicle: a profile's name or file: its camera, and its limits where ``envelope`` says nothing.
         camera: calibration (camera.toml) to use instead of the vehicle's or the scene's.
         purpose: "kind" (plots like this one) or "this-plot"; None is the method's own: `field` and `score` plan for
             the kind, but of recorded photographs.
-        noise: fields of `NoiseSettings`.
+        noise: fields of `NoiseSettings`; poses of plans for the kind have the flight's where they are left out.
         envelope: fields of `EnvelopeSettings`.
         workers: that will evaluate.
         deterministic: see `lag_for`.
@@ -92,7 +94,10 @@ def search_settings(
     Example:
         >>> settings = search_settings(scene=Path("case-1"), cameras=10, evaluations=60)
     """
-    asked = Asked(more, noise or {}, envelope or {}, scene, reference, captures, images, vehicle, camera, purpose)
+    asked = Asked(
+        more, noise or {}, envelope or {}, _paths(scene), _paths(reference), captures, _paths(images), vehicle, camera,
+        purpose,
+    )  # fmt: skip
     return new_settings(asked, workers, deterministic=deterministic)
 
 
@@ -108,11 +113,15 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         UsageError: they contradict themselves, or leave the vehicle's limits.
         InputError: what is to be planned on, the vehicle or the camera cannot be used.
     """
-    source, path = describe_source(asked.scene, asked.reference, asked.captures)
+    (source, path), *others = describe_sources(asked.scenes, asked.references, asked.captures)
     given = _given(asked.settings)
     envelope = _given(asked.envelope)
+    method = given.get("method") or _PRESETS[given.get("preset", "field")]["method"]
+    plots = _plots(asked.purpose, given.get("plots"), method, source.kind, 1 + len(others))
+    vehicle = None if asked.vehicle is None else read_vehicle(asked.vehicle)
+    missed = {} if plots == 1 else flight_noise(None if vehicle is None else vehicle[0])
     try:
-        noise = NoiseSettings(**_given(asked.noise))
+        noise = NoiseSettings(**(missed | _given(asked.noise)))
     except ValidationError as error:
         raise _refused(error) from error
     values: dict[str, Any] = {
@@ -125,25 +134,28 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
     if source.kind == "captures":
         if asked.vehicle is None:  # with one they say which views count as its own
             _refuse_limits(envelope)
-        if asked.reference is not None:
-            values["reference_path"] = str(asked.reference.resolve())
+        if asked.references:
+            values["reference_path"] = str(asked.references[0].resolve())
         if unchanging(source, noise):
             values["repeats"] = 1
-    if asked.images is not None:
-        if source.kind != "reference":
-            raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
-        values["images_path"] = str(asked.images.resolve())
-    if asked.vehicle is not None:
-        vehicle, values["vehicle"] = read_vehicle(asked.vehicle)
-        envelope = vehicle_envelope(vehicle, envelope)
+    images = _images(asked, source)
+    values["images_path"] = images[0]
+    values["others"] = tuple(
+        GivenPlot(source=each, path=str(place), images_path=its)
+        for (each, place), its in zip(others, images[1:], strict=True)
+    )
+    if vehicle is not None:
+        profile, values["vehicle"] = vehicle
+        envelope = vehicle_envelope(profile, envelope)
         if source.kind != "captures":
-            values["camera"] = vehicle.camera
+            values["camera"] = profile.camera
     if asked.camera is not None:
         if source.kind == "captures":
             raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
         values["camera"] = _camera(asked.camera)
-    values |= _PRESETS[given.get("preset", "field")] | given
-    values["plots"] = _plots(asked.purpose, given.get("plots"), values["method"], source.kind)
+    if plots > 1 and noise.pose_m:
+        values["refine"] = True  # else luck in where a cloud lies would count for more than where cameras stand
+    values |= _PRESETS[given.get("preset", "field")] | given | {"plots": plots}
     if "weights" in given and values["method"] not in USING_WEIGHTS:
         raise UsageError(
             f"--weights would change nothing: {values['method']} does not go by the geometric score",
@@ -155,7 +167,22 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         raise _refused(error) from error
 
 
-def _plots(purpose: str | None, plots: int | None, method: str, source: str) -> int:
+def _images(asked: Asked, source: PlanSource) -> tuple[str | None, ...]:
+    """Where the photographs of each given plot are; None where a proxy is made without."""
+    count = max(1, len(asked.scenes), len(asked.references) if source.kind == "reference" else 1)
+    if not asked.images:
+        return (None,) * count
+    if source.kind != "reference":
+        raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
+    if len(asked.images) != count:
+        raise UsageError(
+            f"--images is given {len(asked.images)} times for {count} references",
+            remedy="Give it once for each --reference, in the same order.",
+        )
+    return tuple(str(images.resolve()) for images in asked.images)
+
+
+def _plots(purpose: str | None, plots: int | None, method: str, source: str, given: int) -> int:
     """How many plots a plan is for."""
     if source == "captures":
         if purpose == "kind" or (plots or 1) > 1:
@@ -165,12 +192,19 @@ def _plots(purpose: str | None, plots: int | None, method: str, source: str) -> 
             )
         return 1
     if purpose == "this-plot":
+        if given > 1:
+            raise UsageError(f"--for this-plot, and {given} are given", remedy="Give one, or leave --for out.")
         if (plots or 1) > 1:
             raise UsageError(f"--vary {plots} plans for more than this plot", remedy="Give --for or --vary.")
         return 1
+    if given > 1 and method not in FOR_A_KIND:
+        raise UsageError(
+            f"{method} plans for one plot, and {given} are given",
+            remedy=f"Give one, or choose one of {', '.join(sorted(FOR_A_KIND))}.",
+        )
     if plots is not None:
         return plots
-    return KIND_PLOTS if purpose == "kind" or method in FOR_A_KIND else 1
+    return max(given, KIND_PLOTS if purpose == "kind" or method in FOR_A_KIND else 1)
 
 
 def _refused(error: ValidationError) -> UsageError:
@@ -201,15 +235,33 @@ def resumed_settings(settings: SearchSettings, asked: Asked) -> SearchSettings:
             f"this run did not begin with {key} = {value}",
             remedy="Leave it out to go on with this run, or start another one in another folder.",
         )
-    if any((asked.scene, asked.reference, asked.captures, asked.images)):
-        source, path = describe_source(asked.scene, asked.reference, asked.captures)
-        if source.kind != settings.source.kind or source.sha256 != settings.source.sha256:
-            raise UsageError(f"this run was not planned on {path.name}", remedy="Leave it out to go on with this run.")
-        settings = settings.model_copy(update={"path": str(path)})
+    if any((asked.scenes, asked.references, asked.captures, asked.images)):
+        settings = _moved(settings, describe_sources(asked.scenes, asked.references, asked.captures))
     changed = {key: value for key, value in given.items() if key in CHANGEABLE}
     if "evaluations" in changed:  # a run that had converged goes on
         changed.setdefault("at_least", changed["evaluations"])
     return settings.model_copy(update=changed)
+
+
+def _moved(settings: SearchSettings, found: Sequence[tuple[PlanSource, Path]]) -> SearchSettings:
+    """The settings with the places at which what the run was planned on lies now."""
+    given = settings.given
+    for k, (source, path) in enumerate(found):
+        if k >= len(given) or (source.kind, source.sha256) != (given[k].source.kind, given[k].source.sha256):
+            raise UsageError(f"this run was not planned on {path.name}", remedy="Leave it out to go on with this run.")
+    if len(found) < len(given):
+        raise UsageError(
+            f"this run was planned on {len(given)} plots, not {len(found)}",
+            remedy="Give all of them in their order, or none, to go on with this run.",
+        )
+    others = tuple(
+        each.model_copy(update={"path": str(path)}) for each, (_, path) in zip(given[1:], found[1:], strict=True)
+    )
+    return settings.model_copy(update={"path": str(found[0][1]), "others": others})
+
+
+def _paths(given: Paths) -> tuple[Path, ...]:
+    return (given,) if isinstance(given, Path) else tuple(given)
 
 
 def _refuse_limits(envelope: Mapping[str, Any]) -> None:

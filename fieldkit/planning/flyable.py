@@ -19,6 +19,8 @@ from fieldkit.planning.run_settings import EnvelopeSettings, SearchSettings, Sea
 from fieldkit.progress import Progress
 
 _LEAST_BAND_M = 1.0
+_RTK_M, _ONE_FLIGHT_M, _TURNED_DEG = 0.02, 0.1, 1.0
+"""Without RTK positions of one flight are off together: what stations differ by is estimated at a decimetre."""
 
 
 def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
@@ -31,6 +33,12 @@ def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
     vehicle = load_vehicle(file)
     own = file.resolve().parent == vehicles_folder().resolve()
     return vehicle, SearchVehicle(name=file.stem if own else file.name, title=vehicle.title, sha256=file_sha256(file))
+
+
+def flight_noise(vehicle: Vehicle | None) -> dict[str, float]:
+    """Fields of `NoiseSettings`: by how much a vehicle misses its stations, or one with RTK where none is given."""
+    pose_m = _RTK_M if vehicle is None else min(vehicle.gps_accuracy_m, _ONE_FLIGHT_M)
+    return {"pose_m": pose_m, "pose_deg": _TURNED_DEG}
 
 
 def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, Any]:

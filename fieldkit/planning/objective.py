@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 from fieldkit.cache import digest
-from fieldkit.clouds.alignment import icp_onto_reference
+from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import DISTANCES_M, nearest_distances, score_distances
 from fieldkit.errors import ReconstructionError, UsageError
@@ -18,6 +18,7 @@ from fieldkit.planning.source import PhotoSource, Shot
 from fieldkit.progress import Silent
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
+from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 
@@ -37,7 +38,8 @@ class ObjectiveSettings:
         min_agreeing_views: of the fusion.
         bands_px: half widths of the bands that prior mapping matches in, round by round, in pixels of a photograph 1600
             wide; `PriorMappingSettings`' own where None. Fewer rounds are for poses known to some millimetres.
-        refine: move each cloud onto the reference by ICP before it is scored, as `fieldkit evaluate --refine` does.
+        refine: move each cloud onto the reference, and scale it, by ICP before it is scored. What poses that are off by
+            centimetres do to place, tilt and scale is luck; what is left is the shape, which cameras' places decide.
     """
 
     fidelity: FidelityName = "standard"
@@ -149,22 +151,21 @@ class Objective:
             )
             try:
                 found = reconstruct(
-                    shot.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot
-                )
+                    shot.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot,
+                    reach_m=REFERENCE_REACH_M if self.settings.refine else 0.0,
+                )  # fmt: skip
             except ReconstructionError as error:
                 mapped = _Mapped(error.registered, error.right, error.models)
                 return self._scored(shot, Cloud.empty(), mapped, error.message, timer), Cloud.empty()
         sparse = found.sparse
         mapped = _Mapped(sparse.registered, sparse.right, len(sparse.model_sizes))
-        plants = self._refined(found.plants, timer) if self.settings.refine else found.plants
+        plants = self._refined(found, timer) if self.settings.refine else found.plants
         return self._scored(shot, plants, mapped, "", timer), plants
 
-    def _refined(self, cloud: Cloud, timer: StageTimer) -> Cloud:
-        if not len(cloud):
-            return cloud
+    def _refined(self, found: Reconstruction, timer: StageTimer) -> Cloud:
         with timer.stage("Refining"):
-            motion, _ = icp_onto_reference(cloud, self.source.reference.cloud)
-        return cloud.transformed(motion)
+            motion, _ = icp_onto_reference(found.plants, self.source.reference.cloud, with_scale=True)
+            return found.moved_plants(motion)
 
     def _scored(self, shot: Shot, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
         value, score = self.settings.rule.worst_m, None

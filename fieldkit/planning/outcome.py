@@ -163,8 +163,9 @@ def write_outcome(
         None if views is None else views.positions,
     )  # fmt: skip
     write_atomic(run.path / PLAN_PICTURE, png(figure))
-    if plannable.apart is not None:
-        write_atomic(run.path / PLANTS_PICTURE, png(draw_plants_apart(settings.source.name, *plannable.apart)))
+    for number, (name, plants, apart) in enumerate(plannable.apart):
+        picture = PLANTS_PICTURE if not number else PLANTS_PICTURE.replace(".", f"-{number + 1}.")
+        write_atomic(run.path / picture, png(draw_plants_apart(name, plants, apart)))
     save_plan(run.path / PLAN_FILE, _plan(run, plannable, chosen, outcome))
     return outcome
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -29,7 +29,7 @@ from fieldkit.planning.objective import Objective, ObjectiveSettings
 from fieldkit.planning.plots import Plot
 from fieldkit.planning.plots_objective import PlotsObjective
 from fieldkit.planning.recorded import EXACT, RecordedSource
-from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, unchanging
+from fieldkit.planning.run_settings import GivenPlot, NoiseSettings, SearchSettings, unchanging
 from fieldkit.planning.search import Problem
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.features import FeatureSettings
@@ -53,7 +53,8 @@ class Plannable:
         problem: for the methods.
         envelope: as plan.json tells it.
         make_objective: for the executor; of all plots.
-        apart: a recorded plot's plants and how they were told apart, where plots of its kind are planned for.
+        apart: where plots of a recorded plot's kind are planned for: by name, its plants and how they were told apart;
+            of each plot that is given.
         photographs: names of recorded ones, in the order of the problem's views; empty where they are rendered.
     """
 
@@ -61,7 +62,7 @@ class Plannable:
     envelope: PlanEnvelope
     make_objective: Callable[[], Evaluator]
     photographs: tuple[str, ...] = ()
-    apart: tuple[Cloud, PlantsApart] | None = None
+    apart: tuple[tuple[str, Cloud, PlantsApart], ...] = ()
 
     @cached_property
     def objective(self) -> Evaluator:
@@ -78,25 +79,38 @@ class Plannable:
             Renderer(Scene(())).close()
 
 
-def describe_source(scene: Path | None, reference: Path | None, captures: Path | None) -> tuple[PlanSource, Path]:
-    """What a run is made on, and where that is: a path, or the name of a scene that comes with fieldkit.
+def describe_sources(
+    scenes: Sequence[Path], references: Sequence[Path], captures: Path | None
+) -> list[tuple[PlanSource, Path]]:
+    """What a run is made on, and where that is: paths, or names of scenes that come with fieldkit.
 
     Raises:
-        UsageError: none is given, or more than one.
-        InputError: it is not there.
+        UsageError: nothing is given, plots of two kinds are, or one of them twice.
+        InputError: something is not there.
     """
-    if captures is not None and scene is None:
+    if captures is not None and not scenes:
         captures = captures.resolve()
         read_capture(captures)
-        return PlanSource(kind="captures", name=captures.name), captures
-    if (scene is None) == (reference is None):
+        if len(references) > 1:
+            raise UsageError("recorded photographs have one reference", remedy="Give --reference once.")
+        return [(PlanSource(kind="captures", name=captures.name), captures)]
+    if bool(scenes) == bool(references):
         raise UsageError(
             "plan on what?", remedy="Give --scene SCENE, --reference REF or --captures IMAGES [--reference REF]."
         )
-    if scene is not None:
-        file = find_scene(scene)
-        return PlanSource(kind="scene", name=file.name, sha256=sha256(file)), scene_reference(file)
-    assert reference is not None
+    found = [_described_scene(scene) for scene in scenes] + [_described_reference(each) for each in references]
+    for number, (source, path) in enumerate(found):
+        if any(path == other or source.sha256 == same.sha256 for same, other in found[:number]):
+            raise UsageError("is given twice", path=path, remedy="Give every plot once; --vary K draws others of them.")
+    return found
+
+
+def _described_scene(scene: Path) -> tuple[PlanSource, Path]:
+    file = find_scene(scene)
+    return PlanSource(kind="scene", name=file.name, sha256=sha256(file)), scene_reference(file)
+
+
+def _described_reference(reference: Path) -> tuple[PlanSource, Path]:
     folder = (reference.parent if reference.is_file() else reference).resolve()
     Reference(folder)
     return PlanSource(kind="reference", name=folder.name, sha256=sha256(folder / REFERENCE_FILE)), folder
@@ -126,25 +140,23 @@ def open_problem(
         UsageError: the envelope has no room.
         ReconstructionError: a recorded set does not reconstruct.
     """
-    _check_unchanged(settings)
+    for plot in settings.given:
+        _check_unchanged(plot)
     if settings.source.kind == "captures":
         return _recorded(settings, folder, cache, progress, workers, count_matches)
-    scene = Path(settings.path)
-    if settings.source.kind == "reference":
-        scene = folder / PROXY_FOLDER
-        if not scene.is_dir():
-            images = None if settings.images_path is None else Path(settings.images_path)
-            make_proxy(Path(settings.path), scene, images=images, progress=progress)
-    scene = find_scene(scene)
+    files = [_scene_of(plot, folder, number, progress) for number, plot in enumerate(settings.given)]
     with progress.stage("Reading the scene"):
-        description = read_scene(scene)
-        kind = Kind(description, settings.seed, folder / KIND_FOLDER)
+        descriptions = tuple(read_scene(file) for file in files)
+        description = descriptions[0]
+        kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER)
         camera = description.camera
         if settings.camera is not None:
             camera = _rendered(settings.camera.intrinsics, camera)
         found = [kind.plot(number) for number in range(settings.plots)]
-    if settings.plots > 1 and kind.recorded is not None:
-        progress.note(_told_apart(kind.recorded[1]))
+    drawn = kind.recorded if settings.plots > len(descriptions) else ()
+    apart = tuple((given.source.name, *plants) for given, plants in zip(settings.given, drawn, strict=False))
+    for name, _, how in apart:
+        progress.note(f"{name}: {_told_apart(how)}")
     plots = tuple(plot for plot, _ in found)
     volume = Volume.around([corner for _, each in found for corner in (each.lower, each.upper)])
     limits = settings.envelope
@@ -160,8 +172,19 @@ def open_problem(
     return Plannable(
         problem, _described(envelope),
         lambda: PlotsObjective(partial(kind.proxy, camera=camera), source, wanted, seed=settings.seed),
-        apart=kind.recorded if settings.plots > 1 else None,
+        apart=apart,
     )  # fmt: skip
+
+
+def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) -> Path:
+    """A given plot's scene file; of a reference it is made in the run's folder."""
+    if plot.source.kind != "reference":
+        return find_scene(Path(plot.path))
+    scene = folder / (PROXY_FOLDER if not number else f"{PROXY_FOLDER}-{number + 1}")
+    if not scene.is_dir():
+        images = None if plot.images_path is None else Path(plot.images_path)
+        make_proxy(Path(plot.path), scene, images=images, progress=progress)
+    return find_scene(scene)
 
 
 def _told_apart(apart: PlantsApart) -> str:
@@ -224,16 +247,16 @@ def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
     return ideal if scale >= 1.0 else ideal.scaled(round(ideal.width * scale), round(ideal.height * scale))
 
 
-def _check_unchanged(settings: SearchSettings) -> None:
-    if settings.source.sha256 is None:
+def _check_unchanged(plot: GivenPlot) -> None:
+    if plot.source.sha256 is None:
         return
-    path = Path(settings.path)
-    file = path / REFERENCE_FILE if settings.source.kind == "reference" else _scene_file(path)
+    path = Path(plot.path)
+    file = path / REFERENCE_FILE if plot.source.kind == "reference" else _scene_file(path)
     if not file.is_file():
         raise UsageError(
             "what this run was planned on is gone", path=file, remedy="Put it back there, or start a new run."
         )
-    if sha256(file) != settings.source.sha256:
+    if sha256(file) != plot.source.sha256:
         raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
 
 

@@ -80,6 +80,16 @@ def unchanging(source: PlanSource, noise: NoiseSettings) -> bool:
     return source.kind == "captures" and not noise.any
 
 
+class GivenPlot(Strict):
+    """One of several plots that a plan is made on."""
+
+    source: PlanSource
+    path: str
+    """Where that was; the name of a scene that comes with fieldkit."""
+    images_path: str | None = None
+    """Where the photographs of a reference's proxy were."""
+
+
 class SearchSettings(Strict):
     """search.json: everything that a run's outcome depends on, but the photographs or the scene themselves."""
 
@@ -97,6 +107,8 @@ class SearchSettings(Strict):
     """Where the reference of a recorded set was."""
     images_path: str | None = None
     """Where the photographs of a reference's proxy were."""
+    others: tuple[GivenPlot, ...] = ()
+    """Further plots that it is planned on, of the same kind of source."""
     cameras: Annotated[int, Field(ge=3)]
     """N."""
     camera: PlanCamera | None = None
@@ -120,11 +132,11 @@ class SearchSettings(Strict):
     """Of the confirmations."""
     mapping: Mapping = "prior"
     refine: bool = False
-    """Move each cloud onto the reference by ICP before it is scored."""
+    """Move each cloud onto the reference, and scale it, by ICP before it is scored."""
     finalists: Annotated[int, Field(ge=1)] = 3
     """Best sets that are evaluated again before one is chosen."""
     plots: Annotated[int, Field(ge=1)] = 1
-    """That the plan is for: 1 is the one it is made on; the others are drawn of its kind."""
+    """That the plan is for: those it is planned on, and others drawn of their kind."""
     repeats: Count = 2
     """Fresh seeds for each of them; 0 leaves the confirmation out."""
     weights: tuple[Length, Length, Length] = WEIGHTS
@@ -139,6 +151,17 @@ class SearchSettings(Strict):
         if not any(self.weights):
             raise ValueError("weights: one of them must be above 0")
         return self
+
+    @model_validator(mode="after")
+    def _for_all_that_are_given(self) -> SearchSettings:
+        if self.plots < len(self.given):
+            raise ValueError(f"plots: {len(self.given)} are given, but the plan is for {self.plots}")
+        return self
+
+    @property
+    def given(self) -> tuple[GivenPlot, ...]:
+        """The plots that it is planned on."""
+        return (GivenPlot(source=self.source, path=self.path, images_path=self.images_path), *self.others)
 
     @property
     def blind(self) -> bool:

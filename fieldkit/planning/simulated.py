@@ -36,8 +36,6 @@ from fieldkit.scenes.simulation import wind_sway
 SwayOf = Callable[[int], Sway | None]
 """The plants' motion by the seed of an evaluation, for instance ``partial(wind_sway, 0.01)``; it has to pickle."""
 
-FIELD_NOISE = CaptureNoise(position_m=0.010, angle_deg=1.0)
-"""What a copter with RTK leaves of a command, and an ordinary sensor."""
 _CLAIMED_M = 0.010
 _REFERENCE_POINTS = 200_000
 

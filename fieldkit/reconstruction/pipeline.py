@@ -31,7 +31,7 @@ from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_p
 from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
 from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
-from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult
+from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
 from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
 from fieldkit.reconstruction.sparse import Mapped, map_capture
 from fieldkit.reconstruction.stage_times import StageTimer
@@ -40,7 +40,6 @@ from fieldkit.reconstruction.stages import load_quality
 _MIN_DENSE_VIEWS = 2
 _STEEP_DEG = 8.0
 """Fields that are worked by machines are rarely steeper than 15 %."""
-_CLEARANCE_RMS = 3.0
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
 Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
 _VIEWS_VERSION = 1  # part of the views' keys: raised when preparing them changes its results
@@ -79,6 +78,7 @@ def reconstruct(
     workers: int = 1,
     known_plot: KnownPlot | None = None,
     with_scene: bool = False,
+    reach_m: float = 0.0,
 ) -> Reconstruction:
     """Reconstruct a capture.
 
@@ -90,6 +90,7 @@ def reconstruct(
         workers: processes; the result does not depend on it.
         known_plot: of a reference, to reconstruct in its frame and volume.
         with_scene: also reconstruct what is not plant.
+        reach_m: how far `Reconstruction.nearby` goes beyond what is of interest.
 
     Raises:
         MetadataError: the mask is to come from files, and a photograph has none.
@@ -107,18 +108,20 @@ def reconstruct(
     points = model_points(sparse.model)
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
     volume = volume or volume_of_interest(points, sparse.poses, sparse.intrinsics)
-    dense = _Dense(sparse, volume, settings, backend, cache, timer, workers)
+    dense = _Dense(sparse, volume.grown(reach_m), settings, backend, cache, timer, workers)
     scene = dense.cloud("none") if with_scene and settings.mask != "none" else None
-    plants = dense.cloud(settings.mask)
+    nearby = dense.cloud(settings.mask)
     if with_scene and scene is None:
-        scene = plants
+        scene = nearby
+    gsd_m = _ground_sampling_distance(sparse, volume)
     ground = sparse.frame.ground
     if ground is not None:
-        plants = plants.select(ground.heights(plants.points) > clearance(ground))
-    gsd_m = _ground_sampling_distance(sparse, volume)
-    fused = len(plants)
+        nearby = nearby.select(ground.heights(nearby.points) > clearance(ground) - reach_m)
+    fused = len(nearby)
     if sparse.frame.metric:  # a leaf's size is known in metres only
-        plants = plants.select(without_strays(plants.points, voxel_edge_m(gsd_m)))
+        nearby = nearby.select(without_strays(nearby.points, voxel_edge_m(gsd_m)))
+    stray = 1.0 - len(nearby) / max(1, fused)
+    plants = nearby.select(of_interest(nearby.points, volume, ground))
     if len(plants) == 0:
         raise _no_plants(sparse, fused)
     doubts = [_cut(capture, volume)] if cuts_plants(plants.points, volume, gsd_m) else []
@@ -132,7 +135,8 @@ def reconstruct(
         sparse=sparse,
         volume=volume,
         plants=plants,
-        stray=1.0 - len(plants) / fused,
+        nearby=nearby,
+        stray=stray,
         scene=scene,
         gsd_m=gsd_m,
         backend=backend.name,
@@ -176,11 +180,6 @@ def place(
         mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, tuple(findings),
     )  # fmt: skip
     return result, {"Features": mapped.features_cached}
-
-
-def clearance(ground: Plane) -> float:
-    """Height above the ground, metres, from which a point can be plant: three times the ground's roughness."""
-    return _CLEARANCE_RMS * ground.rms_m
 
 
 def _scaled_by_markers(

@@ -1,11 +1,13 @@
-"""What a reconstruction says of itself: values only."""
+"""What a reconstruction says of itself."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import pycolmap
+from numpy.typing import NDArray
 
 from fieldkit.captures.model import Capture, Finding
 from fieldkit.clouds.cloud import Cloud
@@ -13,6 +15,8 @@ from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
+
+_CLEARANCE_RMS = 3.0
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,8 @@ class Reconstruction:
         sparse: mapping's result.
         volume: of interest, plot frame.
         plants: dense cloud of the plants: masked, in the volume, above the ground; without strays where metric.
+        nearby: the same and what lies no farther than asked for beyond the volume and below the ground: a cloud that is
+            moved onto a reference is cropped after that.
         stray: share of the plants' points that were left out as strays (`fieldkit.clouds.strays`).
         scene: dense cloud of everything in the volume; None where not asked for.
         gsd_m: ground sampling distance at the volume's centre, median over images: metres per full-size pixel.
@@ -147,9 +153,28 @@ class Reconstruction:
     sparse: SparseResult
     volume: Volume
     plants: Cloud
+    nearby: Cloud
     stray: float
     scene: Cloud | None
     gsd_m: float
     backend: str
     fusion_rule: str
     times: tuple[StageTime, ...]
+
+    def moved_plants(self, motion: Similarity) -> Cloud:
+        """The plants after a motion: of everything nearby, what then can be the plot's plants."""
+        moved = self.nearby.transformed(motion)
+        return moved.select(of_interest(moved.points, self.volume, self.sparse.frame.ground))
+
+
+def of_interest(points: NDArray[np.float64], volume: Volume, ground: Plane | None) -> NDArray[np.bool_]:
+    """Mask (n,) of the points (n, 3) that can be the plot's plants: in the volume and above the ground, if known."""
+    inside = volume.contains(points)
+    if ground is not None:
+        inside &= ground.heights(points) > clearance(ground)
+    return inside
+
+
+def clearance(ground: Plane) -> float:
+    """Height above the ground, metres, from which a point can be plant: three times the ground's roughness."""
+    return _CLEARANCE_RMS * ground.rms_m

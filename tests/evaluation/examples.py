@@ -138,6 +138,7 @@ def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | No
         sparse=sparse,
         volume=Volume((-0.3, -0.3, 0.0), (0.3, 0.3, 0.5)),
         plants=plants,
+        nearby=plants,
         stray=0.002,
         scene=Cloud(np.concatenate([plants.points, model_points(model)])) if scene else None,
         gsd_m=0.0004,

@@ -9,7 +9,9 @@ import numpy as np
 
 from fieldkit.clouds import Cloud, write_ply
 from fieldkit.planning.kind import Kind
+from fieldkit.planning.plots import Plot
 from fieldkit.scenes.description import Bounds, SceneDescription
+from fieldkit.scenes.generator import new_scene
 from fieldkit.scenes.recorded import RecordedSurface
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT, make_row
@@ -22,9 +24,9 @@ def test_a_recorded_plots_kind_is_photographed_as_it_is_known(tmp_path: Path) ->
     write_ply(tmp_path / "ground.ply", Cloud(ground, np.full((400, 3), 90, np.uint8)))
     surface = RecordedSurface(tmp_path / "plants.ply", tmp_path / "ground.ply", 0.004, 0.05)
     bounds = Bounds((-0.4, -0.2, -0.05), (0.4, 0.2, 0.5))
-    kind = Kind(SceneDescription(recorded=surface, bounds=bounds, camera=CAMERA), 3, tmp_path / "plots")
-    assert kind.recorded is not None
-    assert kind.recorded[1].count == 3
+    kind = Kind((SceneDescription(recorded=surface, bounds=bounds, camera=CAMERA),), 3, tmp_path / "plots")
+    ((_, apart),) = kind.recorded
+    assert apart.count == 3
     plots = [kind.plot(number) for number in range(3)]
     np.testing.assert_array_equal(plots[0][0].reference.points, kind.plot(0)[0].reference.points)
     for number, (plot, volume) in enumerate(plots):
@@ -37,8 +39,18 @@ def test_a_recorded_plots_kind_is_photographed_as_it_is_known(tmp_path: Path) ->
 
 
 def test_a_simulated_plots_kind_is_drawn_without_its_scene(tmp_path: Path) -> None:
-    kind = Kind(SceneDescription(SMALL_PLOT, camera=CAMERA), 0, tmp_path)
-    assert kind.recorded is None
+    kind = Kind((SceneDescription(SMALL_PLOT, camera=CAMERA),), 0, tmp_path)
+    assert not kind.recorded
     (own, _), (other, _) = kind.plot(0), kind.plot(1)
     assert own.reference.points.tobytes() != other.reference.points.tobytes()
     assert kind.plot(1)[0].reference.points.tobytes() == other.reference.points.tobytes()
+
+
+def test_of_several_given_plots_each_is_there_and_each_is_drawn_of(tmp_path: Path) -> None:
+    first, second = new_scene(2, 11), new_scene(2, 12)
+    kind, alone = Kind((first, second), 0, tmp_path), Kind((first,), 0, tmp_path)
+    points = [kind.plot(number)[0].reference.points for number in range(4)]
+    for number, description in enumerate((first, second)):
+        np.testing.assert_array_equal(points[number], Plot.of(description)[0].reference.points)
+    np.testing.assert_array_equal(points[2], alone.plot(1)[0].reference.points)
+    assert len({each.tobytes() for each in points}) == 4
