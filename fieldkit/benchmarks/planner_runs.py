@@ -17,12 +17,13 @@ from fieldkit.missions.plan import PlanSource
 from fieldkit.missions.plan_file import PLAN_FILE
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.fidelity import FidelityName
+from fieldkit.planning.flyable import flight_noise
 from fieldkit.planning.objective import Mapping
 from fieldkit.planning.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.plan_views import plan_views, resume_plan
 from fieldkit.planning.problems import describe_sources
 from fieldkit.planning.run_folder import LOG_FILE, SETTINGS_FILE, LogEntry, read_log, read_settings, searched
-from fieldkit.planning.run_settings import SearchSettings, lag_for
+from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, lag_for
 from fieldkit.progress import Progress
 
 
@@ -171,25 +172,38 @@ def run_all(
     """
     runs = {
         folder / run_name(place, cameras, mapping, fidelity, name_of(contender), seed): place.settings(
-            cameras=cameras, method=contender.method, plots=contender.plots, seed=seed,
-            evaluations=contender.evaluations, mapping=mapping,
+            cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
             fidelity=fidelity, confirm_fidelity=confirm_fidelity, repeats=repeats,
-            lag=lag_for(workers, deterministic=False),
+            lag=lag_for(workers, deterministic=False), **_purpose(contender.plots),
         )
         for contender in contenders
         for seed in contender.seeds
     }  # fmt: skip
-    kept = [output for output, settings in runs.items() if _is_kept(output, settings)]
-    # Also of runs that come later here: an earlier call left them.
-    known = [entry for output in kept for entry in read_log(output)]
+    known: dict[object, list[LogEntry]] = {}
+    for output, settings in runs.items():
+        if _is_kept(output, settings):  # also of runs that come later here: an earlier call left them
+            known.setdefault(_photographed(settings), []).extend(read_log(output))
     found: list[Ran] = []
     for output, settings in runs.items():
+        shared = known.setdefault(_photographed(settings), [])
         with progress.stage(output.name):
-            outcome = _outcome(output, settings, workers, cache, progress, known)
+            outcome = _outcome(output, settings, workers, cache, progress, shared)
         entries = read_log(output)
-        known += entries
+        shared += entries
         found.append(_ran(settings, outcome, entries))
     return found
+
+
+def _purpose(plots: int) -> dict[str, Any]:
+    """Fields of the settings of a plan for one plot with exact poses, or for a kind as `fieldkit plan` makes it."""
+    if plots == 1:
+        return {"plots": 1}
+    return {"plots": plots, "noise": NoiseSettings(**flight_noise(None)), "refine": True}
+
+
+def _photographed(settings: SearchSettings) -> object:
+    """What has to be the same for a set's evaluation at one seed to be the same: which plots, and under what noise."""
+    return None if settings.plots == 1 else (settings.seed, settings.noise, settings.refine)
 
 
 def _is_kept(output: Path, settings: SearchSettings) -> bool:

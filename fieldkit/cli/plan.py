@@ -368,9 +368,9 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     def length(value_m: float | None) -> str:
         return "–" if value_m is None else format_length(value_m)
 
-    finalists = new_table("Finalists", "trial", "from", "expected>", "search>", "confirmed>", "±>", "right")
+    finalists = new_table("Finalists", "trial", "from", "expected>", "search>", "confirmed>", "±>", "kind>", "right")
     for found in outcome.finalists:
-        values = (found.expected_m, found.search_value_m, found.value_m, found.spread_m)
+        values = (found.expected_m, found.search_value_m, found.value_m, found.spread_m, found.kind_m)
         finalists.add_row(
             str(found.number), found.origin, *(length(value) for value in values), " ".join(map(str, found.right))
         )

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 
 from fieldkit.planning.cameras import Array, Cameras
-from fieldkit.planning.geometric import GeometricScore
+from fieldkit.planning.geometric import GeometricScore, Geometry
 from fieldkit.planning.matchability import connectivity
 from fieldkit.planning.registration import Registration
 from fieldkit.planning.search import Problem, Result
@@ -55,12 +55,27 @@ class Expected:
         self._problem, self._certainty = problem, certainty
         self._scores = [GeometricScore(problem, plot=plot) for plot in problem.plots]
         self._sets: dict[Cameras, _Known] = {}
+        self._unmet: dict[int, GeometricScore] = {}
 
     def terms(self, cameras: Cameras, plot: int | None = None) -> Array:
-        """(3,) −ln of the score's terms gap, noise and tie in metres, on one of the plots or in their mean."""
-        of_plots = self._known(cameras).terms_m
-        found: Array = -np.log(np.maximum(of_plots.mean(axis=0) if plot is None else of_plots[plot], LEAST_M))
+        """(3,) −ln of the score's terms gap, noise and tie in metres, on one of the plots or in their mean.
+
+        Args:
+            cameras: the set.
+            plot: number of one of the problem's plots, or of an unmet one.
+        """
+        if plot is not None and plot >= len(self._scores):
+            found_m = _terms_m(self._on_unmet(plot).score(cameras))
+        else:
+            of_plots = self._known(cameras).terms_m
+            found_m = of_plots.mean(axis=0) if plot is None else of_plots[plot]
+        found: Array = -np.log(np.maximum(found_m, LEAST_M))
         return found
+
+    def _on_unmet(self, plot: int) -> GeometricScore:
+        if plot not in self._unmet:
+            self._unmet[plot] = GeometricScore(self._problem, plot=self._problem.unmet[plot - len(self._scores)])
+        return self._unmet[plot]
 
     def value_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
         """The terms times ``slopes`` (3,), the dearer the less likely the set is to register; nothing is kept."""
@@ -88,7 +103,12 @@ class Expected:
     def _scored(self, cameras: Cameras) -> _Known:
         found = [score.score(cameras) for score in self._scores]
         connected = min(connectivity(each.matches) for each in found) if self._problem.blind else np.inf
-        return _Known(np.array([(each.gap_m, each.noise_m, each.tie_m) for each in found]), connected)
+        return _Known(np.array([_terms_m(each) for each in found]), connected)
+
+
+def _terms_m(found: Geometry) -> Array:
+    """(3,) gap, noise and tie."""
+    return np.array([found.gap_m, found.noise_m, found.tie_m])
 
 
 def fit_slopes(terms: Array, y: Array, slopes: Sequence[float], *, doubt: float, noise: float) -> tuple[Array, float]:

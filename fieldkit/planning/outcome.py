@@ -43,6 +43,8 @@ class FinalistReport(Strict):
     """Of the confirmations: their mean, or that of the worst share; null where there were none."""
     spread_m: Length | None
     """Standard deviation over the confirmations."""
+    kind_m: Length | None = None
+    """Expected on plots of the kind, all evaluations considered; the choice among finalists goes by it."""
     right: tuple[Count, ...]
     """Photographs with right poses, per confirmation."""
 
@@ -139,6 +141,7 @@ def write_outcome(
                 expected_m=f.trial.notes.get("expected_m"),
                 value_m=f.value_m,
                 spread_m=f.spread_m,
+                kind_m=f.kind_m,
                 right=tuple(entry.right for entry in f.entries),
             )
             for f in confirmed

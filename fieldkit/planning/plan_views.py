@@ -17,7 +17,7 @@ from fieldkit.planning.outcome import Outcome, write_outcome
 from fieldkit.planning.pool import WorkerPool
 from fieldkit.planning.problems import Plannable, open_problem
 from fieldkit.planning.recalling import Recalling
-from fieldkit.planning.run import Ending, Finalist, Watch, confirm, evaluate_again, nobody, search
+from fieldkit.planning.run import Ending, Finalist, Watch, confirm, evaluate_again, nobody, ranked, search
 from fieldkit.planning.run_folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.planning.search import Chooser
@@ -142,7 +142,7 @@ def _chosen(
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
         with _executor(plannable.objective, workers, scheduler, known, settings) as executor:
-            confirmed = evaluate_again(executor, run, trials, watch=watch)
+            confirmed = ranked(method, run, evaluate_again(executor, run, trials, watch=watch))
     return write_outcome(run, plannable, confirmed, Ending("exhausted"), choice_s=cost)
 
 

@@ -153,6 +153,7 @@ def open_problem(
         if settings.camera is not None:
             camera = _rendered(settings.camera.intrinsics, camera)
         found = [kind.plot(number) for number in range(settings.plots)]
+        unmet = tuple(kind.plot(settings.plots + k)[0] for k in range(settings.repeats if settings.plots > 1 else 0))
     drawn = kind.recorded if settings.plots > len(descriptions) else ()
     apart = tuple((given.source.name, *plants) for given, plants in zip(settings.given, drawn, strict=False))
     for name, _, how in apart:
@@ -165,7 +166,7 @@ def open_problem(
         height_m=limits.height_m, clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg,
         separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
-    problem = Problem(settings.cameras, envelope, camera, plots, blind=settings.blind)
+    problem = Problem(settings.cameras, envelope, camera, plots, blind=settings.blind, unmet=unmet)
     noise = _capture_noise(settings.noise, description.noise)
     source = partial(kind.source, noise=noise, wind_m=settings.noise.wind_m)
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
@@ -230,8 +231,8 @@ def _recorded(
     )  # fmt: skip
     matches = match_graph(source, FeatureSettings(), workers=workers, progress=progress) if count_matches else None
     problem = Problem(
-        settings.cameras, envelope, _without_distortion(reference), (Plot.without_others(reference.cloud),), views,
-        matches, settings.blind, exact=unchanging(settings.source, settings.noise),
+        settings.cameras, envelope, _without_distortion(reference), (Plot.without_others(reference.cloud),),
+        views=views, matches=matches, blind=settings.blind, exact=unchanging(settings.source, settings.noise),
     )  # fmt: skip
     objective = partial(Objective, source, wanted, seed=settings.seed)
     return Plannable(problem, _described(envelope), objective, tuple(view.name for view in source.views))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from fieldkit.planning.executor import Executor, Job
 from fieldkit.planning.run_folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run_settings import SearchSettings, unchanging
-from fieldkit.planning.search import Gain, Judge, Method, Result, Trial, lowest
+from fieldkit.planning.search import Arbiter, Gain, Judge, Method, Result, Trial, lowest
 
 Stopped = Literal["converged", "evaluations", "time", "exhausted"]
 Watch = Callable[[LogEntry], None]
@@ -44,12 +44,14 @@ class Finalist:
         entries: its confirmations.
         value_m: their mean, or the mean of the worst share that the settings' risk names; None without any.
         spread_m: standard deviation over the confirmations; 0 for one; None without any.
+        kind_m: what the method expects on plots of the kind, all evaluations considered; None where it does not say.
     """
 
     trial: Trial
     entries: tuple[LogEntry, ...] = ()
     value_m: float | None = None
     spread_m: float | None = None
+    kind_m: float | None = None
 
 
 def search(
@@ -170,7 +172,7 @@ def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch)
     many noisy ones is partly luck: the winner is chosen by values that had no part in finding it.
 
     Returns:
-        The finalists by value; none where no trial was measured.
+        The finalists, as `ranked` has them; none where no trial was measured.
 
     Raises:
         FieldkitError, StorageError: as `search`.
@@ -178,7 +180,20 @@ def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch)
     results = [entry.result for entry in searched(run.entries)]
     judge = method.favourites if isinstance(method, Judge) else lowest
     chosen = judge(results, run.settings.finalists)
-    return evaluate_again(executor, run, chosen, watch=watch)
+    return ranked(method, run, evaluate_again(executor, run, chosen, watch=watch))
+
+
+def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> list[Finalist]:
+    """Finalists, the best first: by their confirmations, or for plots of a kind by what an `Arbiter` expects.
+
+    Plots differ by more than good sets do, so a mean of few says less than it does with all that is known.
+    """
+    settings = run.settings
+    if settings.plots == 1 or settings.noise.risk < 1 or not settings.repeats or not isinstance(method, Arbiter):
+        return list(confirmed)
+    costs = method.expect_m([f.trial.cameras for f in confirmed], [entry.result for entry in run.entries])
+    known = [replace(finalist, kind_m=cost) for finalist, cost in zip(confirmed, costs, strict=True)]
+    return sorted(known, key=lambda finalist: (finalist.kind_m, finalist.trial.number))
 
 
 def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch) -> list[Finalist]:

@@ -36,6 +36,8 @@ class Problem:
         matches: (m, m) counted of each two views; None where they are not known.
         blind: whether mapping must find the poses without commanded ones, so that sets may not register.
         exact: whether a set has the same value at every seed.
+        unmet: further plots of the kind, numbered after ``plots``, on which finalists are confirmed. Nothing is
+            optimised for them.
 
     Raises:
         UsageError: fewer than three cameras, or more than there are views, or matches of other views.
@@ -49,6 +51,7 @@ class Problem:
     matches: Array | None = None
     blind: bool = False
     exact: bool = False
+    unmet: tuple[Plot, ...] = ()
 
     def __post_init__(self) -> None:
         views = 0 if self.views is None else len(self.views)
@@ -155,7 +158,7 @@ class Trial:
         notes: plain values worth keeping: model weights, what is still to be gained.
         gain: that this trial and all later ones may bring; None where the method does not say. A search may end
             instead of evaluating a trial whose gain is negligible.
-        plot: number of the problem's plot that it is evaluated on.
+        plot: that it is evaluated on: the number of one of the problem's plots, or of an unmet one.
     """
 
     number: int
@@ -237,4 +240,13 @@ class Judge(Protocol):
 
     def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
         """At most ``count`` trials for another look, no set of cameras twice; none where nothing was measured."""
+        ...
+
+
+@runtime_checkable
+class Arbiter(Protocol):
+    """A method that knows better than by the mean of few confirmations what sets are worth on plots of a kind."""
+
+    def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
+        """Costs in the mean of the problem's plots, metres, after results on these and on unmet plots."""
         ...

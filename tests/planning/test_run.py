@@ -13,6 +13,7 @@ import pytest
 
 from fieldkit.missions.plan import PlanSource
 from fieldkit.planning.asked import Asked, resumed_settings
+from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.executor import Executor, Serial
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.objective import Objective
@@ -198,6 +199,23 @@ def test_plans_for_a_kind_are_confirmed_on_plots_that_no_trial_has_met(tmp_path:
     for found in (*first, *again):
         assert [entry.plot for entry in found.entries] == [4, 5, 6]
         assert len({entry.value_m for entry in found.entries}) == 3
+
+
+class Opinionated(Random):
+    """Expects most of the set that was confirmed worst."""
+
+    def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
+        return [-float(np.mean([r.value_m for r in results if r.trial.cameras == each])) for each in sets]
+
+
+def test_finalists_of_a_kind_are_ranked_by_what_the_method_expects(tmp_path: Path) -> None:
+    for plots, risk, ascending in ((1, 1.0, True), (4, 0.5, True), (4, 1.0, False)):
+        settings = bowl_settings(plots=plots, repeats=2, finalists=3, noise=NoiseSettings(risk=risk))
+        with create_run(tmp_path / f"{plots}-{risk}", settings) as run, Serial(Bowls()) as executor:
+            method = Opinionated(bowl_problem())
+            search(method, executor, run, out_of_time=never, watch=ignore)
+            found = [finalist.value_m for finalist in confirm(method, executor, run, watch=ignore)]
+        assert found == sorted(found, reverse=not ascending)
 
 
 def test_sets_that_change_their_numbers_keep_their_own_values(tmp_path: Path) -> None:

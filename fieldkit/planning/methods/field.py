@@ -28,8 +28,10 @@ from fieldkit.planning.surrogates.sets import FEATURES, NO_PLOT, TERMS, ScoreMea
 from fieldkit.threads import one_torch_thread
 
 _STREAM = 44
-_EXACT = 0.01
-"""Noise, as a share, where a set has the same value at every seed."""
+_EXACT, _ON_ANOTHER_PLOT = 0.01, 0.07
+"""Noise, as a share: where a set has the same value at every seed; where each trial is on another plot of a kind, for
+what a plot does to one set and not to others, beyond what the score says of it (9 sets on 4 plots of tuning-1 and -2).
+"""
 _MEMBERS, _MOVES, _CENTERS = 12, 48, 2
 _STEPS = (0.02, 0.4)
 """Least and largest step of moves, in D of `SetEmbedding`."""
@@ -145,6 +147,11 @@ class Field:
     def _expected(self) -> Expected:
         return Expected(self.problem, self.settings.certainty)
 
+    @property
+    def _noise(self) -> float:
+        """Of an evaluation at least, as a share."""
+        return max(self.settings.noise, _ON_ANOTHER_PLOT if len(self.problem.plots) > 1 else 0.0)
+
     @cached_property
     def _embedding(self) -> SetEmbedding:
         return SetEmbedding(self.problem)
@@ -174,7 +181,7 @@ class Field:
             values = values + np.log(whole)
             notes["whole"] = float(whole[int(np.argmax(values))])
         elif anywhere:
-            gain = learnt.gain(inputs, self.settings.noise)
+            gain = learnt.gain(inputs, self._noise)
             notes |= {"gain_m": gain.bound_m, "noise_m": gain.noise_m}
         chosen = candidates[int(np.argmax(values))]
         return self._trial(number, chosen, notes, gain)
@@ -234,14 +241,22 @@ class Field:
                     chosen.append(k)
         return [learnt.trials[k] for k in chosen]
 
+    def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
+        """See `Arbiter.expect_m`: by the surrogate, for which a confirmation is a result like any other."""
+        measured = self._usable(results, len(results))
+        if not measured:
+            return [self._expected.value_m(cameras, self.weights, None) for cameras in sets]
+        mean, _ = moments(self.learn(measured).model, self.inputs(sets))
+        return [float(value) for value in np.exp(-mean)]
+
     def learn(self, measured: Sequence[Result]) -> Learnt:
         """The surrogate of y = −ln(value) after measured results, at least one."""
         trials = [result.trial for result in measured]
         y = -np.log(np.maximum([result.value_m for result in measured], LEAST_M))
         sets, plots = [trial.cameras for trial in trials], [trial.plot for trial in trials]
         x = self.inputs(sets, plots)
-        noise = _EXACT if self.problem.exact else self.settings.noise
-        slopes, rest_m = fit_slopes(x[:, TERMS], y, self.weights, doubt=DOUBT, noise=self.settings.noise)
+        noise = _EXACT if self.problem.exact else self._noise
+        slopes, rest_m = fit_slopes(x[:, TERMS], y, self.weights, doubt=DOUBT, noise=self._noise)
         model = fit_sets(x, y, ScoreMean(slopes, rest_m), noise)
         x = self.inputs(sets)
         mean = y if self.problem.exact else moments(model, x)[0]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.expected import WEIGHTS, Expected, Weights
 from fieldkit.planning.methods.geometric import Effort, optimise
 from fieldkit.planning.registration import Registration
-from fieldkit.planning.search import Problem, Trial
+from fieldkit.planning.search import Problem, Result, Trial
 
 _STREAM = 46
 
@@ -48,3 +50,9 @@ class ScoreOptimum:
             notes = {"expected_m": cost(cameras)}
             found.setdefault(cameras, Trial(k, cameras, "optimum of the geometric score", notes))
         return sorted(found.values(), key=lambda trial: (trial.notes["expected_m"], trial.number))
+
+    def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
+        """See `Arbiter.expect_m`: as `Field` does."""
+        from fieldkit.planning.methods.field import Field  # brings PyTorch along
+
+        return Field(self._problem, seed=self._seed, weights=self._weights).expect_m(sets, results)

@@ -138,6 +138,31 @@ def turn(angle: float) -> np.ndarray:
     return np.array([(cosine, sine, 0.0), (-sine, cosine, 0.0), (0.0, 0.0, 1.0)])
 
 
+def test_confirmations_on_unmet_plots_count_for_what_all_evaluations_are_worth_together() -> None:
+    """One lucky plot does not make a set the best of the kind; as many plots as one likes do."""
+    plot = leafy(5).plots[0]
+    problem = replace(leafy(5), plots=(plot,) * 2, unmet=(plot,) * 12)
+    method = Field(problem, QUICK)
+    sets = [problem.sample(seed) for seed in range(12)]
+    before = np.array(method.expect_m(sets, []))
+    order = np.argsort(before)
+    good = sets[order[0]]
+    poor = sets[next(k for k in order if before[k] > 1.15 * before.min())]
+    better = float(before.min())
+
+    def confirmed(cameras: Cameras, plots: range, value_m: float) -> list[Result]:
+        return [Result(Trial(0, cameras, "", plot=number), value_m) for number in plots]
+
+    lucky = method.expect_m(
+        [good, poor], confirmed(good, range(2, 3), 1.1 * better) + confirmed(poor, range(2, 3), better)
+    )
+    assert lucky[0] < lucky[1]
+    proven = method.expect_m(
+        [good, poor], confirmed(good, range(2, 14), 2 * better) + confirmed(poor, range(2, 14), better)
+    )
+    assert proven[0] > proven[1]
+
+
 def test_it_tells_when_nothing_is_left_to_gain() -> None:
     problem = bowl_problem(3)
     score = GeometricScore(problem)
