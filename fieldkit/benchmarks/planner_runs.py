@@ -23,7 +23,7 @@ from fieldkit.planning.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.plan_views import plan_views, resume_plan
 from fieldkit.planning.problems import describe_sources
 from fieldkit.planning.run_folder import LOG_FILE, SETTINGS_FILE, LogEntry, read_log, read_settings, searched
-from fieldkit.planning.run_settings import NoiseSettings, SearchSettings, lag_for
+from fieldkit.planning.run_settings import GivenPlot, NoiseSettings, SearchSettings, lag_for
 from fieldkit.progress import Progress
 
 
@@ -36,12 +36,14 @@ class Place:
         source: as plan.json tells it.
         path: of the scene file or the photographs.
         reference: of recorded photographs.
+        others: further plots that are planned on, where plans are for a kind.
     """
 
     name: str
     source: PlanSource
     path: Path
     reference: Path | None = None
+    others: tuple[GivenPlot, ...] = ()
 
     @classmethod
     def scene(cls, name: str) -> Place:
@@ -53,8 +55,9 @@ class Place:
         """Of a run at this place; ``more`` are fields of `SearchSettings`."""
         reference = None if self.reference is None else str(self.reference)
         return SearchSettings(
-            fieldkit=__version__, source=self.source, path=str(self.path), reference_path=reference, **more
-        )
+            fieldkit=__version__, source=self.source, path=str(self.path), reference_path=reference,
+            others=self.others, **more,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

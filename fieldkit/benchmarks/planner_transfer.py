@@ -11,6 +11,7 @@ import numpy as np
 from fieldkit.benchmarks.planner_runs import Place, Ran, confirmed_m, figures, mean_of
 from fieldkit.benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
+from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.objective import Mapping
 from fieldkit.planning.pool import WorkerPool
@@ -30,11 +31,13 @@ class Carried:
 
     Attributes:
         ran: the run that made it.
+        cameras: as they stand there.
         value_m, accuracy_m, completeness_m, right: means over fresh seeds.
         moved_m: how far its cameras had to move to be feasible there, at most.
     """
 
     ran: Ran
+    cameras: Cameras
     value_m: float
     accuracy_m: float
     completeness_m: float
@@ -83,8 +86,8 @@ def carry(
 
 def _carried(ran: Ran, found: Finalist, moved_m: float) -> Carried:
     return Carried(
-        ran, confirmed_m(found.value_m), mean_of(found.entries, "accuracy_m"), mean_of(found.entries, "completeness_m"),
-        mean_of(found.entries, "right"), moved_m,
+        ran, found.trial.cameras, confirmed_m(found.value_m), mean_of(found.entries, "accuracy_m"),
+        mean_of(found.entries, "completeness_m"), mean_of(found.entries, "right"), moved_m,
     )  # fmt: skip
 
 

@@ -23,6 +23,7 @@ class Suite(StrEnum):
     PLANNER = "planner"
     MISSIONS = "missions"
     CAMPAIGN = "campaign"
+    PAPER = "paper"
 
 
 class Study(StrEnum):
@@ -50,6 +51,10 @@ class Study(StrEnum):
     SURROGATE = "surrogate"
     ABLATION = "ablation"
     CHOSEN = "chosen"
+    TABLES = "tables"
+    POSE_NOISE = "pose-noise"
+    IMAGE_NOISE = "image-noise"
+    NEW_PLOTS = "new-plots"
     TRIPS = "trips"
     POSES = "poses"
     UPLOADS = "uploads"
@@ -98,10 +103,15 @@ def command(
         ),
     ] = None,
     scenes: Annotated[int, typer.Option("--scenes", min=1, max=3, help="In ranks.")] = 3,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, help="In ranks and noise (two at least), and planner.")] = 5,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of ranks, noise and planner.")] = 1,
+    seeds: Annotated[
+        int, typer.Option("--seeds", min=1, help="In ranks and noise (two at least), planner and paper.")
+    ] = 5,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes of ranks, noise, planner and paper.")] = 1,
     runs: Annotated[
-        Path, typer.Option("--runs", metavar="DIR", help="In planner: keeps every run; finished ones are read again.")
+        Path,
+        typer.Option(
+            "--runs", metavar="DIR", help="In planner and paper: keeps every run; finished ones are read again."
+        ),
     ] = Path("planner-runs"),
     cameras: Annotated[int, typer.Option("--cameras", "-n", min=3, help="In simulated.")] = 10,
     method: Annotated[
@@ -131,6 +141,9 @@ def command(
     work: Annotated[
         Path | None, typer.Option("--work", metavar="DIR", help="In campaign: keeps photographs and evaluations.")
     ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="In paper: case-1 and its test cases, few methods and evaluations.")
+    ] = False,
     no_scene: Annotated[bool, typer.Option("--no-scene", help="In scaling: plants only, in half the time.")] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -142,7 +155,8 @@ def command(
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
     recorded and proxy; the planner's are simulated, transfer, surrogate, ablation and chosen (of recorded sets);
     those of missions are trips, poses, uploads, routes and fuzz; campaign's are season,
-    field-check, plant-figures, score-prediction, plan-reuse and report-size. FIELDKIT_DATA names the
+    field-check, plant-figures, score-prediction, plan-reuse and report-size; paper's are tables, pose-noise,
+    image-noise and new-plots, all of them where none is named. FIELDKIT_DATA names the
     recorded image sets; what needs them is left out without it. The result holds results.json, results.md and pictures.
 
     Examples:
@@ -162,6 +176,7 @@ def command(
     from fieldkit.benchmarks.engine import EngineOptions, run_engine
     from fieldkit.benchmarks.missions import MissionOptions, run_missions
     from fieldkit.benchmarks.objective import ObjectiveOptions, run_objective
+    from fieldkit.benchmarks.paper import PaperOptions, run_paper
     from fieldkit.benchmarks.planner import PlannerOptions, run_planner
     from fieldkit.benchmarks.suite import report
 
@@ -179,6 +194,9 @@ def command(
                 workers, tuple(method or ()), *([tuple(onto)] if onto else []),
             )  # fmt: skip
             results = run_planner(output, names, planner, progress=progress, overwrite=overwrite)
+        elif suite is Suite.PAPER:
+            paper = PaperOptions(cache, runs, evaluations, seeds, workers, tuple(scene or ()), count or 10, quick)
+            results = run_paper(output, names, paper, progress=progress, overwrite=overwrite)
         elif suite is Suite.MISSIONS:
             missions = MissionOptions(data, **({} if count is None else _counts(count)))
             results = run_missions(output, names, missions, progress=progress, overwrite=overwrite)

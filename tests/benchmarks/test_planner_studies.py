@@ -72,8 +72,8 @@ def test_a_method_without_any_cloud_has_dashes() -> None:
 def test_carried_plans_are_compared_with_what_is_optimised_there() -> None:
     own = ran("field", 0, [5.0], 4.0)
     carried = [
-        Carried(own, 0.006, 0.003, 0.003, 10.0, 0.0),
-        Carried(replace(own, seed=1), 0.004, 0.001, 0.003, 8.0, 0.02),
+        Carried(own, own.cameras, 0.006, 0.003, 0.003, 10.0, 0.0),
+        Carried(replace(own, seed=1), own.cameras, 0.004, 0.001, 0.003, 8.0, 0.02),
     ]
     table = transfer_table("case-1", "test-case-1", carried, [ran("circle", 0, [9.0, 8.0], 10.0)])
     field, circle = table.rows

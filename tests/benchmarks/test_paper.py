@@ -1,0 +1,67 @@
+"""The paper's tables: ratios to the best baseline, and depth images of points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.benchmarks.depth_images import depth_image
+from fieldkit.benchmarks.paper import BASELINES, TESTS, PaperOptions, Plans, depth_table, distance_table
+from fieldkit.benchmarks.planner_transfer import Carried
+from fieldkit.cache import StageCache
+from fieldkit.clouds import DepthError
+from fieldkit.geometry import Intrinsics, Pose
+from tests.benchmarks.test_planner_studies import ran
+
+
+def test_ratios_are_to_the_best_baseline_of_the_plot() -> None:
+    field = ran("field", 0, [5.0], 3.0)
+    carried = [Carried(field, field.cameras, 0.003, 0.001, 0.002, 10.0, 0.0)]
+    home: Plans = {
+        "circle": [ran("circle", 0, [6.0], 5.0), ran("circle", 1, [6.0], 3.0)],
+        "bosfm": [ran("bosfm", 0, [], 2.0)],
+    }
+    there: Plans = {"field, carried": carried, "circle, optimised there": [ran("circle", 0, [3.0], 2.5)]}
+    table = distance_table("CD × 100", {"case-1": home, "test-case-1": there})
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert rows["circle"] == ("0.400 (0.300–0.500)", "1.00", None, None)
+    assert rows["bosfm"][1] == "0.50"  # it is no baseline here
+    assert rows["field, carried"] == (None, None, "0.300", "1.20")
+    assert rows["the paper's BOSfM"] == (None, "0.84", None, "0.87")
+
+
+def test_both_countings_of_the_depth_error_are_told() -> None:
+    error = DepthError(0.0712, 0.1934, 100, 60, 50)
+    (row,) = depth_table("MAE", {"case-1": {"circle": error}}).rows
+    assert row == ("circle", "0.193 / 0.071")
+
+
+def test_what_is_run(tmp_path: Path) -> None:
+    options = PaperOptions(StageCache(None), tmp_path, seeds=3)
+    assert options.tests == TESTS
+    assert options.cases == ["case-1", "case-2", "case-3"]
+    by_method = {c.method: c for c in options.contenders((*BASELINES, "field-kind"))}
+    assert len(by_method["circle"].seeds) == 3
+    assert len(by_method["mcp"].seeds) == 1
+    assert by_method["field"].plots == 8
+    quick = replace(options, quick=True)
+    assert quick.cases == ["case-1"]
+    assert {len(c.seeds) for c in quick.contenders(("circle", "field"))} == {1}
+
+
+def test_a_pixel_has_the_depth_of_its_nearest_point() -> None:
+    camera, pose = Intrinsics.pinhole(8, 6, 10.0), Pose.from_yaw_pitch((0.0, 0.0, 2.0), 30.0, -90.0)
+    rng = np.random.default_rng(3)
+    points = np.column_stack([rng.uniform(-2.0, 2.0, (400, 2)), rng.uniform(0.0, 3.0, 400)])
+    found = depth_image(points, pose, camera)
+    seen = pose.to_camera(points)
+    seen = seen[seen[:, 2] > 0.0]
+    pixels = np.floor(camera.project(seen)).astype(int)
+    for row in range(6):
+        for column in range(8):
+            there = seen[(pixels == (column, row)).all(axis=1), 2]
+            assert found[row, column] == (pytest.approx(there.min()) if len(there) else 0.0)
+    assert not depth_image(np.zeros((0, 3)), pose, camera).any()
