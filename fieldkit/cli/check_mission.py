@@ -28,6 +28,9 @@ def command(
     site: Annotated[
         Path | None, typer.Option("--site", help="Site file: check legs against its fence, zones and obstacles.")
     ] = None,
+    fit: Annotated[
+        bool, typer.Option("--fit", help="The mission was exported with --fit: compare with the fitted stations.")
+    ] = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -57,7 +60,7 @@ def command(
 
     flown_by = load_vehicle(vehicle)
     read = read_mission(file)
-    planned, grounds, obstacles, origin = _from_site(plan, site, flown_by)
+    planned, grounds, obstacles, origin = _from_site(plan, site, flown_by, fit)
     report = check_mission(read, flown_by, planned=planned, grounds=grounds, obstacles=obstacles, origin=origin)
     if as_json:
         emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report)})
@@ -124,18 +127,22 @@ def _show(report: Report, file: Path) -> None:
 
 
 def _from_site(
-    plan: Path | None, site: Path | None, vehicle: Vehicle
+    plan: Path | None, site: Path | None, vehicle: Vehicle, fit: bool
 ) -> tuple[tuple[Shot, ...], list[float], Obstacles | None, Home | None]:
     """The plan's photographs, the ground's height below each, what legs keep clear of, and home."""
     if site is None:
         return (), [], None, None
+    from fieldkit.missions.fitted import fitted_to
     from fieldkit.missions.placement import grounds_m, home_of, place
+    from fieldkit.missions.plan import Plan, Plans
     from fieldkit.missions.plan_file import load_plan
     from fieldkit.missions.site_file import load_site
     from fieldkit.missions.site_obstacles import site_obstacles
 
     where = load_site(site)
-    stations = None if plan is None else load_plan(plan)
-    shots = () if stations is None else place(stations, where)
+    plans: Plans | None = None if plan is None else load_plan(plan)
+    if fit and isinstance(plans, Plan):
+        plans = fitted_to(plans, where.plots)
+    shots = () if plans is None else place(plans, where)
     grounds = grounds_m(where, shots).tolist()
-    return shots, grounds, site_obstacles(where, vehicle.clearance_m, stations), home_of(where)
+    return shots, grounds, site_obstacles(where, vehicle.clearance_m, plans), home_of(where)

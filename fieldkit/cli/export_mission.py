@@ -40,6 +40,9 @@ def command(
     plots: Annotated[
         Path | None, typer.Option("--plots", help="GeoJSON of plots, in place of those of the site file.")
     ] = None,
+    fit: Annotated[
+        bool, typer.Option("--fit", help="Fit the plan to each plot's plant height and size, as the site gives them.")
+    ] = False,
     adjust: Annotated[
         bool, typer.Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
     ] = False,
@@ -58,7 +61,7 @@ def command(
 
     Examples:
         fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml -o mission.plan
-        fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.geojson -o field
+        fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.geojson --fit -o field
         fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
 
     Exit codes:
@@ -73,8 +76,8 @@ def command(
     from fieldkit.missions.export_mission import export_mission
 
     done = export_mission(
-        plan, vehicle, site, output, format=format.value, plots=plots, adjust=adjust, picture=not no_picture,
-        overwrite=overwrite, seed=seed,
+        plan, vehicle, site, output, format=format.value, plots=plots, fit=fit, adjust=adjust,
+        picture=not no_picture, overwrite=overwrite, seed=seed,
     )  # fmt: skip
     routed = done.routed
     if as_json:
@@ -100,6 +103,7 @@ def command(
                 "nearest_plant_m": routed.plants_m,
                 "moved": [str(each) for each in routed.moved],
                 "fit": [asdict(each) for each in routed.fit],
+                "fitted": [each.fit.model_dump() for each in routed.fitted.values() if each.fit is not None],
             }
         )
         return
@@ -109,6 +113,12 @@ def command(
         say(f"Moved: {len(routed.moved) - _MOST_MOVED} more; --json lists all.")
     if routed.plants_m is None:
         say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
+    for name, flown in routed.fitted.items():
+        assert flown.fit is not None
+        say(
+            f"Fitted to {name}: plants {flown.fit.height:.2f} times as high, {flown.fit.length:.2f} times as far along "
+            f"and {flown.fit.width:.2f} times across; evaluate its photographs with --plan {done.plans[name].name}."
+        )
     _say_fit(routed.fit)
     rows = table("Flights", "flight", "plots>", "photographs>", "length, m>", "time, min>", "battery>")
     for file, each in zip(done.files, routed.flights, strict=False):

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Pose
 from fieldkit.missions.fit import FitFinding, fit_site, require_fit
+from fieldkit.missions.fitted import fitted_to
 from fieldkit.missions.mission import Fence, GeoPoint, Mission, Shot, Via
 from fieldkit.missions.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
-from fieldkit.missions.plan import Plan
-from fieldkit.missions.plot_plants import PlanFacts, plants_on
+from fieldkit.missions.plan import Plan, Plans
+from fieldkit.missions.plot_plants import facts_of, plants_on
 from fieldkit.missions.reach import Unreachable, adjusted, require_reachable
 from fieldkit.missions.routing import Flight, Stop, plan_flights
 from fieldkit.missions.site import Site
@@ -49,6 +50,7 @@ class Routed:
         plants: (m, 3) of all plots, site frame; as high as they are taken to be there.
         plants_of: the same by plot.
         fit: what does not fit on which plot, or is worth knowing; errors are none of it.
+        fitted: by plot, the plans that were flown in the given one's place, where plans are fitted.
     """
 
     flights: tuple[RoutedFlight, ...]
@@ -58,6 +60,7 @@ class Routed:
     plants: Array
     plants_of: Mapping[str, Array]
     fit: tuple[FitFinding, ...] = ()
+    fitted: Mapping[str, Plan] = field(default_factory=dict)
 
     @property
     def photographs(self) -> int:
@@ -86,16 +89,20 @@ class Routed:
         return [Pose.from_yaw_pitch(p, s.yaw_deg, s.pitch_deg) for p, s in zip(points, shots, strict=True)]
 
 
-def route_plan(plan: Plan, vehicle: Vehicle, site: Site, *, adjust: bool = False, seed: int = 0) -> Routed:
+def route_plan(
+    plan: Plan, vehicle: Vehicle, site: Site, *, fit: bool = False, adjust: bool = False, seed: int = 0
+) -> Routed:
     """Put a plan on every plot of a site and find the flights over it.
 
-    The photographs' poses are the plan's, exactly; only with ``adjust`` are those that the vehicle cannot take replaced
-    by the nearest that it can. Flights keep the vehicle's clearance to the plan's plants on every leg.
+    The photographs' poses are the plan's, exactly, or with ``fit`` those of `fitted`; only with ``adjust`` are those
+    that the vehicle cannot take replaced by the nearest that it can. Flights keep the vehicle's clearance to the plan's
+    plants on every leg.
 
     Args:
         plan: stations in the plot frame.
         vehicle: flies it.
         site: home, plots, fence, zones, obstacles.
+        fit: fit the plan to each plot's plants and size.
         adjust: fly the nearest poses where the plan's cannot be taken.
         seed: of the search for the order of many plots.
 
@@ -105,8 +112,9 @@ def route_plan(plan: Plan, vehicle: Vehicle, site: Site, *, adjust: bool = False
             named.
         MetadataError: the height of a plot cannot be connected with home's.
     """
-    shots = place(plan, site)
-    fit = require_fit(fit_site(plan, site, vehicle.clearance_m))
+    plans: Plans = fitted_to(plan, site.plots) if fit else plan
+    shots = place(plans, site)
+    findings = require_fit(fit_site(plans, site, vehicle.clearance_m))
     moved: tuple[Unreachable, ...] = ()
     if adjust:
         shots, moved = adjusted(shots, site, vehicle)
@@ -123,12 +131,12 @@ def route_plan(plan: Plan, vehicle: Vehicle, site: Site, *, adjust: bool = False
     if site.landing is not None:
         east, north, _ = frame.to_local(site.landing.latitude_deg, site.landing.longitude_deg, 0.0)[0]
         landing = (float(east), float(north), 0.0)
-    obstacles = site_obstacles(site, vehicle.clearance_m, plan)
+    obstacles = site_obstacles(site, vehicle.clearance_m, plans)
     flights = plan_flights(
         stops, (0.0, 0.0, 0.0), landing, obstacles, vehicle, takeoff_m=site.takeoff_m, transit_m=site.transit_m,
         seed=seed,
     )  # fmt: skip
-    plants = _plants(plan, site)
+    plants = _plants(plans, site)
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
     routed = tuple(
         RoutedFlight(_mission(flight, number, len(flights), shots, frame, site, vehicle), flight)
@@ -136,7 +144,8 @@ def route_plan(plan: Plan, vehicle: Vehicle, site: Site, *, adjust: bool = False
     )
     return Routed(
         routed, moved, float(heights.min()), _nearest(flights, shots, plants) if plants else None,
-        np.concatenate([np.zeros((0, 3)), *plants.values()]), plants, fit,
+        np.concatenate([np.zeros((0, 3)), *plants.values()]), plants, findings,
+        {} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each.fit is not plan.fit},
     )  # fmt: skip
 
 
@@ -169,11 +178,11 @@ def _fence(site: Site) -> Fence | None:
     return Fence(site.fence, tuple(zone.corners for zone in site.no_fly), site.ceiling_m)
 
 
-def _plants(plan: Plan, site: Site) -> dict[str, Array]:
+def _plants(plans: Plans, site: Site) -> dict[str, Array]:
     """(m, 3) points of the plants in the site frame, by plot; none where the plan does not say where they are."""
-    frame, facts = SiteFrame(site.home), PlanFacts(plan)
+    frame = SiteFrame(site.home)
     found = {}
-    for plot in site.plots:
+    for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True):
         plants = plants_on(facts, plot)
         if plants is not None:
             found[plot.name] = frame.to_local(*PlotFrame.of(site, plot).to_geodetic(plants.points))

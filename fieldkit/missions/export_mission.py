@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+import re
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +17,7 @@ from fieldkit.missions.export import Routed, route_plan
 from fieldkit.missions.formats import FORMATS, mission_bytes
 from fieldkit.missions.placement import SiteFrame
 from fieldkit.missions.plan import Plan
-from fieldkit.missions.plan_file import load_plan
+from fieldkit.missions.plan_file import load_plan, plan_bytes
 from fieldkit.missions.site import Site
 from fieldkit.missions.site_file import load_plots, load_site, with_plots
 from fieldkit.missions.site_obstacles import site_obstacles
@@ -28,11 +31,13 @@ class ExportedMission:
 
     Attributes:
         routed: the flights.
-        files: mission files first, one per flight in order; then their routes, then the picture.
+        files: mission files first, one per flight in order; then their routes, fitted plans, the picture.
+        plans: by plot, files of the plans that were fitted to it.
     """
 
     routed: Routed
     files: tuple[Path, ...]
+    plans: Mapping[str, Path] = field(default_factory=dict)
 
 
 def export_mission(
@@ -43,6 +48,7 @@ def export_mission(
     *,
     format: str = "plan",  # noqa: A002
     plots: Path | None = None,
+    fit: bool = False,
     adjust: bool = False,
     route: bool = True,
     picture: bool = True,
@@ -60,6 +66,8 @@ def export_mission(
         output: the mission file; its suffix may be left out.
         format: "plan", "waypoints", "wpml", "litchi" or "kml".
         plots: GeoJSON of plots that takes the place of the site's own.
+        fit: fit the plan to each plot's plants and size, and write the plans that are flown, MISSION-PLOT.json: what
+            `evaluate --plan` and `check` have to be given.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
         route: write each flight's route as GeoJSON beside it.
         picture: draw all flights from above and from the side.
@@ -85,13 +93,17 @@ def export_mission(
     place = site if isinstance(site, Site) else load_site(site, plots)
     if isinstance(site, Site) and plots is not None:
         place = with_plots(site, load_plots(plots))
-    routed = route_plan(loaded, profile, place, adjust=adjust, seed=seed)
+    routed = route_plan(loaded, profile, place, fit=fit, adjust=adjust, seed=seed)
     contents: dict[Path, bytes] = {}
     names = _names(output, len(routed.flights))
     for file, each in zip(names, routed.flights, strict=True):
         contents[file] = mission_bytes(format, each.mission, profile)
     for file, each in zip(names, routed.flights, strict=True) if route else ():
         contents[file.with_suffix(".geojson")] = mission_bytes("geojson", each.mission, profile)
+    plans: dict[str, Path] = {}
+    for plot, flown in routed.fitted.items():
+        plans[plot] = _plan_file(output, plot, contents)
+        contents[plans[plot]] = plan_bytes(flown)
     if picture:
         contents[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
     if not overwrite:
@@ -100,7 +112,7 @@ def export_mission(
                 raise UsageError("exists already", path=file, remedy="Give --overwrite to replace it, or another name.")
     for file, content in contents.items():
         write_atomic(file, content)
-    return ExportedMission(routed, tuple(contents))
+    return ExportedMission(routed, tuple(contents), plans)
 
 
 def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
@@ -123,6 +135,15 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
 def _of_first_plot(routed: Routed) -> int:
     shots = routed.flights[0].mission.shots
     return sum(shot.plot == shots[0].plot for shot in shots)
+
+
+def _plan_file(mission: Path, plot: str, taken: Container[Path]) -> Path:
+    """MISSION-PLOT.json, with a number where two plots' names differ in what no file name may have."""
+    stem = f"{mission.stem}-" + re.sub(r"[^\w.-]", "_", plot)
+    names = (
+        mission.with_name(f"{stem}{more}.json") for more in itertools.chain([""], (f"-{k}" for k in itertools.count(2)))
+    )
+    return next(name for name in names if name not in taken)
 
 
 def _names(output: Path, flights: int) -> list[Path]:

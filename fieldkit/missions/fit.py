@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
 from fieldkit.geometry.angles import wrapped_deg
-from fieldkit.missions.plan import Plan
-from fieldkit.missions.plot_plants import BESIDE_M, PlanFacts, PlotPlants, other_spacing, plants_on
+from fieldkit.missions.plan import Plan, Plans
+from fieldkit.missions.plot_plants import BESIDE_M, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
 from fieldkit.missions.site import Site, SitePlot
 
 Severity = Literal["error", "warning", "note"]
@@ -62,16 +62,19 @@ class FitFinding:
         return f"{self.plot}: {self.message}"
 
 
-def fit_site(plan: Plan, site: Site, clearance_m: float) -> tuple[FitFinding, ...]:
+def fit_site(plans: Plans, site: Site, clearance_m: float) -> tuple[FitFinding, ...]:
     """What does not fit of a plan on the plots of a site, or is worth knowing, in the plots' order.
 
     Args:
-        plan: made on another plot, or on one of these.
+        plans: made on another plot, or on one of these; or fitted to each.
         site: whose plots may say how high, large, steep and far apart.
         clearance_m: of the vehicle, from plants.
     """
-    facts = PlanFacts(plan)
-    return tuple(finding for plot in site.plots for finding in fit_plot(facts, plot, clearance_m))
+    return tuple(
+        finding
+        for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True)
+        for finding in fit_plot(facts, plot, clearance_m)
+    )
 
 
 def fit_plot(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> tuple[FitFinding, ...]:
@@ -143,13 +146,13 @@ def _plants(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[Fi
             yield FitFinding(
                 plot.name, "plants-too-high", "error",
                 f"{higher}: {_stations(lost)} would stand in them, or nearer to them than {clearance_m:g} m",
-                "Plan again on plants of this height, with fieldkit plan --vehicle.",
+                "Fit the plan to them with --fit, or plan again on plants of this height.",
             )  # fmt: skip
         else:
             yield FitFinding(
                 plot.name, "plants-higher", "warning",
                 f"{higher}; the mission keeps clear of them, but they fill more of the pictures than planned",
-                "Look at what the photographs show; plan again where plants leave them.",
+                "Fit the plan to them with --fit, or look at what the photographs show.",
             )  # fmt: skip
     elif height < LOWER_SHARE * top:
         yield FitFinding(

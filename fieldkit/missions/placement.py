@@ -37,7 +37,7 @@ from numpy.typing import ArrayLike, NDArray
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.mission import GeoPoint, Home, Shot
-from fieldkit.missions.plan import Plan
+from fieldkit.missions.plan import Plan, Plans, plan_on
 from fieldkit.missions.site import Site, SiteHome, SitePlot
 from fieldkit.missions.terrain import LEVEL, Gradient
 
@@ -202,8 +202,8 @@ class PlotFrame:
         return np.array([[np.sin(x), -np.cos(x), 0.0], [np.cos(x), np.sin(x), 0.0], [0.0, 0.0, 1.0]])
 
 
-def place(plan: Plan, site: Site) -> tuple[Shot, ...]:
-    """A plan's stations on all plots of a site, in the plots' order.
+def place(plans: Plans, site: Site) -> tuple[Shot, ...]:
+    """The stations of a plan, or of each plot's own, on all plots of a site, in the plots' order.
 
     On a level plot pitch is kept: within a plot the plumb line turns by less than 10⁻⁵ degrees a metre. On a slope it
     turns so that the camera looks at the same place of the ground, see above.
@@ -213,13 +213,20 @@ def place(plan: Plan, site: Site) -> tuple[Shot, ...]:
         MissionError: a station is farther than `FARTHEST_STATION_M` from its plot's origin, or there are more than
             `MAX_SHOTS` photographs.
     """
-    count = len(plan.stations) * len(site.plots)
+    count = sum(len(plan_on(plans, plot.name).stations) for plot in site.plots)
     if count > MAX_SHOTS:
         raise MissionError(
-            f"{len(plan.stations)} stations on {len(site.plots)} plots are {count} photographs; "
+            f"{count // len(site.plots)} stations on {len(site.plots)} plots are {count} photographs; "
             f"{MAX_SHOTS} are the most",
             remedy="Give fewer plots at a time.",
         )
+    shots: list[Shot] = []
+    for plot in site.plots:
+        shots += _on_plot(plan_on(plans, plot.name), plot.name, PlotFrame.of(site, plot))
+    return tuple(shots)
+
+
+def _on_plot(plan: Plan, name: str, frame: PlotFrame) -> list[Shot]:
     positions = np.array([station.position_m for station in plan.stations], dtype=np.float64)
     far = ~(np.abs(positions) <= FARTHEST_STATION_M).all(axis=1)
     if far.any():
@@ -229,17 +236,13 @@ def place(plan: Plan, site: Site) -> tuple[Shot, ...]:
             remedy="Give a plan in the plot frame, in metres.",
         )
     yaws = [station.yaw_deg for station in plan.stations]
-    shots: list[Shot] = []
-    for plot in site.plots:
-        frame = PlotFrame.of(site, plot)
-        places = _geo_points(frame.to_geodetic(positions))
-        headings = frame.headings(positions, yaws).tolist()
-        pitches = frame.pitches(yaws, [station.pitch_deg for station in plan.stations]).tolist()
-        shots += [
-            Shot(where, heading, pitch, plot.name, index)
-            for index, (where, heading, pitch) in enumerate(zip(places, headings, pitches, strict=True))
-        ]
-    return tuple(shots)
+    places = _geo_points(frame.to_geodetic(positions))
+    headings = frame.headings(positions, yaws).tolist()
+    pitches = frame.pitches(yaws, [station.pitch_deg for station in plan.stations]).tolist()
+    return [
+        Shot(where, heading, pitch, name, index)
+        for index, (where, heading, pitch) in enumerate(zip(places, headings, pitches, strict=True))
+    ]
 
 
 def ground_above_home(site: Site, plot: SitePlot) -> float:

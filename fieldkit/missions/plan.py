@@ -5,6 +5,7 @@ Positions are in the plot frame, whose z = 0 is the fitted ground; that is the d
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -115,6 +116,17 @@ class PlanMethod(Strict):
     """Of the geometric score's gap, noise and tie, where the method goes by it."""
 
 
+class PlanFit(Strict):
+    """A plot that a plan was fitted to, and the factors by which its plants were stretched."""
+
+    plot: str
+    length: Annotated[float, Field(gt=0)]
+    """Along the plot frame's x axis."""
+    width: Annotated[float, Field(gt=0)]
+    """Across."""
+    height: Annotated[float, Field(gt=0)]
+
+
 class Plan(Strict):
     """plan.json: the stations of a few-view capture."""
 
@@ -130,3 +142,15 @@ class Plan(Strict):
     plants: PlanPlants | None = None
     source: PlanSource | None = None
     method: PlanMethod | None = None
+    fit: PlanFit | None = None
+    """Where the stations are those of a plan that was fitted to another plot; ``method`` says what it was worth on its
+    own."""
+
+
+Plans = Plan | Mapping[str, Plan]
+"""One plan for all plots, or one for each by its plot's name."""
+
+
+def plan_on(plans: Plans, plot: str) -> Plan:
+    """The plan of the plot of that name. Raises KeyError: there is none."""
+    return plans if isinstance(plans, Plan) else plans[plot]

@@ -45,7 +45,12 @@ def save_plan(path: Path, plan: Plan) -> None:
     Raises:
         StorageError: the place is full or not writable.
     """
-    write_atomic(path, plan.model_dump_json(indent=2) + "\n")
+    write_atomic(path, plan_bytes(plan))
+
+
+def plan_bytes(plan: Plan) -> bytes:
+    """A plan as JSON, UTF-8, indented."""
+    return (plan.model_dump_json(indent=2) + "\n").encode("utf-8")
 
 
 def load_plan(path: Path) -> Plan:

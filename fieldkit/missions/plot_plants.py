@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.plan import Plan, PlanPlants
+from fieldkit.missions.plan import Plan, PlanPlants, Plans, plan_on
 from fieldkit.missions.plants import BAND_M, Band, no_fly_bands
 from fieldkit.missions.rows import row_spacing_m
 from fieldkit.missions.site import SitePlot
@@ -90,6 +90,13 @@ class PlanFacts:
     def box(self) -> tuple[Array, Array] | None:
         """Least and greatest (x, y) of the plants."""
         return (self.points[:, :2].min(axis=0), self.points[:, :2].max(axis=0)) if len(self.points) else None
+
+
+def facts_of(plans: Plans, plots: Sequence[SitePlot]) -> list[PlanFacts]:
+    """Of each plot's plan; what a plan says is found out once."""
+    facts: dict[int, PlanFacts] = {}
+    found = [plan_on(plans, plot.name) for plot in plots]
+    return [facts.setdefault(id(plan), PlanFacts(plan)) for plan in found]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from fieldkit.missions.obstacles import Corners, Obstacles, Volume
 from fieldkit.missions.placement import PlotFrame, SiteFrame
-from fieldkit.missions.plan import Plan
+from fieldkit.missions.plan import Plan, Plans
 from fieldkit.missions.plants import BAND_M, Band
-from fieldkit.missions.plot_plants import PlanFacts, PlotPlants, plants_on
+from fieldkit.missions.plot_plants import PlotPlants, facts_of, plants_on
 from fieldkit.missions.site import Site, SitePlot
 from fieldkit.missions.terrain import LEVEL, Gradient
 
@@ -25,7 +25,7 @@ _MOST_STRIPS = 400
 Array = NDArray[np.float64]
 
 
-def site_obstacles(site: Site, clearance_m: float, plan: Plan | None = None) -> Obstacles:
+def site_obstacles(site: Site, clearance_m: float, plans: Plans | None = None) -> Obstacles:
     """Obstacles, no-fly zones, fence and ceiling of a site, the plants of a plan on every plot, and sloping ground.
 
     Plants are those of `plants_on`: the plan's, changed where the site says that a plot's are higher, reach farther or
@@ -36,7 +36,7 @@ def site_obstacles(site: Site, clearance_m: float, plan: Plan | None = None) -> 
     Args:
         site: the fence and the zones are kept to their edges.
         clearance_m: kept to obstacles, plants and sloping ground.
-        plan: whose plants stand on every plot; none where it does not say where they are.
+        plans: whose plants stand on every plot, or of each plot's own; none where they do not say where plants are.
 
     Raises:
         MetadataError: a plot's height cannot be connected with home's.
@@ -48,23 +48,22 @@ def site_obstacles(site: Site, clearance_m: float, plan: Plan | None = None) -> 
         for o in site.obstacles
     ]
     volumes += [Volume.no_fly(zone.name, frame.outline(zone.corners)) for zone in site.no_fly]
-    if plan is not None:
-        volumes += _of_plots(site, clearance_m, plan, frame)
+    if plans is not None:
+        volumes += _of_plots(site, clearance_m, plans, frame)
     fence = tuple(frame.outline(corners) for corners in site.fence)
     return Obstacles(tuple(volumes), fence, ceiling_m=site.ceiling_m)
 
 
-def _of_plots(site: Site, clearance_m: float, plan: Plan, frame: SiteFrame) -> Iterator[Volume]:
-    facts = PlanFacts(plan)
+def _of_plots(site: Site, clearance_m: float, plans: Plans, frame: SiteFrame) -> Iterator[Volume]:
     landings = [(0.0, 0.0)]
     if site.landing is not None:
         landings.append(_place(frame, site.landing.latitude_deg, site.landing.longitude_deg))
-    known: dict[tuple[float | None, Gradient], tuple[Band, ...]] = {}
-    for plot in site.plots:
+    known: dict[tuple[object, ...], tuple[Band, ...]] = {}
+    for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True):
         to_plot, plants = PlotFrame.of(site, plot), plants_on(facts, plot)
         if plants is not None:
             # Plots alike take the same air.
-            alike = (float(plants.points[:, 2].max()), to_plot.gradient)
+            alike = (id(facts), float(plants.points[:, 2].max()), to_plot.gradient)
             if alike not in known:
                 known[alike] = plants.bands(clearance_m, to_plot.gradient)
             yield from _placed(plot.name, known[alike], to_plot, frame)
@@ -74,7 +73,7 @@ def _of_plots(site: Site, clearance_m: float, plan: Plan, frame: SiteFrame) -> I
                 for volume in _placed(plot.name, bands, to_plot, frame):
                     yield Volume(volume.name, volume.footprint, volume.top_m, clearance_m, "plants")
         if to_plot.gradient != LEVEL:
-            yield from _ground(plan, plot, plants, to_plot, clearance_m, frame, landings)
+            yield from _ground(facts.plan, plot, plants, to_plot, clearance_m, frame, landings)
 
 
 def _placed(name: str, bands: Sequence[Band], to_plot: PlotFrame, frame: SiteFrame) -> Iterator[Volume]:
