@@ -103,7 +103,7 @@ def command(
                 "nearest_plant_m": routed.plants_m,
                 "moved": [str(each) for each in routed.moved],
                 "fit": [asdict(each) for each in routed.fit],
-                "fitted": [each.fit.model_dump() for each in routed.fitted.values() if each.fit is not None],
+                "fitted": [each.fit.model_dump() for each in routed.own.values() if each.fit is not None],
             }
         )
         return
@@ -113,7 +113,7 @@ def command(
         say(f"Moved: {len(routed.moved) - _MOST_MOVED} more; --json lists all.")
     if routed.plants_m is None:
         say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
-    for name, flown in routed.fitted.items():
+    for name, flown in routed.own.items():
         assert flown.fit is not None
         say(
             f"Fitted to {name}: plants {flown.fit.height:.2f} times as high, {flown.fit.length:.2f} times as far along "

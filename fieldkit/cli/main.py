@@ -40,6 +40,7 @@ STAGES: dict[str, dict[str, str]] = {
     },
     "Many plots and dates, results": {
         "campaign init": "Make a campaign: one plan over many plots and dates.",
+        "campaign plan": "Plan the next visit of every plot from its own last one.",
         "campaign show": "Show a campaign's plots, dates, ranking and drift.",
         "campaign export": "Write its table as CSV, GeoJSON or GeoPackage.",
         "compare": "Compare evaluations: what differs, what is noise.",

@@ -50,7 +50,7 @@ class Routed:
         plants: (m, 3) of all plots, site frame; as high as they are taken to be there.
         plants_of: the same by plot.
         fit: what does not fit on which plot, or is worth knowing; errors are none of it.
-        fitted: by plot, the plans that were flown in the given one's place, where plans are fitted.
+        own: plans of plots that are not flown by the one plan that was given.
     """
 
     flights: tuple[RoutedFlight, ...]
@@ -60,7 +60,7 @@ class Routed:
     plants: Array
     plants_of: Mapping[str, Array]
     fit: tuple[FitFinding, ...] = ()
-    fitted: Mapping[str, Plan] = field(default_factory=dict)
+    own: Mapping[str, Plan] = field(default_factory=dict)
 
     @property
     def photographs(self) -> int:
@@ -90,7 +90,7 @@ class Routed:
 
 
 def route_plan(
-    plan: Plan, vehicle: Vehicle, site: Site, *, fit: bool = False, adjust: bool = False, seed: int = 0
+    plan: Plans, vehicle: Vehicle, site: Site, *, fit: bool = False, adjust: bool = False, seed: int = 0
 ) -> Routed:
     """Put a plan on every plot of a site and find the flights over it.
 
@@ -99,7 +99,7 @@ def route_plan(
     plants on every leg.
 
     Args:
-        plan: stations in the plot frame.
+        plan: stations in the plot frame; for all plots, or each plot's own by name.
         vehicle: flies it.
         site: home, plots, fence, zones, obstacles.
         fit: fit the plan to each plot's plants and size.
@@ -112,7 +112,7 @@ def route_plan(
             named.
         MetadataError: the height of a plot cannot be connected with home's.
     """
-    plans: Plans = fitted_to(plan, site.plots) if fit else plan
+    plans = fitted_to(plan, site.plots) if fit and isinstance(plan, Plan) else plan
     shots = place(plans, site)
     findings = require_fit(fit_site(plans, site, vehicle.clearance_m))
     moved: tuple[Unreachable, ...] = ()
@@ -145,7 +145,7 @@ def route_plan(
     return Routed(
         routed, moved, float(heights.min()), _nearest(flights, shots, plants) if plants else None,
         np.concatenate([np.zeros((0, 3)), *plants.values()]), plants, findings,
-        {} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each.fit is not plan.fit},
+        {} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
     )  # fmt: skip
 
 

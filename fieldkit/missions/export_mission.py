@@ -16,7 +16,7 @@ from fieldkit.files import write_atomic
 from fieldkit.missions.export import Routed, route_plan
 from fieldkit.missions.formats import FORMATS, mission_bytes
 from fieldkit.missions.placement import SiteFrame
-from fieldkit.missions.plan import Plan
+from fieldkit.missions.plan import Plans
 from fieldkit.missions.plan_file import load_plan, plan_bytes
 from fieldkit.missions.site import Site
 from fieldkit.missions.site_file import load_plots, load_site, with_plots
@@ -32,7 +32,7 @@ class ExportedMission:
     Attributes:
         routed: the flights.
         files: mission files first, one per flight in order; then their routes, fitted plans, the picture.
-        plans: by plot, files of the plans that were fitted to it.
+        plans: by plot, files of plans that are its own.
     """
 
     routed: Routed
@@ -41,7 +41,7 @@ class ExportedMission:
 
 
 def export_mission(
-    plan: Path | Plan,
+    plan: Path | Plans,
     vehicle: str | Path | Vehicle,
     site: Path | Site,
     output: Path,
@@ -52,6 +52,7 @@ def export_mission(
     adjust: bool = False,
     route: bool = True,
     picture: bool = True,
+    plans: bool = True,
     overwrite: bool = False,
     seed: int = 0,
 ) -> ExportedMission:
@@ -60,7 +61,7 @@ def export_mission(
     Everything is computed before anything is written. Several flights are numbered: mission-1.plan, mission-2.plan …
 
     Args:
-        plan: plan.json, its folder, or a plan.
+        plan: plan.json, its folder, or a plan; or each plot's own plan by its name.
         vehicle: a profile's name or file, or a profile.
         site: a site file, or a site.
         output: the mission file; its suffix may be left out.
@@ -71,6 +72,7 @@ def export_mission(
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
         route: write each flight's route as GeoJSON beside it.
         picture: draw all flights from above and from the side.
+        plans: write the plans of plots that have their own.
         overwrite: replace files that are there.
         seed: of the search for the order of many plots.
 
@@ -88,7 +90,7 @@ def export_mission(
             f"{format} missions are {suffix} files", path=output, remedy=f"Name it {output.with_suffix(suffix).name}."
         )
     output = output.with_suffix(suffix)
-    loaded = plan if isinstance(plan, Plan) else load_plan(plan)
+    loaded = load_plan(plan) if isinstance(plan, Path) else plan
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     place = site if isinstance(site, Site) else load_site(site, plots)
     if isinstance(site, Site) and plots is not None:
@@ -100,10 +102,10 @@ def export_mission(
         contents[file] = mission_bytes(format, each.mission, profile)
     for file, each in zip(names, routed.flights, strict=True) if route else ():
         contents[file.with_suffix(".geojson")] = mission_bytes("geojson", each.mission, profile)
-    plans: dict[str, Path] = {}
-    for plot, flown in routed.fitted.items():
-        plans[plot] = _plan_file(output, plot, contents)
-        contents[plans[plot]] = plan_bytes(flown)
+    written: dict[str, Path] = {}
+    for plot, flown in routed.own.items() if plans else ():
+        written[plot] = _plan_file(output, plot, contents)
+        contents[written[plot]] = plan_bytes(flown)
     if picture:
         contents[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
     if not overwrite:
@@ -112,7 +114,7 @@ def export_mission(
                 raise UsageError("exists already", path=file, remedy="Give --overwrite to replace it, or another name.")
     for file, content in contents.items():
         write_atomic(file, content)
-    return ExportedMission(routed, tuple(contents), plans)
+    return ExportedMission(routed, tuple(contents), written)
 
 
 def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:

@@ -171,7 +171,7 @@ def open_problem(
     source = partial(kind.source, noise=noise, wind_m=settings.noise.wind_m)
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
     return Plannable(
-        problem, _described(envelope),
+        problem, described(envelope),
         lambda: PlotsObjective(partial(kind.proxy, camera=camera), source, wanted, seed=settings.seed),
         apart=apart,
     )  # fmt: skip
@@ -235,7 +235,7 @@ def _recorded(
         views=views, matches=matches, blind=settings.blind, exact=unchanging(settings.source, settings.noise),
     )  # fmt: skip
     objective = partial(Objective, source, wanted, seed=settings.seed)
-    return Plannable(problem, _described(envelope), objective, tuple(view.name for view in source.views))
+    return Plannable(problem, described(envelope), objective, tuple(view.name for view in source.views))
 
 
 def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
@@ -279,7 +279,8 @@ def _without_distortion(reference: Reference) -> Intrinsics:
     return full.without_distortion()
 
 
-def _described(envelope: Envelope) -> PlanEnvelope:
+def described(envelope: Envelope) -> PlanEnvelope:
+    """An envelope as plan.json tells it."""
     (x, y, z) = (envelope.x_m, envelope.y_m, envelope.height_m)
     return PlanEnvelope(
         lower_m=(x[0], y[0], z[0]), upper_m=(x[1], y[1], z[1]), plant_distance_m=envelope.clearance_m,

@@ -12,6 +12,7 @@ from fieldkit.evaluation.campaign.campaign_file import (
     EvaluationTable,
     read_campaign_file,
 )
+from fieldkit.evaluation.campaign.names import folder_name
 from fieldkit.evaluation.campaign.table import TABLE_FILE, read_rows
 from fieldkit.evaluation.campaign.visit import Visit
 from fieldkit.evaluation.report_files import load_evaluation_report
@@ -24,7 +25,7 @@ from fieldkit.missions.site import Site, SitePlot
 from fieldkit.missions.site_file import load_site
 from fieldkit.missions.toml_file import read_versioned
 
-VISITS_FOLDER = "visits"
+VISITS_FOLDER, PLANS_FOLDER = "visits", "plans"
 _REMEDY = "Make a campaign with `fieldkit campaign init`."
 _SITE_BYTES = 256 << 10
 
@@ -88,6 +89,19 @@ class Campaign:
             raise KeyError(id_)
         return found
 
+    def plan_of(self, plot: str, date: str) -> Plan:
+        """That a visit flew: the plot's newest from `fieldkit campaign plan` for that date or an earlier one, else the
+        campaign's.
+
+        Raises:
+            MetadataError: it is damaged.
+        """
+        folder = self.folder / PLANS_FOLDER
+        made = sorted(each.name for each in folder.iterdir() if each.name <= date) if folder.is_dir() else []
+        files = (folder / each / plan_file_name(plot) for each in reversed(made))
+        file = next((file for file in files if file.is_file()), None)
+        return self.plan if file is None else load_plan(file)
+
     @property
     def dates(self) -> tuple[str, ...]:
         """All dates of the table, ascending."""
@@ -135,6 +149,11 @@ def read_campaign(folder: Path) -> Campaign:
         vehicle_file=None if table.vehicle is None else _named(table.vehicle, file, "vehicle"),
         camera_file=None if table.camera is None else _named(table.camera, file, "camera"),
     )
+
+
+def plan_file_name(plot: str) -> str:
+    """Of a plot's plan, in a folder of one date."""
+    return f"{folder_name(plot)}.json"
 
 
 def visit_plots(campaign: Campaign) -> list[PlotEvaluation]:

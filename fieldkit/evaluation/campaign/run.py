@@ -17,6 +17,7 @@ from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.campaign.campaign import VISITS_FOLDER, Campaign, read_campaign
 from fieldkit.evaluation.campaign.campaign_file import CAMPAIGN_FILE
 from fieldkit.evaluation.campaign.lock import campaign_lock
+from fieldkit.evaluation.campaign.names import folder_name
 from fieldkit.evaluation.campaign.sorting import Shot, Sorting, sort_photographs
 from fieldkit.evaluation.campaign.table import TABLE_FILE, Row, Table
 from fieldkit.evaluation.campaign.visit import Visit
@@ -24,7 +25,6 @@ from fieldkit.evaluation.campaign.visiting import (
     VisitJob,
     VisitResult,
     evaluate_visit,
-    folder_name,
     read_record,
     visit_inputs,
 )
@@ -227,7 +227,7 @@ def _jobs(
             captures=_common(captures, chosen),
             notes=visit.notes,
             folder=campaign.folder,
-            plan=campaign.plan,
+            plan=campaign.plan_of(visit.plot, visit.date),
             evaluation=campaign.evaluation,
             camera=campaign.camera_file,
             cache=None if cache.root is None else cache.root,

@@ -15,6 +15,7 @@ from fieldkit.documents import read_json_object
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
 from fieldkit.evaluation.campaign.campaign import VISITS_FOLDER, CampaignPlot
 from fieldkit.evaluation.campaign.campaign_file import EvaluationTable
+from fieldkit.evaluation.campaign.names import folder_name
 from fieldkit.evaluation.campaign.placing import place_visit, wanted_sidecars
 from fieldkit.evaluation.campaign.table import visit_of, visit_values
 from fieldkit.evaluation.campaign.visit import Visit
@@ -32,10 +33,8 @@ from fieldkit.progress import Silent
 from fieldkit.reporting.plots_csv import write_plots_csv
 
 VISIT_FILE = "visit.json"
-_VERSION = 2  # part of the inputs' digest: raised when evaluating a visit changes its results
+_VERSION = 3  # part of the inputs' digest: raised when evaluating a visit changes its results
 _MAX_BYTES = 8 << 20
-_MAX_NAME_BYTES = 200
-_UNSAFE = set('/\\:*?"<>|%')
 _TOLD = (
     "volume-cuts-plants", "steep-ground", "refinement-not-converged", "too-few-positions", "several-take-offs",
     "mixed-cameras",
@@ -146,17 +145,6 @@ def evaluate_visit(job: VisitJob) -> VisitResult:
     except Exception as error:  # one plot must not stop the others
         return VisitResult(replace(visit, error=f"a bug in fieldkit: {type(error).__name__}: {error}"), "")
     return VisitResult(visit, job.inputs)
-
-
-def folder_name(plot: str) -> str:
-    """A plot's id as a folder's name: what file systems refuse is written %XX."""
-    safe = "".join(f"%{ord(c):02X}" if c in _UNSAFE or ord(c) < 32 else c for c in plot)
-    if safe.startswith(".") or safe.endswith("."):
-        safe = safe.replace(".", "%2E")
-    encoded = safe.encode()
-    if len(encoded) <= _MAX_NAME_BYTES:
-        return safe
-    return f"{encoded[: _MAX_NAME_BYTES - 20].decode('utf-8', 'ignore')}%{digest(plot)[:16]}"
 
 
 def read_record(folder: Path) -> VisitRecord | None:

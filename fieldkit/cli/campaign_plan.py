@@ -1,0 +1,110 @@
+"""fieldkit campaign plan."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.common import (
+    DebugOption,
+    JsonOption,
+    OverwriteOption,
+    SeedOption,
+    console,
+    emit_json,
+    table,
+)
+from fieldkit.cli.reconstruction_options import run_context
+from fieldkit.errors import UsageError
+
+
+def command(
+    output: Annotated[Path, typer.Option("--output", "-o", help="The mission file; its suffix may be left out.")],
+    folder: Annotated[
+        Path | None, typer.Argument(help="The campaign's folder; the one about the current folder where not given.")
+    ] = None,
+    date: Annotated[
+        str, typer.Option("--date", metavar="DATE", help="Of the visit, 2026-07-02; today where not given.")
+    ] = "",
+    growth: Annotated[
+        float, typer.Option("--growth", metavar="FACTOR", help="By which plants have grown since the last visit.")
+    ] = 1.15,
+    vehicle: Annotated[
+        str | None,
+        typer.Option("--vehicle", metavar="NAME", help="A profile's name or file, in place of the campaign's."),
+    ] = None,
+    format: Annotated[str, typer.Option("--format", help="As of export-mission.")] = "plan",  # noqa: A002
+    seed: SeedOption = 0,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 1,
+    overwrite: OverwriteOption = False,
+    as_json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Plan a campaign's next visit: new stations for every plot, from its own last visit.
+
+    Each plot's last cloud is made taller and wider by an expected growth, and stations are chosen for it by the
+    geometric score; nothing is photographed. Plots without a cloud get the campaign's plan. One mission over all plots
+    is written as by export-mission. The plans are kept in the campaign, and `fieldkit evaluate` compares visits from
+    that date on with them.
+
+    Examples:
+        fieldkit campaign plan season --date 2026-07-02 -o next.plan
+        fieldkit campaign plan season --growth 1.3 --vehicle px4-gimbal -o next.plan
+
+    Exit codes:
+        0  done
+        2  wrong usage, or a file exists already
+        3  a file of the campaign cannot be used
+        5  unsafe, out of reach, or nothing that this vehicle can fly
+
+    See Also:
+        fieldkit evaluate, fieldkit export-mission
+    """
+    day = _day(date)
+    from fieldkit.evaluation.campaign.campaign import campaign_folder, read_campaign
+    from fieldkit.planning.next_visit import plan_next_visit
+    from fieldkit.threads import limit_threads
+
+    limit_threads(1)
+    campaign = read_campaign(campaign_folder(folder))
+    with run_context(as_json=as_json) as progress:
+        made = plan_next_visit(
+            campaign, day, output, vehicle=vehicle, growth=growth, format=format, seed=seed, workers=workers,
+            overwrite=overwrite, progress=progress,
+        )  # fmt: skip
+    if as_json:
+        emit_json(
+            {
+                "date": day,
+                "files": list(made.mission.files),
+                "plots": [
+                    {
+                        "plot": each.plot, "made_of": each.date, "expected_m": each.expected_m,
+                        "carried_m": each.carried_m, "seconds": each.seconds,
+                    }
+                    for each in made.plans
+                ],
+            }
+        )  # fmt: skip
+        return
+    from fieldkit.reporting.style import format_length
+
+    rows = table(f"Plans for {day}", "plot", "last visit", "expected>", "campaign's plan there>")
+    for each in made.plans:
+        lengths = ("–" if value is None else format_length(value) for value in (each.expected_m, each.carried_m))
+        rows.add_row(each.plot, each.date or "none: the campaign's plan", *lengths)
+    show = console()
+    show.print(rows)
+    show.print("Expected by the geometric score: it ranks sets of one plot, and is no chamfer distance.")
+    for file in made.mission.files:
+        show.print(str(file), soft_wrap=True)
+
+
+def _day(date: str) -> str:
+    try:
+        return (datetime.date.fromisoformat(date) if date else datetime.date.today()).isoformat()
+    except ValueError as error:
+        raise UsageError(f"--date: {date} is no date", remedy="Write it like --date 2026-07-02.") from error
