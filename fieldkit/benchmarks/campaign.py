@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fieldkit.benchmarks.field_check import run_field_check
+from fieldkit.benchmarks.next_visit import run_next_visit
 from fieldkit.benchmarks.plan_reuse import run_plan_reuse
 from fieldkit.benchmarks.plant_figures import run_plant_figures
 from fieldkit.benchmarks.report_size import study as run_report_size
@@ -32,7 +33,7 @@ class CampaignOptions:
         data: folder of the recorded image sets, or None.
         cache: of stages.
         scenes: of ``field-check``, where none takes those that nothing was tuned on; of ``plan-reuse`` the first.
-        count: captures of ``field-check`` (80), plots of ``season`` (40).
+        count: captures of ``field-check`` (80), plots of ``season`` (40), of each scene in ``next-visit`` (1).
         width_px: of the photographs of ``season``.
         seed: of everything random.
         workers: threads and processes.
@@ -88,6 +89,10 @@ def _plan_reuse(options: CampaignOptions, progress: Progress) -> StudyResult:
     return run_plan_reuse(scene=(options.scenes or ("tuning-1",))[0], progress=progress)
 
 
+def _next_visit(options: CampaignOptions, progress: Progress) -> StudyResult:
+    return run_next_visit(options.scenes, options.count or 1, progress=progress)
+
+
 def _report_size(options: CampaignOptions, progress: Progress) -> StudyResult:
     return run_report_size(seed=options.seed, progress=progress)
 
@@ -98,6 +103,7 @@ STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
     "plant-figures": _plant_figures,
     "score-prediction": _score_prediction,
     "plan-reuse": _plan_reuse,
+    "next-visit": _next_visit,
     "report-size": _report_size,
 }
 DEFAULT = ("season", "field-check", "report-size")

@@ -65,6 +65,7 @@ class Study(StrEnum):
     PLANT_FIGURES = "plant-figures"
     SCORE_PREDICTION = "score-prediction"
     PLAN_REUSE = "plan-reuse"
+    NEXT_VISIT = "next-visit"
     REPORT_SIZE = "report-size"
 
 
@@ -155,8 +156,8 @@ def command(
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
     recorded and proxy; the planner's are simulated, transfer, surrogate, ablation and chosen (of recorded sets);
     those of missions are trips, poses, uploads, routes and fuzz; campaign's are season,
-    field-check, plant-figures, score-prediction, plan-reuse and report-size; paper's are tables, pose-noise,
-    image-noise and new-plots, all of them where none is named. FIELDKIT_DATA names the
+    field-check, plant-figures, score-prediction, plan-reuse, next-visit and report-size; paper's are tables,
+    pose-noise, image-noise and new-plots, all of them where none is named. FIELDKIT_DATA names the
     recorded image sets; what needs them is left out without it. The result holds results.json, results.md and pictures.
 
     Examples:

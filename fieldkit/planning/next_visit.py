@@ -129,7 +129,28 @@ def _next_plan(
     if file is None:
         return NextPlan(plot, plan)
     begun = time.perf_counter()
-    problem = _problem(plan, vehicle, grown(read_cloud(file), growth))
+    name = f"{plot} of {date}"
+    made, carried_m = plan_for_plants(plan, grown(read_cloud(file), growth), name, vehicle=vehicle, seed=seed)
+    assert made.method is not None
+    return NextPlan(plot, made, date, made.method.expected_m, carried_m, time.perf_counter() - begun)
+
+
+def plan_for_plants(
+    plan: Plan, plants: Cloud, name: str, *, vehicle: Vehicle | None = None, seed: int = 0
+) -> tuple[Plan, float]:
+    """Stations for known plants by the geometric score, as many as a carried plan has.
+
+    Args:
+        plan: the carried one, with a camera.
+        plants: their surfaces, plot frame.
+        name: of what they are, for people.
+        vehicle: whose limits hold; those of the plan where None.
+        seed: of the optima.
+
+    Returns:
+        The plan, and what the score expects of the carried one there, metres.
+    """
+    problem = _problem(plan, vehicle, plants)
     weights = WEIGHTS if plan.method is None or plan.method.weights is None else plan.method.weights
     expected = Expected(problem)
 
@@ -142,18 +163,17 @@ def _next_plan(
         problem.nearest(optimise(problem, cost, seed, _ANYWHERE)),
     ]
     best = min(found, key=cost)
+    method = PlanMethod(name="score", seed=seed, evaluations=0, repeats=0, expected_m=cost(best), weights=weights)
     made = plan.model_copy(
         update={
             "stations": _stations(best),
             "envelope": described(problem.envelope),
             "plants": plants_of(problem),
-            "source": PlanSource(kind="captures", name=f"{plot} of {date}"),
-            "method": PlanMethod(
-                name="score", seed=seed, evaluations=0, repeats=0, expected_m=cost(best), weights=weights
-            ),
+            "source": PlanSource(kind="captures", name=name),
+            "method": method,
         }
     )
-    return NextPlan(plot, made, date, cost(best), cost(carried), time.perf_counter() - begun)
+    return made, cost(carried)
 
 
 def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud) -> Problem:
