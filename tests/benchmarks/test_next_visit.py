@@ -17,7 +17,7 @@ def test_plants_are_a_stage_older_and_higher_where_they_stood() -> None:
     old = older(young)
     before, after = (Plot.of(scene)[0].reference.points for scene in (young, old))
     assert after[:, 2].max() > 1.02 * before[:, 2].max()
-    assert [plant.at_m for plant in old.plot.plants] == [plant.at_m for plant in young.plot.plants]
+    assert [(p.x_m, p.y_m) for p in old.plot.plants] == [(p.x_m, p.y_m) for p in young.plot.plants]
 
 
 def test_ways_are_held_against_the_carried_plan() -> None:
