@@ -23,6 +23,7 @@ from fieldkit.planning.run_settings import SearchSettings
 from fieldkit.planning.search import Chooser
 from fieldkit.progress import Progress, Silent
 from fieldkit.scenes.renderer import RenderingError
+from fieldkit.usage import processor_seconds
 
 
 def plan_views(
@@ -135,10 +136,10 @@ def _chosen(
         except RenderingError as error:
             progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
             confirming = False
-    begun, cpu = time.monotonic(), time.thread_time()
+    begun, cpu = time.monotonic(), processor_seconds()
     with progress.stage("Optimising the geometric score"):
-        trials = method.choose(settings.finalists if confirming else 1)
-    cost = (time.monotonic() - begun, time.thread_time() - cpu)
+        trials = method.choose(settings.finalists if confirming else 1, workers)
+    cost = (time.monotonic() - begun, processor_seconds() - cpu)
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
         with _executor(plannable.objective, workers, scheduler, known, settings) as executor:

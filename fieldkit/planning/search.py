@@ -229,8 +229,11 @@ class Chooser(Protocol):
         """As `--method` takes it."""
         ...
 
-    def choose(self, count: int) -> list[Trial]:
-        """At most ``count`` trials, the best by what is expected first, no set of cameras twice."""
+    def choose(self, count: int, workers: int = 1) -> list[Trial]:
+        """At most ``count`` trials, the best by what is expected first, no set of cameras twice.
+
+        They do not depend on ``workers``, the number of processes.
+        """
         ...
 
 

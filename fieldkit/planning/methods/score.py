@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
+from fieldkit.parallel import map_parallel
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.expected import WEIGHTS, Expected, Weights
 from fieldkit.planning.methods.geometric import Effort, optimise
@@ -35,20 +37,13 @@ class ScoreOptimum:
     ) -> None:
         self._problem, self._weights, self._seed, self._effort = problem, weights, seed, effort
 
-    def choose(self, count: int) -> list[Trial]:
+    def choose(self, count: int, workers: int = 1) -> list[Trial]:
         """See `Chooser.choose`; the k-th start's set is trial k, whose notes have what is expected, metres."""
-        expected = Expected(self._problem)
-        registration = Registration.learn([], []) if self._problem.blind else None
-
-        def cost(cameras: Cameras) -> float:
-            return expected.value_m(cameras, self._weights, registration)
-
+        find = partial(_optimum, self._problem, self._weights, self._seed, self._effort)
         found: dict[Cameras, Trial] = {}
-        for k in range(count):
-            start = int(np.random.SeedSequence([self._seed, _STREAM, k]).generate_state(1, np.uint64)[0])
-            cameras = self._problem.nearest(optimise(self._problem, cost, start, self._effort))
-            notes = {"expected_m": cost(cameras)}
-            found.setdefault(cameras, Trial(k, cameras, "optimum of the geometric score", notes))
+        for k, (cameras, expected_m) in enumerate(map_parallel(find, range(count), workers=workers)):
+            trial = Trial(k, cameras, "optimum of the geometric score", {"expected_m": expected_m})
+            found.setdefault(cameras, trial)
         return sorted(found.values(), key=lambda trial: (trial.notes["expected_m"], trial.number))
 
     def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
@@ -56,3 +51,18 @@ class ScoreOptimum:
         from fieldkit.planning.methods.field import Field  # brings PyTorch along
 
         return Field(self._problem, seed=self._seed, weights=self._weights).expect_m(sets, results)
+
+
+def _optimum(
+    problem: Problem, weights: Weights, seed: int, effort: Effort | None, number: int
+) -> tuple[Cameras, float]:
+    """The set that the start of a number leads to, and what is expected of it."""
+    expected = Expected(problem)
+    registration = Registration.learn([], []) if problem.blind else None
+
+    def cost(cameras: Cameras) -> float:
+        return expected.value_m(cameras, weights, registration)
+
+    start = int(np.random.SeedSequence([seed, _STREAM, number]).generate_state(1, np.uint64)[0])
+    cameras = problem.nearest(optimise(problem, cost, start, effort))
+    return cameras, cost(cameras)

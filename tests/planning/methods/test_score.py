@@ -25,6 +25,8 @@ def test_optima_are_ordered_and_repeatable() -> None:
         assert PROBLEM.contains(trial.cameras)
         assert trial.notes["expected_m"] == expected.value_m(trial.cameras, WEIGHTS, None)
     assert max(values) < min(expected.value_m(PROBLEM.sample(seed), WEIGHTS, None) for seed in range(10))
+    elsewhere = ScoreOptimum(PROBLEM, seed=3, effort=SMALL).choose(3, workers=2)
+    assert [(trial.number, trial.cameras) for trial in elsewhere] == [(trial.number, trial.cameras) for trial in found]
     (alone,) = ScoreOptimum(PROBLEM, seed=3, effort=SMALL).choose(1)
     assert alone.cameras == next(trial for trial in found if trial.number == 0).cameras
 
