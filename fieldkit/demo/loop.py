@@ -44,7 +44,7 @@ DEMO_FILE = "demo.json"
 VEHICLE = "ardupilot-pitch"
 CAMERAS = 10
 PLANNED, CIRCLE = "planned", "circle"
-_EVALUATIONS, _FINALISTS, _REPEATS = 16, 2, 2
+_FINALISTS, _REPEATS = 3, 2
 
 
 @dataclass(frozen=True)
@@ -171,12 +171,11 @@ def _plan(
     output: Path, flight: RecordedFlight, seed: int, cache: StageCache, progress: Progress, workers: int
 ) -> tuple[Plan, Outcome]:
     settings = search_settings(
-        scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, evaluations=_EVALUATIONS, finalists=_FINALISTS,
-        repeats=_REPEATS, fidelity="draft", confirm_fidelity="draft",
+        scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, method="score", finalists=_FINALISTS,
+        repeats=_REPEATS, confirm_fidelity="draft", seed=seed, workers=workers,
         noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
-        purpose="this-plot", refine=True, seed=seed, workers=workers,
     )  # fmt: skip
-    with progress.stage("Plan", _EVALUATIONS + _FINALISTS * _REPEATS) as advance:
+    with progress.stage("Plan", _FINALISTS * _REPEATS) as advance:
         outcome = plan_views(output, settings, cache=cache, workers=workers, watch=lambda _: advance(1))
     return load_plan(output), outcome
 

@@ -18,13 +18,15 @@ from fieldkit.evaluation.report_files import describe_files
 from fieldkit.evaluation.schema import CorrectionEntry, PlotEvaluation
 from fieldkit.progress import Progress
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
-from fieldkit.reconstruction.result import Reconstruction
+from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reporting.comparison import write_comparison
 from fieldkit.reporting.overview import write_overview
 from fieldkit.usage import processor_seconds
 
 COMPARISON_FILE = "comparison.png"
+_DOUBTS = 3.0
+_LEAST_POSITIONS, _NO_SPREAD_M = 3, 1e-9
 
 
 @dataclass(frozen=True)
@@ -132,8 +134,14 @@ def score_capture(
 
 
 def _refined(found: Reconstruction, reference: Cloud, name: str) -> tuple[Cloud, CorrectionEntry, list[Finding]]:
-    """The cloud moved onto the reference by ICP, and by how much."""
-    motion, stats = icp_onto_reference(found.plants, reference)
+    """The cloud moved onto the reference by ICP, and by how much.
+
+    It is scaled, too, as far as the photographs' positions leave their scale in doubt; beyond that it is the plants
+    that have another size.
+    """
+    motion, stats = icp_onto_reference(found.plants, reference, with_scale=True)
+    if not abs(stats.scale - 1.0) <= _DOUBTS * scale_doubt(found.sparse):
+        motion, stats = icp_onto_reference(found.plants, reference)
     findings: list[Finding] = []
     if not stats.converged:
         message = "ICP did not converge: too little of the cloud is near the reference; read the correction with care"
@@ -147,3 +155,13 @@ def _refined(found: Reconstruction, reference: Cloud, name: str) -> tuple[Cloud,
         rms_m=stats.rms_m,
     )
     return found.moved_plants(motion), correction, findings
+
+
+def scale_doubt(sparse: SparseResult) -> float:
+    """By which share a model's scale may be off, for positions off by their residuals: RMS over the root of the summed
+    squares of the cameras' distances from their middle. 0 where no positions are known.
+    """
+    centers = np.array([pose.center for pose in sparse.poses.values()]).reshape(-1, 3)
+    if sparse.frame.rms_m is None or len(centers) < _LEAST_POSITIONS:
+        return 0.0
+    return sparse.frame.rms_m / max(float(np.linalg.norm(centers - centers.mean(axis=0))), _NO_SPREAD_M)
