@@ -34,10 +34,10 @@ def command(
 ) -> None:
     """Try fieldkit without a drone: the whole way from a dense capture to scores, on two simulated plots of maize.
 
-    Photographs one plot densely and builds its reference; plans ten views with a small budget; writes the mission and
-    uploads it to a stand-in for a recorded ArduPilot; photographs that plot and one it has not seen, with the pose
-    noise of the recorded flight, from the planned views and from a circle; scores both without optimising again; and
-    writes a report. Takes three to five minutes on two cores.
+    Photographs two plots densely and builds their references; plans ten views for plots like the first; writes the
+    mission and uploads it to a stand-in for a recorded ArduPilot; photographs both plots, the second of which the plan
+    has not seen, with the pose noise of the recorded flight, from the planned views and from a circle; scores all
+    without optimising again; and writes a report. Takes three to five minutes on two cores.
 
     Examples:
         fieldkit demo -o demo-output --workers 2
