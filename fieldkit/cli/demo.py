@@ -68,8 +68,9 @@ def command(
         f"points; {format_length(truth.chamfer_m)} (chamfer distance) from the plants' true surfaces."
     )
     show.print(
-        f"Plan: {demo.outcome.cameras} views after {demo.outcome.evaluations} evaluations. Mission: {demo.items} "
-        "items, uploaded to the stand-in vehicle, read back and compared."
+        f"Plan: {demo.outcome.cameras} views for {demo.outcome.plots} plots like the first, confirmed "
+        f"{demo.outcome.confirmations} times on others. Mission: {demo.items} items, uploaded to the stand-in vehicle, "
+        "read back and compared."
     )
     show.print(
         f"Flight: the recorded vehicle kept to its plan within {format_length(demo.flight.position_m)} and "
