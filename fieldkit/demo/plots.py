@@ -22,7 +22,10 @@ from fieldkit.scenes.simulation import Stations, dense_about, simulate, with_noi
 SEEN, UNSEEN = "seen", "unseen"
 SCENES = {SEEN: "demo", UNSEEN: "demo-unseen"}
 """The plot that is planned on, and one of the same crop with other plants."""
-DENSE_VIEWS = 24
+DENSE_VIEWS, _NEARER = 24, 0.7
+"""From farther away, where the plants fill the picture, references are off by half as much again: more than what they
+judge.
+"""
 DENSE_NOISE = (0.005, 0.5)
 """Of poses, metres and degrees: a dense capture is flown slowly."""
 # The photographs are small and their poses well known: half the features and neighbours are enough.
@@ -61,7 +64,7 @@ class Shooting:
 
 def dense_shooting(plot: str, output: Path, seed: int, truth_cloud: Path | None = None) -> Shooting:
     """A dense capture, for a reference."""
-    return Shooting(plot, output, dense_about(DENSE_VIEWS), None, DENSE_NOISE, seed, truth_cloud)
+    return Shooting(plot, output, dense_about(DENSE_VIEWS, _NEARER), None, DENSE_NOISE, seed, truth_cloud)
 
 
 def photograph(job: Shooting) -> int:

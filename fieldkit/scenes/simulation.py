@@ -151,12 +151,12 @@ def ring_about(count: int, radius_m: float | None = None, height_m: float | None
     return partial(_ring, count=count, radius_m=radius_m, height_m=height_m)
 
 
-def dense_about(count: int) -> Stations:
+def dense_about(count: int, nearer: float = 1.0) -> Stations:
     """``count`` stations on three circles about the plants, for a reference: 18°, 38° and 60° above the horizon.
 
-    The result can be pickled.
+    So far away that the plants fill the image, times ``nearer``. The result can be pickled.
     """
-    return partial(_dense, count=count)
+    return partial(_dense, count=count, nearer=nearer)
 
 
 def _ring(
@@ -169,8 +169,9 @@ def _ring(
     return ring(count, radius, height, target)
 
 
-def _dense(scene: Scene, intrinsics: Intrinsics, *, count: int) -> list[Pose]:
+def _dense(scene: Scene, intrinsics: Intrinsics, *, count: int, nearer: float) -> list[Pose]:
     target, distance = _view(scene, intrinsics)
+    distance *= nearer
     heights = tuple(float(target[2] + distance * np.sin(np.radians(pitch))) for pitch in _DENSE_PITCHES_DEG)
     radius = distance * float(np.cos(np.radians(_DENSE_PITCHES_DEG[1])))
     return dense_rig(count, target, radius_m=radius, heights_m=heights)
