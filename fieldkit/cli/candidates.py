@@ -141,7 +141,12 @@ def _scenes() -> list[str]:
 
 
 # Parameters, by their name in the command's function, that take one of fieldkit's own names or a file.
-_KNOWN: dict[str, Callable[[], list[str]]] = {"vehicle": _vehicles, "scene": _scenes, "onto": _scenes}
+_KNOWN: dict[str, Callable[[], list[str]]] = {
+    "vehicle": _vehicles,
+    "scene": _scenes,
+    "scenes": _scenes,
+    "onto": _scenes,
+}
 
 
 def _fitting(found: Choices, partial: str, files: bool = False) -> Candidates:

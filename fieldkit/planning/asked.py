@@ -31,6 +31,10 @@ _PRESETS: dict[str, dict[str, Any]] = {
     "field": {"method": "field"},
     "paper": {"method": "bosfm", "mapping": "incremental"},
 }
+_KIND_METHOD = "score"
+_KIND_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 3}
+"""Plots differ by more than good sets do, so several optima are confirmed on several plots."""
+_OF_SEARCHES = ("evaluations", "at_least", "initial", "time_budget_s", "fidelity")
 Paths = Path | Sequence[Path]
 _DEFAULT_CAMERAS, KIND_PLOTS = 10, 8
 _LIMITS = {
@@ -80,7 +84,7 @@ def search_settings(
         vehicle: a profile's name or file: its camera, and its limits where ``envelope`` says nothing.
         camera: calibration (camera.toml) to use instead of the vehicle's or the scene's.
         purpose: "kind" (plots like this one) or "this-plot"; None is the method's own: `field` and `score` plan for
-            the kind, but of recorded photographs.
+            the kind, but of recorded photographs. Without a method, and without anything of a search, `score` does.
         noise: fields of `NoiseSettings`; poses of plans for the kind have the flight's where they are left out.
         envelope: fields of `EnvelopeSettings`.
         workers: that will evaluate.
@@ -117,6 +121,8 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
     given = _given(asked.settings)
     envelope = _given(asked.envelope)
     method = given.get("method") or _PRESETS[given.get("preset", "field")]["method"]
+    if _chooses(asked, given, source.kind):
+        given |= {"method": (method := _KIND_METHOD)}
     plots = _plots(asked.purpose, given.get("plots"), method, source.kind, 1 + len(others))
     vehicle = None if asked.vehicle is None else read_vehicle(asked.vehicle)
     missed = {} if plots == 1 else flight_noise(None if vehicle is None else vehicle[0])
@@ -155,6 +161,8 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         values["camera"] = _camera(asked.camera)
     if plots > 1 and noise.pose_m:
         values["refine"] = True  # else luck in where a cloud lies would count for more than where cameras stand
+    if plots > 1 and method == _KIND_METHOD:
+        values |= _KIND_CONFIRMED
     values |= _PRESETS[given.get("preset", "field")] | given | {"plots": plots}
     if "weights" in given and values["method"] not in USING_WEIGHTS:
         raise UsageError(
@@ -165,6 +173,12 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         return SearchSettings(**values, noise=noise, envelope=EnvelopeSettings(**envelope))
     except ValidationError as error:
         raise _refused(error) from error
+
+
+def _chooses(asked: Asked, given: Mapping[str, Any], source: str) -> bool:
+    """Whether a plan for a kind is made without a search: no method is asked for, and nothing that only one has."""
+    searched = {"method", "preset", *_OF_SEARCHES} & given.keys()
+    return source != "captures" and asked.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
 
 
 def _images(asked: Asked, source: PlanSource) -> tuple[str | None, ...]:

@@ -18,6 +18,7 @@ from fieldkit.benchmarks.full_evaluation import Side, stage_table, summary
 from fieldkit.benchmarks.mappings import run_mappings
 from fieldkit.benchmarks.missions import STUDIES as MISSION_STUDIES
 from fieldkit.benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
+from fieldkit.benchmarks.paper import STUDIES as PAPER_STUDIES
 from fieldkit.benchmarks.planner import STUDIES as PLANNER_STUDIES
 from fieldkit.benchmarks.references import ReferenceResult, recall_of, reference_table
 from fieldkit.benchmarks.result import ResultTable, StudyResult, spread
@@ -182,7 +183,7 @@ def test_camera_toml_reads_back(tmp_path: Path) -> None:
 
 class TestEngine:
     def test_the_command_knows_every_study(self) -> None:
-        suites = (STUDIES, OBJECTIVE_STUDIES, PLANNER_STUDIES, MISSION_STUDIES, CAMPAIGN_STUDIES)
+        suites = (STUDIES, OBJECTIVE_STUDIES, PLANNER_STUDIES, MISSION_STUDIES, CAMPAIGN_STUDIES, PAPER_STUDIES)
         assert {study.value for study in Study} == {name for suite in suites for name in suite}
         assert set(SPEED) < set(STUDIES)
 

@@ -94,7 +94,7 @@ def test_higher_plants_are_flown_clear_of_or_refused() -> None:
     ) as caught:
         route_plan(over, VEHICLE, site_with({}, {"plant_height_m": 1.4}, {"plant_height_m": 1.5}))
     assert caught.value.exit_code == 5
-    assert "Plan again" in caught.value.remedy
+    assert "--fit, or plan again" in caught.value.remedy
 
 
 @settings(max_examples=15, deadline=None)

@@ -46,6 +46,21 @@ def test_plans_are_for_plots_of_the_kind_where_the_method_knows_how(asked: dict[
 
 
 @pytest.mark.parametrize(
+    ("asked", "method", "confirmed"),
+    [
+        ({}, "score", (6, 3)), ({"finalists": 4}, "score", (4, 3)), ({"method": "field"}, "field", (3, 2)),
+        ({"evaluations": 30}, "field", (3, 2)), ({"preset": "field"}, "field", (3, 2)),
+        ({"purpose": "this-plot"}, "field", (3, 2)), ({"plots": 1}, "field", (3, 2)),
+    ],
+)  # fmt: skip
+def test_plans_for_a_kind_are_chosen_and_confirmed_where_no_search_is_asked_for(
+    asked: dict[str, Any], method: str, confirmed: tuple[int, int]
+) -> None:
+    settings = search_settings(scene=Path("case-1"), **asked)
+    assert (settings.method, (settings.finalists, settings.repeats)) == (method, confirmed)
+
+
+@pytest.mark.parametrize(
     ("asked", "noise", "refined"),
     [
         ({}, (0.02, 1.0), True),
