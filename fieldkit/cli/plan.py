@@ -402,5 +402,5 @@ def _planned_on(settings: SearchSettings) -> str:
     name, others = settings.source.name, len(settings.others)
     if settings.plots == 1:
         return name
-    more = f" and {others} others" if others else ""
+    more = f" and {others} more" if others else ""
     return f"plots like {name}{more} that it had not met ({settings.plots} were planned on)"
