@@ -85,10 +85,8 @@ def _within(depth: NDArray[np.float32], pose: Pose, camera: Intrinsics, volume: 
 
 
 def _with_ground(proxy: Proxy) -> Volume:
-    lower, upper = np.array(proxy.volume.lower), np.array(proxy.volume.upper)
-    lower, upper = lower - _AROUND_M, upper + _AROUND_M
-    lower[2], upper[2] = -_BELOW_M, proxy.volume.upper[2]
-    return Volume(tuple(lower), tuple(upper))
+    around = proxy.volume.grown(_AROUND_M)
+    return Volume((*around.lower[:2], -_BELOW_M), (*around.upper[:2], proxy.volume.upper[2]))
 
 
 def _reduced(camera: Intrinsics) -> Intrinsics:

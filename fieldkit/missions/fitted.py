@@ -1,7 +1,7 @@
 """A plan fitted to another plot: its distances relative to the plants' height and to the plot's size.
 
-A plan's cameras see plants of one height. Flown as it is over plants a third higher, the geometric score expects twice
-the error; with its stations moved out and up by as much as the plants have grown it is worth what it was
+A plan's cameras see plants of one height. Flown as it is over plants a third higher, the geometric score expects up to
+84 % more error; with its stations moved out and up by as much as the plants have grown it is worth what it was
 (docs/vehicles-and-sites.md).
 """
 

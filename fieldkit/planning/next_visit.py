@@ -17,8 +17,8 @@ from fieldkit.evaluation.reference import CLOUD_FILE
 from fieldkit.evaluation.report_files import load_evaluation_report
 from fieldkit.files import atomic_folder
 from fieldkit.missions.export_mission import ExportedMission, export_mission
-from fieldkit.missions.plan import Plan, PlanMethod, PlanSource, Station
-from fieldkit.missions.plan_file import save_plan
+from fieldkit.missions.plan import Plan, PlanMethod, PlanSource
+from fieldkit.missions.plan_file import plan_from_poses, save_plan
 from fieldkit.missions.vehicle import Vehicle
 from fieldkit.missions.vehicle_file import load_vehicle
 from fieldkit.parallel import map_parallel
@@ -166,7 +166,7 @@ def plan_for_plants(
     method = PlanMethod(name="score", seed=seed, evaluations=0, repeats=0, expected_m=cost(best), weights=weights)
     made = plan.model_copy(
         update={
-            "stations": _stations(best),
+            "stations": plan_from_poses(best.poses()).stations,
             "envelope": described(problem.envelope),
             "plants": plants_of(problem),
             "source": PlanSource(kind="captures", name=name),
@@ -198,13 +198,6 @@ def _limits(plan: Plan) -> EnvelopeSettings:
         "height_m": None if own.lower_m is None or own.upper_m is None else (own.lower_m[2], own.upper_m[2]),
     }  # fmt: skip
     return usual.model_copy(update={key: value for key, value in given.items() if value is not None})
-
-
-def _stations(cameras: Cameras) -> tuple[Station, ...]:
-    return tuple(
-        Station(position_m=(float(x), float(y), float(z)), yaw_deg=float(yaw), pitch_deg=float(pitch))
-        for (x, y, z), yaw, pitch in zip(cameras.positions, cameras.yaw_deg, cameras.pitch_deg, strict=True)
-    )
 
 
 @dataclass(frozen=True, eq=False)
