@@ -73,6 +73,12 @@ def _few_views(data: Path, options: EngineOptions, progress: Progress) -> StudyR
     return run_few_views(data, plan, cache=options.cache, progress=progress)
 
 
+def _weak_ties(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
+    from fieldkit.benchmarks.weak_ties import run_weak_ties
+
+    return run_weak_ties(data, cache=options.cache, progress=progress)
+
+
 def _references(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
     from fieldkit.benchmarks.references import run_references
 
@@ -124,6 +130,7 @@ STUDIES: dict[str, Run] = {
     "evaluation": _evaluation,
     "scaling": _on_data("scaling", "Cost against the number of photographs", _scaling),
     "few-views": _on_data("few-views", "Few views", _few_views),
+    "weak-ties": _on_data("weak-ties", "Few views that are weakly tied", _weak_ties),
     "mappings": _on_data("mappings", "Ways to map, all photographs", _mappings),
     "references": _on_data("references", "References of the recorded sets", _references),
     "match-decay": _match_decay,

@@ -163,10 +163,10 @@ def run_subset(
         found = [(method, "", draw, poses, cpu) for method, draw, poses, cpu in _blind(rig, names, keyed, draws)]
         advance(draws * len(METHODS))
         features = [k.features for k in keyed]
-        _with_priors(rig, names[:4], features[:4], noises[0], 0, settings)  # compiles what is compiled on first use
+        map_with_noise(rig, names[:4], features[:4], noises[0], 0, settings)  # compiles what is compiled on first use
         for noise in noises:
             for draw in range(draws):
-                found.append(("prior", str(noise), draw, *_with_priors(rig, names, features, noise, draw, settings)))
+                found.append(("prior", str(noise), draw, *map_with_noise(rig, names, features, noise, draw, settings)))
                 advance(1)
     trials = [
         Trial(rig.name, phase, size, method, noise, draw, cpu, assess(poses, rig))
@@ -272,10 +272,11 @@ def _blind(
     return found
 
 
-def _with_priors(
+def map_with_noise(
     rig: RigSet, names: Sequence[str], features: Sequence[Features], noise: Noise, draw: int,
     settings: ReconstructionSettings,
 ) -> tuple[dict[str, Pose], float]:  # fmt: skip
+    """Poses that prior mapping finds from commanded ones with noise, and the CPU seconds it took."""
     noisy = perturb(rig.nominal, noise.position_m, noise.angle_deg, draw)
     position_sigma = np.full(3, np.hypot(noise.position_m, rig.accuracy_m))
     angle_sigma = float(np.hypot(noise.angle_deg, RIG_ANGLE_SIGMA_DEG))

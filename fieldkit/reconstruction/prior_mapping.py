@@ -3,12 +3,10 @@
 1. Guided matching in bands as wide as the priors' uncertainty; per pair, a relative pose by RANSAC, kept only if it
    agrees with the priors (an impossible pair is rejected).
 2. Bundle adjustment of those pairs' tracks from the prior poses, with position priors and a robust loss whose scale
-   falls.
+   falls. Where the pairs leave sub-models, all matches across put these together first (`submodels`).
 3. Guided matching again about the refined poses, in bands that narrow round by round, each followed by
-   triangulation and bundle adjustment. Where an image has few verified pairs, the first of these rounds is also
-   tried about the priors themselves, and the better supported of its two models is gone on with: few matches can
-   bend a model farther than the priors are wrong, and narrow bands would keep it there. A round is held together by
-   the pairs that have far more matches than chance gives; the others add what these lack (`ties`).
+   triangulation and bundle adjustment. A round is held together by the pairs that have far more matches than chance
+   gives; the others add what these lack (`ties`).
 4. An image counts as registered only with clearly more matches than chance gives.
 
 The method is ours (the paper maps blindly); its parts are standard: RANSAC (Fischler & Bolles 1981), robust bundle
@@ -38,10 +36,18 @@ from fieldkit.reconstruction.colmap_model import (
     to_colmap_camera,
     triangulate_tracks,
 )
-from fieldkit.reconstruction.epipolar import relative_pose
+from fieldkit.reconstruction.epipolar import epipolar_distance, fundamental_matrix, relative_pose
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.guided import GuidedSettings, IndexedFeatures, PosedFeatures, Region, Slab, match_guided
-from fieldkit.reconstruction.ties import TieSettings, chance_matches, holds, rivalless_matches, usable_matches
+from fieldkit.reconstruction.submodels import Joined, Joiner, JoinSettings, KnownCameras
+from fieldkit.reconstruction.ties import (
+    TieSettings,
+    chance_matches,
+    connected_parts,
+    holds,
+    rivalless_matches,
+    usable_matches,
+)
 from fieldkit.reconstruction.tracks import build_tracks
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
 
@@ -54,8 +60,8 @@ _POINTS_FOR_SLAB = 50
 _MIN_RESECTION = 8
 _SLAB_MARGIN = 0.3  # of the flying height above the scene, up and down
 _MIN_OVERLAP = 0.1
-_SUPPORTING_VIEWS = 3
-_HOLDING_PAIRS = 3
+_LOSSES_PX = (8.0, 2.0)
+_JOINED_PX = 16.0
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,8 @@ class PriorMappingSettings:
         min_observations: an image with fewer observations of points, or fewer matches above chance, is not
             registered.
         chance_factor: matches of a pair count as above chance from this many times what a wrong geometry gives.
-        ties: which pairs hold a model together in the rounds after the first.
+        ties: which pairs hold a model together.
+        join: how the first round's sub-models, which no pair holds together, are put together.
     """
 
     guided: GuidedSettings = field(default_factory=GuidedSettings)
@@ -96,6 +103,7 @@ class PriorMappingSettings:
     min_observations: int = 15
     chance_factor: float = 1.5
     ties: TieSettings = field(default_factory=TieSettings)
+    join: JoinSettings = field(default_factory=JoinSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +199,7 @@ def map_with_priors(
     region = region or region_of_interest(start)
     pairs = _candidate_pairs(start, settings, settings.max_neighbours)
     matches = _first_matches(problem, region)
-    model = _first_model(problem, matches, region)
+    model = _first_model(problem, matches, pairs, region)
     advance(1)
     scale = max(camera.width for camera in cameras) / 1600.0
     for index, band in enumerate(settings.bands_px):
@@ -199,11 +207,7 @@ def map_with_priors(
         pairs = _overlapping(problem, model, pairs)
         last = index == len(settings.bands_px) - 1
         poses = _reconsidered(problem, model, pairs, region)
-        refined = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
-        if index == 0 and _thin(matches, len(names)):
-            other = _round(problem, model, start, pairs, band * scale, region, meet_in, last=last)
-            refined = max(refined, other, key=_support)
-        model = refined
+        model = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
         advance(1)
     unregistered = _unsupported(problem, model, pairs, region, meet_in, settings.bands_px[-1] * scale)
     for name in unregistered:
@@ -326,32 +330,68 @@ def _tracks_to_model(
     return model
 
 
-def _first_model(problem: _Problem, matches: Matches, region: Region | None) -> pycolmap.Reconstruction:
-    poses = [prior.pose for prior in problem.priors]
-    pairs = list(matches) or [(0, 0)]
+def _first_model(
+    problem: _Problem, matches: Matches, pairs: Sequence[tuple[int, int]], region: Region | None
+) -> pycolmap.Reconstruction:
+    """The model of the first round's matches, its parts put together where they are tied by too few of them."""
+    start = [prior.pose for prior in problem.priors]
     sigma = max(
         epipolar_sigma_px(
             problem.priors[i], problem.priors[j], problem.cameras[0].fx,
             _distance(problem.priors[i], problem.priors[j], region),
         )
-        for i, j in pairs
+        for i, j in list(matches) or [(0, 0)]
     )  # fmt: skip
-    model = _tracks_to_model(problem, poses, problem.cameras, matches, max(8.0, 4.0 * sigma))
+    far_px = max(8.0, 4.0 * sigma)
+    losses_px: tuple[float, ...] = (max(2.0, sigma / 2), *_LOSSES_PX)
+    ties = {pair: found for pair, found in matches.items() if len(found) >= problem.settings.ties.min_matches}
+    parts = connected_parts(len(start), ties)
+    if len(parts) > 1 and region is not None:
+        poses = _state(problem, _adjusted(problem, start, ties, far_px, losses_px))[0]
+        joined = _joiner(problem, pairs, region).join(problem.posed(poses, problem.cameras), parts)
+        if joined.matches:
+            used = _agreeing(problem, joined, matches) | ties | joined.matches
+            if len(joined.parts) == 1:
+                far_px, losses_px = _JOINED_PX, _LOSSES_PX
+            return _adjusted(problem, joined.poses, used, far_px, losses_px)
+    return _adjusted(problem, start, matches, far_px, losses_px)
+
+
+def _adjusted(
+    problem: _Problem, poses: Sequence[Pose], matches: Matches, max_error_px: float, losses_px: Sequence[float]
+) -> pycolmap.Reconstruction:
+    """Points of the matches, adjusted under one loss after the other."""
+    model = _tracks_to_model(problem, poses, problem.cameras, matches, max_error_px)
     priors = _camera_priors(problem)
-    for loss, rough in ((max(2.0, sigma / 2), True), (8.0, True), (2.0, False)):
+    for loss in losses_px:
+        rough = loss != losses_px[-1]
         adjust(model, priors, loss_px=loss, refine_intrinsics=False, seed=problem.seed, rough=rough)
     return model
 
 
-def _thin(matches: Matches, images: int) -> bool:
-    """Whether some image has fewer verified pairs than hold it against a wrong one."""
-    return bool(np.bincount(np.array(list(matches), np.int64).ravel(), minlength=images).min() < _HOLDING_PAIRS)
+def _joiner(problem: _Problem, pairs: Sequence[tuple[int, int]], region: Region) -> Joiner:
+    priors, settings = problem.priors, problem.settings
+    known = KnownCameras(
+        [p.pose for p in priors], np.array([p.position_sigma for p in priors]),
+        np.array([p.angle_sigma_deg for p in priors]),
+    )  # fmt: skip
+    away = float(np.median([_distance(prior, prior, region) for prior in priors]))
+    return Joiner(known, pairs, settings.join, settings.guided, region, away, problem.seed)
 
 
-def _support(model: pycolmap.Reconstruction) -> int:
-    """Observations of points seen by three images and more, which chance hardly makes."""
-    lengths = (point.track.length() for point in model.points3D.values())
-    return sum(length for length in lengths if length >= _SUPPORTING_VIEWS)
+def _agreeing(problem: _Problem, joined: Joined, matches: Matches) -> Matches:
+    """The first round's matches that agree with sub-models put together; all of those between ones that are apart."""
+    part = {k: number for number, images in enumerate(joined.parts) for k in images}
+    posed = problem.posed(joined.poses, problem.cameras)
+    kept = {}
+    for (i, j), found in matches.items():
+        a, b = posed[i], posed[j]
+        fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
+        away = epipolar_distance(fundamental, a.points[found[:, 0]], b.points[found[:, 1]])
+        near = found[(away <= _JOINED_PX) | (part[i] != part[j])]
+        if len(near):
+            kept[i, j] = near
+    return kept
 
 
 def _state(problem: _Problem, model: pycolmap.Reconstruction) -> tuple[list[Pose], list[Intrinsics]]:

@@ -28,7 +28,7 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep_matches, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView
 
-_MAPPING_VERSION = 9
+_MAPPING_VERSION = 10
 _MAX_BLIND_NEIGHBOURS = 40
 _NEAR_NEIGHBOURS = 12
 _FEW_FEATURES = 50

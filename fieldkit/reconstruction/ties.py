@@ -113,7 +113,7 @@ def usable_matches(
         tied[i][matches[i, j][:, 0]] = True
         tied[j][matches[i, j][:, 1]] = True
     lacking = [int(each.sum()) < settings.min_matches for each in tied]
-    part = _parts(len(counts), holding)
+    part = _labels(len(counts), holding)
     used = {}
     for (i, j), found in matches.items():
         if (i, j) in holding or (lacking[i] and lacking[j]):
@@ -124,8 +124,14 @@ def usable_matches(
     return used
 
 
-def _parts(count: int, pairs: Collection[Pair]) -> NDArray[np.int32]:
-    """(count,) which connected part of the graph each image is in."""
+def connected_parts(count: int, pairs: Collection[Pair]) -> list[list[int]]:
+    """The images, 0 to ``count`` - 1, of each connected part of the graph."""
+    labels = _labels(count, pairs)
+    return [np.flatnonzero(labels == label).tolist() for label in range(int(labels.max()) + 1)]
+
+
+def _labels(count: int, pairs: Collection[Pair]) -> NDArray[np.int32]:
+    """(count,) which connected part each image is in."""
     ends = np.array(sorted(pairs), np.int64).reshape(-1, 2)
     graph = coo_matrix((np.ones(len(ends), np.int8), (ends[:, 0], ends[:, 1])), shape=(count, count))
     labels: NDArray[np.int32] = connected_components(graph, directed=False)[1]

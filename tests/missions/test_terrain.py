@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pydantic import ValidationError
@@ -131,6 +131,8 @@ def test_three_heights_give_their_plane(
 ) -> None:
     angles = np.radians([first, first + apart, first + apart + 120.0])
     local = np.column_stack([np.array([r1, r2, r1]) * np.sin(angles), np.array([r1, r2, r1]) * np.cos(angles)])
+    (a, b), (c, d) = local[1] - local[0], local[2] - local[0]
+    assume(abs(a * d - b * c) > 1.0 * np.linalg.norm(np.ptp(local, axis=0)))  # not on one line
     heights = height + uphill(local[:, 0], local[:, 1], percent, heading)
     frame = LocalFrame(LATITUDE, LONGITUDE)
     latitudes, longitudes, _ = frame.to_geodetic(np.column_stack([local, np.zeros(3)]))

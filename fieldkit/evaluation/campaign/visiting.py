@@ -33,7 +33,7 @@ from fieldkit.progress import Silent
 from fieldkit.reporting.plots_csv import write_plots_csv
 
 VISIT_FILE = "visit.json"
-_VERSION = 3  # part of the inputs' digest: raised when evaluating a visit changes its results
+_VERSION = 4  # part of the inputs' digest: raised when evaluating a visit changes its results
 _MAX_BYTES = 8 << 20
 _TOLD = (
     "volume-cuts-plants", "steep-ground", "refinement-not-converged", "too-few-positions", "several-take-offs",

@@ -1,0 +1,347 @@
+"""Sub-models that no verified pair ties together, and how they fit one another.
+
+Between two sub-models no single pair may have matches enough for a relative pose of its own, while all pairs across
+have them together. A sub-model is good in itself, so that only one similarity is unknown, and the poses known before
+say how far it can be off. Candidate matches are looked for in bands as wide as that; the similarity is the one that
+most of them agree with, found from many starts by least squares under a robust loss whose scale falls (graduated
+non-convexity), and believed where as many matches without meaning would agree with none so well.
+
+Bundle adjustment with known positions only leaves a sub-model that stands on an arc free to roll by ten degrees: in
+bands of pixels the other's features are then out of reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from fieldkit.geometry import Pose
+from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, match_guided
+from fieldkit.reconstruction.ties import Pair
+
+Floats = NDArray[np.float64]
+_COARSE_PX = (24.0, 16.0, 16.0)
+_FINE_PX = (8.0, 8.0, 4.0, 4.0, 2.0, 2.0)
+_NOISE_PX = 2.0
+_UNLIKELY = 24.3  # χ², 7 degrees of freedom, 99.9 %
+_WIDTH_PX = 1600.0
+_PLACING_STEPS = 4
+_SCALE_SIGMA = 0.1  # of what the positions of one or two cameras leave open
+
+
+@dataclass(frozen=True)
+class JoinSettings:
+    """When sub-models are put together.
+
+    Attributes:
+        within_px: of its epipolar line, a match agrees with a motion.
+        min_agreeing: fewest matches that a motion is believed by,
+        chance_factor: and so many times those that agree with the best motion for matches without meaning.
+        starts: of the search,
+        refined: and how many of them are followed to the end.
+        band_sigmas: half width of the bands, in standard deviations of what is unknown.
+    """
+
+    within_px: float = 4.0
+    min_agreeing: int = 20
+    chance_factor: float = 1.5
+    starts: int = 400
+    refined: int = 32
+    band_sigmas: float = 2.5
+
+
+@dataclass(frozen=True, eq=False)
+class KnownCameras:
+    """Poses of n cameras that were known before.
+
+    Attributes:
+        poses: n.
+        position_sigma_m, angle_sigma_deg: (n, 3), (n,) standard deviations.
+    """
+
+    poses: Sequence[Pose]
+    position_sigma_m: Floats
+    angle_sigma_deg: Floats
+
+    def place(self, poses: Sequence[Pose], part: Sequence[int]) -> Placed:
+        """Where known positions and orientations want a sub-model (least squares), and what they leave open.
+
+        Args:
+            poses: of the sub-model's m images.
+            part: (m,) which of the n they are.
+        """
+        pivot = np.mean([pose.center for pose in poses], axis=0)
+        motion = np.zeros(7)
+        for _ in range(_PLACING_STEPS):
+            information = np.diag([*np.zeros(6), _SCALE_SIGMA**-2])
+            gradient = information @ -motion
+            for k, pose in zip(part, (moved(pose, motion, pivot) for pose in poses), strict=True):
+                known, sigma, angle = self.poses[k], self.position_sigma_m[k], np.radians(self.angle_sigma_deg[k])
+                arm = pose.center - pivot - motion[3:6]
+                moves = np.hstack([-_skew(arm), np.eye(3), arm[:, None]]) / sigma[:, None]
+                turn = Rotation.from_matrix(known.rotation.T @ pose.rotation).as_rotvec()
+                information += moves.T @ moves
+                information[:3, :3] += np.eye(3) / angle**2
+                gradient += moves.T @ ((known.center - pose.center) / sigma)
+                gradient[:3] += turn / angle**2
+            step = np.linalg.solve(information, gradient)
+            turned = Rotation.from_rotvec(step[:3]) * Rotation.from_rotvec(motion[:3])
+            motion = np.concatenate([turned.as_rotvec(), motion[3:] + step[3:]])
+        placed = [moved(pose, motion, pivot) for pose in poses]
+        return Placed(placed, pivot + motion[3:6], np.linalg.inv(information))
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A sub-model where its known poses want it.
+
+    Attributes:
+        poses: of its images.
+        pivot: (3,) mean of its camera centres.
+        covariance: (7, 7) of its place: rotation vector about the pivot (radians), translation (metres), logarithm of
+            the scale.
+    """
+
+    poses: list[Pose]
+    pivot: Floats
+    covariance: Floats
+
+    def about(self, pivot: Floats) -> Floats:
+        """The covariance (7, 7) of the same motion, stated about another point (3,)."""
+        change = np.eye(7)
+        change[3:6, :3] = -_skew(pivot - self.pivot)
+        change[3:6, 6] = pivot - self.pivot
+        elsewhere: Floats = change @ self.covariance @ change.T
+        return elsewhere
+
+
+def moved(pose: Pose, motion: Floats, pivot: Floats) -> Pose:
+    """A pose after a similarity (7,): rotation vector about ``pivot`` (3,), translation, logarithm of the scale."""
+    turn = Rotation.from_rotvec(motion[:3]).as_matrix()
+    return Pose(pose.rotation @ turn.T, np.exp(motion[6]) * turn @ (pose.center - pivot) + pivot + motion[3:6])
+
+
+@dataclass(frozen=True, eq=False)
+class Across:
+    """Candidate matches between two sub-models: n pairs of viewing rays, world frame.
+
+    Attributes:
+        center, direction: (n, 3) camera centres and unit rays of the sub-model that stays.
+        moved_center, moved_direction: (n, 3) of the one that is moved.
+        focal_px: (n,) pixels per radian, of a photograph 1600 pixels wide as all pixels here.
+    """
+
+    center: Floats
+    direction: Floats
+    moved_center: Floats
+    moved_direction: Floats
+    focal_px: Floats
+
+    def __len__(self) -> int:
+        return len(self.focal_px)
+
+    def without_meaning(self, band: float, rng: np.random.Generator) -> Across:
+        """The same matches at epipolar distances drawn uniformly from ±``band``, radians."""
+        normal = np.cross(self.direction, self.center - self.moved_center)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        along = (self.moved_direction * normal).sum(axis=1)
+        offset = rng.uniform(-band, band, len(self))
+        turned = self.moved_direction + (offset - along)[:, None] * normal
+        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+        return replace(self, moved_direction=turned)
+
+
+def best_motion(
+    across: Across, pivot: Floats, covariance: Floats, settings: JoinSettings, rng: np.random.Generator
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """The small similarity about ``pivot`` that most matches agree with.
+
+    Args:
+        across: n candidate matches.
+        pivot: (3,).
+        covariance: (7, 7) of the motion, known before.
+        settings: constants.
+        rng: of the starts.
+
+    Returns:
+        The motion (7,) as `moved` takes it, and which matches agree (n,).
+    """
+    motions = rng.multivariate_normal(np.zeros(7), covariance, settings.starts)
+    motions[0] = 0.0
+    information = np.asarray(np.linalg.inv(covariance), np.float64)
+    motions = _refined(across, pivot, motions, information, _COARSE_PX)
+    support, _ = _support(across, pivot, motions, information, _COARSE_PX[-1])
+    motions = motions[np.argsort(-support, kind="stable")[: settings.refined]]
+    motions = _refined(across, pivot, motions, information, _FINE_PX)
+    support, residual = _support(across, pivot, motions, information, settings.within_px)
+    best = int(np.argmax(support))
+    agrees: NDArray[np.bool_] = np.abs(residual[best]) <= settings.within_px
+    return motions[best], agrees
+
+
+def _refined(across: Across, pivot: Floats, motions: Floats, information: Floats, scales_px: Sequence[float]) -> Floats:
+    """Motions (s, 7) after a Gauss-Newton step at each scale of a Geman-McClure loss."""
+    for scale in scales_px:
+        residual, jacobian = epipolar_residuals(across, pivot, motions)
+        weighted = jacobian / (_NOISE_PX * (1.0 + (residual / scale) ** 2))[..., None] ** 2
+        normal = np.einsum("sni,snj->sij", weighted, jacobian) + information
+        gradient = np.einsum("sni,sn->si", weighted, residual) + motions @ information
+        motions = motions - np.linalg.solve(normal, gradient[..., None])[..., 0]
+    return motions
+
+
+def _support(
+    across: Across, pivot: Floats, motions: Floats, information: Floats, within_px: float
+) -> tuple[Floats, Floats]:
+    """(s,) how well motions (s, 7) are agreed with, 0 for unlikely ones; and their residuals (s, n)."""
+    residual, _ = epipolar_residuals(across, pivot, motions)
+    likely = np.einsum("si,ij,sj->s", motions, information, motions) <= _UNLIKELY
+    return likely * np.maximum(0.0, 1.0 - (residual / within_px) ** 2).sum(axis=1), residual
+
+
+def epipolar_residuals(across: Across, pivot: Floats, motions: Floats) -> tuple[Floats, Floats]:
+    """Signed epipolar distances (s, n) in pixels after motions (s, 7), and their derivatives (s, n, 7).
+
+    The larger of a match's two distances, as angles. The derivatives hold the epipolar plane's normal at its length.
+    """
+    turn = Rotation.from_rotvec(motions[:, :3]).as_matrix()
+    arm = np.exp(motions[:, 6])[:, None, None] * np.einsum("sij,nj->sni", turn, across.moved_center - pivot)
+    ray = np.einsum("sij,nj->sni", turn, across.moved_direction)
+    baseline = across.center - (arm + pivot + motions[:, None, 3:6])
+    normal = np.cross(across.direction[None], baseline)
+    length = np.minimum(np.linalg.norm(normal, axis=2), np.linalg.norm(np.cross(ray, baseline), axis=2))
+    factor = across.focal_px / np.maximum(length, 1e-9)
+    both = np.cross(ray, across.direction[None])
+    turning = np.cross(ray, normal) - np.cross(arm, both)
+    growing = -(arm * both).sum(axis=2, keepdims=True)
+    jacobian = factor[..., None] * np.concatenate([turning, -both, growing], axis=2)
+    return factor * (normal * ray).sum(axis=2), jacobian
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Sub-models put together.
+
+    Attributes:
+        poses: of all images; every part where the known poses want it.
+        matches: across sub-models, by pairs of images: those that agree.
+        parts: image indices of each sub-model that is left, the largest first.
+    """
+
+    poses: list[Pose]
+    matches: dict[Pair, NDArray[np.uint32]]
+    parts: list[list[int]]
+
+
+@dataclass(frozen=True, eq=False)
+class Joiner:
+    """What sub-models of n images are put together by.
+
+    Attributes:
+        known: cameras.
+        pairs: of images that can see the same.
+        settings: constants.
+        guided: acceptance of single matches.
+        region: what the cameras look at.
+        distance_m: from cameras to it.
+        seed: of the search.
+    """
+
+    known: KnownCameras
+    pairs: Collection[Pair]
+    settings: JoinSettings
+    guided: GuidedSettings
+    region: Region | None
+    distance_m: float
+    seed: int
+
+    def join(self, images: Sequence[PosedFeatures], parts: Sequence[Sequence[int]]) -> Joined:
+        """Put those two sub-models together that fit best, until no two fit.
+
+        Args:
+            images: n, at poses that are good within each sub-model.
+            parts: image indices of each sub-model.
+        """
+        images, left = list(images), [sorted(part) for part in parts]
+        matches: dict[Pair, NDArray[np.uint32]] = {}
+        tried: dict[tuple[tuple[int, ...], tuple[int, ...]], _Fit | None] = {}
+        while True:
+            left.sort(key=lambda part: (-len(part), part))
+            two = [(tuple(still), tuple(other)) for k, other in enumerate(left) for still in left[:k]]
+            for key in two:
+                if key not in tried:
+                    tried[key] = self._fit(images, *key)
+            fits = [(key, fit) for key in two if (fit := tried[key]) is not None]
+            if not fits:
+                break
+            (still, other), fit = max(fits, key=lambda each: each[1].margin)
+            images = _at(images, fit.poses)
+            matches |= fit.matches
+            left = [part for part in left if tuple(part) not in (still, other)] + [sorted(still + other)]
+        poses = {k: pose for part in left for k, pose in self._place(images, part)[1].items()}
+        return Joined([poses[k] for k in range(len(images))], matches, left)
+
+    def _place(self, images: Sequence[PosedFeatures], part: Sequence[int]) -> tuple[Placed, dict[int, Pose]]:
+        placed = self.known.place([images[k].pose for k in part], part)
+        return placed, dict(zip(part, placed.poses, strict=True))
+
+    def _fit(self, images: Sequence[PosedFeatures], still: Sequence[int], other: Sequence[int]) -> _Fit | None:
+        (standing, poses), (moving, before) = self._place(images, still), self._place(images, other)
+        images = _at(images, poses | before)
+        covariance = standing.about(moving.pivot) + moving.covariance
+        angle, shift = (np.sqrt(np.linalg.eigvalsh(covariance[k, k])[-1]) for k in (slice(0, 3), slice(3, 6)))
+        band = self.settings.band_sigmas * float(np.hypot(angle, shift / self.distance_m))
+        found: dict[Pair, NDArray[np.uint32]] = {}
+        rays = []
+        for i, j in sorted(self.pairs):
+            if (i in still and j in other) or (i in other and j in still):
+                found[i, j] = match_guided(
+                    images[i], images[j], band * images[j].camera.fx, self.guided, region=self.region
+                )
+                ends = ((i, found[i, j][:, 0]), (j, found[i, j][:, 1]))
+                rays.append(_rays(images, *(ends if i in still else ends[::-1])))
+        if sum(map(len, found.values())) < self.settings.min_agreeing:
+            return None
+        across = Across(*(np.concatenate(column) for column in zip(*rays, strict=True)))
+        rng = np.random.default_rng((self.seed, *still, len(images), *other))
+        motion, agrees = best_motion(across, moving.pivot, covariance, self.settings, rng)
+        meaningless = across.without_meaning(band, rng)
+        _, by_chance = best_motion(meaningless, moving.pivot, covariance, self.settings, rng)
+        margin = float(agrees.sum() / max(1, by_chance.sum()))
+        if agrees.sum() < self.settings.min_agreeing or margin < self.settings.chance_factor:
+            return None
+        own = np.split(agrees, np.cumsum([len(matches) for matches in found.values()])[:-1])
+        kept = {pair: found[pair][mask] for pair, mask in zip(found, own, strict=True) if mask.any()}
+        return _Fit(poses | {k: moved(pose, motion, moving.pivot) for k, pose in before.items()}, kept, margin)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Two sub-models as one: poses, the matches that agree, and how many times those by chance they are."""
+
+    poses: Mapping[int, Pose]
+    matches: dict[Pair, NDArray[np.uint32]]
+    margin: float
+
+
+def _at(images: Sequence[PosedFeatures], poses: Mapping[int, Pose]) -> list[PosedFeatures]:
+    return [replace(image, pose=poses[k]) if k in poses else image for k, image in enumerate(images)]
+
+
+def _rays(
+    images: Sequence[PosedFeatures], still: tuple[int, NDArray[np.uint32]], other: tuple[int, NDArray[np.uint32]]
+) -> tuple[Floats, ...]:
+    """The columns of `Across` for the matched features of two images."""
+    columns: list[Floats] = []
+    for k, index in (still, other):
+        columns += [np.tile(images[k].pose.center, (len(index), 1)), images[k].rays(index)]
+    camera = images[other[0]].camera
+    return (*columns, np.full(len(other[1]), camera.fx * _WIDTH_PX / camera.width))
+
+
+def _skew(v: Floats) -> Floats:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
