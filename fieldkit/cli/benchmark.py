@@ -35,6 +35,7 @@ class Study(StrEnum):
     EVALUATION = "evaluation"
     SCALING = "scaling"
     FEW_VIEWS = "few-views"
+    WEAK_TIES = "weak-ties"
     MAPPINGS = "mappings"
     REFERENCES = "references"
     MATCH_DECAY = "match-decay"
