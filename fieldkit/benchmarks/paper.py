@@ -48,8 +48,10 @@ PAPER: Mapping[str, float] = {
 BASELINES = ("circle", "circle-aim", "two-rings", "mcp", "smith", "geometric")
 _SEEDLESS = ("mcp", "geometric", "smith")
 """Methods that no seed changes much; their first seed stands for all."""
-_KIND = "field-kind"
-_CARRIED = ("circle", "bosfm", "field", _KIND)
+_OF_A_KIND = "-kind"
+_KIND = f"score{_OF_A_KIND}"
+"""What `fieldkit plan` does unless it is told otherwise."""
+_CARRIED = ("circle", "bosfm", "field", f"field{_OF_A_KIND}", _KIND)
 _QUICK = ("circle", "field", _KIND)
 _REPEATS = 2
 _CAMERAS = 10
@@ -103,8 +105,9 @@ class PaperOptions:
         seeds = tuple(range(1 if self.quick else self.seeds))
         return [
             Contender(
-                method.removesuffix("-kind"), min(self.evaluations, 8) if self.quick else self.evaluations,
-                seeds[:1] if method in _SEEDLESS else seeds, KIND_PLOTS if method == _KIND else 1,
+                method.removesuffix(_OF_A_KIND), min(self.evaluations, 8) if self.quick else self.evaluations,
+                seeds[:1] if method in _SEEDLESS else seeds,
+                KIND_PLOTS if method.endswith(_OF_A_KIND) else 1,
             )
             for method in methods
         ]  # fmt: skip

@@ -15,6 +15,7 @@ from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.missions.plan import PlanSource
 from fieldkit.missions.plan_file import PLAN_FILE
+from fieldkit.planning.asked import KIND_CONFIRMED, KIND_METHOD
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.flyable import flight_noise
@@ -176,8 +177,8 @@ def run_all(
     runs = {
         folder / run_name(place, cameras, mapping, fidelity, name_of(contender), seed): place.settings(
             cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
-            fidelity=fidelity, confirm_fidelity=confirm_fidelity, repeats=repeats,
-            lag=lag_for(workers, deterministic=False), **_purpose(contender.plots),
+            fidelity=fidelity, confirm_fidelity=confirm_fidelity, lag=lag_for(workers, deterministic=False),
+            **({"repeats": repeats} | _purpose(contender)),
         )
         for contender in contenders
         for seed in contender.seeds
@@ -197,11 +198,12 @@ def run_all(
     return found
 
 
-def _purpose(plots: int) -> dict[str, Any]:
+def _purpose(contender: Contender) -> dict[str, Any]:
     """Fields of the settings of a plan for one plot with exact poses, or for a kind as `fieldkit plan` makes it."""
-    if plots == 1:
+    if contender.plots == 1:
         return {"plots": 1}
-    return {"plots": plots, "noise": NoiseSettings(**flight_noise(None)), "refine": True}
+    confirmed = KIND_CONFIRMED if contender.method == KIND_METHOD else {}
+    return {"plots": contender.plots, "noise": NoiseSettings(**flight_noise(None)), "refine": True, **confirmed}
 
 
 def _photographed(settings: SearchSettings) -> object:

@@ -31,8 +31,8 @@ _PRESETS: dict[str, dict[str, Any]] = {
     "field": {"method": "field"},
     "paper": {"method": "bosfm", "mapping": "incremental"},
 }
-_KIND_METHOD = "score"
-_KIND_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 3}
+KIND_METHOD = "score"
+KIND_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 3}
 """Plots differ by more than good sets do, so several optima are confirmed on several plots."""
 _OF_SEARCHES = ("evaluations", "at_least", "initial", "time_budget_s", "fidelity")
 Paths = Path | Sequence[Path]
@@ -84,7 +84,7 @@ def search_settings(
         vehicle: a profile's name or file: its camera, and its limits where ``envelope`` says nothing.
         camera: calibration (camera.toml) to use instead of the vehicle's or the scene's.
         purpose: "kind" (plots like this one) or "this-plot"; None is the method's own: `field` and `score` plan for
-            the kind, but of recorded photographs. Without a method, and without anything of a search, `score` does.
+            the kind. Without a method, and without anything of a search, `score` does.
         noise: fields of `NoiseSettings`; poses of plans for the kind have the flight's where they are left out.
         envelope: fields of `EnvelopeSettings`.
         workers: that will evaluate.
@@ -121,11 +121,12 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
     given = _given(asked.settings)
     envelope = _given(asked.envelope)
     method = given.get("method") or _PRESETS[given.get("preset", "field")]["method"]
-    if _chooses(asked, given, source.kind):
-        given |= {"method": (method := _KIND_METHOD)}
-    plots = _plots(asked.purpose, given.get("plots"), method, source.kind, 1 + len(others))
+    if _chooses(asked, given):
+        given |= {"method": (method := KIND_METHOD)}
+    plots = _plots(asked.purpose, given.get("plots"), method, 1 + len(others))
     vehicle = None if asked.vehicle is None else read_vehicle(asked.vehicle)
-    missed = {} if plots == 1 else flight_noise(None if vehicle is None else vehicle[0])
+    # Recorded photographs were taken where they were.
+    missed = {} if plots == 1 or source.kind == "captures" else flight_noise(None if vehicle is None else vehicle[0])
     try:
         noise = NoiseSettings(**(missed | _given(asked.noise)))
     except ValidationError as error:
@@ -142,7 +143,7 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
             _refuse_limits(envelope)
         if asked.references:
             values["reference_path"] = str(asked.references[0].resolve())
-        if unchanging(source, noise):
+        if plots == 1 and unchanging(source, noise):
             values["repeats"] = 1
     images = _images(asked, source)
     values["images_path"] = images[0]
@@ -161,8 +162,8 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         values["camera"] = _camera(asked.camera)
     if plots > 1 and noise.pose_m:
         values["refine"] = True  # else luck in where a cloud lies would count for more than where cameras stand
-    if plots > 1 and method == _KIND_METHOD:
-        values |= _KIND_CONFIRMED
+    if plots > 1 and method == KIND_METHOD:
+        values |= KIND_CONFIRMED
     values |= _PRESETS[given.get("preset", "field")] | given | {"plots": plots}
     if "weights" in given and values["method"] not in USING_WEIGHTS:
         raise UsageError(
@@ -175,10 +176,10 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         raise _refused(error) from error
 
 
-def _chooses(asked: Asked, given: Mapping[str, Any], source: str) -> bool:
+def _chooses(asked: Asked, given: Mapping[str, Any]) -> bool:
     """Whether a plan for a kind is made without a search: no method is asked for, and nothing that only one has."""
     searched = {"method", "preset", *_OF_SEARCHES} & given.keys()
-    return source != "captures" and asked.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
+    return asked.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
 
 
 def _images(asked: Asked, source: PlanSource) -> tuple[str | None, ...]:
@@ -196,15 +197,8 @@ def _images(asked: Asked, source: PlanSource) -> tuple[str | None, ...]:
     return tuple(str(images.resolve()) for images in asked.images)
 
 
-def _plots(purpose: str | None, plots: int | None, method: str, source: str, given: int) -> int:
+def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> int:
     """How many plots a plan is for."""
-    if source == "captures":
-        if purpose == "kind" or (plots or 1) > 1:
-            raise UsageError(
-                "recorded photographs are of one plot: no others of its kind can be drawn",
-                remedy="Leave --for and --vary out.",
-            )
-        return 1
     if purpose == "this-plot":
         if given > 1:
             raise UsageError(f"--for this-plot, and {given} are given", remedy="Give one, or leave --for out.")

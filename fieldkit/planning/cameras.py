@@ -62,6 +62,14 @@ class Cameras:
         """One per camera, for looking it up: equal where cameras are, bit for bit."""
         return [row.tobytes() for row in self.vector().reshape(len(self), -1)]
 
+    def turned(self, middle: ArrayLike, turn_deg: float) -> Cameras:
+        """Turned counterclockwise, seen from above, about the vertical through ``middle`` (x, y and more)."""
+        c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+        axis = np.asarray(middle, dtype=np.float64)[:2]
+        positions = self.positions.copy()
+        positions[:, :2] = (positions[:, :2] - axis) @ np.array([[c, s], [-s, c]]) + axis
+        return Cameras(positions, self.yaw_deg - turn_deg, self.pitch_deg)
+
     @classmethod
     def from_vector(cls, z: ArrayLike) -> Cameras:
         """From z (5n,): x, y, z, yaw, pitch per camera.

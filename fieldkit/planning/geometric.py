@@ -135,8 +135,9 @@ class GeometricScore:
     ) -> None:
         self.problem, self.matchability = problem, matchability or Matchability()
         self.settings = settings or ScoreSettings()
-        self.surface = Surface.of(plot or problem.plots[0], points)
-        self._plot = _plot_points(problem, self.surface)
+        self._plot = plot or problem.plots[0]
+        self.surface = Surface.of(self._plot, points)
+        self._around = _plot_points(problem, self.surface)
         self._worth = _pair_worth(self.settings)
         self._views = PerCamera(self._look)
         count = min(self.settings.neighbors, len(self.surface))
@@ -151,7 +152,7 @@ class GeometricScore:
         gap = float(_expected_distance(p, self._neighbors, self._distances, cap).mean())
         total = float(p.sum())
         spread = float((p * noise).sum()) / total if total > 0 else cap
-        matches = self.problem.counted_matches(cameras)
+        matches = self.problem.counted_matches(cameras, self._plot)
         if matches is None:
             pictured = np.array([view.pictured for view in views])
             matches = expected_matches(cameras.positions, self.problem.center, pictured, self.matchability)
@@ -174,7 +175,7 @@ class GeometricScore:
         camera = self.problem.camera
         focal = camera.fx * self.settings.width / camera.width
         steep, square = self.settings.facing
-        pictured = in_picture(self._plot, cameras, camera)
+        pictured = in_picture(self._around, cameras, camera)
         views = []
         for sight, row in zip(look(self.surface, cameras, camera), pictured, strict=True):
             footprint = sight.distance_m / focal

@@ -29,10 +29,12 @@ class Plot:
             frame.
         obstacles: (m, 3) points that hide what lies behind them and that cameras keep clear of, beside the reference's:
             other rows. Plot frame.
+        matches: (m, m) counted of each two recorded views; None where they are not known.
     """
 
     reference: Cloud
     obstacles: Array
+    matches: Array | None = None
 
     @classmethod
     def of(cls, description: SceneDescription) -> tuple[Plot, Volume]:

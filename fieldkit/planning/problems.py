@@ -25,10 +25,10 @@ from fieldkit.planning.executor import Evaluator
 from fieldkit.planning.flyable import check_views
 from fieldkit.planning.kind import Kind
 from fieldkit.planning.match_graph import match_graph
-from fieldkit.planning.objective import Objective, ObjectiveSettings
-from fieldkit.planning.plots import Plot
+from fieldkit.planning.objective import ObjectiveSettings
 from fieldkit.planning.plots_objective import PlotsObjective
 from fieldkit.planning.recorded import EXACT, RecordedSource
+from fieldkit.planning.recorded_kind import RecordedKind, RecordedPlots
 from fieldkit.planning.run_settings import GivenPlot, NoiseSettings, SearchSettings, unchanging
 from fieldkit.planning.search import Problem
 from fieldkit.progress import Progress
@@ -230,11 +230,14 @@ def _recorded(
         clearance_m=0.0, pitch_deg=(float(views.pitch_deg.min()), float(views.pitch_deg.max())), separation_m=0.0,
     )  # fmt: skip
     matches = match_graph(source, FeatureSettings(), workers=workers, progress=progress) if count_matches else None
+    kind = RecordedKind(source, settings.seed)
+    met, unmet = settings.plots, settings.repeats if settings.plots > 1 else 0
+    plots = [kind.plot(number, matches) for number in range(met + unmet)]
     problem = Problem(
-        settings.cameras, envelope, _without_distortion(reference), (Plot.without_others(reference.cloud),),
-        views=views, matches=matches, blind=settings.blind, exact=unchanging(settings.source, settings.noise),
+        settings.cameras, envelope, _without_distortion(reference), tuple(plots[:met]), views=views,
+        blind=settings.blind, exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
     )  # fmt: skip
-    objective = partial(Objective, source, wanted, seed=settings.seed)
+    objective = partial(RecordedPlots, kind, wanted, seed=settings.seed)
     return Plannable(problem, described(envelope), objective, tuple(view.name for view in source.views))
 
 

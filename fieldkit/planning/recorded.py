@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +22,7 @@ from fieldkit.planning.cameras import Array, Cameras
 from fieldkit.planning.fidelity import Fidelity
 from fieldkit.planning.source import Shot
 from fieldkit.progress import Progress
+from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.prior_mapping import region_of_interest
@@ -39,6 +41,21 @@ class RecordedView:
     pose: Pose
     position_sigma_m: float
     angle_sigma_deg: float
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """What is different where a recorded plot stands for another one of its kind.
+
+    Attributes:
+        turn_deg: by which its plants are turned, counterclockwise from above: cameras are turned the other way.
+        kept: share of the matches that are not withheld.
+        draw: which ones are withheld.
+    """
+
+    turn_deg: float = 0.0
+    kept: float = 1.0
+    draw: int = 0
 
 
 def recorded_views(
@@ -148,6 +165,7 @@ class RecordedSource:
         self.views = recorded_views(capture, plot, reconstructed)
         # Everything is turned into the plot frame here, whatever frame the capture's positions are in.
         region = region_of_interest([view.pose for view in self.views])
+        self._rehearsal = Rehearsal()
         self._plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()), region=region)
         self._cache = InputsCache(cache.root)
         self._reference: ReferenceIndex | None = None
@@ -156,6 +174,18 @@ class RecordedSource:
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_reference": None}
+
+    def rehearsing(self, rehearsal: Rehearsal) -> RecordedSource:
+        """The same photographs where they stand for another plot."""
+        other = copy(self)
+        other._rehearsal = rehearsal
+        return other
+
+    @property
+    def middle(self) -> Array:
+        """(3,) about which cameras are turned: what they look at, else the middle of the plot."""
+        region = self._plot.region
+        return np.array(self._plot.volume.center if region is None else region.center)
 
     @property
     def plot(self) -> KnownPlot:
@@ -189,8 +219,11 @@ class RecordedSource:
     @contextmanager
     def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[Shot]:
         """The recorded photographs that stand for the cameras, each with its own commanded pose."""
-        chosen = self.project(cameras)
-        yield Shot(self._subset(chosen, seed), tuple(self.views[int(k)].name for k in chosen))
+        rehearsal = self._rehearsal
+        chosen = self.project(cameras.turned(self.middle, -rehearsal.turn_deg) if rehearsal.turn_deg else cameras)
+        # A match needs both of its features.
+        features = FeatureSettings(kept=float(np.sqrt(rehearsal.kept)), draw=rehearsal.draw)
+        yield Shot(self._subset(chosen, seed), tuple(self.views[int(k)].name for k in chosen), features)
 
     def _subset(self, chosen: Array | NDArray[np.int64], seed: int) -> Capture:
         # In the set's order and with noise by the view's own number: the same views in another order are the same.

@@ -33,7 +33,6 @@ class Problem:
         camera: of the photographs, without distortion.
         plots: that the cameras are for: one, or several of a kind. Z keeps clear of all of them.
         views: of a recorded set, the only cameras there are; None where any camera of the envelope can be had.
-        matches: (m, m) counted of each two views; None where they are not known.
         blind: whether mapping must find the poses without commanded ones, so that sets may not register.
         exact: whether a set has the same value at every seed.
         unmet: further plots of the kind, numbered after ``plots``, on which finalists are confirmed. Nothing is
@@ -48,15 +47,15 @@ class Problem:
     camera: Intrinsics
     plots: tuple[Plot, ...]
     views: Cameras | None = None
-    matches: Array | None = None
     blind: bool = False
     exact: bool = False
     unmet: tuple[Plot, ...] = ()
 
     def __post_init__(self) -> None:
         views = 0 if self.views is None else len(self.views)
-        if self.matches is not None and self.matches.shape != (views, views):
-            raise UsageError(f"matches are counted for {self.matches.shape}, but there are {views} views")
+        for plot in self.plots:
+            if plot.matches is not None and plot.matches.shape != (views, views):
+                raise UsageError(f"matches are counted for {plot.matches.shape}, but there are {views} views")
         if self.count < _LEAST:
             raise UsageError(f"a plan needs at least {_LEAST} cameras, not {self.count}")
         if self.views is not None and len(self.views) < self.count:
@@ -98,12 +97,12 @@ class Problem:
         keys = set(cameras.row_keys())
         return len(keys) == len(cameras) and keys <= self._places.keys()
 
-    def counted_matches(self, cameras: Cameras) -> Array | None:
-        """(n, n) of `matches` for a feasible set; None where they are not known."""
-        if self.matches is None:
+    def counted_matches(self, cameras: Cameras, plot: Plot) -> Array | None:
+        """(n, n) of a plot's matches for a feasible set; None where they are not known."""
+        if plot.matches is None:
             return None
         index = self.numbers(cameras)
-        return self.matches[np.ix_(index, index)]
+        return plot.matches[np.ix_(index, index)]
 
     def numbers(self, cameras: Cameras) -> list[int]:
         """Of a feasible set's recorded views."""

@@ -19,12 +19,16 @@ class FeatureSettings:
         max_features: the strongest are kept.
         contrast_threshold: OpenCV's `contrastThreshold`; lower finds more on dark leaves.
         edge_threshold: OpenCV's `edgeThreshold`.
+        kept: share of these that is not withheld at random: plants that match worse are rehearsed with it.
+        draw: which ones are withheld.
     """
 
     working_side: int = 1600
     max_features: int = 4096
     contrast_threshold: float = 0.02
     edge_threshold: float = 10.0
+    kept: float = 1.0
+    draw: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -43,13 +43,22 @@ def load_features(
     photos: Sequence[Photo], settings: FeatureSettings, *, cache: StageCache, workers: int, advance: Advance
 ) -> list[KeyedFeatures]:
     """Features of every photograph, from the cache where they are there."""
+    kept, draw, settings = settings.kept, settings.draw, replace(settings, kept=1.0, draw=0)
     found = [_kept_features(photo, settings, cache) for photo in photos]
-    missing = [photo for photo, kept in zip(photos, found, strict=True) if kept is None]
+    missing = [photo for photo, each in zip(photos, found, strict=True) if each is None]
     advance(len(photos) - len(missing))
     # Workers are started only for what is missing: each takes a second to import what it needs.
     work = partial(_new_features, settings=settings, cache_root=cache.root)
     new = iter(map_parallel(work, missing, workers=workers, advance=advance))
-    return [next(new) if kept is None else kept for kept in found]
+    every = [next(new) if each is None else each for each in found]
+    return every if kept >= 1.0 else [_withheld(each, kept, draw) for each in every]
+
+
+def _withheld(found: KeyedFeatures, kept: float, draw: int) -> KeyedFeatures:
+    """A random share of the features of a photograph."""
+    rng = np.random.default_rng([draw, int(found.key[:16], 16)])
+    chosen = np.flatnonzero(rng.random(len(found.features)) < kept)
+    return KeyedFeatures(digest("withheld", found.key, kept, draw), found.features.subset(chosen), found.cached)
 
 
 def _features_key(photo: Photo, settings: FeatureSettings) -> str:

@@ -45,8 +45,6 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "--height", "3,2"], 2, "3 is above 2"),
         (["--captures", str(SMALL_PLOT), "--clearance", "0.5"], 2, "--clearance would not change the choice"),
         (["--scene", "case-1", "--for", "this-plot", "--vary", "4"], 2, "--vary 4 plans for more than this plot"),
-        (["--captures", str(SMALL_PLOT), "--for", "kind"], 2, "no others of its kind"),
-        (["--captures", str(SMALL_PLOT), "--vary", "4"], 2, "no others of its kind"),
         (["--scene", "case-1", "--risk", "0"], 2, "risk"),
         (["--captures", str(SMALL_PLOT), "--risk", "0"], 2, "risk"),
         (["--scene", "case-1", "--time-budget", "soon"], 2, "--time-budget"),

@@ -112,7 +112,7 @@ _MAKERS: dict[str, Callable[[Problem, SearchSettings], Method | Chooser]] = {
 }
 METHOD_NAMES = tuple(_MAKERS)
 USING_MATCHES = frozenset({"field", "score", "match-graph"})
-"""Methods that use a recorded set's counted matches (`Problem.matches`)."""
+"""Methods that use a recorded set's counted matches (`Plot.matches`)."""
 USING_WEIGHTS = frozenset({"field", "score"})
 """Methods that go by the geometric score's weights (`SearchSettings.weights`)."""
 FOR_A_KIND = frozenset({"field", "score"})

@@ -67,7 +67,7 @@ class MatchGraph:
 
     def __init__(self, problem: Problem, seed: int = 0) -> None:
         self._views, self._count = _recorded(problem, self.name), problem.count
-        matches = problem.matches
+        matches = problem.plots[0].matches
         if matches is None:
             points = problem.reference.points[:: max(1, len(problem.reference) // 500)]
             pictured = in_picture(points, self._views, problem.camera)

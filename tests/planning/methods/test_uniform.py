@@ -69,8 +69,8 @@ def test_match_graph_takes_counts_or_expects_them() -> None:
     # Counted matches that are all between the first views draw the choice there.
     counted = np.zeros((30, 30))
     counted[:6, :6] = 200.0
-    drawn = MatchGraph(replace(plot, matches=counted)).propose(0, (), ())
+    drawn = MatchGraph(replace(plot, plots=(replace(plot.plots[0], matches=counted),))).propose(0, (), ())
     assert drawn is not None
     assert len(set(drawn.notes["views"]) & set(range(6))) >= 5
     with pytest.raises(UsageError, match="30 views"):
-        replace(plot, matches=np.zeros((4, 4)))
+        replace(plot, plots=(replace(plot.plots[0], matches=np.zeros((4, 4))),))
