@@ -178,7 +178,7 @@ class RecordedSource:
     def rehearsing(self, rehearsal: Rehearsal) -> RecordedSource:
         """The same photographs where they stand for another plot."""
         other = copy(self)
-        other._rehearsal = rehearsal
+        other._rehearsal, other._reference = rehearsal, self._reference  # which a copy leaves behind
         return other
 
     @property

@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 _COARSE_PX = (24.0, 16.0, 16.0)
 _FINE_PX = (8.0, 8.0, 4.0, 4.0, 2.0, 2.0)
 _NOISE_PX = 2.0
-_UNLIKELY = 24.3  # χ², 7 degrees of freedom, 99.9 %
+_LEAST_WORTH = 0.5
 _WIDTH_PX = 1600.0
 _PLACING_STEPS = 4
 _SCALE_SIGMA = 0.1  # of what the positions of one or two cameras leave open
@@ -156,14 +156,17 @@ class Across:
 
 
 def best_motion(
-    across: Across, pivot: Floats, covariance: Floats, settings: JoinSettings, rng: np.random.Generator
+    across: Across, pivot: Floats, covariance: Floats, band: float, settings: JoinSettings, rng: np.random.Generator
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """The small similarity about ``pivot`` that most matches agree with.
+    """The small similarity about ``pivot`` that is likeliest after what is known and the matches that agree.
+
+    A match that agrees says ln(band / width) more for a motion than one that is anywhere in the band.
 
     Args:
         across: n candidate matches.
         pivot: (3,).
         covariance: (7, 7) of the motion, known before.
+        band: half width of what the matches were looked for in, radians.
         settings: constants.
         rng: of the starts.
 
@@ -174,11 +177,11 @@ def best_motion(
     motions[0] = 0.0
     information = np.asarray(np.linalg.inv(covariance), np.float64)
     motions = _refined(across, pivot, motions, information, _COARSE_PX)
-    support, _ = _support(across, pivot, motions, information, _COARSE_PX[-1])
-    motions = motions[np.argsort(-support, kind="stable")[: settings.refined]]
+    likelihood, _ = _likelihood(across, pivot, motions, information, band, _COARSE_PX[-1])
+    motions = motions[np.argsort(-likelihood, kind="stable")[: settings.refined]]
     motions = _refined(across, pivot, motions, information, _FINE_PX)
-    support, residual = _support(across, pivot, motions, information, settings.within_px)
-    best = int(np.argmax(support))
+    likelihood, residual = _likelihood(across, pivot, motions, information, band, settings.within_px)
+    best = int(np.argmax(likelihood))
     agrees: NDArray[np.bool_] = np.abs(residual[best]) <= settings.within_px
     return motions[best], agrees
 
@@ -194,13 +197,15 @@ def _refined(across: Across, pivot: Floats, motions: Floats, information: Floats
     return motions
 
 
-def _support(
-    across: Across, pivot: Floats, motions: Floats, information: Floats, within_px: float
+def _likelihood(
+    across: Across, pivot: Floats, motions: Floats, information: Floats, band: float, within_px: float
 ) -> tuple[Floats, Floats]:
-    """(s,) how well motions (s, 7) are agreed with, 0 for unlikely ones; and their residuals (s, n)."""
+    """(s,) logarithms of motions' (s, 7) likelihoods, up to a constant, and their residuals (s, n)."""
     residual, _ = epipolar_residuals(across, pivot, motions)
-    likely = np.einsum("si,ij,sj->s", motions, information, motions) <= _UNLIKELY
-    return likely * np.maximum(0.0, 1.0 - (residual / within_px) ** 2).sum(axis=1), residual
+    worth = np.maximum(np.log(band * across.focal_px / within_px), _LEAST_WORTH)
+    agreeing = np.maximum(0.0, 1.0 - (residual / within_px) ** 2) @ worth
+    known = 0.5 * np.einsum("si,ij,sj->s", motions, information, motions)
+    return agreeing - known, residual
 
 
 def epipolar_residuals(across: Across, pivot: Floats, motions: Floats) -> tuple[Floats, Floats]:
@@ -308,9 +313,9 @@ class Joiner:
             return None
         across = Across(*(np.concatenate(column) for column in zip(*rays, strict=True)))
         rng = np.random.default_rng((self.seed, *still, len(images), *other))
-        motion, agrees = best_motion(across, moving.pivot, covariance, self.settings, rng)
+        motion, agrees = best_motion(across, moving.pivot, covariance, band, self.settings, rng)
         meaningless = across.without_meaning(band, rng)
-        _, by_chance = best_motion(meaningless, moving.pivot, covariance, self.settings, rng)
+        _, by_chance = best_motion(meaningless, moving.pivot, covariance, band, self.settings, rng)
         margin = float(agrees.sum() / max(1, by_chance.sum()))
         if agrees.sum() < self.settings.min_agreeing or margin < self.settings.chance_factor:
             return None

@@ -24,6 +24,7 @@ from fieldkit.reconstruction.submodels import (
 )
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, ring
 
+BAND = 0.075
 SIGMAS = np.array([*np.full(3, np.radians(2.0)), *np.full(3, 0.03), 0.03])
 
 
@@ -62,7 +63,7 @@ def test_the_motion_that_most_matches_agree_with_is_found() -> None:
         rng = np.random.default_rng(seed)
         motion = 0.8 * SIGMAS * rng.normal(size=7)
         across, pivot = matches_across(motion, 40, 100, seed)
-        found, agrees = best_motion(across, pivot, np.diag(SIGMAS**2), JoinSettings(), rng)
+        found, agrees = best_motion(across, pivot, np.diag(SIGMAS**2), BAND, JoinSettings(), rng)
         assert agrees[:40].all()
         assert agrees[40:].mean() < 0.25
         np.testing.assert_allclose(found, motion, atol=0.004)
@@ -71,8 +72,8 @@ def test_the_motion_that_most_matches_agree_with_is_found() -> None:
 def test_matches_without_meaning_agree_with_nothing() -> None:
     across, pivot = matches_across(np.zeros(7), 140, 0, 3)
     rng = np.random.default_rng(0)
-    found = best_motion(across, pivot, np.diag(SIGMAS**2), JoinSettings(), rng)[1].sum()
-    none = best_motion(across.without_meaning(0.075, rng), pivot, np.diag(SIGMAS**2), JoinSettings(), rng)
+    found = best_motion(across, pivot, np.diag(SIGMAS**2), BAND, JoinSettings(), rng)[1].sum()
+    none = best_motion(across.without_meaning(BAND, rng), pivot, np.diag(SIGMAS**2), BAND, JoinSettings(), rng)
     assert found == 140
     assert none[1].sum() < 30
 
