@@ -15,7 +15,7 @@ from fieldkit.planning.recorded import RecordedSource, Rehearsal
 
 LEAST_KEPT = 0.3
 """Plants of a kind differ in what their leaves match: by up to three times between the recorded rigs."""
-_STREAM = 53
+_STREAM, _GOLDEN = 53, (5**0.5 - 1) / 2
 _ALL_ROUND = 1.5
 """Of the spacing of recorded views: how far a turned view may be from the one that stands for it, in the mean."""
 
@@ -39,8 +39,10 @@ class RecordedKind:
         """What is different on a plot."""
         if not number:
             return Rehearsal()
-        rng = np.random.default_rng([self.seed, _STREAM, number])
-        turn_deg, kept = float(rng.uniform(0.0, 360.0)), float(rng.uniform(LEAST_KEPT, 1.0))
+        turn_deg = float(np.random.default_rng([self.seed, _STREAM, number]).uniform(0.0, 360.0))
+        # Spread evenly over the range, so that any few plots in a row have high shares and low ones.
+        start = float(np.random.default_rng([self.seed, _STREAM]).random())
+        kept = LEAST_KEPT + (1.0 - LEAST_KEPT) * ((start + number * _GOLDEN) % 1.0)
         return Rehearsal(turn_deg if self._all_round(turn_deg) else 0.0, kept, number)
 
     def plot(self, number: int, matches: NDArray[np.float64] | None) -> Plot:
