@@ -84,7 +84,7 @@ def search_settings(
         vehicle: a profile's name or file: its camera, and its limits where ``envelope`` says nothing.
         camera: calibration (camera.toml) to use instead of the vehicle's or the scene's.
         purpose: "kind" (plots like this one) or "this-plot"; None is the method's own: `field` and `score` plan for
-            the kind. Without a method, and without anything of a search, `score` does.
+            the kind. Without a method, and without anything of a search, `score` does, but for recorded photographs.
         noise: fields of `NoiseSettings`; poses of plans for the kind have the flight's where they are left out.
         envelope: fields of `EnvelopeSettings`.
         workers: that will evaluate.
@@ -121,7 +121,7 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
     given = _given(asked.settings)
     envelope = _given(asked.envelope)
     method = given.get("method") or _PRESETS[given.get("preset", "field")]["method"]
-    if _chooses(asked, given):
+    if _chooses(asked, given, source.kind):
         given |= {"method": (method := KIND_METHOD)}
     plots = _plots(asked.purpose, given.get("plots"), method, 1 + len(others))
     vehicle = None if asked.vehicle is None else read_vehicle(asked.vehicle)
@@ -176,10 +176,10 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
         raise _refused(error) from error
 
 
-def _chooses(asked: Asked, given: Mapping[str, Any]) -> bool:
+def _chooses(asked: Asked, given: Mapping[str, Any], source: str) -> bool:
     """Whether a plan for a kind is made without a search: no method is asked for, and nothing that only one has."""
     searched = {"method", "preset", *_OF_SEARCHES} & given.keys()
-    return asked.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
+    return source != "captures" and asked.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
 
 
 def _images(asked: Asked, source: PlanSource) -> tuple[str | None, ...]:
