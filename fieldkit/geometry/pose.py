@@ -95,13 +95,18 @@ def rotation_angle_deg(a: Matrix, b: Matrix) -> float:
     return float(np.degrees(np.arctan2(sine, 0.5 * (np.trace(relative) - 1.0))))
 
 
+def cross_matrix(vector: ArrayLike) -> Matrix:
+    """(3, 3) [v]× with [v]× w = v × w, of a vector (3,)."""
+    x, y, z = np.asarray(vector, dtype=np.float64)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def rotation_from_vector(vector: ArrayLike) -> Matrix:
     """(3, 3) rotation of a rotation vector (3,) in radians (Rodrigues)."""
     v = np.asarray(vector, dtype=np.float64)
     angle = float(np.linalg.norm(v))
     if angle < 1e-15:
         return np.eye(3)
-    x, y, z = v / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = cross_matrix(v / angle)
     rotation: Matrix = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
     return rotation

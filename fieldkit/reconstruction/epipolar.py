@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.pose import cross_matrix
 
 Points = NDArray[np.float64]
 
@@ -20,8 +21,7 @@ def relative_pose(a: Pose, b: Pose) -> tuple[NDArray[np.float64], NDArray[np.flo
 def fundamental_matrix(a: Pose, b: Pose, camera_a: Intrinsics, camera_b: Intrinsics) -> NDArray[np.float64]:
     """(3, 3) F with x_bᵀ F x_a = 0 for undistorted pixels (Hartley & Zisserman, eq. 9.2)."""
     rotation, t = relative_pose(a, b)
-    cross = np.array([[0.0, -t[2], t[1]], [t[2], 0.0, -t[0]], [-t[1], t[0], 0.0]])
-    essential = cross @ rotation
+    essential = cross_matrix(t) @ rotation
     fundamental: NDArray[np.float64] = np.linalg.inv(camera_b.matrix()).T @ essential @ np.linalg.inv(camera_a.matrix())
     return fundamental
 

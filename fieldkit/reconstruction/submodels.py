@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldkit.geometry import Pose
+from fieldkit.geometry.pose import cross_matrix
 from fieldkit.reconstruction.guided import GuidedSettings, PosedFeatures, Region, match_guided
 from fieldkit.reconstruction.ties import Pair
 
@@ -82,7 +83,7 @@ class KnownCameras:
             for k, pose in zip(part, (moved(pose, motion, pivot) for pose in poses), strict=True):
                 known, sigma, angle = self.poses[k], self.position_sigma_m[k], np.radians(self.angle_sigma_deg[k])
                 arm = pose.center - pivot - motion[3:6]
-                moves = np.hstack([-_skew(arm), np.eye(3), arm[:, None]]) / sigma[:, None]
+                moves = np.hstack([-cross_matrix(arm), np.eye(3), arm[:, None]]) / sigma[:, None]
                 turn = Rotation.from_matrix(known.rotation.T @ pose.rotation).as_rotvec()
                 information += moves.T @ moves
                 information[:3, :3] += np.eye(3) / angle**2
@@ -113,7 +114,7 @@ class Placed:
     def about(self, pivot: Floats) -> Floats:
         """The covariance (7, 7) of the same motion, stated about another point (3,)."""
         change = np.eye(7)
-        change[3:6, :3] = -_skew(pivot - self.pivot)
+        change[3:6, :3] = -cross_matrix(pivot - self.pivot)
         change[3:6, 6] = pivot - self.pivot
         elsewhere: Floats = change @ self.covariance @ change.T
         return elsewhere
@@ -346,7 +347,3 @@ def _rays(
         columns += [np.tile(images[k].pose.center, (len(index), 1)), images[k].rays(index)]
     camera = images[other[0]].camera
     return (*columns, np.full(len(other[1]), camera.fx * _WIDTH_PX / camera.width))
-
-
-def _skew(v: Floats) -> Floats:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
