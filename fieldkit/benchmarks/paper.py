@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.benchmarks.depth_images import depth_error
-from fieldkit.benchmarks.planner_runs import Confirmed, Contender, Place, Ran, run_all
+from fieldkit.benchmarks.planner_runs import OF_A_KIND, Confirmed, Contender, Place, Ran, run_all
 from fieldkit.benchmarks.planner_transfer import Carried, carry
 from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.benchmarks.suite import run_studies
@@ -48,10 +48,9 @@ PAPER: Mapping[str, float] = {
 BASELINES = ("circle", "circle-aim", "two-rings", "mcp", "smith", "geometric")
 _SEEDLESS = ("mcp", "geometric", "smith")
 """Methods that no seed changes much; their first seed stands for all."""
-_OF_A_KIND = "-kind"
-_KIND = f"score{_OF_A_KIND}"
+_KIND = f"score{OF_A_KIND}"
 """What `fieldkit plan` does unless it is told otherwise."""
-_CARRIED = ("circle", "bosfm", "field", f"field{_OF_A_KIND}", _KIND)
+_CARRIED = ("circle", "bosfm", "field", f"field{OF_A_KIND}", _KIND)
 _QUICK = ("circle", "field", _KIND)
 _REPEATS = 2
 _CAMERAS = 10
@@ -105,9 +104,9 @@ class PaperOptions:
         seeds = tuple(range(1 if self.quick else self.seeds))
         return [
             Contender(
-                method.removesuffix(_OF_A_KIND), min(self.evaluations, 8) if self.quick else self.evaluations,
+                method.removesuffix(OF_A_KIND), min(self.evaluations, 8) if self.quick else self.evaluations,
                 seeds[:1] if method in _SEEDLESS else seeds,
-                KIND_PLOTS if method.endswith(_OF_A_KIND) else 1,
+                KIND_PLOTS if method.endswith(OF_A_KIND) else 1,
             )
             for method in methods
         ]  # fmt: skip

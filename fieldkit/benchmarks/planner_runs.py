@@ -61,6 +61,10 @@ class Place:
         )  # fmt: skip
 
 
+OF_A_KIND = "-kind"
+"""Ends the name of a method whose plans are for several plots."""
+
+
 @dataclass(frozen=True)
 class Contender:
     """A method with what it may use.
@@ -142,8 +146,8 @@ def figures(plans: Sequence[Confirmed], best_m: float) -> tuple[Cell, ...]:
 
 
 def name_of(planned: Contender | SearchSettings) -> str:
-    """The method's, with ``-kind`` where plans are for several plots."""
-    return f"{planned.method}-kind" if planned.plots > 1 else planned.method
+    """The method's, with `OF_A_KIND` where plans are for several plots."""
+    return f"{planned.method}{OF_A_KIND}" if planned.plots > 1 else planned.method
 
 
 def run_name(place: Place, cameras: int, mapping: Mapping, fidelity: FidelityName, method: str, seed: int) -> str:
