@@ -10,6 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
@@ -27,7 +29,7 @@ from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_truth
 from fieldkit.scenes.drawing import Draw, KeptDrawings, draw
 from fieldkit.scenes.neighbours import neighbour_points
-from fieldkit.scenes.plot import sample_plants
+from fieldkit.scenes.plot import plants_area_m2, sample_others, sample_plants
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
@@ -49,7 +51,8 @@ class Proxy:
         reference: PC_env, points on the plants, plot frame.
         volume: of interest, plot frame; its floor lies above the soil's bumps.
         camera: without distortion, at full size.
-        surface: the surfaces that PC_env lies on, sampled more densely; accuracy is measured to it where it is known.
+        surface: the surfaces that PC_env lies on, sampled more densely, and those of weeds and neighbours: accuracy is
+            measured to it where it is known. What is no crop is not asked for, and no error where it is reconstructed.
     """
 
     scene: Scene
@@ -83,7 +86,8 @@ class Proxy:
     def from_description(cls, description: SceneDescription, camera: Intrinsics | None = None) -> Proxy:
         """A proxy of all that a scene file can hold: maize, mesh plants, or a scene made from a reference.
 
-        PC_env is `sample_truth` of the description, as far as `of_interest` counts it.
+        PC_env is `sample_truth` of the description, as far as `of_interest` counts it; the surface has `sample_others`,
+        too.
 
         Args:
             description: of the scene.
@@ -97,10 +101,11 @@ class Proxy:
         visible, surface = sample_truth(description, scene)
         reference, volume = of_interest(description, visible)
         if description.recorded is None:
-            inside = surface.points[:, 2] > volume.lower[2]
+            others = sample_others(scene, volume, len(surface) / plants_area_m2(scene), description.reference.seed)
+            real = np.concatenate([surface.points[surface.points[:, 2] > volume.lower[2]], others])
         else:
-            inside = description.bounds.volume.contains(surface.points)
-        return cls(scene, reference, volume, camera or description.camera, surface.select(inside))
+            real = surface.points[description.bounds.volume.contains(surface.points)]
+        return cls(scene, reference, volume, camera or description.camera, Cloud(real))
 
     @property
     def plot(self) -> Plot:

@@ -88,7 +88,12 @@ def build_neighbours(
     return meshes
 
 
+def neighbour_meshes(scene: Scene) -> list[Mesh]:
+    """A scene's neighbour plants."""
+    return [mesh for mesh in scene.meshes if mesh.name.startswith(_NAME)]
+
+
 def neighbour_points(scene: Scene) -> Array:
     """(n, 3) vertices of a scene's neighbour plants: what a drone has to keep clear of beside the plot's own."""
-    points = [mesh.vertices for mesh in scene.meshes if mesh.name.startswith(_NAME)]
+    points = [mesh.vertices for mesh in neighbour_meshes(scene)]
     return np.concatenate(points).astype(np.float64) if points else np.zeros((0, 3))

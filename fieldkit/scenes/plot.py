@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds import Cloud
+from fieldkit.clouds.volume import Volume
 from fieldkit.scenes.light import bake_light, visible_from
 from fieldkit.scenes.maize import MaizeDescription, Stage, build_maize
 from fieldkit.scenes.mesh_plant import MeshPlantDescription, build_mesh_plant
-from fieldkit.scenes.neighbours import NeighboursDescription, build_neighbours
+from fieldkit.scenes.neighbours import NeighboursDescription, build_neighbours, neighbour_meshes
 from fieldkit.scenes.scene import HAZE, EffectsDescription, Light, Mesh, Scene, grid_faces
 from fieldkit.scenes.soil import SoilDescription, build_soil, soil_height
-from fieldkit.scenes.weeds import WeedsDescription, build_weeds
+from fieldkit.scenes.weeds import WeedsDescription, build_weeds, weed_meshes
 
 Layout = Literal["row", "grid", "random"]
 Plant = MaizeDescription | MeshPlantDescription
@@ -193,6 +194,32 @@ def sample_visible(scene: Scene, counts: Sequence[int], seed: int = 0, *, pixels
     seen = _seen_from_outside(np.concatenate([cloud.points for cloud in everything]), scene, pixels)
     ends = np.cumsum([len(cloud) for cloud in everything])[:-1]
     return [cloud.select(mask) for cloud, mask in zip(everything, np.split(seen, ends), strict=True)]
+
+
+def sample_others(scene: Scene, volume: Volume, per_m2: float, seed: int = 0) -> NDArray[np.float64]:
+    """(n, 3) points on the weeds and neighbour plants in a volume, uniform by area; no part of the reference.
+
+    Args:
+        scene: of `build_scene`.
+        volume: of interest, plot frame.
+        per_m2: points per square metre.
+        seed: of the sampling.
+    """
+    rng = np.random.default_rng([seed, 13])
+    parts = []
+    for mesh in (*weed_meshes(scene), *neighbour_meshes(scene)):
+        near = volume.contains(mesh.vertices.astype(np.float64))[mesh.faces].any(axis=1)
+        area = np.where(near, _areas(mesh), 0.0)
+        if near.any():
+            parts.append(_sample(mesh, area, round(per_m2 * float(area.sum())), rng)[0])
+    points = np.concatenate(parts) if parts else np.zeros((0, 3))
+    inside: NDArray[np.float64] = points[volume.contains(points)]
+    return inside
+
+
+def plants_area_m2(scene: Scene) -> float:
+    """Of the plants' surfaces, one side of each leaf."""
+    return sum(float(_areas(mesh).sum()) for mesh in scene.plants)
 
 
 def _sample_all(meshes: Sequence[Mesh], areas: Sequence[NDArray[np.float64]], count: int, seed: int) -> Cloud:

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from fieldkit.scenes.leaflets import Leaves, leaf_mesh
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.scene import Mesh
+from fieldkit.scenes.scene import Mesh, Scene
 
 Array = NDArray[np.float64]
 Height = Callable[[Array, Array], Array]
 _NEAR_M = 1.2
+_NAMES = ("cover", "cover-around", "weeds")
 
 
 @dataclass(frozen=True)
@@ -57,13 +58,18 @@ def build_weeds(weeds: WeedsDescription, height: Height) -> list[Mesh]:
         _rosettes(weeds, height, rng),
     ]
     meshes = []
-    for name, group in zip(("cover", "cover-around", "weeds"), leaves, strict=True):
+    for name, group in zip(_NAMES, leaves, strict=True):
         quadrant = (group.base[:, 0] > 0) * 1 + (group.base[:, 1] > 0) * 2
         for q in range(4):
             chosen = group.select(quadrant == q)
             if len(chosen.base):
                 meshes.append(leaf_mesh(f"{name}-{q}", chosen, rows=4 if name == "cover-around" else 5))
     return meshes
+
+
+def weed_meshes(scene: Scene) -> list[Mesh]:
+    """A scene's ground cover and weeds."""
+    return [mesh for mesh in scene.meshes if mesh.name.startswith(_NAMES)]
 
 
 def _spots(weeds: WeedsDescription, per_m2: float, inner: float, outer: float, rng: np.random.Generator) -> Array:

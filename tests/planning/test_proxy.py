@@ -29,6 +29,7 @@ from fieldkit.scenes.plot import PlotDescription
 from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.scenes.simulation import wind_sway
+from fieldkit.scenes.weeds import WeedsDescription, weed_meshes
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT, SMALL_SOIL
 
@@ -102,6 +103,18 @@ def test_a_proxy_of_a_reference_keeps_its_volume(tmp_path: Path) -> None:
     same_plants(description, proxy)
     with pytest.raises(SceneError, match="bounds"):
         Proxy.from_description(replace(description, bounds=Bounds((1.0, 1.0, 0.0), (2.0, 2.0, 1.0))))
+
+
+def test_weeds_are_not_asked_for_and_no_error_where_they_are_reconstructed() -> None:
+    weedy = replace(SCENE, plot=replace(SCENE.plot, weeds=WeedsDescription(seed=2, weeds_per_m2=40.0)))
+    proxy = Proxy.from_description(weedy)
+    vertices = np.concatenate([mesh.vertices for mesh in weed_meshes(proxy.scene)]).astype(float)
+    weeds = vertices[proxy.volume.contains(vertices)]
+    assert len(weeds) > 100
+    assert proxy.surface is not None
+    assert cKDTree(proxy.surface.points).query(weeds)[0].max() < 0.01
+    assert np.median(cKDTree(proxy.reference.points).query(weeds)[0]) > 0.05
+    assert proxy.volume.contains(proxy.surface.points).all()
 
 
 def test_a_scene_without_plants_is_refused() -> None:
