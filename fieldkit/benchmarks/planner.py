@@ -13,8 +13,9 @@ import numpy as np
 
 from fieldkit.benchmarks.captures import rig_capture
 from fieldkit.benchmarks.objective import NO_DATA
+from fieldkit.benchmarks.planner_rehearsed import rehearsed_table
 from fieldkit.benchmarks.planner_rest import value_against_rest
-from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, figures, run_all, run_name
+from fieldkit.benchmarks.planner_runs import OF_A_KIND, Contender, Place, Ran, figures, run_all, run_name
 from fieldkit.benchmarks.planner_transfer import carry, transfer_table
 from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.benchmarks.rigs import load_rig
@@ -91,6 +92,10 @@ class PlannerOptions:
 
 RIGS: Mapping[str, tuple[int, ...]] = {"basil_rig": (13, 10), "arabidopsis_rig": (16,)}
 """Recorded sets and the numbers of views that are chosen of them."""
+
+
+_REHEARSED = (13, 10)
+"""Numbers of views that are chosen for the kind."""
 
 
 def _simulated(options: PlannerOptions, progress: Progress) -> StudyResult:
@@ -282,6 +287,41 @@ def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
     return replace(study, tables=(*study.tables, *rests), pictures={**study.pictures, **pictures})
 
 
+def _rehearsed(options: PlannerOptions, progress: Progress) -> StudyResult:
+    title = "Views of recorded sets, chosen for their kind"
+    if options.data is None:
+        return StudyResult("rehearsed", title, skipped=NO_DATA)
+    wall, cpu = time.perf_counter(), time.process_time()
+    tables = []
+    for rig in [name for name in RIGS if name in options.scenes] or RIGS:
+        place = _rig_place(options.data, rig, options, progress)
+        for count in _REHEARSED:
+            methods = {"for the kind": f"field{OF_A_KIND}", "for these photographs": "field"}
+            runs = run_all(
+                place, _contenders(tuple(methods.values()), replace(options, methods=(), seeds=1)), options.runs,
+                cameras=count, mapping=options.mapping, fidelity=RECORDED_FIDELITY, confirm_fidelity="fine", repeats=1,
+                workers=options.workers, cache=options.cache, progress=progress,
+            )  # fmt: skip
+            chosen = {name: run.cameras for name, run in zip(methods, runs, strict=True)}
+            folder = run_name(place, count, options.mapping, RECORDED_FIDELITY, f"field{OF_A_KIND}", 0)
+            tables.append(
+                rehearsed_table(
+                    f"{rig}, {count} views", options.runs / folder, chosen, cache=options.cache, progress=progress
+                )
+            )
+    return StudyResult(
+        name="rehearsed",
+        title=title,
+        tables=tuple(tables),
+        notes=(
+            "Standard, in brackets fine; means of three draws or turns. Right photographs: what occurred.",
+            f"Planner seed 0, at most {options.evaluations} evaluations.",
+        ),
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
 def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progress) -> Place:
     """A rig's photographs with complete commanded poses, and the reference of all of them, kept beside the runs."""
     images, reference = options.runs / name, options.runs / f"{name}-reference"
@@ -394,6 +434,7 @@ STUDIES: dict[str, Callable[[PlannerOptions, Progress], StudyResult]] = {
     "surrogate": _surrogate,
     "ablation": _ablation,
     "chosen": _recorded,
+    "rehearsed": _rehearsed,
 }
 
 

@@ -15,7 +15,7 @@ from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.missions.plan import PlanSource
 from fieldkit.missions.plan_file import PLAN_FILE
-from fieldkit.planning.asked import KIND_CONFIRMED, KIND_METHOD
+from fieldkit.planning.asked import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED
 from fieldkit.planning.cameras import Cameras
 from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.flyable import flight_noise
@@ -182,7 +182,7 @@ def run_all(
         folder / run_name(place, cameras, mapping, fidelity, name_of(contender), seed): place.settings(
             cameras=cameras, method=contender.method, seed=seed, evaluations=contender.evaluations, mapping=mapping,
             fidelity=fidelity, confirm_fidelity=confirm_fidelity, lag=lag_for(workers, deterministic=False),
-            **({"repeats": repeats} | _purpose(contender)),
+            **({"repeats": repeats} | _purpose(contender, place)),
         )
         for contender in contenders
         for seed in contender.seeds
@@ -202,10 +202,12 @@ def run_all(
     return found
 
 
-def _purpose(contender: Contender) -> dict[str, Any]:
+def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
     """Fields of the settings of a plan for one plot with exact poses, or for a kind as `fieldkit plan` makes it."""
     if contender.plots == 1:
         return {"plots": 1}
+    if place.source.kind == "captures":
+        return {"plots": contender.plots, **RECORDED_CONFIRMED}
     confirmed = KIND_CONFIRMED if contender.method == KIND_METHOD else {}
     return {"plots": contender.plots, "noise": NoiseSettings(**flight_noise(None)), "refine": True, **confirmed}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from fieldkit.benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.benchmarks.rigs import RigSet, load_rig, uniform_subset
 from fieldkit.cache import StageCache
 from fieldkit.progress import Progress
-from fieldkit.reconstruction.features import Features
+from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import load_features
@@ -41,15 +40,12 @@ def run_weak_ties(data: Path, *, cache: StageCache, progress: Progress) -> Study
     rows: list[tuple[Cell, ...]] = []
     for name, sizes in SETS.items():
         rig = load_rig(data, name, cache=cache, progress=progress)
-        photos = [rig.capture.photo(each) for each in rig.names]
-        keyed = load_features(photos, ReconstructionSettings().features, cache=cache, workers=1, advance=lambda _: None)
-        features = {each: k.features for each, k in zip(rig.names, keyed, strict=True)}
         with progress.stage(name, len(sizes) * 2 * len(KEPT)) as advance:
             for size in sizes:
                 for layout, subset in (("even", uniform_subset), ("two gaps of 55°", with_gaps)):
                     for kept in KEPT:
                         chosen = [subset(rig.names, size, phase) for phase in range(_PHASES)]
-                        of_ways = [_outcomes(rig, chosen, features, kept, way) for way in _WAYS.values()]
+                        of_ways = [_outcomes(rig, chosen, kept, way, cache) for way in _WAYS.values()]
                         rows.append((name, size, layout, f"{kept:.0%}", *(c for each in of_ways for c in _cells(each))))
                         advance(1)
     columns = ["set", "views>", "ring", "matches kept>"]
@@ -83,14 +79,14 @@ def with_gaps(names: Sequence[str], count: int, phase: int = 0) -> tuple[str, ..
 
 
 def _outcomes(
-    rig: RigSet, chosen: Sequence[Sequence[str]], features: Mapping[str, Features], kept: float,
-    settings: PriorMappingSettings,
-) -> list[Outcome]:  # fmt: skip
+    rig: RigSet, chosen: Sequence[Sequence[str]], kept: float, settings: PriorMappingSettings, cache: StageCache
+) -> list[Outcome]:
     found = []
     for phase, names in enumerate(chosen):
-        rng = np.random.default_rng(phase)
-        left = [features[n].subset(np.flatnonzero(rng.random(len(features[n])) < np.sqrt(kept))) for n in names]
-        wanted = replace(ReconstructionSettings(), prior=settings)
+        wanted = ReconstructionSettings(features=FeatureSettings(kept=float(np.sqrt(kept)), draw=phase), prior=settings)
+        photos = [rig.capture.photo(name) for name in names]
+        keyed = load_features(photos, wanted.features, cache=cache, workers=1, advance=lambda _: None)
+        left = [each.features for each in keyed]
         found.append(assess(map_with_noise(rig, names, left, GOAL, phase, wanted)[0], rig))
     return found
 

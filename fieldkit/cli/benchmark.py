@@ -155,11 +155,11 @@ def command(
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
-    recorded and proxy; the planner's are simulated, transfer, surrogate, ablation and chosen (of recorded sets);
-    those of missions are trips, poses, uploads, routes and fuzz; campaign's are season,
-    field-check, plant-figures, score-prediction, plan-reuse, next-visit and report-size; paper's are tables,
-    pose-noise, image-noise and new-plots, all of them where none is named. FIELDKIT_DATA names the
-    recorded image sets; what needs them is left out without it. The result holds results.json, results.md and pictures.
+    recorded and proxy; the planner's are simulated, transfer, surrogate, ablation, chosen and rehearsed (of recorded
+    sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's are season, field-check,
+    plant-figures, score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise,
+    image-noise and new-plots, all of them where none is named. FIELDKIT_DATA names the recorded image sets; what needs
+    them is left out without it. The result holds results.json, results.md and pictures.
 
     Examples:
         fieldkit benchmark engine --only dense -o benchmark-results

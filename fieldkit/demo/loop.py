@@ -34,11 +34,12 @@ from fieldkit.missions.plan_file import load_plan
 from fieldkit.missions.vehicle_file import missions_folder
 from fieldkit.parallel import map_parallel
 from fieldkit.planning.asked import search_settings
+from fieldkit.planning.methods.circle import expected_circle
 from fieldkit.planning.outcome import Outcome
 from fieldkit.planning.plan_views import plan_views
-from fieldkit.progress import Progress
+from fieldkit.planning.problems import open_problem
+from fieldkit.progress import Progress, Silent
 from fieldkit.report.write import REPORT_FILE, write_report
-from fieldkit.scenes.simulation import Stations, ring_about
 
 DEMO_FILE = "demo.json"
 VEHICLE = "ardupilot-pitch"
@@ -121,11 +122,11 @@ def run_demo(
     with atomic_folder(output, overwrite=overwrite, marker=DEMO_FILE) as folder:
         references = _references(folder, seed, cache, progress, workers)
         flight = recorded_flight()
-        plan, outcome = _plan(folder / "plan", flight, seed, cache, progress, workers)
+        plan, outcome, circle = _plan(folder / "plan", flight, seed, cache, progress, workers)
         mission = _mission(folder, progress)
         with progress.stage("Upload to the stand-in vehicle"):
             items = upload_to_stand_in(mission.files[0]).items
-        evaluations = _captures_and_scores(folder, plan, flight, seed, cache, progress, workers)
+        evaluations = _captures_and_scores(folder, plan, circle, flight, seed, cache, progress, workers)
         plants = {plot: _true_plants(folder, plot) for plot in evaluations}
         scores = tuple(
             DemoScore(plot, each.name, each, _against(plants[plot], folder / f"evaluation-{plot}" / each.name))
@@ -169,7 +170,10 @@ def _references(
 
 def _plan(
     output: Path, flight: RecordedFlight, seed: int, cache: StageCache, progress: Progress, workers: int
-) -> tuple[Plan, Outcome]:
+) -> tuple[Plan, Outcome, list[Pose]]:
+    """The plan, what came of its finalists, and what it is compared with: of 25 circles about plots of the kind the one
+    that the geometric score likes best.
+    """
     settings = search_settings(
         scene=scene_path(SEEN), vehicle=VEHICLE, cameras=CAMERAS, method="score", finalists=_FINALISTS,
         repeats=_REPEATS, confirm_fidelity="draft", seed=seed, workers=workers,
@@ -177,7 +181,10 @@ def _plan(
     )  # fmt: skip
     with progress.stage("Plan", _FINALISTS * _REPEATS) as advance:
         outcome = plan_views(output, settings, cache=cache, workers=workers, watch=lambda _: advance(1))
-    return load_plan(output), outcome
+    with progress.stage("The best circle"):
+        problem = open_problem(settings, output, cache=cache, progress=Silent()).problem
+        circle = expected_circle(problem).poses()
+    return load_plan(output), outcome, circle
 
 
 def _mission(folder: Path, progress: Progress) -> ExportedMission:
@@ -188,13 +195,11 @@ def _mission(folder: Path, progress: Progress) -> ExportedMission:
 
 
 def _captures_and_scores(
-    folder: Path, plan: Plan, flight: RecordedFlight, seed: int, cache: StageCache, progress: Progress, workers: int
-) -> dict[str, EvaluationReport]:
+    folder: Path, plan: Plan, circle: Sequence[Pose], flight: RecordedFlight, seed: int, cache: StageCache,
+    progress: Progress, workers: int,
+) -> dict[str, EvaluationReport]:  # fmt: skip
     camera = None if plan.camera is None else plan.camera.intrinsics
-    poses: dict[str, Sequence[Pose] | Stations] = {
-        PLANNED: [station.pose for station in plan.stations],
-        CIRCLE: ring_about(CAMERAS),
-    }
+    poses = {PLANNED: [station.pose for station in plan.stations], CIRCLE: circle}
     plots = (SEEN, UNSEEN)
     shootings = [
         Shooting(plot, folder / "captures" / plot / name, stations, camera, flight.pose_noise, seed * 1000 + 10 + k)

@@ -34,7 +34,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
 KIND_METHOD = "score"
 KIND_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 3}
 """Plots differ by more than good sets do, so several optima are confirmed on several plots."""
-_RECORDED_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 6}
+RECORDED_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 6}
 """Which matches are withheld changes a value by more than sets differ; evaluations are cheap there."""
 _OF_SEARCHES = ("evaluations", "at_least", "initial", "time_budget_s", "fidelity")
 Paths = Path | Sequence[Path]
@@ -165,7 +165,7 @@ def new_settings(asked: Asked, workers: int, *, deterministic: bool) -> SearchSe
     if plots > 1 and noise.pose_m:
         values["refine"] = True  # else luck in where a cloud lies would count for more than where cameras stand
     if plots > 1 and source.kind == "captures":
-        values |= _RECORDED_CONFIRMED
+        values |= RECORDED_CONFIRMED
     elif plots > 1 and method == KIND_METHOD:
         values |= KIND_CONFIRMED
     values |= _PRESETS[given.get("preset", "field")] | given | {"plots": plots}

@@ -11,14 +11,20 @@ import pytest
 from fieldkit.benchmarks.planner import PlannerOptions, compare_table, run_planner
 from fieldkit.benchmarks.planner_ablation import StandIn, ablation_table, search
 from fieldkit.benchmarks.planner_ablation import variants as variants_of_search
-from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, run_all
+from fieldkit.benchmarks.planner_rehearsed import situations
+from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, _purpose, run_all
 from fieldkit.benchmarks.planner_surrogate import foretell, surrogate_table, variants
 from fieldkit.benchmarks.planner_transfer import Carried, transfer_table
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
+from fieldkit.missions.plan import PlanSource
+from fieldkit.planning.asked import RECORDED_CONFIRMED
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.methods.geometric import Effort
 from fieldkit.planning.methods.random import sample_seed
 from fieldkit.planning.outcome import FinalistReport, Outcome
+from fieldkit.planning.recorded import Rehearsal
 from fieldkit.planning.run_folder import read_log
 from fieldkit.planning.search import Result, Trial
 from fieldkit.progress import Silent
@@ -83,6 +89,29 @@ def test_carried_plans_are_compared_with_what_is_optimised_there() -> None:
     assert (field[5], field[6]) == ("2.00 (1.00–3.00)", "3.00")
     assert (field[7], field[8]) == ("9.0", "20")
     assert circle[0] == "circle, optimised here"
+
+
+def test_a_choice_for_a_recorded_kind_is_made_with_exact_poses_as_plan_makes_it() -> None:
+    kind = Contender("field", 40, plots=8)
+    recorded = Place("rig", PlanSource(kind="captures", name="rig"), Path("rig"))
+    scene = Place("scene", PlanSource(kind="scene", name="scene"), Path("scene.toml"))
+    assert _purpose(kind, recorded) == {"plots": 8, **RECORDED_CONFIRMED}
+    assert _purpose(kind, scene)["refine"]
+
+
+def test_chosen_views_are_rehearsed_with_views_missing_and_matches_withheld() -> None:
+    cameras = bowl_problem(6).sample(0)
+    asked: list[tuple[int, Rehearsal, str]] = []
+
+    def evaluate(some: Cameras, rehearsal: Rehearsal, fidelity: FidelityName) -> tuple[float, int]:
+        asked.append((len(some), rehearsal, fidelity))
+        return 0.001 * len(some), len(some)
+
+    found = situations(cameras, evaluate)
+    assert [len(each) for each in found.values()] == [2, 3, 3, 3, 3]
+    assert {count for count, _, _ in asked} == {4, 5, 6}
+    assert {rehearsal.kept for _, rehearsal, _ in asked} == {1.0, 0.4}
+    assert [fidelity for *_, fidelity in asked].count("fine") == 1
 
 
 def test_models_that_know_foretell_better() -> None:

@@ -6,12 +6,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from fieldkit.planning.cameras import Cameras
+from fieldkit.planning.expected import WEIGHTS, Expected
 from fieldkit.planning.families import Circle, circles
 from fieldkit.planning.methods.staged import Stage, StagedSearch, finer_grid
 from fieldkit.planning.search import Problem
 
 _GRID = 5
 _AIMS = 4
+
+
+def expected_circle(problem: Problem) -> Cameras:
+    """The circle of the same grid of which the geometric score expects most, without a photograph."""
+    expected = Expected(problem)
+    sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, _GRID, _GRID)]
+    return min(sets, key=lambda cameras: expected.value_m(cameras, WEIGHTS, None))
 
 
 class CircleSearch(StagedSearch[Circle]):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fieldkit.planning.methods.circle import CircleSearch
+from fieldkit.planning.expected import WEIGHTS, Expected
+from fieldkit.planning.methods.circle import CircleSearch, expected_circle
 from fieldkit.planning.search import Result, Trial
 from tests.planning.leafy import problem, recorded
 
@@ -64,3 +65,11 @@ def test_a_recorded_set_has_few_circles() -> None:
     assert len(found) < 33
     assert all(plot.contains(r.trial.cameras) for r in found)
     assert np.ptp(found[0].trial.cameras.positions[:, 2]) == 0
+
+
+def test_the_expected_circle_is_the_grids_best_by_the_score() -> None:
+    expected = Expected(PROBLEM)
+    grid = [t.cameras for k in range(25) if (t := CircleSearch(PROBLEM).propose(k, (), ()))]
+    values = [expected.value_m(cameras, WEIGHTS, None) for cameras in grid]
+    assert min(values) < 0.9 * max(values)
+    assert expected_circle(PROBLEM) == grid[int(np.argmin(values))]
