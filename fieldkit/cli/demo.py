@@ -36,8 +36,8 @@ def command(
 
     Photographs two plots densely and builds their references; plans ten views for plots like the first; writes the
     mission and uploads it to a stand-in for a recorded ArduPilot; photographs both plots, the second of which the plan
-    has not seen, with the pose noise of the recorded flight, from the planned views and from a circle; scores all
-    without optimising again; and writes a report. Takes three to five minutes on two cores.
+    has not seen, with the pose noise of the recorded flight, from the planned views and from the best circle; scores
+    all without optimising again; and writes a report. Takes three to five minutes on two cores.
 
     Examples:
         fieldkit demo -o demo-output --workers 2
@@ -86,7 +86,7 @@ def _scores(demo: Demo) -> Table:
     from fieldkit.reporting.style import format_length, format_number, table
 
     found = table(
-        "Chamfer distance of planned views and of a circle, to each plot's reference",
+        "Chamfer distance of planned views and of the best circle, to each plot's reference",
         "plot",
         "views",
         "right",
