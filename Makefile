@@ -3,7 +3,7 @@
 SHELL := /bin/bash
 BIN := .venv/bin
 STAMP := .venv/.installed
-PAGE := fieldkit/reporting/page
+PAGE := fieldkit/present/html
 VIEWER := $(PAGE)/vendor/viewer.min.js
 PYTEST_ARGS ?=
 
@@ -34,17 +34,18 @@ test: setup browser ## run the tests that take less than ten seconds each
 test-all: setup browser ## run all tests
 	$(BIN)/pytest $(PYTEST_ARGS)
 
-check: $(STAMP) ## lint, check the format and the types
+check: $(STAMP) ## lint, check the format, the types and which way imports run
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 
 bench: setup ## measure the engine's speed
-	$(BIN)/fieldkit benchmark engine --overwrite
+	$(BIN)/python -m benchmarks engine --overwrite
 
 docs: $(STAMP) ## write the documentation as a site to site/
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 clean: ## remove what the other targets wrote, except .venv
 	rm -rf demo-output build dist site $(PAGE)/vendor .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	find fieldkit tests -name __pycache__ -type d -prune -exec rm -rf {} +
+	find fieldkit benchmarks tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from fieldkit.evaluation.compare import Comparison, compare_evaluations
     from fieldkit.evaluation.evaluate import evaluate_captures
     from fieldkit.evaluation.reference import build_reference
-    from fieldkit.evaluation.report_files import load_evaluation_report, load_reference_report
-    from fieldkit.evaluation.schema import EvaluationReport, ReferenceReport
     from fieldkit.missions.export_mission import export_mission
-    from fieldkit.missions.plan import Plan
-    from fieldkit.missions.plan_file import load_plan
-    from fieldkit.planning.asked import search_settings
-    from fieldkit.planning.outcome import Outcome
-    from fieldkit.planning.plan_views import plan_views, resume_plan
-    from fieldkit.planning.run_settings import SearchSettings
+    from fieldkit.planning.run.outcome import Outcome
+    from fieldkit.planning.run.plan_views import plan_views, resume_plan
+    from fieldkit.planning.run.request import search_settings
+    from fieldkit.planning.settings import SearchSettings
+    from fieldkit.present.report import write_report
     from fieldkit.reconstruction.settings import ReconstructionSettings
-    from fieldkit.report.write import write_report
+    from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
+    from fieldkit.results.plan import Plan
+    from fieldkit.results.plan_file import load_plan
+    from fieldkit.results.report_files import load_evaluation_report, load_reference_report
 
 __all__ = [
     "Comparison",
@@ -52,24 +52,24 @@ __all__ = [
 
 _HOMES = {
     "Comparison": "fieldkit.evaluation.compare",
-    "EvaluationReport": "fieldkit.evaluation.schema",
+    "EvaluationReport": "fieldkit.results.evaluation",
     "FieldkitError": "fieldkit.errors",
-    "Outcome": "fieldkit.planning.outcome",
-    "Plan": "fieldkit.missions.plan",
+    "Outcome": "fieldkit.planning.run.outcome",
+    "Plan": "fieldkit.results.plan",
     "ReconstructionSettings": "fieldkit.reconstruction.settings",
-    "ReferenceReport": "fieldkit.evaluation.schema",
-    "SearchSettings": "fieldkit.planning.run_settings",
+    "ReferenceReport": "fieldkit.results.evaluation",
+    "SearchSettings": "fieldkit.planning.settings",
     "build_reference": "fieldkit.evaluation.reference",
     "compare_evaluations": "fieldkit.evaluation.compare",
     "evaluate_captures": "fieldkit.evaluation.evaluate",
     "export_mission": "fieldkit.missions.export_mission",
-    "load_evaluation_report": "fieldkit.evaluation.report_files",
-    "load_plan": "fieldkit.missions.plan_file",
-    "load_reference_report": "fieldkit.evaluation.report_files",
-    "plan_views": "fieldkit.planning.plan_views",
-    "resume_plan": "fieldkit.planning.plan_views",
-    "search_settings": "fieldkit.planning.asked",
-    "write_report": "fieldkit.report.write",
+    "load_evaluation_report": "fieldkit.results.report_files",
+    "load_plan": "fieldkit.results.plan_file",
+    "load_reference_report": "fieldkit.results.report_files",
+    "plan_views": "fieldkit.planning.run.plan_views",
+    "resume_plan": "fieldkit.planning.run.plan_views",
+    "search_settings": "fieldkit.planning.run.request",
+    "write_report": "fieldkit.present.report",
 }
 
 

@@ -17,8 +17,8 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw
 
-from fieldkit.benchmarks.scene_views import load_scene, photograph, ring_about_plants
-from fieldkit.progress import Silent
+from benchmarks.scene_views import load_scene, photograph, ring_about_plants
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.renderer import Renderer
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit.geometry import Intrinsics
-from fieldkit.missions.plan_file import plan_schema
-from fieldkit.planning.outcome import run_schemas
+from fieldkit.planning.run.outcome import run_schemas
+from fieldkit.results.plan_file import plan_schema
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.generator import new_scene, varied, without_plant
 from fieldkit.scenes.scene_file import described_types, key_docs, scene_schema, write_scene

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from fieldkit.benchmarks.headless import NoBrowserError, headless_browser, offline_page
+from benchmarks.headless import NoBrowserError, headless_browser, offline_page
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page

@@ -13,7 +13,7 @@ from small_plot import SETTINGS, photograph
 from fieldkit import build_reference, load_reference_report
 from fieldkit.cache import StageCache
 from fieldkit.clouds import read_cloud
-from fieldkit.progress import Silent
+from fieldkit.runtime.progress import Silent
 
 folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
 captures = photograph(folder / "plot_7")

@@ -10,7 +10,7 @@ from pathlib import Path
 from small_plot import plan
 
 from fieldkit import load_plan
-from fieldkit.missions.plan_file import save_plan
+from fieldkit.results.plan_file import save_plan
 
 folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
 save_plan(folder / "plan.json", plan())

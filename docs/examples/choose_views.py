@@ -13,7 +13,7 @@ from small_plot import SETTINGS, photograph
 
 from fieldkit import build_reference, load_plan, plan_views, search_settings
 from fieldkit.cache import StageCache
-from fieldkit.progress import Silent
+from fieldkit.runtime.progress import Silent
 
 # %% [markdown]
 # Without `reference` one of all photographs is built first. `uniform` takes every k-th view; `field`, the default,

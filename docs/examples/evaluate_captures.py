@@ -12,7 +12,7 @@ from small_plot import SETTINGS, STATIONS, photograph
 
 from fieldkit import build_reference, evaluate_captures, load_evaluation_report
 from fieldkit.cache import StageCache
-from fieldkit.progress import Silent
+from fieldkit.runtime.progress import Silent
 
 folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
 cache, progress = StageCache(folder / "cache"), Silent()

@@ -12,12 +12,12 @@ from small_plot import SETTINGS, photograph, plan
 
 from fieldkit import write_report
 from fieldkit.cache import StageCache
-from fieldkit.evaluation.campaign.campaign_file import EvaluationTable
-from fieldkit.evaluation.campaign.create import CampaignSources, init_campaign
-from fieldkit.evaluation.campaign.export import export_campaign
-from fieldkit.evaluation.campaign.run import evaluate_campaign
-from fieldkit.missions.plan_file import save_plan
-from fieldkit.progress import Silent
+from fieldkit.campaign.campaign_file import EvaluationTable
+from fieldkit.campaign.create import CampaignSources, init_campaign
+from fieldkit.campaign.export import export_campaign
+from fieldkit.campaign.run import evaluate_campaign
+from fieldkit.results.plan_file import save_plan
+from fieldkit.runtime.progress import Silent
 
 # %% [markdown]
 # A plan and a site with two plots make a campaign.

@@ -15,7 +15,7 @@ from pathlib import Path
 from fieldkit import Plan, ReconstructionSettings
 from fieldkit.clouds import Volume
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.missions.plan_file import plan_from_poses
+from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.scenes.description import SceneDescription, build
 from fieldkit.scenes.plot import PlotDescription, plant_layout
 from fieldkit.scenes.renderer import Renderer

@@ -7,9 +7,9 @@ the cloud with the plants. Methods of your own can be built on it.
 # %%
 from small_plot import scene
 
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.objective import Objective, ObjectiveSettings
-from fieldkit.planning.simulated import Proxy, SimulatedSource
+from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
+from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.scenes.rigs import ring
 
 # %% [markdown]

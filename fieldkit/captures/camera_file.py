@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit.captures.tables import read_text
+from fieldkit.documents.toml_file import toml_document
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
-from fieldkit.toml_file import toml_document
 
 _KEYS = {"model", "width", "height", "params", "images", "fixed"}
 _REMEDY = "Expected model, width, height and params (COLMAP's order), once or in a list 'cameras'."

@@ -21,8 +21,8 @@ from typing import Any
 import cv2
 
 from fieldkit.captures.tables import read_text
+from fieldkit.documents.toml_file import toml_document
 from fieldkit.errors import MetadataError
-from fieldkit.toml_file import toml_document
 
 _REMEDY = "Expected dictionary, then side_m or [[distance]] tables with a, b and distance_m, or both."
 _KEYS = {"dictionary", "side_m", "distance"}

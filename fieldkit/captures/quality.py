@@ -14,7 +14,7 @@ from fieldkit.captures.decode import read_image
 from fieldkit.captures.folder import find_mask
 from fieldkit.captures.model import Capture, Finding, Photo
 from fieldkit.errors import CaptureError
-from fieldkit.progress import Progress, Silent
+from fieldkit.runtime.progress import Progress, Silent
 
 WORKING_SIDE = 1024
 """Longer side in pixels at which quality is measured, so that cameras of different resolution compare."""

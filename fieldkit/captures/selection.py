@@ -24,7 +24,7 @@ from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps,
 from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError
 from fieldkit.geometry.geodesy import utm_epsg_of
-from fieldkit.progress import Progress, Silent
+from fieldkit.runtime.progress import Progress, Silent
 
 _MAX_FOLDERS = 100_000
 _MASKS = "masks"

@@ -77,10 +77,10 @@ def command(
     distances_m = parse_distances(distances)
     from pydantic import ValidationError
 
-    from fieldkit.evaluation.campaign.campaign_file import EvaluationTable
-    from fieldkit.evaluation.campaign.create import CampaignSources, init_campaign, split_references
-    from fieldkit.missions.site_file import load_site
-    from fieldkit.missions.toml_file import sentence
+    from fieldkit.campaign.campaign_file import EvaluationTable
+    from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
+    from fieldkit.documents.versioned_toml import sentence
+    from fieldkit.missions.plan_site.site_file import load_site
 
     try:
         evaluation = EvaluationTable(

@@ -64,9 +64,9 @@ def command(
         fieldkit evaluate, fieldkit export-mission
     """
     day = _day(date)
-    from fieldkit.evaluation.campaign.campaign import campaign_folder, read_campaign
-    from fieldkit.planning.next_visit import plan_next_visit
-    from fieldkit.threads import limit_threads
+    from fieldkit.campaign.folder import campaign_folder, read_campaign
+    from fieldkit.campaign.next_visit import plan_next_visit
+    from fieldkit.runtime.threads import limit_threads
 
     limit_threads(1)
     campaign = read_campaign(campaign_folder(folder))
@@ -90,7 +90,7 @@ def command(
             }
         )  # fmt: skip
         return
-    from fieldkit.reporting.style import format_length
+    from fieldkit.present.style import format_length
 
     rows = table(f"Plans for {day}", "plot", "last visit", "expected>", "campaign's plan there>")
     for each in made.plans:

@@ -13,8 +13,8 @@ from fieldkit.errors import EXIT_OK, MissionError, UsageError
 if TYPE_CHECKING:
     from fieldkit.missions.findings import Report
     from fieldkit.missions.mission import Home, Shot
-    from fieldkit.missions.obstacles import Obstacles
-    from fieldkit.missions.vehicle import Vehicle
+    from fieldkit.missions.plan_site.vehicle import Vehicle
+    from fieldkit.missions.routing.obstacles import Obstacles
 
 _MOST_ROWS = 60
 
@@ -55,8 +55,8 @@ def command(
     if plan is not None and site is None:
         raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where the plot is.")
     from fieldkit.missions.check import check_mission
-    from fieldkit.missions.formats.reading import read_mission
-    from fieldkit.missions.vehicle_file import load_vehicle
+    from fieldkit.missions.files.reading import read_mission
+    from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 
     flown_by = load_vehicle(vehicle)
     read = read_mission(file)
@@ -132,12 +132,12 @@ def _from_site(
     """The plan's photographs, the ground's height below each, what legs keep clear of, and home."""
     if site is None:
         return (), [], None, None
-    from fieldkit.missions.fitted import fitted_to
-    from fieldkit.missions.placement import grounds_m, home_of, place
-    from fieldkit.missions.plan import Plan, Plans
-    from fieldkit.missions.plan_file import load_plan
-    from fieldkit.missions.site_file import load_site
-    from fieldkit.missions.site_obstacles import site_obstacles
+    from fieldkit.missions.plan_site.fitted import fitted_to
+    from fieldkit.missions.plan_site.placement import grounds_m, home_of, place
+    from fieldkit.missions.plan_site.site_file import load_site
+    from fieldkit.missions.plan_site.site_obstacles import site_obstacles
+    from fieldkit.results.plan import Plan, Plans
+    from fieldkit.results.plan_file import load_plan
 
     where = load_site(site)
     plans: Plans | None = None if plan is None else load_plan(plan)

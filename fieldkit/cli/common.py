@@ -46,6 +46,6 @@ def console() -> Console:
 
 def table(title: str, *columns: str) -> Table:
     """An empty table in the one style all commands use; columns whose name ends in ">" are set flush right."""
-    from fieldkit.reporting.style import table
+    from fieldkit.present.style import table
 
     return table(title, *columns)

@@ -68,7 +68,7 @@ def command(
     if as_json:
         emit_json({"output": done.output, **done.report.model_dump(mode="json")})
         return
-    from fieldkit.reporting.compare_tables import compare_tables
+    from fieldkit.present.terminal.comparison import compare_tables
 
     show = console()
     for table in compare_tables(done.report):

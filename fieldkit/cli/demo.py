@@ -59,7 +59,7 @@ def command(
     if as_json:
         emit_json({"output": output, **figures(demo)})
         return
-    from fieldkit.reporting.style import format_length
+    from fieldkit.present.style import format_length
 
     show = console()
     truth = demo.truth.chamfer
@@ -83,7 +83,7 @@ def command(
 
 
 def _scores(demo: Demo) -> Table:
-    from fieldkit.reporting.style import format_length, format_number, table
+    from fieldkit.present.style import format_length, format_number, table
 
     found = table(
         "Chamfer distance of planned views and of the best circle, to each plot's reference",

@@ -20,11 +20,11 @@ def command(as_json: JsonOption = False, debug: DebugOption = False) -> int:
         3  something that it needs does not
 
     See Also:
-        fieldkit cache, fieldkit benchmark
+        fieldkit cache
     """
     from dataclasses import asdict
 
-    from fieldkit.diagnostics import diagnose
+    from fieldkit.doctor.diagnostics import diagnose
 
     checks = list(diagnose())
     worst = max((check.status for check in checks), key=list(_STYLES).index)

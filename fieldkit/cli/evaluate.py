@@ -164,8 +164,8 @@ def command(
             {"output": output, **report.model_dump(mode="json", exclude={"plots": {"__all__": {"image_reports"}}})}
         )
     else:
-        from fieldkit.reporting.adherence_table import adherence_tables
-        from fieldkit.reporting.tables import evaluation_tables
+        from fieldkit.present.terminal.adherence import adherence_tables
+        from fieldkit.present.terminal.reconstructions import evaluation_tables
 
         show = console()
         for table in (*evaluation_tables(report), *adherence_tables(report)):
@@ -179,7 +179,7 @@ def _in_campaign(
     wait: bool, overwrite: bool, as_json: bool,
 ) -> int:  # fmt: skip
     """Evaluate the photographs' visits in a campaign."""
-    from fieldkit.evaluation.campaign.campaign import find_campaign
+    from fieldkit.campaign.folder import find_campaign
 
     folder = campaign or find_campaign(Path.cwd())
     if folder is None:
@@ -195,7 +195,7 @@ def _in_campaign(
         )
     from dataclasses import asdict
 
-    from fieldkit.evaluation.campaign.run import evaluate_campaign
+    from fieldkit.campaign.run import evaluate_campaign
 
     with run_context(as_json=as_json) as progress:
         done = evaluate_campaign(
@@ -212,7 +212,7 @@ def _in_campaign(
             }
         )  # fmt: skip
     else:
-        from fieldkit.evaluation.campaign.overview import campaign_tables
+        from fieldkit.campaign.overview import campaign_tables
 
         show = console()
         for table in campaign_tables(done.campaign):

@@ -13,7 +13,7 @@ import typer
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say, table
 
 if TYPE_CHECKING:
-    from fieldkit.missions.fit import FitFinding
+    from fieldkit.missions.plan_site.fit import FitFinding
 
 _MOST_MOVED = 20
 _MOST_NAMED = 3

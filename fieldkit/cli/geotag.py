@@ -122,7 +122,7 @@ def _origin(text: str, site: Path | None, plot: str) -> LocalFrame | None:
 def _of_site(path: Path, name: str) -> LocalFrame:
     """East-north-up at a plot's origin; the row heading does not turn it."""
     from fieldkit.geometry.geodesy import LocalFrame
-    from fieldkit.missions.site_file import load_site
+    from fieldkit.missions.plan_site.site_file import load_site
 
     site = load_site(path)
     plot = next((p for p in site.plots if p.name == name or (not name and len(site.plots) == 1)), None)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.boundary import say
 from fieldkit.planning.methods.registry import CHOOSERS
-from fieldkit.planning.outcome import best_so_far, weights_of
-from fieldkit.planning.run_folder import LogEntry
-from fieldkit.planning.run_settings import SearchSettings
-from fieldkit.reporting.style import format_length, format_seconds
+from fieldkit.planning.run.folder import LogEntry
+from fieldkit.planning.run.outcome import best_so_far, weights_of
+from fieldkit.planning.settings import SearchSettings
+from fieldkit.present.style import format_length, format_seconds
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

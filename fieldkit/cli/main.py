@@ -8,7 +8,7 @@ parse their options.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -55,7 +55,6 @@ STAGES: dict[str, dict[str, str]] = {
     "This machine": {
         "doctor": "Check this machine: packages, renderer, memory.",
         "cache": "Show, prune or clear what runs keep for later ones.",
-        "benchmark": "Measure speed and accuracy against the alternatives.",
         "completion": "Print the script for completion with the Tab key.",
     },
 }
@@ -102,13 +101,17 @@ def module_name(command: str) -> str:
 
 def typer_command(name: str) -> HelpPage:
     """The parser of a command and its options; imports the command's file."""
+    return parser_of(import_module(f"fieldkit.cli.{module_name(name)}").command)
+
+
+def parser_of(command: Callable[..., int | None]) -> HelpPage:
+    """The parser of a command's function."""
     import typer
 
     from fieldkit.cli.help_page import HelpPage
 
-    module = import_module(f"fieldkit.cli.{module_name(name)}")
     app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(cls=HelpPage, context_settings={"help_option_names": ["--help", "-h"]})(module.command)
+    app.command(cls=HelpPage, context_settings={"help_option_names": ["--help", "-h"]})(command)
     parser = typer.main.get_command(app)
     assert isinstance(parser, HelpPage)
     return parser
@@ -149,7 +152,7 @@ def _run(words: list[str], boundary: Boundary) -> int:
             return EXIT_OK
         asked = " ".join([name, *arguments[:1]]) if group else name
         raise UsageError(f"no such command: {asked}", remedy=_suggestion(asked))
-    from fieldkit.threads import set_memory_environment, set_thread_environment
+    from fieldkit.runtime.threads import set_memory_environment, set_thread_environment
 
     set_thread_environment()  # before anything imports NumPy
     set_memory_environment()

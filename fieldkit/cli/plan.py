@@ -26,8 +26,8 @@ from fieldkit.cli.plan_values import pose_noise_of, score_weights, seconds
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from fieldkit.planning.outcome import Outcome
-    from fieldkit.planning.run_settings import SearchSettings
+    from fieldkit.planning.run.outcome import Outcome
+    from fieldkit.planning.settings import SearchSettings
 
 _PLOT, _SEARCH, _NOISE, _ENVELOPE = "What to plan on", "Search", "Noise to plan for", "Where cameras may be"
 
@@ -325,22 +325,22 @@ def command(
     from fieldkit.cache import StageCache, default_cache_root
     from fieldkit.cli.live_plan import open_watch
     from fieldkit.cli.progress import Lines
-    from fieldkit.planning import asked
-    from fieldkit.planning.plan_views import plan_views, resume_plan
-    from fieldkit.planning.run_folder import read_log, read_settings
-    from fieldkit.progress import Silent
-    from fieldkit.threads import limit_threads
+    from fieldkit.planning.run import request
+    from fieldkit.planning.run.folder import read_log, read_settings
+    from fieldkit.planning.run.plan_views import plan_views, resume_plan
+    from fieldkit.runtime.progress import Silent
+    from fieldkit.runtime.threads import limit_threads
 
     limit_threads(1)
     count = workers or os.cpu_count() or 1
     purpose = None if plan_for is None else plan_for.value
-    wishes = asked.Asked(
+    wishes = request.PlanRequest(
         given, noise, envelope, tuple(scenes or ()), tuple(references or ()), captures, tuple(images or ()), vehicle,
         camera_file, purpose,
     )  # fmt: skip
-    settings = read_settings(output) if resume else asked.new_settings(wishes, count, deterministic=deterministic)
+    settings = read_settings(output) if resume else request.new_settings(wishes, count, deterministic=deterministic)
     if resume:
-        settings = asked.resumed_settings(settings, wishes)
+        settings = request.resumed_settings(settings, wishes)
     before = read_log(output) if resume else []
     cache = StageCache(default_cache_root())
     progress = Silent() if as_json else Lines()  # bars of their own would quarrel with the live view
@@ -361,7 +361,7 @@ def command(
 
 
 def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
-    from fieldkit.reporting.style import format_length, format_seconds
+    from fieldkit.present.style import format_length, format_seconds
 
     show = console()
 

@@ -16,9 +16,9 @@ def pose_noise_of(text: str) -> tuple[float, float]:
     if not text.startswith(_FROM):
         numbers = read_numbers("--pose-noise", text, (2,))
         return numbers[0], numbers[1]
+    from fieldkit.campaign import CAMPAIGN_FILE, read_campaign, visit_plots
     from fieldkit.evaluation.adherence import flown_noise
-    from fieldkit.evaluation.campaign import CAMPAIGN_FILE, read_campaign, visit_plots
-    from fieldkit.evaluation.report_files import load_evaluation_report
+    from fieldkit.results.report_files import load_evaluation_report
 
     file = Path(text.removeprefix(_FROM))
     if not file.name:
@@ -35,8 +35,8 @@ def score_weights(text: str) -> tuple[float, ...]:
     run = text.removeprefix(_FROM)
     if not run:
         raise UsageError("--weights: from what?", remedy="Write it like --weights from:RUN, the folder of a run.")
-    from fieldkit.planning.fitted_weights import weights_of_run
-    from fieldkit.threads import limit_threads
+    from fieldkit.planning.run.fitted_weights import weights_of_run
+    from fieldkit.runtime.threads import limit_threads
 
     limit_threads(1)
     return weights_of_run(Path(run))

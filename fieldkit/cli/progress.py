@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TextIO
 
 from fieldkit.cli.boundary import say
-from fieldkit.progress import Advance, Progress, Silent
+from fieldkit.runtime.progress import Advance, Progress, Silent
 
 _LINE_EVERY_S = 10.0
 

@@ -15,8 +15,8 @@ from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
-    from fieldkit.progress import Progress
     from fieldkit.reconstruction.settings import ReconstructionSettings
+    from fieldkit.runtime.progress import Progress
 
 _GROUP = "Reconstruction"
 
@@ -177,7 +177,7 @@ def run_context(*, as_json: bool) -> Iterator[Progress]:
 
     from fieldkit.cli.boundary import end_on_terminate
     from fieldkit.cli.progress import open_progress
-    from fieldkit.threads import limit_threads
+    from fieldkit.runtime.threads import limit_threads
 
     end_on_terminate()
     limit_threads()

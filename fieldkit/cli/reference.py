@@ -99,7 +99,7 @@ def command(
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})
         return
-    from fieldkit.reporting.tables import quality_tables
+    from fieldkit.present.terminal.reconstructions import quality_tables
 
     show = console()
     for table in quality_tables(report):

@@ -63,10 +63,10 @@ def command(
     See Also:
         fieldkit upload
     """
-    from fieldkit.missions.link.faults import Faults
-    from fieldkit.missions.link.recording import read_recording
-    from fieldkit.missions.link.replay import Replay
     from fieldkit.missions.link.signing import read_key
+    from fieldkit.standin.faults import Faults
+    from fieldkit.standin.recording import read_recording
+    from fieldkit.standin.replay import Replay
 
     key = None if signing_key is None else read_key(signing_key)
     faults = Faults(loss=loss, duplicate=duplicate, delay_s=delay, seed=seed)

@@ -147,7 +147,7 @@ def _stations(
     from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about
 
     if plan is not None:
-        from fieldkit.missions.plan_file import load_plan
+        from fieldkit.results.plan_file import load_plan
 
         loaded = load_plan(plan)
         return [s.pose for s in loaded.stations], None if loaded.camera is None else loaded.camera.intrinsics

@@ -13,11 +13,11 @@ from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say
 from fieldkit.errors import MissionError, UsageError
 
 if TYPE_CHECKING:
-    from fieldkit.missions.formats.read_mission import ReadMission
+    from fieldkit.missions.files.read_mission import ReadMission
     from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle
     from fieldkit.missions.link.start import Standing
     from fieldkit.missions.mission import Fence
-    from fieldkit.missions.site import Site
+    from fieldkit.missions.plan_site.site import Site
 
 _WORD = "START"
 
@@ -83,11 +83,11 @@ def command(
         )
 
     from fieldkit.cli.progress import open_progress
-    from fieldkit.missions.formats.reading import read_mission
+    from fieldkit.missions.files.reading import read_mission
     from fieldkit.missions.link.signing import read_key
     from fieldkit.missions.link.upload import check_size, connected, upload_to
     from fieldkit.missions.link.upload_outcome import Patience
-    from fieldkit.missions.site_file import load_site
+    from fieldkit.missions.plan_site.site_file import load_site
 
     key = None if signing_key is None else read_key(signing_key)
     read = read_mission(mission)

@@ -11,7 +11,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.geometry import Similarity
-from fieldkit.kernels import kernel
+from fieldkit.runtime.kernels import kernel
 
 _HYPOTHESES = 8192
 _SCORED_POINTS = 20_000

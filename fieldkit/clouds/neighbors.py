@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldkit.kernels import kernel
+from fieldkit.runtime.kernels import kernel
 
 _LEAF_POINTS = 16
 _BITS = 21  # per axis: 63 bits in all

@@ -10,11 +10,11 @@ from fieldkit.captures.flight_logs import read_flight_log
 from fieldkit.captures.flight_logs.adherence import PlannedPose, adherence
 from fieldkit.errors import MetadataError
 from fieldkit.evaluation.adherence import adherence_entry, angle_noise_deg, position_noise_m
-from fieldkit.missions.formats.reading import read_mission
-from fieldkit.missions.link.recording import read_recording, recordings_folder
-from fieldkit.missions.link.replay import Replay
+from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.link.upload import upload_mission
 from fieldkit.missions.link.upload_outcome import Patience, UploadReport
+from fieldkit.standin.recording import read_recording, recordings_folder
+from fieldkit.standin.replay import Replay
 
 FLOWN = "mount_then_yaw"
 STANDING, _STANDS_AT_HOME_S = "probe_items", 45.0

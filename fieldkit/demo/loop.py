@@ -25,21 +25,21 @@ from fieldkit.demo.plots import (
     scene_path,
 )
 from fieldkit.evaluation.reference import CLOUD_FILE, Reference
-from fieldkit.evaluation.schema import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
-from fieldkit.missions.plan import Plan
-from fieldkit.missions.plan_file import load_plan
-from fieldkit.missions.vehicle_file import missions_folder
-from fieldkit.parallel import map_parallel
-from fieldkit.planning.asked import search_settings
+from fieldkit.missions.plan_site.vehicle_file import missions_folder
 from fieldkit.planning.methods.circle import expected_circle
-from fieldkit.planning.outcome import Outcome
-from fieldkit.planning.plan_views import plan_views
-from fieldkit.planning.problems import open_problem
-from fieldkit.progress import Progress, Silent
-from fieldkit.report.write import REPORT_FILE, write_report
+from fieldkit.planning.run.open_problem import open_problem
+from fieldkit.planning.run.outcome import Outcome
+from fieldkit.planning.run.plan_views import plan_views
+from fieldkit.planning.run.request import search_settings
+from fieldkit.present.report import REPORT_FILE, write_report
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import load_plan
+from fieldkit.runtime.parallel import map_parallel
+from fieldkit.runtime.progress import Progress, Silent
 
 DEMO_FILE = "demo.json"
 VEHICLE = "ardupilot-pitch"

@@ -9,12 +9,12 @@ from pathlib import Path
 from fieldkit.cache import StageCache
 from fieldkit.evaluation.evaluate import evaluate_captures
 from fieldkit.evaluation.reference import build_reference
-from fieldkit.evaluation.schema import EvaluationReport, ReferenceReport
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.library import scenes_folder
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulation import Stations, dense_about, simulate, with_noise

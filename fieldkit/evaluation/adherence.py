@@ -16,11 +16,11 @@ from fieldkit.captures.priors import ANGLE_ACCURACY_DEG
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.figures import clean_text
 from fieldkit.evaluation.pose_table import ACHIEVED
-from fieldkit.evaluation.schema import AdherenceEntry, PlotEvaluation, StationErrorEntry
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
-from fieldkit.missions.plan import Plan
 from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, StationErrorEntry
+from fieldkit.results.plan import Plan
 
 SOURCE = "flight log"
 _LEAST_POSITIONS = 3

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.evaluation.pose_table import Poses, pose_entry
-from fieldkit.evaluation.schema import PoseEntry
-from fieldkit.evaluation.station_matching import PoseArray, match_stations
+from fieldkit.evaluation.stations import PoseArray, match_stations
 from fieldkit.geometry import Pose
-from fieldkit.missions.execution import Execution
-from fieldkit.missions.formats.reading import read_mission
-from fieldkit.missions.interpret import interpret
-from fieldkit.missions.vehicle_file import load_vehicle
+from fieldkit.missions.autopilots.execution import Execution
+from fieldkit.missions.autopilots.interpret import interpret
+from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.results.evaluation import PoseEntry
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.comparing import Comparer, Run
-from fieldkit.evaluation.comparison_schema import ComparisonReport
 from fieldkit.evaluation.reference import Reference
-from fieldkit.evaluation.report_files import REFERENCE_FILE, file_sha256, load_evaluation_report
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.missions.plan_file import load_plan
-from fieldkit.progress import Progress, Silent
+from fieldkit.results.comparison import ComparisonReport
+from fieldkit.results.plan_file import load_plan
+from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_evaluation_report
+from fieldkit.runtime.progress import Progress, Silent
 
 COMPARE_FILE = "compare.json"
 TABLE_FILE = "compare.csv"
@@ -78,8 +78,8 @@ def compare_evaluations(
         report = Comparer(runs, labels, known, method, seed).report()
     if output is None:
         return Comparison(report, None)
-    from fieldkit.reporting.compare_picture import write_compare_picture
-    from fieldkit.reporting.compare_tables import compare_csv
+    from fieldkit.present.pictures.comparison import write_compare_picture
+    from fieldkit.present.terminal.comparison import compare_csv
 
     with atomic_folder(output, overwrite=overwrite, marker=COMPARE_FILE) as folder:
         write_atomic(folder / TABLE_FILE, compare_csv(report))

@@ -14,17 +14,7 @@ import fieldkit
 from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.errors import FieldkitError
 from fieldkit.evaluation.comparison_figures import PREDICTED, figure_names, figure_value
-from fieldkit.evaluation.comparison_schema import (
-    BlockEntry,
-    ComparedEvaluation,
-    ComparisonReport,
-    DifferenceEntry,
-    NoiseSource,
-    ValueEntry,
-)
 from fieldkit.evaluation.reference import CLOUD_FILE, Reference
-from fieldkit.evaluation.report_files import file_sha256
-from fieldkit.evaluation.schema import EvaluationReport, PlotEvaluation
 from fieldkit.evaluation.score_noise import (
     LEAST_BLOCKS,
     RESAMPLES,
@@ -34,7 +24,17 @@ from fieldkit.evaluation.score_noise import (
     pooled_spread,
     quantile_95,
 )
-from fieldkit.missions.plan import PlanMethod
+from fieldkit.results.comparison import (
+    BlockEntry,
+    ComparedEvaluation,
+    ComparisonReport,
+    DifferenceEntry,
+    NoiseSource,
+    ValueEntry,
+)
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
+from fieldkit.results.plan import PlanMethod
+from fieldkit.results.report_files import file_sha256
 
 _LEAST_PLOTS = 3
 _LARGEST = 1e12

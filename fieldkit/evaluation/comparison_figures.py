@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
-from fieldkit.evaluation.schema import PlotEvaluation, distance_key
+from fieldkit.results.evaluation import PlotEvaluation, distance_key
 
 PREDICTED = "predicted_chamfer_m"
 DISTANCES = ("chamfer_m", "accuracy_m", "completeness_m")

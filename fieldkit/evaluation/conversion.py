@@ -15,7 +15,11 @@ from fieldkit.clouds.plant_figures import plant_figures
 from fieldkit.errors import FieldkitError
 from fieldkit.evaluation.figures import clean_text, figures, findings_entries, image_entry, mean, reasons
 from fieldkit.evaluation.prediction import plot_features, predict
-from fieldkit.evaluation.schema import (
+from fieldkit.reconstruction.colmap_model import model_points
+from fieldkit.reconstruction.evidence import evidence, shared_points
+from fieldkit.reconstruction.result import ImageReport, Reconstruction
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import (
     CorrectionEntry,
     ErrorEntry,
     EvaluationReport,
@@ -26,10 +30,6 @@ from fieldkit.evaluation.schema import (
     ReferenceReport,
     distance_key,
 )
-from fieldkit.reconstruction.colmap_model import model_points
-from fieldkit.reconstruction.evidence import evidence, shared_points
-from fieldkit.reconstruction.result import ImageReport, Reconstruction
-from fieldkit.reconstruction.settings import ReconstructionSettings
 
 
 def reference_report(

@@ -15,14 +15,14 @@ from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import find_plots
 from fieldkit.evaluation.reference import Reference
-from fieldkit.evaluation.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, file_sha256, save_report
-from fieldkit.evaluation.schema import EvaluationReport, PlotEvaluation
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder
-from fieldkit.missions.plan_file import load_plan
-from fieldkit.progress import Progress
+from fieldkit.present.spreadsheets.plots import write_plots_csv
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reporting.plots_csv import write_plots_csv
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
+from fieldkit.results.plan_file import load_plan
+from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, file_sha256, save_report
+from fieldkit.runtime.progress import Progress
 
 __all__ = ["COMPARISON_FILE", "DISTANCES_M", "PLOTS_FILE", "evaluate_captures"]
 

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from fieldkit.captures.model import Finding
 from fieldkit.clouds.plant_figures import voxel_edge_m
-from fieldkit.evaluation.schema import (
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
+from fieldkit.reconstruction.colmap_model import model_poses
+from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.reconstruction.result import ImageReport, MetricFrame, Reconstruction, SparseResult
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import (
     CameraEntry,
     DenseEntry,
     FileEntry,
@@ -25,12 +31,6 @@ from fieldkit.evaluation.schema import (
     Vector,
     VolumeEntry,
 )
-from fieldkit.geometry import Pose, Similarity
-from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
-from fieldkit.reconstruction.colmap_model import model_poses
-from fieldkit.reconstruction.known_poses import SourceFrame
-from fieldkit.reconstruction.result import ImageReport, MetricFrame, Reconstruction, SparseResult
-from fieldkit.reconstruction.settings import ReconstructionSettings
 
 
 def findings_entries(findings: Sequence[Finding]) -> tuple[FindingEntry, ...]:

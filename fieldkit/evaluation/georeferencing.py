@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.clouds import Cloud, write_cloud
-from fieldkit.progress import Progress
 from fieldkit.reconstruction.result import MetricFrame
+from fieldkit.runtime.progress import Progress
 
 
 def to_utm(cloud: Cloud, frame: MetricFrame) -> tuple[Cloud, int]:

@@ -15,10 +15,10 @@ from fieldkit.evaluation.adherence import Flight, planned_poses
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.pose_table import Poses, capture_poses, plan_poses, pose_adherence, reconstructed_poses
-from fieldkit.evaluation.report_files import describe_files
-from fieldkit.evaluation.schema import AdherenceEntry, PlotEvaluation, PoseSource
-from fieldkit.missions.plan import Plan
 from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, PoseSource
+from fieldkit.results.plan import Plan
+from fieldkit.results.report_files import describe_files
 
 ADHERENCE_FILE = "adherence.csv"
 ADHERENCE_PICTURE = "adherence.png"
@@ -140,8 +140,8 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
     """
     if plot.adherence is None:
         return plot
-    from fieldkit.reporting.adherence_csv import write_adherence_csv
-    from fieldkit.reporting.adherence_picture import write_adherence_picture
+    from fieldkit.present.pictures.adherence import write_adherence_picture
+    from fieldkit.present.spreadsheets.adherence import write_adherence_csv
 
     write_adherence_csv(folder / place / ADHERENCE_FILE, plot.adherence)
     write_adherence_picture(folder / place / ADHERENCE_PICTURE, plot.name, plot.adherence)

@@ -10,7 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.captures import Capture
 from fieldkit.evaluation.figures import clean_text
-from fieldkit.evaluation.schema import (
+from fieldkit.evaluation.stations import PoseArray, match_stations
+from fieldkit.geometry import Pose
+from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.results.evaluation import (
     AchievedSource,
     AdherenceEntry,
     ImageEntry,
@@ -22,11 +26,7 @@ from fieldkit.evaluation.schema import (
     StationErrorEntry,
     Vector,
 )
-from fieldkit.evaluation.station_matching import PoseArray, match_stations
-from fieldkit.geometry import Pose
-from fieldkit.geometry.angles import wrapped_deg
-from fieldkit.missions.plan import Plan
-from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.results.plan import Plan
 
 POSE_SOURCES: tuple[PoseSource, ...] = ("planned", "commanded", "reported", "tagged", "reconstructed")
 ACHIEVED: tuple[AchievedSource, ...] = ("reported", "reconstructed", "tagged")

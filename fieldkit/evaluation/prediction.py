@@ -14,8 +14,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from fieldkit.evaluation.schema import Strict
 from fieldkit.reconstruction.evidence import Evidence
+from fieldkit.results.evaluation import Strict
 
 MODEL_FILE = "prediction.json"
 NOTHING_METRIC = "the reconstruction has no metric scale"

@@ -8,10 +8,10 @@ from pathlib import Path
 from fieldkit.captures import read_capture
 from fieldkit.captures.decode import read_image
 from fieldkit.errors import MetadataError
-from fieldkit.evaluation.report_files import REFERENCE_FILE, check_file, load_reference_report
-from fieldkit.evaluation.schema import ReferenceReport
 from fieldkit.geometry import Intrinsics
-from fieldkit.progress import Progress
+from fieldkit.results.evaluation import ReferenceReport
+from fieldkit.results.report_files import REFERENCE_FILE, check_file, load_reference_report
+from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import Bounds
 from fieldkit.scenes.from_reference import MAX_GROUND_SURFELS, RecordedScene, ReferenceFiles, scene_from_reference
 from fieldkit.scenes.photo_texture import PosedPhotograph

@@ -15,21 +15,21 @@ from fieldkit.errors import MetadataError
 from fieldkit.evaluation.conversion import reference_report
 from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
-from fieldkit.evaluation.report_files import (
+from fieldkit.files import atomic_folder
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.present.pictures.overview import write_overview
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import ReferenceReport
+from fieldkit.results.report_files import (
     REFERENCE_FILE,
     check_file,
     describe_files,
     load_reference_report,
     save_report,
 )
-from fieldkit.evaluation.schema import ReferenceReport
-from fieldkit.files import atomic_folder
-from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.progress import Progress
-from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
-from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reporting.overview import write_overview
-from fieldkit.usage import processor_seconds
+from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.usage import processor_seconds
 
 CLOUD_FILE = "cloud.ply"
 SCENE_FILE = "scene.ply"

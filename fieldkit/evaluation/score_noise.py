@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from fieldkit.clouds import Cloud, PointIndex
-from fieldkit.evaluation.schema import distance_key
+from fieldkit.results.evaluation import distance_key
 
 EDGES_M = (0.05, 0.10, 0.20, 0.40)
 """Of the cubes: as wide as a leaf, up to as large as a plant."""

@@ -14,15 +14,15 @@ from fieldkit.clouds import Cloud, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
-from fieldkit.evaluation.report_files import describe_files
-from fieldkit.evaluation.schema import CorrectionEntry, PlotEvaluation
-from fieldkit.progress import Progress
+from fieldkit.present.pictures.evaluation import write_comparison
+from fieldkit.present.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reporting.comparison import write_comparison
-from fieldkit.reporting.overview import write_overview
-from fieldkit.usage import processor_seconds
+from fieldkit.results.evaluation import CorrectionEntry, PlotEvaluation
+from fieldkit.results.report_files import describe_files
+from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.usage import processor_seconds
 
 COMPARISON_FILE = "comparison.png"
 _DOUBTS = 3.0

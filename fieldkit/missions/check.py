@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 
 from fieldkit.errors import MissionError
+from fieldkit.missions.autopilots.execution import Execution, distance
+from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
 from fieldkit.missions.check_photographs import deviations, photograph_findings, plan_findings
-from fieldkit.missions.execution import Execution, distance
+from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding, Report, error, warning
-from fieldkit.missions.formats.read_mission import ReadMission
-from fieldkit.missions.interpret import interpret
 from fieldkit.missions.mission import Fence, GeoPoint, Home, Shot
-from fieldkit.missions.obstacles import Obstacles, Volume
-from fieldkit.missions.placement import SiteFrame
-from fieldkit.missions.site import SiteHome
-from fieldkit.missions.vehicle import Vehicle
+from fieldkit.missions.plan_site.placement import SiteFrame
+from fieldkit.missions.plan_site.site import SiteHome
+from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.routing.obstacles import Obstacles, Volume
 
 _MOST_LEG_FINDINGS = 50
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from fieldkit.missions.dialects.acceptance import dropped, refusal
-from fieldkit.missions.execution import distance
+from fieldkit.missions.autopilots.acceptance import dropped, refusal
+from fieldkit.missions.autopilots.execution import distance
+from fieldkit.missions.autopilots.flight import GOING, LANDINGS, TAKEOFFS
+from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding, error, warning
-from fieldkit.missions.flight import GOING, LANDINGS, TAKEOFFS
-from fieldkit.missions.formats.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.missions.mission import GeoPoint, Home
-from fieldkit.missions.vehicle import Vehicle
+from fieldkit.missions.plan_site.vehicle import Vehicle
 
 FAR_M = 5000.0
 """Farther from home than few-view missions go: a coordinate is wrong."""

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.missions.execution import Execution, Photograph, distance
+from fieldkit.missions.autopilots.execution import Execution, Photograph, distance
 from fieldkit.missions.findings import Deviation, Finding, error, warning
 from fieldkit.missions.mission import GeoPoint, Home, Shot
-from fieldkit.missions.motion import turn_deg
-from fieldkit.missions.vehicle import Vehicle
+from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.routing.motion import turn_deg
 
 LEAST_SETTLE_S = 0.5
 """Below it a photograph counts as not settled at all; less than the profile's time is a warning."""

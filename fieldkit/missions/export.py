@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Pose
-from fieldkit.missions.fit import FitFinding, fit_site, require_fit
-from fieldkit.missions.fitted import fitted_to
 from fieldkit.missions.mission import Fence, GeoPoint, Mission, Shot, Via
-from fieldkit.missions.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
-from fieldkit.missions.plan import Plan, Plans
-from fieldkit.missions.plot_plants import facts_of, plants_on
-from fieldkit.missions.reach import Unreachable, adjusted, require_reachable
-from fieldkit.missions.routing import Flight, Stop, plan_flights
-from fieldkit.missions.site import Site
-from fieldkit.missions.site_obstacles import site_obstacles
-from fieldkit.missions.vehicle import Vehicle
+from fieldkit.missions.plan_site.fit import FitFinding, fit_site, require_fit
+from fieldkit.missions.plan_site.fitted import fitted_to
+from fieldkit.missions.plan_site.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
+from fieldkit.missions.plan_site.plot_plants import facts_of, plants_on
+from fieldkit.missions.plan_site.reach import Unreachable, adjusted, require_reachable
+from fieldkit.missions.plan_site.site import Site
+from fieldkit.missions.plan_site.site_obstacles import site_obstacles
+from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.routing.flights import Flight, Stop, plan_flights
+from fieldkit.results.plan import Plan, Plans
 
 Array = NDArray[np.float64]
 
@@ -107,9 +107,9 @@ def route_plan(
         seed: of the search for the order of many plots.
 
     Raises:
-        MissionError: the plan does not fit a plot (see `fieldkit.missions.fit`), a pose is out of reach, a station
-            stands in an obstacle, there is no safe way, or a plot takes more than a battery; stations and plots are
-            named.
+        MissionError: the plan does not fit a plot (see `fieldkit.missions.plan_site.fit`), a pose is out of reach, a
+            station stands in an obstacle, there is no safe way, or a plot takes more than a battery; stations and plots
+            are named.
         MetadataError: the height of a plot cannot be connected with home's.
     """
     plans = fitted_to(plan, site.plots) if fit and isinstance(plan, Plan) else plan

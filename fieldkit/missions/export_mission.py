@@ -14,15 +14,15 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
 from fieldkit.missions.export import Routed, route_plan
-from fieldkit.missions.formats import FORMATS, mission_bytes
-from fieldkit.missions.placement import SiteFrame
-from fieldkit.missions.plan import Plans
-from fieldkit.missions.plan_file import load_plan, plan_bytes
-from fieldkit.missions.site import Site
-from fieldkit.missions.site_file import load_plots, load_site, with_plots
-from fieldkit.missions.site_obstacles import site_obstacles
-from fieldkit.missions.vehicle import Vehicle
-from fieldkit.missions.vehicle_file import load_vehicle
+from fieldkit.missions.files import FORMATS, mission_bytes
+from fieldkit.missions.plan_site.placement import SiteFrame
+from fieldkit.missions.plan_site.site import Site
+from fieldkit.missions.plan_site.site_file import load_plots, load_site, with_plots
+from fieldkit.missions.plan_site.site_obstacles import site_obstacles
+from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.results.plan import Plans
+from fieldkit.results.plan_file import load_plan, plan_bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +119,8 @@ def export_mission(
 
 def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     """PNG of all flights over a site: all of it, and the first plot more closely."""
-    from fieldkit.reporting.mission_picture import draw_mission  # these bring Matplotlib along
-    from fieldkit.reporting.objective_plots import png
+    from fieldkit.present.pictures.curves import png
+    from fieldkit.present.pictures.mission import draw_mission  # these bring Matplotlib along
 
     frame = SiteFrame(site.home)
     outlines = [np.array(frame.outline(corners)) for corners in site.fence]

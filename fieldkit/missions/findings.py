@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from fieldkit.missions.execution import Photograph
+from fieldkit.missions.autopilots.execution import Photograph
 
 Severity = Literal["error", "warning"]
 

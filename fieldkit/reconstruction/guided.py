@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.kernels import kernel
 from fieldkit.reconstruction.epipolar import fundamental_matrix
 from fieldkit.reconstruction.features import Features
+from fieldkit.runtime.kernels import kernel
 
 Floats = NDArray[np.float64]
 _STRIP_PX, _CELL_PX = 64.0, 4.0

@@ -19,7 +19,6 @@ from fieldkit.clouds.strays import without_strays
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
-from fieldkit.progress import Progress
 from fieldkit.reconstruction.cameras import cameras_of
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
@@ -36,6 +35,7 @@ from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
 from fieldkit.reconstruction.sparse import Mapped, map_capture
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reconstruction.stages import load_quality
+from fieldkit.runtime.progress import Progress
 
 _MIN_DENSE_VIEWS = 2
 _STEEP_DEG = 8.0

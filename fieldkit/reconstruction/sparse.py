@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures.model import Capture
 from fieldkit.errors import ReconstructionError
-from fieldkit.progress import Progress
 from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.blind_mapping import map_blindly
 from fieldkit.reconstruction.cameras import CameraSet
@@ -27,6 +26,7 @@ from fieldkit.reconstruction.rough_poses import contradict, rough_from_model, ro
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep_matches, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView
+from fieldkit.runtime.progress import Progress
 
 _MAPPING_VERSION = 10
 _MAX_BLIND_NEIGHBOURS = 40

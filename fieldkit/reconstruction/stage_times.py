@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from fieldkit.progress import Advance, Progress
 from fieldkit.reconstruction.result import StageTime
-from fieldkit.usage import processor_seconds
+from fieldkit.runtime.progress import Advance, Progress
+from fieldkit.runtime.usage import processor_seconds
 
 
 class StageTimer:

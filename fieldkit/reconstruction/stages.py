@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture, Photo, Quality, assess_quality, find_mask, measure_photo, read_image
 from fieldkit.geometry import Intrinsics
-from fieldkit.parallel import map_parallel
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+from fieldkit.runtime.parallel import map_parallel
 
 # Part of the keys: raised when the code behind a stage changes its results.
 _FEATURES_VERSION = 1

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics
-from fieldkit.kernels import fast_kernel
+from fieldkit.runtime.kernels import fast_kernel
 from fieldkit.scenes.sensor_noise import developed_with_noise, with_grain
 
 USUAL_GRAIN = 3.5

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.kernels import inline_kernel, kernel
+from fieldkit.runtime.kernels import inline_kernel, kernel
 
 _LEAST_STEP, _LEAST_SHARE = 16, 0.15
 """A step is smoothed from so many grey levels, and from that share of the brighter side."""

@@ -19,7 +19,7 @@ from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import SceneError
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry import Intrinsics
-from fieldkit.progress import Progress
+from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import USUAL_GRAIN, CameraEffects
 from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription
 from fieldkit.scenes.photo_texture import PosedPhotograph, photo_patches

@@ -6,15 +6,14 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from fieldkit.errors import SceneError
+from fieldkit.runtime.shipped import shipped_folder
 
 _SUFFIX = ".toml"
 
 
 def scenes_folder() -> Path:
-    """The folder of scene files: in the installed package, or in the repository it runs from."""
-    package = Path(__file__).parents[1]
-    installed = package / "sim" / "scenes"
-    return installed if installed.is_dir() else package.parent / "sim" / "scenes"
+    """The folder of the scene files."""
+    return shipped_folder("sim/scenes")
 
 
 def scene_names() -> list[str]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.kernels import kernel
+from fieldkit.runtime.kernels import kernel
 from fieldkit.scenes.scene import Light, Mesh
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldkit.kernels import inline_kernel, kernel
+from fieldkit.runtime.kernels import inline_kernel, kernel
 
 
 def fractal_noise(x: ArrayLike, y: ArrayLike, seed: int, *, octaves: int = 4, gain: float = 0.5) -> NDArray[np.float32]:

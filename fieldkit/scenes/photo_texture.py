@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.progress import Progress, Silent
+from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.recorded import surfel_axes, surfels
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene

@@ -16,13 +16,13 @@ from typing import Any, cast
 
 from pydantic import TypeAdapter, ValidationError
 
-from fieldkit.documents import schema_text
+from fieldkit.documents.json_file import schema_text
+from fieldkit.documents.toml_file import read_toml, toml_document
+from fieldkit.documents.toml_text import toml_text
 from fieldkit.errors import SceneError
 from fieldkit.files import file_beside, write_atomic
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.mesh_plant import MeshPlantDescription, check_mesh_file
-from fieldkit.scenes.toml_text import toml_text
-from fieldkit.toml_file import read_toml, toml_document
 
 FORMAT = 1
 _MAX_BYTES = 16 << 20

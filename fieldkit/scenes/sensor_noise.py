@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from fieldkit.kernels import kernel
+from fieldkit.runtime.kernels import kernel
 
 _STEPS = 1 << 16
 

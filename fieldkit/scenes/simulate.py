@@ -17,7 +17,7 @@ from fieldkit.files import atomic_folder, storage_errors, write_atomic
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.progress import Progress, Silent
+from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.camera_effects import CameraEffects, photographed
 from fieldkit.scenes.drawing import Draw, draw
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet

@@ -14,7 +14,7 @@ from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.clouds import write_ply
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.progress import Progress, Silent
+from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.renderer import Renderer

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.few_views import GOAL, GRID, MAIN, Outcome, Plan, Trial, assess, trial_tables
-from fieldkit.benchmarks.rigs import RigSet
+from benchmarks.few_views import GOAL, GRID, MAIN, Outcome, Plan, Trial, assess, trial_tables
+from benchmarks.rigs import RigSet
 from fieldkit.captures.model import Capture
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.pose import rotation_from_vector

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fieldkit.benchmarks.field_check import Outcome, Tally, check_faulty, kind_table
-from fieldkit.benchmarks.field_faults import PlotPhotographs, draw_capture
+from benchmarks.field_check import Outcome, Tally, check_faulty, kind_table
+from benchmarks.field_faults import PlotPhotographs, draw_capture
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.missions.plan_file import plan_from_poses
-from fieldkit.missions.site import Site, SiteHome, SitePlot
+from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
+from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.simulate import poses_table
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.benchmarks.full_evaluation import LENT, OURS, THEIRS, Case, ours, summary, theirs
+from benchmarks.full_evaluation import LENT, OURS, THEIRS, Case, ours, summary, theirs
 from fieldkit.clouds import read_cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Similarity
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.scenes.scene_file import read_scene

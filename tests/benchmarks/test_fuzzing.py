@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks import fuzzing
-from fieldkit.benchmarks.fuzzing import Target, fuzz, mutate
+from benchmarks import fuzzing
+from benchmarks.fuzzing import Target, fuzz, mutate
 from fieldkit.errors import MetadataError
 
 SEEDS = (b'{"a": 12.5, "b": [1, 2, 3]}', b'{"a": -7, "b": []}')

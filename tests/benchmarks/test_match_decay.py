@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fieldkit.benchmarks.blind_rings import RingRun, ring_table, scene_rings
-from fieldkit.benchmarks.match_decay import (
+from benchmarks.blind_rings import RingRun, ring_table, scene_rings
+from benchmarks.match_decay import (
     ANGLES,
     FIELD_MAIZE,
     PairCount,
@@ -25,10 +25,10 @@ from fieldkit.benchmarks.match_decay import (
     verdict_table,
     visible_plants,
 )
-from fieldkit.benchmarks.scene_views import CAMERA, SceneUnderStudy, photograph, ring_about_plants, study_scenes
+from benchmarks.scene_views import CAMERA, SceneUnderStudy, photograph, ring_about_plants, study_scenes
 from fieldkit.geometry import Intrinsics
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.features import FeatureSettings, extract_features
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.library import scene_names

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.benchmarks.mission_routes import route_field, tours
-from fieldkit.benchmarks.missions import MissionOptions, recordings, run_missions
+from benchmarks.mission_routes import route_field, tours
+from benchmarks.missions import MissionOptions, recordings, run_missions
 from fieldkit.errors import UsageError
-from fieldkit.missions.vehicle_file import load_vehicle
-from fieldkit.progress import Silent
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.runtime.progress import Silent
 
 OPTIONS = MissionOptions(None, missions=4, uploads=1, plots=3, files=120)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from fieldkit.benchmarks.next_visit import Visited, older, visit_table
-from fieldkit.planning.evaluation import Evaluation
-from fieldkit.planning.plots import Plot
+from benchmarks.next_visit import Visited, older, visit_table
+from fieldkit.planning.objective.evaluation import Evaluation
+from fieldkit.planning.space.plots import Plot
 from fieldkit.scenes.generator import new_scene
 
 

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.objective import STUDIES, ObjectiveOptions, run_objective
-from fieldkit.benchmarks.objective_cost import cost_table, run_cost, run_throughput
-from fieldkit.benchmarks.objective_noise import run_noise
-from fieldkit.benchmarks.objective_ranks import Ranks, rank_table, run_ranks
-from fieldkit.benchmarks.objective_scenes import SCENES, TuningPlot, tuning_plot
+from benchmarks.objective import STUDIES, ObjectiveOptions, run_objective
+from benchmarks.objective_cost import cost_table, run_cost, run_throughput
+from benchmarks.objective_noise import run_noise
+from benchmarks.objective_ranks import Ranks, rank_table, run_ranks
+from benchmarks.objective_scenes import SCENES, TuningPlot, tuning_plot
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.envelope import Envelope
-from fieldkit.planning.evaluation import Evaluation, StageCost
-from fieldkit.planning.simulated import Proxy, SimulatedSource
-from fieldkit.progress import Silent
+from fieldkit.planning.objective.evaluation import Evaluation, StageCost
+from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.envelope import Envelope
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.plot import build_scene
 from fieldkit.scenes.renderer import Renderer, RenderingError

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.depth_images import depth_image
-from fieldkit.benchmarks.paper import BASELINES, TESTS, PaperOptions, Plans, depth_table, distance_table
-from fieldkit.benchmarks.planner_transfer import Carried
+from benchmarks.depth_images import depth_image
+from benchmarks.paper import BASELINES, TESTS, PaperOptions, Plans, depth_table, distance_table
+from benchmarks.planner_transfer import Carried
 from fieldkit.cache import StageCache
 from fieldkit.clouds import DepthError
 from fieldkit.geometry import Intrinsics, Pose

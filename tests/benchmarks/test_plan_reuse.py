@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.plan_reuse import (
+from benchmarks.plan_reuse import (
     PLANNED,
     rescored,
     reuse_table,
@@ -17,18 +17,18 @@ from fieldkit.benchmarks.plan_reuse import (
     variants,
     ways_table,
 )
-from fieldkit.benchmarks.sloped_plots import sheared, shifted, sloped, turned
+from benchmarks.sloped_plots import sheared, shifted, sloped, turned
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.missions.placement import PlotFrame
-from fieldkit.missions.site import Site, SiteHome, SitePlot
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.evaluation import Evaluation
-from fieldkit.planning.rule import Rule
-from fieldkit.planning.simulated import Proxy
-from fieldkit.progress import Silent
+from fieldkit.missions.plan_site.placement import PlotFrame
+from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
+from fieldkit.planning.objective.evaluation import Evaluation
+from fieldkit.planning.objective.rule import Rule
+from fieldkit.planning.objective.simulated import Proxy
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
 from fieldkit.scenes.maize import MaizeDescription
 from fieldkit.scenes.plot import PlotDescription

@@ -8,26 +8,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.planner import PlannerOptions, compare_table, run_planner
-from fieldkit.benchmarks.planner_ablation import StandIn, ablation_table, search
-from fieldkit.benchmarks.planner_ablation import variants as variants_of_search
-from fieldkit.benchmarks.planner_rehearsed import situations
-from fieldkit.benchmarks.planner_runs import Contender, Place, Ran, _purpose, run_all
-from fieldkit.benchmarks.planner_surrogate import foretell, surrogate_table, variants
-from fieldkit.benchmarks.planner_transfer import Carried, transfer_table
+from benchmarks.planner import PlannerOptions, compare_table, run_planner
+from benchmarks.planner_ablation import StandIn, ablation_table, search
+from benchmarks.planner_ablation import variants as variants_of_search
+from benchmarks.planner_rehearsed import situations
+from benchmarks.planner_runs import Contender, Place, Ran, _purpose, run_all
+from benchmarks.planner_surrogate import foretell, surrogate_table, variants
+from benchmarks.planner_transfer import Carried, transfer_table
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
-from fieldkit.missions.plan import PlanSource
-from fieldkit.planning.asked import RECORDED_CONFIRMED
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.fidelity import FidelityName
 from fieldkit.planning.methods.geometric import Effort
 from fieldkit.planning.methods.random import sample_seed
-from fieldkit.planning.outcome import FinalistReport, Outcome
-from fieldkit.planning.recorded import Rehearsal
-from fieldkit.planning.run_folder import read_log
-from fieldkit.planning.search import Result, Trial
-from fieldkit.progress import Silent
+from fieldkit.planning.objective.fidelity import FidelityName
+from fieldkit.planning.objective.recorded import Rehearsal
+from fieldkit.planning.problem import Result, Trial
+from fieldkit.planning.run.folder import read_log
+from fieldkit.planning.run.outcome import FinalistReport, Outcome
+from fieldkit.planning.run.request import RECORDED_CONFIRMED
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.results.plan import PlanSource
+from fieldkit.runtime.progress import Silent
 from tests.cli.test_scene_commands import TINY
 from tests.planning.bowl import bowl_problem
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.plant_figures import GOOD_M, error_table
-from fieldkit.benchmarks.true_plants import kept_truth, true_figures
+from benchmarks.plant_figures import GOOD_M, error_table
+from benchmarks.true_plants import kept_truth, true_figures
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.scenes.scene import Mesh

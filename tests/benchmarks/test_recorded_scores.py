@@ -8,21 +8,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import fieldkit.benchmarks.recorded_scores as module
-from fieldkit.benchmarks.proxy_scores import rank_correlations, rank_table, run_proxy, value_table, view_sets
-from fieldkit.benchmarks.recorded_scores import largest_gap_deg, run_recorded, split_rig, summary_table, witnessed_cloud
+import benchmarks.recorded_scores as module
+from benchmarks.proxy_scores import rank_correlations, rank_table, run_proxy, value_table, view_sets
+from benchmarks.recorded_scores import largest_gap_deg, run_recorded, split_rig, summary_table, witnessed_cloud
+from benchmarks.subset_plots import Subset, draw_subsets
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, chamfer_distance
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Similarity
-from fieldkit.planning.evaluation import Evaluation, StageCost
-from fieldkit.progress import Silent
+from fieldkit.planning.objective.evaluation import Evaluation, StageCost
+from fieldkit.present.pictures.curves import png
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reporting.objective_plots import png
-from fieldkit.reporting.subset_plots import Subset, draw_subsets
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.renderer import RenderingError
 
 DATA = Path(os.environ.get("FIELDKIT_DATA", ""))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from fieldkit.benchmarks import headless, report_size
-from fieldkit.benchmarks.headless import NoBrowserError
-from fieldkit.progress import Silent
+from benchmarks import headless, report_size
+from benchmarks.headless import NoBrowserError
+from fieldkit.runtime.progress import Silent
 
 
 def test_without_a_browser_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.rigs import complete_poses, perturb, read_rig, uniform_subset
+from benchmarks.rigs import complete_poses, perturb, read_rig, uniform_subset
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector

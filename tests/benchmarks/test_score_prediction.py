@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.score_prediction import (
+from benchmarks.score_prediction import (
     CANDIDATES,
     Check,
     Plot,
@@ -21,7 +21,7 @@ from fieldkit.benchmarks.score_prediction import (
     plot_table,
     stored_plots,
 )
-from fieldkit.benchmarks.scored_captures import FITTED, HELD_OUT, designs, read_captures
+from benchmarks.scored_captures import FITTED, HELD_OUT, designs, read_captures
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.prediction import FLOORS, PredictionModel, predict
 

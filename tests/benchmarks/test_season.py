@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.benchmarks.season import run_season
-from fieldkit.progress import Silent
+from benchmarks.season import run_season
+from fieldkit.runtime.progress import Silent
 
 
 @pytest.mark.slow

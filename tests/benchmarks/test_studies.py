@@ -9,34 +9,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks import engine
-from fieldkit.benchmarks.campaign import STUDIES as CAMPAIGN_STUDIES
-from fieldkit.benchmarks.cloud_scores import leaves, run_clouds
-from fieldkit.benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
-from fieldkit.benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
-from fieldkit.benchmarks.full_evaluation import Side, stage_table, summary
-from fieldkit.benchmarks.mappings import run_mappings
-from fieldkit.benchmarks.missions import STUDIES as MISSION_STUDIES
-from fieldkit.benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
-from fieldkit.benchmarks.paper import STUDIES as PAPER_STUDIES
-from fieldkit.benchmarks.planner import STUDIES as PLANNER_STUDIES
-from fieldkit.benchmarks.references import ReferenceResult, recall_of, reference_table
-from fieldkit.benchmarks.result import ResultTable, StudyResult, spread
-from fieldkit.benchmarks.scaling import cost_table, process_cost
-from fieldkit.benchmarks.startup import COMMANDS, run_startup
-from fieldkit.benchmarks.subset_scores import score_row
+from benchmarks import engine
+from benchmarks.__main__ import Study, main
+from benchmarks.campaign import STUDIES as CAMPAIGN_STUDIES
+from benchmarks.cloud_scores import leaves, run_clouds
+from benchmarks.cost_picture import Cost
+from benchmarks.dense_stereo import DISTANCES_M, dense_table, measure
+from benchmarks.engine import SPEED, STUDIES, EngineOptions, run_engine
+from benchmarks.full_evaluation import Side, stage_table, summary
+from benchmarks.mappings import run_mappings
+from benchmarks.missions import STUDIES as MISSION_STUDIES
+from benchmarks.objective import STUDIES as OBJECTIVE_STUDIES
+from benchmarks.paper import STUDIES as PAPER_STUDIES
+from benchmarks.planner import STUDIES as PLANNER_STUDIES
+from benchmarks.references import ReferenceResult, recall_of, reference_table
+from benchmarks.result import ResultTable, StudyResult, spread
+from benchmarks.scaling import cost_table, process_cost
+from benchmarks.startup import COMMANDS, run_startup
+from benchmarks.subset_scores import score_row
 from fieldkit.cache import StageCache
 from fieldkit.captures.camera_file import read_camera_file
-from fieldkit.cli.benchmark import Study
-from fieldkit.cli.main import main
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.geometry import Intrinsics
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reporting.cost import Cost
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.simulate import camera_toml
 from tests.evaluation.examples import reconstruction
 from tests.reconstruction.dense.planes import SIZE, Plane, photograph, ring
@@ -212,8 +211,8 @@ class TestEngine:
     ) -> None:
         monkeypatch.delenv("FIELDKIT_DATA", raising=False)
         out = tmp_path / "out"
-        assert main(["benchmark", "engine", "--only", "few-views", "-o", str(out), "--json"]) == 0
+        assert main(["engine", "--only", "few-views", "-o", str(out), "--json"]) == 0
         printed = json.loads(capsys.readouterr().out)
         assert printed["studies"]["few-views"]["skipped"]
-        assert main(["benchmark", "engine", "--only", "few-views", "-o", str(out)]) == 2
-        assert main(["benchmark", "engine", "--only", "few-views", "-o", str(out), "--overwrite"]) == 0
+        assert main(["engine", "--only", "few-views", "-o", str(out)]) == 2
+        assert main(["engine", "--only", "few-views", "-o", str(out), "--overwrite"]) == 0

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fieldkit.benchmarks.weak_ties import with_gaps
+from benchmarks.weak_ties import with_gaps
 
 
 @pytest.mark.parametrize(("views", "count", "phase"), [(72, 13, 0), (72, 10, 5), (60, 13, 59), (80, 10, 1)])

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from fieldkit.campaign import Visit, read_campaign
+from fieldkit.campaign.table import Row, Table
 from fieldkit.cli.main import main
-from fieldkit.evaluation.campaign import Visit, read_campaign
-from fieldkit.evaluation.campaign.table import Row, Table
-from tests.evaluation.campaign.examples import campaign_folder, field
+from tests.campaign.examples import campaign_folder, field
 
 FIELD = field(1, 2)
 

@@ -15,7 +15,7 @@ from fieldkit.cli.check import check_tables
 from fieldkit.cli.main import main
 from fieldkit.evaluation.field_check.model import CheckReport, StationCheck
 from fieldkit.geometry import Pose
-from fieldkit.missions.plan_file import plan_from_poses, save_plan
+from fieldkit.results.plan_file import plan_from_poses, save_plan
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.cli.main import main
-from fieldkit.evaluation.comparison_schema import ComparisonReport
+from fieldkit.results.comparison import ComparisonReport
 from tests.evaluation.test_compare import evaluation_folder, leaves
 
 

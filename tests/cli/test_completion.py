@@ -18,7 +18,7 @@ import pytest
 from fieldkit.cli.candidates import Candidates, candidates
 from fieldkit.cli.completion import Shell, script_of
 from fieldkit.cli.main import COMMANDS, main, typer_command
-from fieldkit.missions.vehicle_file import vehicle_names
+from fieldkit.missions.plan_site.vehicle_file import vehicle_names
 from fieldkit.scenes.library import scene_names
 
 
@@ -49,7 +49,7 @@ class TestCandidates:
         assert "--output" in words("plan -")
         assert "--output" not in words("plan -o out -")
         assert words("plan ")[0] == "--output"  # takes no argument, and needs this
-        assert "--only" in words("benchmark engine --only dense --")  # may be given again
+        assert "--scene" in words("plan --scene case-1 --")  # may be given again
         assert words("plan -n12 --cam") == ["--camera-file"]
         assert words("plan -- --") == []
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit import diagnostics, probes
 from fieldkit.cli.main import main
-from fieldkit.diagnostics import Check
+from fieldkit.doctor import diagnostics, probes
+from fieldkit.doctor.diagnostics import Check
 
 
 def test_this_machine(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.cli.main import main
-from fieldkit.missions.plan_file import save_plan
+from fieldkit.results.plan_file import save_plan
 from tests.missions.test_export import SITES, planned
 
 

@@ -13,20 +13,20 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.cli.live_plan import Status, sparkline
 from fieldkit.cli.main import main
-from fieldkit.evaluation.report_files import save_report
-from fieldkit.missions.plan import PlanSource
-from fieldkit.missions.plan_file import load_plan
-from fieldkit.planning.outcome import read_outcome
-from fieldkit.planning.problems import open_problem
-from fieldkit.planning.run_folder import create_run, open_run, read_log
-from fieldkit.planning.run_settings import NoiseSettings
-from fieldkit.progress import Silent
+from fieldkit.planning.run.folder import create_run, open_run, read_log
+from fieldkit.planning.run.open_problem import open_problem
+from fieldkit.planning.run.outcome import read_outcome
+from fieldkit.planning.settings import NoiseSettings
 from fieldkit.reconstruction.known_poses import known_poses
+from fieldkit.results.plan import PlanSource
+from fieldkit.results.plan_file import load_plan
+from fieldkit.results.report_files import save_report
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.renderer import RenderingError
 from tests.cli.test_scene_commands import TINY
 from tests.evaluation.test_adherence import flown
 from tests.planning.bowl import bowl_settings
-from tests.planning.test_run_folder import entry
+from tests.planning.run.test_folder import entry
 
 SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
 
@@ -177,7 +177,7 @@ def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(
     def cannot(*_: object, **__: object) -> None:
         raise RenderingError("there is no OpenGL", remedy="Install it.")
 
-    monkeypatch.setattr("fieldkit.planning.problems.Renderer", cannot)
+    monkeypatch.setattr("fieldkit.planning.run.open_problem.Renderer", cannot)
     (tmp_path / "tiny.toml").write_text(TINY)
     run = tmp_path / "run"
     asked = ["plan", "--scene", str(tmp_path / "tiny.toml"), "-n", "4", "--method", "score", "-o", str(run)]

@@ -12,7 +12,7 @@ import pytest
 
 from fieldkit.cli import progress
 from fieldkit.cli.progress import Lines, open_progress
-from fieldkit.progress import Silent
+from fieldkit.runtime.progress import Silent
 
 SCRIPT = """
 from fieldkit.cli.progress import open_progress

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from fieldkit.campaign import read_campaign, visit_plots
+from fieldkit.campaign.table import read_rows
 from fieldkit.evaluation.adherence import flown_noise
-from fieldkit.evaluation.campaign import read_campaign, visit_plots
-from fieldkit.evaluation.campaign.table import read_rows
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.missions.plan_file import plan_from_poses, save_plan
+from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.scenes.simulation import poses_from_csv
 from tests.endtoend.commands import DRAFT, CommandLine, contents, finish, set_gps, wait_until
 from tests.endtoend.conftest import Built

@@ -18,11 +18,11 @@ from fieldkit.captures.flight_logs import read_flight_log
 from fieldkit.captures.poses_csv import parse_poses_csv
 from fieldkit.evaluation.adherence import flown_noise
 from fieldkit.evaluation.reference import Reference
-from fieldkit.evaluation.report_files import load_evaluation_report
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.mavlink.dialect import mavlink
-from fieldkit.missions.plan_file import save_plan
+from fieldkit.results.plan_file import save_plan
+from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.scenes.description import build
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.missions.plan_file import load_plan
+from fieldkit.results.plan_file import load_plan
 from tests.endtoend.commands import CommandLine
 from tests.endtoend.test_simulated_plot import run, write_scene
 

@@ -9,9 +9,9 @@ import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.pipeline import place
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.progress import Silent
 from tests.endtoend.commands import DRAFT, CommandLine
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from fieldkit.errors import MetadataError
 from fieldkit.evaluation.conversion import failed_plot
-from fieldkit.evaluation.schema import FrameEntry, ImageEntry, OriginEntry, PlotEvaluation
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.results.evaluation import FrameEntry, ImageEntry, OriginEntry, PlotEvaluation
 
 
 def plot_report(

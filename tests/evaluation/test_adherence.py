@@ -14,12 +14,12 @@ from fieldkit.evaluation.adherence import Flight, flown_noise, planned_poses
 from fieldkit.evaluation.conversion import failed_plot
 from fieldkit.evaluation.evaluate import evaluate_captures
 from fieldkit.evaluation.plan_adherence import FlownPlan
-from fieldkit.evaluation.schema import AdherenceEntry, EvaluationReport, StationErrorEntry
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.missions.plan import Plan, Station
 from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, StationErrorEntry
+from fieldkit.results.plan import Plan, Station
 from tests.captures.conftest import photo_file
 from tests.captures.flight_logs.recordings import description, recording
 from tests.captures.photographs import MakePhoto

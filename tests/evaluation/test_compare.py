@@ -15,15 +15,15 @@ import fieldkit
 from fieldkit.clouds import Cloud, score, write_cloud
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.compare import compare_evaluations
-from fieldkit.evaluation.comparison_schema import ComparisonReport, DifferenceEntry
 from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation, reference_report
-from fieldkit.evaluation.report_files import describe_files, file_sha256, save_report
-from fieldkit.evaluation.schema import PlantEntry, PlotEvaluation, PredictionEntry
 from fieldkit.evaluation.score_noise import block_sums, log_sd, pooled_spread, quantile_95
-from fieldkit.missions.plan import Plan, PlanMethod, Station
-from fieldkit.missions.plan_file import save_plan
+from fieldkit.present.terminal.comparison import compare_csv, compare_tables
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.reporting.compare_tables import compare_csv, compare_tables
+from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
+from fieldkit.results.evaluation import PlantEntry, PlotEvaluation, PredictionEntry
+from fieldkit.results.plan import Plan, PlanMethod, Station
+from fieldkit.results.plan_file import save_plan
+from fieldkit.results.report_files import describe_files, file_sha256, save_report
 from tests.evaluation.examples import reconstruction
 
 SETTINGS = ReconstructionSettings()

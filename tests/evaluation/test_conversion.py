@@ -14,9 +14,9 @@ from fieldkit.clouds import Cloud, score
 from fieldkit.errors import CaptureError, ReconstructionError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
 from fieldkit.evaluation.figures import known_centers, points_per_voxel
-from fieldkit.evaluation.schema import PlotEvaluation, distance_key
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import PlotEvaluation, distance_key
 from tests.evaluation.examples import INTRINSICS, ORIGIN, plant_cloud, reconstruction, ring
 
 SETTINGS = ReconstructionSettings()

@@ -27,11 +27,11 @@ from fieldkit.evaluation.field_check.ties import LengthRatio, Tie, TieGraph
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.missions.plan import Plan
-from fieldkit.missions.plan_file import plan_from_poses
-from fieldkit.missions.site import Site, SiteHome, SitePlot
+from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.epipolar import relative_pose
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import plan_from_poses
 
 ROOT = Path(__file__).parents[2]
 

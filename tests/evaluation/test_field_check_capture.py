@@ -9,18 +9,18 @@ import cv2
 import numpy as np
 import pytest
 
-from fieldkit.benchmarks.rigs import RIG_FILE, read_rig
+from benchmarks.rigs import RIG_FILE, read_rig
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.errors import CaptureError, MetadataError, UsageError
 from fieldkit.evaluation.field_check import CheckReport, CheckSettings, check_capture, check_captures
 from fieldkit.evaluation.field_check.ties import find_ties
 from fieldkit.geometry import Pose
-from fieldkit.missions.plan import Plan
-from fieldkit.missions.plan_file import plan_from_poses
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.orientation import orient_cameras
 from fieldkit.reconstruction.verification import TwoView
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.simulate import poses_table
 
 COUNT, STEP = 8, 2

@@ -15,16 +15,16 @@ from fieldkit.evaluation.adherence import Flight, flown_noise
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.pose_table import capture_poses, spread
-from fieldkit.evaluation.schema import AdherenceEntry, EvaluationReport, PlotEvaluation, PoseDifferenceEntry
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.missions.formats.waypoints import waypoints_bytes
-from fieldkit.missions.plan import Plan, Station
+from fieldkit.missions.files.waypoints import waypoints_bytes
+from fieldkit.present.pictures.adherence import draw_adherence
+from fieldkit.present.spreadsheets.adherence import adherence_csv
+from fieldkit.present.terminal.adherence import adherence_tables
 from fieldkit.reconstruction.known_poses import SourceFrame
-from fieldkit.reporting.adherence_csv import adherence_csv
-from fieldkit.reporting.adherence_picture import draw_adherence
-from fieldkit.reporting.adherence_table import adherence_tables
+from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, PlotEvaluation, PoseDifferenceEntry
+from fieldkit.results.plan import Plan, Station
 from tests.captures.conftest import photo_file
 from tests.captures.flight_logs.recordings import recording
 from tests.captures.photographs import MakePhoto

@@ -13,22 +13,22 @@ import pytest
 
 from fieldkit.cli.check_mission import command
 from fieldkit.errors import UsageError
+from fieldkit.missions.autopilots import render
 from fieldkit.missions.check import check_mission
-from fieldkit.missions.dialects import render
+from fieldkit.missions.files import mission_bytes
+from fieldkit.missions.files.qgc_plan import plan_bytes
+from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.findings import Report
-from fieldkit.missions.formats import mission_bytes
-from fieldkit.missions.formats.qgc_plan import plan_bytes
-from fieldkit.missions.formats.read_mission import ReadMission
-from fieldkit.missions.formats.reading import read_mission
-from fieldkit.missions.formats.waypoints import waypoints_bytes
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.missions.mission import Fence, GeoPoint, Home, Mission, Shot
-from fieldkit.missions.obstacles import Obstacles, Volume
-from fieldkit.missions.placement import home_of, place
-from fieldkit.missions.plan_file import plan_from_poses, save_plan
-from fieldkit.missions.site_file import load_site
-from fieldkit.missions.vehicle import Battery, Mount
-from fieldkit.missions.vehicle_file import load_vehicle, missions_folder
+from fieldkit.missions.plan_site.placement import home_of, place
+from fieldkit.missions.plan_site.site_file import load_site
+from fieldkit.missions.plan_site.vehicle import Battery, Mount
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle, missions_folder
+from fieldkit.missions.routing.obstacles import Obstacles, Volume
+from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.scenes.rigs import ring
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.dialects import render
+from fieldkit.missions.autopilots import render
 from fieldkit.missions.items import Command, same_item
 from fieldkit.missions.mission import GeoPoint, Shot
-from fieldkit.missions.vehicle import Mount, Speeds, Trigger
+from fieldkit.missions.plan_site.vehicle import Mount, Speeds, Trigger
 from tests.missions.vehicles import recorded_items, recorded_mission, small_mission, vehicle
 
 

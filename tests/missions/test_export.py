@@ -12,14 +12,14 @@ from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.export import route_plan
 from fieldkit.missions.export_mission import export_mission
-from fieldkit.missions.formats.reading import read_mission
+from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.mission import Shot
-from fieldkit.missions.placement import SiteFrame, home_of, place
-from fieldkit.missions.plan import Plan, PlanPlants, Station
-from fieldkit.missions.site import NoFly, Site
-from fieldkit.missions.site_file import load_site
-from fieldkit.missions.site_obstacles import site_obstacles
-from fieldkit.missions.vehicle_file import load_vehicle
+from fieldkit.missions.plan_site.placement import SiteFrame, home_of, place
+from fieldkit.missions.plan_site.site import NoFly, Site
+from fieldkit.missions.plan_site.site_file import load_site
+from fieldkit.missions.plan_site.site_obstacles import site_obstacles
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.results.plan import Plan, PlanPlants, Station
 from fieldkit.scenes.rigs import ring
 
 SITES = Path(__file__).parents[2] / "missions" / "sites"

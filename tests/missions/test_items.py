@@ -7,8 +7,8 @@ import math
 import pytest
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.dialects.acceptance import dropped, refusal
-from fieldkit.missions.item_checks import check_items, item_problem
+from fieldkit.missions.autopilots.acceptance import dropped, refusal
+from fieldkit.missions.autopilots.item_checks import check_items, item_problem
 from fieldkit.missions.items import Command, Frame, MissionItem, Params, same_item
 from tests.missions.vehicles import item_of, recording
 

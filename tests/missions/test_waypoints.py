@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from fieldkit.benchmarks.mission_trips import by_pymavlink, complete_photographs, difference, random_mission
+from benchmarks.mission_trips import by_pymavlink, complete_photographs, difference, random_mission
 from fieldkit.errors import MetadataError
-from fieldkit.missions.dialects import render
-from fieldkit.missions.formats import mission_bytes
-from fieldkit.missions.formats.read_mission import ReadMission
-from fieldkit.missions.formats.waypoints import read_waypoints
+from fieldkit.missions.autopilots import render
+from fieldkit.missions.files import mission_bytes
+from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.waypoints import read_waypoints
 from fieldkit.missions.items import Command
 from fieldkit.missions.mission import Mission
 from tests.missions.random_missions import missions

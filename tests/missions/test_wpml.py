@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from fieldkit.errors import MetadataError, MissionError
-from fieldkit.missions.formats import mission_bytes
-from fieldkit.missions.formats.wpml import TEMPLATE, WAYLINES, read_wpml
-from fieldkit.missions.formats.xml_tree import Element, parse
+from fieldkit.missions.autopilots.dji.wpml import TEMPLATE, WAYLINES, read_wpml
+from fieldkit.missions.files import mission_bytes
+from fieldkit.missions.files.xml_tree import Element, parse
 from fieldkit.missions.mission import Shot
 from tests.missions.vehicles import small_mission, vehicle
 

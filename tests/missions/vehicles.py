@@ -9,8 +9,8 @@ from typing import Any
 
 from fieldkit.missions.items import MissionItem
 from fieldkit.missions.mission import GeoPoint, Home, Mission, Shot, Via
-from fieldkit.missions.plan import PlanCamera
-from fieldkit.missions.vehicle import Battery, Dialect, Mount, Speeds, Trigger, Vehicle
+from fieldkit.missions.plan_site.vehicle import Battery, Dialect, Mount, Speeds, Trigger, Vehicle
+from fieldkit.results.plan import PlanCamera
 
 SITL = Path(__file__).parents[2] / "sim" / "sitl"
 

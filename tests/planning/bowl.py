@@ -10,15 +10,15 @@ import numpy as np
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
-from fieldkit.missions.plan import PlanSource
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.envelope import Envelope
-from fieldkit.planning.evaluation import Evaluation, StageCost
-from fieldkit.planning.fidelity import FidelityName
-from fieldkit.planning.objective import Objective, ObjectiveSettings
-from fieldkit.planning.plots import Plot
-from fieldkit.planning.run_settings import SearchSettings
-from fieldkit.planning.search import Problem
+from fieldkit.planning.objective.evaluation import Evaluation, StageCost
+from fieldkit.planning.objective.fidelity import FidelityName
+from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.settings import SearchSettings
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.envelope import Envelope
+from fieldkit.planning.space.plots import Plot
+from fieldkit.results.plan import PlanSource
 
 VOLUME = Volume((-0.5, -0.5, 0.03), (0.5, 0.5, 0.8))
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.simulated import Proxy, SimulatedSource
+from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
+from fieldkit.planning.space.cameras import Cameras
 from fieldkit.scenes.plot import build_scene
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.scenes.rigs import ring

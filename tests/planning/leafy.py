@@ -6,10 +6,10 @@ import numpy as np
 
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.envelope import Envelope
-from fieldkit.planning.plots import Plot
-from fieldkit.planning.search import Problem
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.envelope import Envelope
+from fieldkit.planning.space.plots import Plot
 
 CAMERA = Intrinsics.pinhole(1000, 750, 850.0)
 

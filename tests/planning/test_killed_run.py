@@ -14,14 +14,14 @@ from typing import Any
 
 import pytest
 
-from fieldkit.planning.run import confirm, search
-from fieldkit.planning.run_folder import LOG_FILE, LogEntry, create_run, read_log
+from fieldkit.planning.run.folder import LOG_FILE, LogEntry, create_run, read_log
+from fieldkit.planning.run.loop import confirm, search
 from fieldkit.scenes.description import build
 from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.scene_file import read_scene
 from tests.cli.test_scene_commands import TINY
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
-from tests.planning.test_run import Greedy, ignore, never, plain, unbroken
+from tests.planning.run.test_loop import Greedy, ignore, never, plain, unbroken
 
 pytestmark = pytest.mark.slow
 KILLS = 20
@@ -87,7 +87,7 @@ def test_a_run_survives_twenty_kills(tmp_path: Path) -> None:
 
 def test_a_dask_cluster_that_loses_a_worker_loses_nothing(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="Dask is not installed (pip install 'fieldkit[cluster]')")
-    from fieldkit.planning.dask_executor import DaskExecutor
+    from fieldkit.planning.run.dask_executor import DaskExecutor
 
     settings = bowl_settings(lag=2)
     killed = []

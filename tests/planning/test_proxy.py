@@ -15,12 +15,12 @@ from fieldkit.captures import read_image
 from fieldkit.clouds import Cloud, write_ply
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import SceneError
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.envelope import Envelope
-from fieldkit.planning.fidelity import FIDELITIES
-from fieldkit.planning.plots import Plot
-from fieldkit.planning.simulated import Proxy, SimulatedSource
-from fieldkit.progress import Silent
+from fieldkit.planning.objective.fidelity import FIDELITIES
+from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.envelope import Envelope
+from fieldkit.planning.space.plots import Plot
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription
 from fieldkit.scenes.mesh_plant import MeshPlantDescription

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.errors import InputError, UsageError
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.evaluation import Evaluation
-from fieldkit.planning.fidelity import FidelityName
-from fieldkit.planning.objective import Objective, ObjectiveSettings
+from fieldkit.planning.objective.evaluation import Evaluation
+from fieldkit.planning.objective.fidelity import FidelityName
+from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
+from fieldkit.planning.space.cameras import Cameras
 
 EXIT, SEGFAULT, HANG, GROW, RAISE, REFUSE, ONCE, SLOW = (100.0 + k for k in range(8))
 

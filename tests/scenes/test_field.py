@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+from benchmarks.scenes import benchmark_scene
 from fieldkit.geometry import Intrinsics
-from fieldkit.scenes.benchmark import benchmark_scene
 from fieldkit.scenes.crumbs import Crumbs, build_crumbs, scatter_crumbs
 from fieldkit.scenes.maize import MaizeDescription
 from fieldkit.scenes.neighbours import NeighboursDescription, neighbour_plants

@@ -58,12 +58,11 @@ def test_tuning_scenes_are_others() -> None:
         assert all(not seeds[name] & other for key, other in seeds.items() if key != name)
 
 
-def test_files_are_canonical_and_in_the_package() -> None:
+def test_files_are_canonical() -> None:
     for name in scene_names():
         file = find_scene(name)
         assert file.read_text() == scene_text(read_scene(file))
         assert read_scene(file).name == name
-    assert '"sim/scenes" = "fieldkit/sim/scenes"' in (ROOT / "pyproject.toml").read_text()
 
 
 @pytest.fixture(scope="module")

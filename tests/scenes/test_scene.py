@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from fieldkit.scenes.benchmark import benchmark_cameras, benchmark_scene
+from benchmarks.scenes import benchmark_cameras, benchmark_scene
 from fieldkit.scenes.light import bake_light, visible_from
 from fieldkit.scenes.maize import MaizeDescription, build_maize
 from fieldkit.scenes.noise import bumps, fractal_noise

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fieldkit.documents.toml_text import toml_text
 from fieldkit.errors import SceneError
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
@@ -33,7 +34,6 @@ from fieldkit.scenes.scene_file import (
 )
 from fieldkit.scenes.simulate import CaptureNoise, Site
 from fieldkit.scenes.soil import SoilDescription
-from fieldkit.scenes.toml_text import toml_text
 
 ROOT = Path(__file__).parents[2]
 HERE = Path("here.toml")

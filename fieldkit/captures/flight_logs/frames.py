@@ -1,6 +1,6 @@
 """MAVLink frames out of a .tlog, for the log of a flight: past whatever is damaged, and counting it.
 
-`fieldkit.missions.link.tlog` reads the same layout (`fieldkit.mavlink.tlog`) for the stand-in of a vehicle. It sends
+`fieldkit.standin.tlog` reads the same layout (`fieldkit.mavlink.tlog`) for the stand-in of a vehicle. It sends
 frames on, so it takes none whose checksum it cannot tell, and reads piece by piece what may be larger than memory. Here
 a frame of a kind that no dialect has must count as one, by what follows it, or whole logs would be called damaged; and
 only wanted kinds are checked and decoded. One loop for both would ask at every step which of them it is.

@@ -23,13 +23,13 @@ from fieldkit.evaluation.field_check.ties import TieGraph, find_ties
 from fieldkit.evaluation.field_check.verdicts import Evidence, believed_poses, judge, tag_pose
 from fieldkit.evaluation.plots import find_plots
 from fieldkit.geometry import Pose
-from fieldkit.machine import this_machine
-from fieldkit.missions.plan import Plan
-from fieldkit.missions.plan_file import load_plan
-from fieldkit.missions.site import Site, SitePlot
-from fieldkit.missions.site_file import load_site
-from fieldkit.progress import Progress, Silent
-from fieldkit.usage import processor_seconds
+from fieldkit.missions.plan_site.site import Site, SitePlot
+from fieldkit.missions.plan_site.site_file import load_site
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import load_plan
+from fieldkit.runtime.machine import this_machine
+from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.usage import processor_seconds
 
 MAX_STATIONS = 200
 MAX_PHOTOGRAPHS = 300

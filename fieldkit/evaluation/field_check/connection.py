@@ -12,8 +12,8 @@ from fieldkit.evaluation.field_check.model import CheckFinding
 from fieldkit.evaluation.field_check.pose_graph import tie_errors_deg
 from fieldkit.evaluation.field_check.ties import TieGraph
 from fieldkit.geometry import Pose
-from fieldkit.missions.plan import Plan
 from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.results.plan import Plan
 
 _TURN_DEG, _DIRECTION_DEG = 15.0, 35.0
 _BRIDGE_DEG = 36.0

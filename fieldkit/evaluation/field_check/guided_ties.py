@@ -15,10 +15,10 @@ import numpy as np
 from fieldkit.evaluation.field_check.pose_graph import tie_errors_deg
 from fieldkit.evaluation.field_check.ties import Pair, Tie, TieGraph
 from fieldkit.geometry import Pose
-from fieldkit.parallel import map_threads
 from fieldkit.reconstruction.guided import IndexedFeatures, PosedFeatures, Region, match_guided
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings, RoughPose, epipolar_sigma_px, region_of_interest
 from fieldkit.reconstruction.verification import verify_pair
+from fieldkit.runtime.parallel import map_threads
 
 _FEW = 30
 _FARTHEST_DEG = 48.0

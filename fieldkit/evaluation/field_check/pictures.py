@@ -14,8 +14,8 @@ from fieldkit.captures import Capture, Photo, read_image
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.field_check.model import CheckSettings
 from fieldkit.evaluation.field_check.sharpness import DIRECTIONS, blur_ratios, edge_widths
-from fieldkit.parallel import map_threads
 from fieldkit.reconstruction.stages import Advance
+from fieldkit.runtime.parallel import map_threads
 
 WORKING_SIDE = 1600
 """Longer side in pixels at which sharpness is measured: that of features and depth maps."""

@@ -16,9 +16,9 @@ from scipy.optimize import linear_sum_assignment
 from fieldkit.captures import Capture
 from fieldkit.evaluation.field_check.model import Placement
 from fieldkit.geometry.angles import wrapped_deg
-from fieldkit.missions.placement import PlotFrame
-from fieldkit.missions.plan import Plan
-from fieldkit.missions.site import Site, SitePlot
+from fieldkit.missions.plan_site.placement import PlotFrame
+from fieldkit.missions.plan_site.site import Site, SitePlot
+from fieldkit.results.plan import Plan
 
 REACH_M = 3.0
 """A photograph that is farther from a station, headings weighed in, does not belong to it."""

@@ -9,14 +9,14 @@ from pathlib import Path
 from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
 from fieldkit.missions.export import Routed, route_plan
-from fieldkit.missions.formats import FORMATS, mission_bytes
+from fieldkit.missions.files import FORMATS, mission_bytes
 from fieldkit.missions.mission import Mission, Shot
-from fieldkit.missions.plan import Plan
-from fieldkit.missions.plan_file import load_plan
-from fieldkit.missions.site import Site
-from fieldkit.missions.site_file import load_site, with_plots
-from fieldkit.missions.vehicle import Vehicle
-from fieldkit.missions.vehicle_file import load_vehicle
+from fieldkit.missions.plan_site.site import Site
+from fieldkit.missions.plan_site.site_file import load_site, with_plots
+from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import load_plan
 
 
 def write_refly(

@@ -12,14 +12,14 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures import Capture
 from fieldkit.evaluation.field_check.model import CheckSettings
 from fieldkit.geometry import Intrinsics
-from fieldkit.parallel import map_threads
-from fieldkit.progress import Progress
 from fieldkit.reconstruction.cameras import CameraSet, cameras_of
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stages import RATIO, KeyedFeatures, exhaustive_pairs, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView
+from fieldkit.runtime.parallel import map_threads
+from fieldkit.runtime.progress import Progress
 
 _VERSION = 1
 _FIRST_FEATURES = 2000

@@ -14,7 +14,7 @@ from fieldkit.evaluation.field_check.pictures import PictureVerdict
 from fieldkit.evaluation.field_check.placement import Placed, axis_turn_deg
 from fieldkit.evaluation.field_check.ties import TieGraph
 from fieldkit.geometry import Pose
-from fieldkit.missions.plan import Plan
+from fieldkit.results.plan import Plan
 
 _FLY = "Fly this station again."
 _TAGS = "Put the tags right (poses.csv beside the photographs comes before EXIF), or fly the station again."

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.dialects.ardupilot_items import MEASURED
+from fieldkit.missions.autopilots.ardupilot.accepting import MEASURED
 from fieldkit.missions.items import MissionItem, command_name, plain_frame
 from fieldkit.missions.link.item_rules import WireItem, stored, stored_fence_item
 from fieldkit.missions.link.listener import ARDUPILOT

@@ -1,7 +1,7 @@
 """What ArduCopter 4.5.6 makes of an item that comes over the link: refused, or kept and given back so.
 
-The rules of mission items are those of `dialects.ardupilot_items`; fences and rally points were measured in the same
-recording (sim/sitl/probe_items).
+The rules of mission items are those of `autopilots.ardupilot.accepting`; fences and rally points were measured in the
+same recording (sim/sitl/probe_items).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from fieldkit.missions.dialects.ardupilot_items import (
+from fieldkit.missions.autopilots.ardupilot.accepting import (
     FRAMES,
     PLACED,
     Result,

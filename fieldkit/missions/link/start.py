@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fieldkit.errors import LinkError, MissionError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.mavlink.frames import Message
-from fieldkit.missions.link.autopilot_state import AUTO
+from fieldkit.missions.autopilots.ardupilot.modes import AUTO
 from fieldkit.missions.link.filter_flags import uses_gps
 from fieldkit.missions.link.listener import ARDUPILOT
 from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle

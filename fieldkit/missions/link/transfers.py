@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from fieldkit.missions.dialects.ardupilot_items import Result
+from fieldkit.missions.autopilots.ardupilot.accepting import Result
 from fieldkit.missions.link.item_rules import (
     WireItem,
     fence_problem,

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from fieldkit.errors import FieldkitError, LinkError, MissionError
-from fieldkit.missions.dialects.ardupilot_items import Result
+from fieldkit.missions.autopilots.ardupilot.accepting import Result
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.missions.link.compare import differences, fence_items, home_item, roundings, to_wire
 from fieldkit.missions.link.item_rules import WireItem

@@ -1,1 +1,1 @@
-"""Methods that propose sets of cameras: see `fieldkit.planning.search.Method`."""
+"""Methods that propose sets of cameras: see `fieldkit.planning.problem.Method`."""

@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from fieldkit.planning.acquisition import suggest
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.expected import LEAST_M, NOISE
 from fieldkit.planning.methods.random import sample_seed
 from fieldkit.planning.methods.space import CameraSpace
-from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.score.expected import LEAST_M, NOISE
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.surrogate.acquisition import suggest
 
 _STREAM = 42
 _DRAWS = 20

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.expected import WEIGHTS, Expected
-from fieldkit.planning.families import Circle, circles
 from fieldkit.planning.methods.staged import Stage, StagedSearch, finer_grid
-from fieldkit.planning.search import Problem
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.score.expected import WEIGHTS, Expected
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.families import Circle, circles
 
 _GRID = 5
 _AIMS = 4

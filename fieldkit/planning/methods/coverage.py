@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array, eye_array, hstack
 
-from fieldkit.planning.cameras import Array, Cameras
-from fieldkit.planning.search import Problem, Result, Trial
-from fieldkit.planning.visibility import Surface, look
+from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.score.visibility import Surface, look
+from fieldkit.planning.space.cameras import Array, Cameras
 
 VIEWS = 2
 """By so many views at least a point must be seen to count as covered: what triangulation takes."""

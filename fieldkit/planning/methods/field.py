@@ -15,17 +15,17 @@ from botorch.sampling.normal import SobolQMCNormalSampler
 from botorch.utils.sampling import manual_seed
 from numpy.typing import ArrayLike
 
-from fieldkit.planning.cameras import Array, Cameras
-from fieldkit.planning.expected import CERTAINTY, DOUBT, LEAST_M, NOISE, WEIGHTS, Expected, Weights, fit_slopes
-from fieldkit.planning.families import Circle, circles, families
 from fieldkit.planning.methods.geometric import Effort, optimise
 from fieldkit.planning.methods.moves import near
-from fieldkit.planning.methods.uniform import MatchGraph, Uniform
-from fieldkit.planning.registration import Registration
-from fieldkit.planning.search import Gain, Problem, Result, Trial, lowest
-from fieldkit.planning.surrogates.fit import moments
-from fieldkit.planning.surrogates.sets import FEATURES, NO_PLOT, TERMS, ScoreMean, SetEmbedding, fit_sets
-from fieldkit.threads import one_torch_thread
+from fieldkit.planning.methods.subsets import MatchGraph, Uniform
+from fieldkit.planning.problem import Gain, Problem, Result, Trial, lowest
+from fieldkit.planning.score.expected import CERTAINTY, DOUBT, LEAST_M, NOISE, WEIGHTS, Expected, Weights, fit_slopes
+from fieldkit.planning.score.registration import Registration
+from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.families import Circle, circles, families
+from fieldkit.planning.surrogate.fit import moments
+from fieldkit.planning.surrogate.sets import FEATURES, NO_PLOT, TERMS, ScoreMean, SetEmbedding, fit_sets
+from fieldkit.runtime.threads import one_torch_thread
 
 _STREAM = 44
 _EXACT, _ON_ANOTHER_PLOT = 0.01, 0.07

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import qmc
 
-from fieldkit.kernels import kernel
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.families import families
-from fieldkit.planning.search import Problem, Result, Trial
-from fieldkit.planning.visibility import PerCamera, Surface, look
+from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.score.visibility import PerCamera, Surface, look
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.families import families
+from fieldkit.runtime.kernels import kernel
 
 Cost = Callable[[Cameras], float]
 

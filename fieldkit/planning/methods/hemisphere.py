@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.families import placed
 from fieldkit.planning.methods.staged import Stage, StagedSearch, finer_grid
-from fieldkit.planning.search import Problem
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.families import placed
 
 _GRID = 5
 _SHARES = (0.0, 0.8)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.planning.cameras import Array, Cameras
-from fieldkit.planning.search import Problem
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.space.cameras import Array, Cameras
 
 _TOGETHER = 0.25
 _MOST = 3

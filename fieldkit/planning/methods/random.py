@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.problem import Problem, Result, Trial
 
 _STREAM = 41
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fieldkit.errors import UsageError
-from fieldkit.planning.run_settings import SearchSettings
-from fieldkit.planning.search import Chooser, Method, Problem
+from fieldkit.planning.problem import Chooser, Method, Problem
+from fieldkit.planning.settings import SearchSettings
 
 
 def make_method(problem: Problem, settings: SearchSettings) -> Method | Chooser:
@@ -83,13 +83,13 @@ def _random(problem: Problem, settings: SearchSettings) -> Method:
 
 
 def _uniform(problem: Problem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.uniform import Uniform
+    from fieldkit.planning.methods.subsets import Uniform
 
     return Uniform(problem, settings.seed)
 
 
 def _match_graph(problem: Problem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.uniform import MatchGraph
+    from fieldkit.planning.methods.subsets import MatchGraph
 
     return MatchGraph(problem, settings.seed)
 

@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 
-from fieldkit.parallel import map_parallel
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.expected import WEIGHTS, Expected, Weights
 from fieldkit.planning.methods.geometric import Effort, optimise
-from fieldkit.planning.registration import Registration
-from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.score.expected import WEIGHTS, Expected, Weights
+from fieldkit.planning.score.registration import Registration
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.runtime.parallel import map_parallel
 
 _STREAM = 46
 

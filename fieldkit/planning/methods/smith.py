@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fieldkit.kernels import kernel
-from fieldkit.planning.cameras import Array, Cameras
-from fieldkit.planning.ranges import fill_distance_m
-from fieldkit.planning.search import Problem
-from fieldkit.planning.visibility import PerCamera, Surface, look
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.score.visibility import PerCamera, Surface, look
+from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.ranges import fill_distance_m
+from fieldkit.runtime.kernels import kernel
 
 _POINTS = 800
 _ENOUGH = 3.0

@@ -9,9 +9,9 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from fieldkit.planning.cameras import Array, Cameras
-from fieldkit.planning.coding import Coding, CylindricalCoding
-from fieldkit.planning.search import Problem
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.coding import Coding, CylindricalCoding
 
 _FEW = 1000
 _SPREADS = (0.02, 0.1, 0.3)

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.search import Problem, Result, Trial
+from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.space.cameras import Cameras
 
 
 class Design(Protocol):

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.families import placed
 from fieldkit.planning.methods.staged import AROUND, Stage, StagedSearch
-from fieldkit.planning.search import Problem
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.families import placed
 
 _GRID = 5
 _LOWER, _UPPER = 0.25, 0.75

@@ -9,12 +9,12 @@ from fieldkit.cache import StageCache
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
-from fieldkit.progress import Progress
 from fieldkit.reconstruction.dense.cuda import Cuda, cuda_devices
 from fieldkit.reconstruction.dense.depth_maps import compute_depth_maps
 from fieldkit.reconstruction.dense.fusion import fuse
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.views import DepthMap, View
+from fieldkit.runtime.progress import Progress
 
 
 class Backend(Protocol):

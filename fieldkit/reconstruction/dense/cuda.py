@@ -29,11 +29,11 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 from fieldkit.errors import ReconstructionError, UsageError
-from fieldkit.progress import Progress
 from fieldkit.reconstruction.dense.fusion import ground_sampling_distance
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
+from fieldkit.runtime.progress import Progress
 
 _GRID = 6
 """Points along each edge of the volume that tell COLMAP which images overlap."""

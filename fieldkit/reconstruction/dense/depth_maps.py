@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
-from fieldkit.parallel import map_threads
-from fieldkit.progress import Progress
 from fieldkit.reconstruction.dense.matching import UNMATCHED, Planes, Problem, pack_view
 from fieldkit.reconstruction.dense.rays import Active, active_pixels
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
+from fieldkit.runtime.parallel import map_threads
+from fieldkit.runtime.progress import Progress
 
 VERSION = 5
 """Part of every cache key; to be raised when the method changes its result."""

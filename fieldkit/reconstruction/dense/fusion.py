@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
-from fieldkit.kernels import fast_kernel
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_fusion_neighbors
 from fieldkit.reconstruction.dense.views import DepthMap, View
+from fieldkit.runtime.kernels import fast_kernel
 
 
 def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: Settings) -> Cloud:

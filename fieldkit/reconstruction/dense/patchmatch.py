@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float32, int32, uint32, uint64
 
-from fieldkit.kernels import fast_kernel
+from fieldkit.runtime.kernels import fast_kernel
 
 SAMPLES = 16
 """Samples of a patch."""

@@ -12,7 +12,7 @@ from numba import float32
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.kernels import fast_kernel
+from fieldkit.runtime.kernels import fast_kernel
 
 
 def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -17,8 +17,8 @@ from fieldkit.cli import replay as replay_command
 from fieldkit.cli import upload as upload_command
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.missions.items import MissionItem
-from fieldkit.missions.link.recording import Recording
-from fieldkit.missions.link.replay import Replay
+from fieldkit.standin.recording import Recording
+from fieldkit.standin.replay import Replay
 
 SITE = """\
 format = 1

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.missions.dialects.ardupilot_items import MAX_ALTITUDE_M, MEASURED, TAKEN, Result, in_centimetres
+from fieldkit.missions.autopilots.ardupilot.accepting import MAX_ALTITUDE_M, MEASURED, TAKEN, Result, in_centimetres
 from fieldkit.missions.link.item_rules import (
     WireItem,
     fence_problem,

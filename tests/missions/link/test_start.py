@@ -11,11 +11,11 @@ from fieldkit.errors import LinkError, MissionError
 from fieldkit.missions.items import MissionItem
 from fieldkit.missions.link.filter_flags import uses_gps
 from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle
-from fieldkit.missions.link.recording import Recording
-from fieldkit.missions.link.replay import Replay
 from fieldkit.missions.link.start import check_standing, start_mission
 from fieldkit.missions.link.upload import connected
 from fieldkit.missions.mission import Home
+from fieldkit.standin.recording import Recording
+from fieldkit.standin.replay import Replay
 
 HOME = Home(50.8649, 6.4473, 92.0)
 

@@ -18,13 +18,13 @@ import pytest
 from fieldkit.errors import LinkError, MissionError
 from fieldkit.missions.items import MissionItem
 from fieldkit.missions.link.compare import to_wire
-from fieldkit.missions.link.faults import Faults
 from fieldkit.missions.link.item_rules import stored
-from fieldkit.missions.link.recording import Recording, read_recording
-from fieldkit.missions.link.replay import Replay
 from fieldkit.missions.link.upload import upload_mission
 from fieldkit.missions.link.upload_outcome import Held, ItemRefused, Patience, UploadError, UploadInterrupted
 from fieldkit.missions.mission import Fence, Home
+from fieldkit.standin.faults import Faults
+from fieldkit.standin.recording import Recording, read_recording
+from fieldkit.standin.replay import Replay
 
 SPEED = 16.0
 PATIENCE = Patience(reply_s=0.5 / SPEED)

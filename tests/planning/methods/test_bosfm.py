@@ -15,26 +15,26 @@ from hypothesis import strategies as st
 
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.envelope import Envelope
 from fieldkit.planning.methods.bosfm import Bosfm
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.space import CameraSpace
-from fieldkit.planning.plots import Plot
-from fieldkit.planning.search import Problem, Result, Trial
-from tests.planning.test_envelope import FLAT, SLOPED
+from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.envelope import Envelope
+from fieldkit.planning.space.plots import Plot
+from tests.planning.space.test_envelope import FLAT, SLOPED
 
 QUICK = 4
 """Initial trials."""
 
-EFFORT = {"surrogates.ensemble._STARTS": 1, "surrogates.fit._ITERATIONS": 8, "acquisition._ITERATIONS": 5}
+EFFORT = {"ensemble._STARTS": 1, "fit._ITERATIONS": 8, "acquisition._ITERATIONS": 5}
 """Less of it than in a run."""
 
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in EFFORT.items():
-        monkeypatch.setattr(f"fieldkit.planning.{name}", value)
+        monkeypatch.setattr(f"fieldkit.planning.surrogate.{name}", value)
 
 
 def problem(count: int, envelope: Envelope = FLAT, views: int = 0) -> Problem:
@@ -128,7 +128,7 @@ OTHER = """
 import pytest
 from tests.planning.methods.test_bosfm import EFFORT, Bosfm, QUICK, problem, run
 for name, value in EFFORT.items():
-    pytest.MonkeyPatch().setattr(f"fieldkit.planning.{name}", value)
+    pytest.MonkeyPatch().setattr(f"fieldkit.planning.surrogate.{name}", value)
 print(run(Bosfm(problem(4), QUICK, 3), 6)[-1].trial.cameras.vector().tobytes().hex())
 """
 

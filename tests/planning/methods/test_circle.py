@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fieldkit.planning.expected import WEIGHTS, Expected
 from fieldkit.planning.methods.circle import CircleSearch, expected_circle
-from fieldkit.planning.search import Result, Trial
+from fieldkit.planning.problem import Result, Trial
+from fieldkit.planning.score.expected import WEIGHTS, Expected
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(6)

@@ -7,7 +7,6 @@ import itertools
 import numpy as np
 import pytest
 
-from fieldkit.planning.geometric import GeometricScore
 from fieldkit.planning.methods.geometric import (
     Cost,
     Effort,
@@ -16,8 +15,9 @@ from fieldkit.planning.methods.geometric import (
     optimise,
 )
 from fieldkit.planning.methods.smith import Reconstructability
-from fieldkit.planning.ranges import fill_distance_m
-from fieldkit.planning.visibility import Surface, look
+from fieldkit.planning.score.geometric import GeometricScore
+from fieldkit.planning.score.visibility import Surface, look
+from fieldkit.planning.space.ranges import fill_distance_m
 from tests.planning.leafy import CAMERA, around, problem, recorded
 
 PROBLEM = problem(5)

@@ -10,18 +10,18 @@ import pytest
 from scipy.stats import spearmanr
 
 from fieldkit.clouds import Cloud
-from fieldkit.planning.cameras import Cameras
-from fieldkit.planning.geometric import GeometricScore
-from fieldkit.planning.matchability import connectivity
 from fieldkit.planning.methods.field import Field, FieldSettings
 from fieldkit.planning.methods.geometric import Effort
 from fieldkit.planning.methods.moves import looked_at, near
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
-from fieldkit.planning.methods.uniform import MatchGraph, Uniform
-from fieldkit.planning.plots import Plot
-from fieldkit.planning.search import Judge, Method, Problem, Result, Trial
-from fieldkit.planning.surrogates.sets import TERMS, SetEmbedding
+from fieldkit.planning.methods.subsets import MatchGraph, Uniform
+from fieldkit.planning.problem import Judge, Method, Problem, Result, Trial
+from fieldkit.planning.score.geometric import GeometricScore
+from fieldkit.planning.score.matchability import connectivity
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.plots import Plot
+from fieldkit.planning.surrogate.sets import TERMS, SetEmbedding
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 from tests.planning.leafy import problem as leafy
 from tests.planning.leafy import recorded

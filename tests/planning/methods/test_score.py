@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from fieldkit.planning.expected import CERTAINTY, WEIGHTS, Expected
 from fieldkit.planning.methods.geometric import Effort
 from fieldkit.planning.methods.score import ScoreOptimum
+from fieldkit.planning.score.expected import CERTAINTY, WEIGHTS, Expected
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(5)

@@ -8,7 +8,7 @@ import pytest
 from fieldkit.planning.methods.hemisphere import Cap, Hemisphere
 from fieldkit.planning.methods.staged import StagedSearch
 from fieldkit.planning.methods.two_rings import Rings, TwoRings
-from fieldkit.planning.search import Result
+from fieldkit.planning.problem import Result
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(7)

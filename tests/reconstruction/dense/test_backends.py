@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from benchmarks.sgbm import rectify, sgbm_depth_maps
 from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError, UsageError
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.dense import DepthMap, Settings, compute_depth_maps, cuda, fuse, select_backend
-from fieldkit.reconstruction.dense.sgbm import rectify, sgbm_depth_maps
+from fieldkit.runtime.progress import Silent
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 no_gpu = pytest.mark.skipif(cuda.cuda_devices() > 0, reason="this machine has a CUDA device")

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from fieldkit.cache import StageCache
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.dense import Settings, View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
+from fieldkit.runtime.progress import Silent
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 PASSES = 1 + Settings().geometric_passes

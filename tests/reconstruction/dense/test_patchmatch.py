@@ -7,8 +7,8 @@ import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.geometry import Intrinsics
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.dense import DepthMap, Settings, View, compute_depth_maps, fuse
+from fieldkit.runtime.progress import Silent
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 NOTHING_KEPT = StageCache(None)

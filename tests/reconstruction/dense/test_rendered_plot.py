@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.scenes import benchmark_cameras, benchmark_scene
+from benchmarks.sgbm import sgbm_depth_maps
 from fieldkit.cache import StageCache
 from fieldkit.clouds.metrics import f_scores
 from fieldkit.clouds.volume import Volume
-from fieldkit.progress import Silent
 from fieldkit.reconstruction.dense import Settings, compute_depth_maps, fuse, prepare_view
-from fieldkit.reconstruction.dense.sgbm import sgbm_depth_maps
-from fieldkit.scenes.benchmark import benchmark_cameras, benchmark_scene
+from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.plot import build_scene, sample_plants
 from fieldkit.scenes.renderer import Renderer, RenderingError
 

@@ -1,0 +1,127 @@
+"""`python -m benchmarks campaign`: many plots and dates with one plan, what foretells their scores, and the report."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from benchmarks.field_check import run_field_check
+from benchmarks.next_visit import run_next_visit
+from benchmarks.plan_reuse import run_plan_reuse
+from benchmarks.plant_figures import run_plant_figures
+from benchmarks.report_size import study as run_report_size
+from benchmarks.result import StudyResult
+from benchmarks.score_prediction import run_score_prediction
+from benchmarks.season import PLOTS, run_season
+from benchmarks.suite import run_studies
+from fieldkit.cache import StageCache
+from fieldkit.runtime.progress import Progress
+
+CAPTURES = 80
+"""Of 13 photographs: a campaign of 40 plots on two dates."""
+SEASON_FOLDER, CAPTURES_FOLDER = "season", "captures"
+
+
+@dataclass(frozen=True)
+class CampaignOptions:
+    """What the studies are run with.
+
+    Attributes:
+        data: folder of the recorded image sets, or None.
+        cache: of stages.
+        scenes: of ``field-check``, where none takes those that nothing was tuned on; of ``plan-reuse`` the first.
+        count: captures of ``field-check`` (80), plots of ``season`` (40), of each scene in ``next-visit`` (1).
+        width_px: of the photographs of ``season``.
+        seed: of everything random.
+        workers: threads and processes.
+        work: keeps photographs and evaluations; a temporary folder where None.
+    """
+
+    data: Path | None = None
+    cache: StageCache = field(default_factory=lambda: StageCache(None))
+    scenes: tuple[str, ...] = ()
+    count: int | None = None
+    width_px: int = 2000
+    seed: int = 0
+    workers: int = 1
+    work: Path | None = None
+
+
+@contextmanager
+def _folder(options: CampaignOptions, name: str) -> Iterator[Path]:
+    if options.work is not None:
+        (options.work / name).mkdir(parents=True, exist_ok=True)
+        yield options.work / name
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
+
+
+def _season(options: CampaignOptions, progress: Progress) -> StudyResult:
+    with _folder(options, SEASON_FOLDER) as folder:
+        return run_season(
+            options.count or PLOTS, seed=options.seed, width_px=options.width_px, workers=options.workers, work=folder,
+            progress=progress,
+        )  # fmt: skip
+
+
+def _field_check(options: CampaignOptions, progress: Progress) -> StudyResult:
+    return run_field_check(
+        options.scenes, captures=options.count or CAPTURES, seed=options.seed, cache=options.cache,
+        workers=options.workers, work=options.work, progress=progress,
+    )  # fmt: skip
+
+
+def _plant_figures(options: CampaignOptions, progress: Progress) -> StudyResult:
+    with _folder(options, CAPTURES_FOLDER) as folder:
+        return run_plant_figures(folder, progress=progress)
+
+
+def _score_prediction(options: CampaignOptions, progress: Progress) -> StudyResult:
+    with _folder(options, CAPTURES_FOLDER) as folder:
+        return run_score_prediction(folder, data=options.data, cache=options.cache, progress=progress)
+
+
+def _plan_reuse(options: CampaignOptions, progress: Progress) -> StudyResult:
+    return run_plan_reuse(scene=(options.scenes or ("tuning-1",))[0], progress=progress)
+
+
+def _next_visit(options: CampaignOptions, progress: Progress) -> StudyResult:
+    return run_next_visit(options.scenes, options.count or 1, progress=progress)
+
+
+def _report_size(options: CampaignOptions, progress: Progress) -> StudyResult:
+    return run_report_size(seed=options.seed, progress=progress)
+
+
+STUDIES: dict[str, Callable[[CampaignOptions, Progress], StudyResult]] = {
+    "season": _season,
+    "field-check": _field_check,
+    "plant-figures": _plant_figures,
+    "score-prediction": _score_prediction,
+    "plan-reuse": _plan_reuse,
+    "next-visit": _next_visit,
+    "report-size": _report_size,
+}
+DEFAULT = ("season", "field-check", "report-size")
+
+
+def run_campaign(
+    output: Path, names: Sequence[str], options: CampaignOptions, *, progress: Progress, overwrite: bool = False
+) -> list[StudyResult]:
+    """Run studies one after the other and write results.json and results.md.
+
+    Args:
+        output: folder of the result.
+        names: of `STUDIES`; none takes `DEFAULT`.
+        options: for all of them.
+        progress: told of stages.
+        overwrite: replace an earlier result in ``output``.
+
+    Raises:
+        UsageError: there is no such study, or ``output`` exists.
+    """
+    return run_studies(output, names, STUDIES, list(DEFAULT), options, progress=progress, overwrite=overwrite)

@@ -1,0 +1,93 @@
+"""Depth images of what a set of cameras reconstructs, ground included, against those of the true scene."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds import DepthError, depth_mae, pooled_depth_error
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.planning.objective.fidelity import FIDELITIES
+from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.reconstruction.pipeline import reconstruct
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.progress import Silent
+from fieldkit.scenes.renderer import Renderer
+
+_WIDTH = 320
+"""Of the compared images, pixels: a cloud at standard has several points for each."""
+_AROUND_M, _BELOW_M = 0.5, 0.1
+
+
+def depth_error(source: SimulatedSource, cameras: Cameras, seed: int) -> DepthError:
+    """Errors of depth images seen by the cameras themselves, pooled over them.
+
+    Everything is reconstructed at standard, soil, too, to half a metre about the volume of interest; what lies farther
+    has no depth in the true images either. A pixel's depth is that of the nearest point which falls into it; a pixel
+    without any has none.
+
+    Args:
+        source: of photographs, with exact poses.
+        cameras: N of them.
+        seed: of the photographs' noise.
+
+    Returns:
+        Metres. Where nothing was reconstructed no pixel has a depth.
+    """
+    fidelity = FIDELITIES["standard"]
+    proxy = source.proxy
+    camera, volume = _reduced(proxy.camera), _with_ground(proxy)
+    points = np.zeros((0, 3))
+    with source.photograph(cameras, fidelity, seed, Silent()) as shot:
+        wanted = ReconstructionSettings(
+            features=shot.features, mapping="prior", fidelity=fidelity.dense, mask="none", backend="cpu",
+            bounds=volume, trust_orientations=True,
+        )  # fmt: skip
+        try:
+            found = reconstruct(shot.capture, wanted, cache=source.cache, progress=Silent(), known_plot=source.plot)
+            points = found.nearby.points
+        except ReconstructionError:
+            pass
+    with Renderer(proxy.scene) as renderer:
+        return pooled_depth_error(
+            [
+                depth_mae(
+                    _within(renderer.depth(pose, camera), pose, camera, volume), depth_image(points, pose, camera)
+                )
+                for pose in cameras.poses()
+            ]
+        )
+
+
+def depth_image(points: NDArray[np.float64], pose: Pose, camera: Intrinsics) -> NDArray[np.float64]:
+    """(height, width) metres along the optical axis of the nearest of points (n, 3) in each pixel; 0 where none is."""
+    depths = np.full((camera.height, camera.width), np.inf)
+    seen = pose.to_camera(points) if len(points) else points
+    seen = seen[seen[:, 2] > 0.0]
+    if len(seen):
+        pixels = np.floor(camera.project(seen)).astype(np.int64)
+        inside = ((pixels >= 0) & (pixels < (camera.width, camera.height))).all(axis=1)
+        np.minimum.at(depths, (pixels[inside, 1], pixels[inside, 0]), seen[inside, 2])
+    return np.where(np.isfinite(depths), depths, 0.0)
+
+
+def _within(depth: NDArray[np.float32], pose: Pose, camera: Intrinsics, volume: Volume) -> NDArray[np.float64]:
+    """A depth image (height, width) without what lies outside a volume."""
+    rows, columns = np.indices(depth.shape)
+    rays = np.stack(
+        [(columns + 0.5 - camera.cx) / camera.fx, (rows + 0.5 - camera.cy) / camera.fy, np.ones(depth.shape)], axis=-1
+    )
+    points = pose.center + (depth[..., None] * rays).reshape(-1, 3) @ pose.rotation
+    return np.where(volume.contains(points).reshape(depth.shape), depth, 0.0)
+
+
+def _with_ground(proxy: Proxy) -> Volume:
+    around = proxy.volume.grown(_AROUND_M)
+    return Volume((*around.lower[:2], -_BELOW_M), (*around.upper[:2], proxy.volume.upper[2]))
+
+
+def _reduced(camera: Intrinsics) -> Intrinsics:
+    return camera.scaled(_WIDTH, round(_WIDTH * camera.height / camera.width))

@@ -1,0 +1,164 @@
+"""`python -m benchmarks engine`: the studies of the engine's figures, each with both sides in the same run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.result import StudyResult
+from benchmarks.suite import run_studies
+from fieldkit.cache import StageCache
+from fieldkit.runtime.progress import Progress
+
+NO_DATA = "FIELDKIT_DATA is unset; it names the folder with the recorded image sets."
+
+
+@dataclass(frozen=True)
+class EngineOptions:
+    """What the studies are run with.
+
+    Attributes:
+        data: folder of the recorded sets, or None.
+        draws: of the priors' noise and of the blind mappers' seeds.
+        scene: in `scaling`, also build the scene with the ground.
+        scenes: of `match-decay` and `blind-rings`: names or files, "all" for every one of fieldkit's own; the tuning
+            scenes where empty.
+        whole_grid: in `few-views`, try every noise on every subset.
+        cache: for what is not measured (the dense models, the reference).
+    """
+
+    data: Path | None
+    cache: StageCache
+    draws: int = 5
+    scene: bool = True
+    whole_grid: bool = False
+    scenes: tuple[str, ...] = ()
+
+
+def _dense(_: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.dense_stereo import run_dense
+
+    return run_dense(progress=progress)
+
+
+def _evaluation(options: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.full_evaluation import run_evaluation
+
+    return run_evaluation(options.data, cache=options.cache, progress=progress)
+
+
+def _clouds(_: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.cloud_scores import run_clouds
+
+    return run_clouds(progress=progress)
+
+
+def _help(_: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.startup import run_startup
+
+    return run_startup(progress=progress)
+
+
+def _scaling(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.scaling import run_scaling
+
+    return run_scaling(data, scene=options.scene, cache=options.cache, progress=progress)
+
+
+def _few_views(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.few_views import GOALS, SUBSETS, Plan, run_few_views
+
+    plan = Plan(SUBSETS, GOALS, draws=options.draws, whole_grid=options.whole_grid)
+    return run_few_views(data, plan, cache=options.cache, progress=progress)
+
+
+def _weak_ties(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.weak_ties import run_weak_ties
+
+    return run_weak_ties(data, cache=options.cache, progress=progress)
+
+
+def _references(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.references import run_references
+
+    return run_references(data, cache=options.cache, progress=progress)
+
+
+def _subset_scores(data: Path, options: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.subset_scores import run_subset_scores
+
+    return run_subset_scores(data, cache=options.cache, progress=progress)
+
+
+def _mappings(data: Path, _: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.mappings import run_mappings
+
+    return run_mappings(data, progress=progress)
+
+
+def _match_decay(options: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.match_decay import run_match_decay
+
+    return run_match_decay(options.data, options.scenes, progress=progress)
+
+
+def _blind_rings(options: EngineOptions, progress: Progress) -> StudyResult:
+    from benchmarks.blind_rings import run_blind_rings
+
+    return run_blind_rings(options.data, options.scenes, progress=progress)
+
+
+Run = Callable[[EngineOptions, Progress], StudyResult]
+
+
+def _on_data(name: str, title: str, run: Callable[[Path, EngineOptions, Progress], StudyResult]) -> Run:
+    """A study of the recorded sets, which says so where there are none."""
+
+    def study(options: EngineOptions, progress: Progress) -> StudyResult:
+        if options.data is None:
+            return StudyResult(name, title, skipped=NO_DATA)
+        return run(options.data, options, progress)
+
+    return study
+
+
+STUDIES: dict[str, Run] = {
+    "help": _help,
+    "clouds": _clouds,
+    "dense": _dense,
+    "evaluation": _evaluation,
+    "scaling": _on_data("scaling", "Cost against the number of photographs", _scaling),
+    "few-views": _on_data("few-views", "Few views", _few_views),
+    "weak-ties": _on_data("weak-ties", "Few views that are weakly tied", _weak_ties),
+    "mappings": _on_data("mappings", "Ways to map, all photographs", _mappings),
+    "references": _on_data("references", "References of the recorded sets", _references),
+    "match-decay": _match_decay,
+    "blind-rings": _blind_rings,
+    "subset-scores": _on_data("subset-scores", "Few views, scored", _subset_scores),
+}
+SPEED = ("help", "clouds", "dense", "evaluation", "scaling")
+"""The studies of speed, which run where nobody chooses; the others are about quality."""
+
+
+def run_engine(
+    output: Path,
+    names: Sequence[str],
+    options: EngineOptions,
+    *,
+    progress: Progress,
+    overwrite: bool = False,
+) -> list[StudyResult]:
+    """Run studies one after the other and write results.json, results.md and their pictures.
+
+    Args:
+        output: folder of the result.
+        names: of `STUDIES`; none takes `SPEED`.
+        options: for all of them.
+        progress: told of stages.
+        overwrite: replace an earlier result in ``output``.
+
+    Raises:
+        UsageError: there is no such study, or ``output`` exists.
+    """
+    return run_studies(output, names, STUDIES, SPEED, options, progress=progress, overwrite=overwrite)

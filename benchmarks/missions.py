@@ -1,0 +1,247 @@
+"""`python -m benchmarks missions`: files there and back, poses of recorded flights, uploads, routes, fuzzing."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.flown_poses import Flown, flown_poses
+from benchmarks.mission_fuzz import fuzz_all, targets
+from benchmarks.mission_routes import route_field, tours
+from benchmarks.mission_trips import make_trips, random_mission
+from benchmarks.result import Cell, ResultTable, StudyResult
+from benchmarks.suite import run_studies
+from benchmarks.upload_trials import cut_trials, upload_trials
+from fieldkit.missions.autopilots import render
+from fieldkit.missions.mission import Mission
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.runtime.progress import Progress
+from fieldkit.scenes.rigs import ring
+from fieldkit.standin.recording import recordings_folder
+
+NO_RECORDINGS = "the recordings of flights (sim/sitl) come with the repository, not with the installed package"
+_LOGS = ("mount_then_yaw", "naive", "hold0", "probe_items")
+_LOSSES = (0.05, 0.20)
+_SPEED = 16.0
+
+
+@dataclass(frozen=True)
+class MissionOptions:
+    """What the studies are run with.
+
+    Attributes:
+        data: folder of the recorded image sets; further recordings of flights lie in ``sitl`` beside it. None without.
+        seed: of everything random.
+        missions: of ``trips``, in two formats and dialects each.
+        uploads: of ``uploads``, at each loss and with broken links.
+        plots: of ``routes``.
+        files: of ``fuzz``.
+    """
+
+    data: Path | None
+    seed: int = 0
+    missions: int = 10_000
+    uploads: int = 100
+    plots: int = 200
+    files: int = 100_000
+
+
+def recordings() -> dict[str, Path]:
+    """The recorded flights that come with the repository, by name; none where it is not there."""
+    folder = recordings_folder()
+    return {name: file for name in _LOGS if (file := folder / f"{name}.tlog").is_file()}
+
+
+def _trips(options: MissionOptions, progress: Progress) -> StudyResult:
+    wall, cpu = time.perf_counter(), time.process_time()
+    vehicles = [load_vehicle("ardupilot-pitch"), load_vehicle("px4-gimbal")]
+    with progress.stage("Missions there and back"), tempfile.TemporaryDirectory() as folder:
+        found = make_trips(options.missions, vehicles, Path(folder), options.seed)
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (t.dialect, f".{t.form}", t.reader, t.missions, t.items, t.photographs, t.failures) for t in found
+    )
+    columns = ("dialect", "format", "read back by fieldkit and", "missions>", "items>", "photographs>", "failures>")
+    return StudyResult(
+        name="trips",
+        title="Random missions there and back",
+        tables=(ResultTable("Items equal to 1e-7° and 1 cm, photographs with heading and pitch", columns, rows),),
+        notes=tuple(problem for t in found for problem in t.wrong),
+        figures={"trips": [asdict(t) for t in found]},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _poses(options: MissionOptions, progress: Progress) -> StudyResult:
+    title, near = "Achieved poses of recorded flights", recordings()
+    if not near:
+        return StudyResult("poses", title, skipped=NO_RECORDINGS)
+    wall, cpu = time.perf_counter(), time.process_time()
+    folders = [next(iter(near.values())).parent]
+    if options.data is not None and (options.data.parent / "sitl").is_dir():
+        folders.append(options.data.parent / "sitl")
+    found: list[Flown] = []
+    for folder in folders:
+        for log in sorted([*folder.glob("*.tlog"), *folder.glob("*.BIN.gz")]):
+            name = log.name.split(".")[0]
+            told = json.loads((folder / f"{name}.json").read_text("utf-8"))
+            if log.name not in {each.log for each in found} and told.get("triggers"):
+                with progress.stage(log.name):
+                    found.append(flown_poses(log, told["triggers"]))
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            f.log, f.photographs, f"{f.time_ms:.1f}", f"{100 * f.position_m:.1f}", f"{f.yaw_deg:.2f}",
+            f"{f.pitch_deg:.2f}", f"{100 * f.track_m:.1f}", f"{f.track_yaw_deg:.2f}",
+        )
+        for f in found
+    )  # fmt: skip
+    columns = (
+        "log", "photographs>", "time, ms>", "position, cm>", "heading, °>", "pitch, °>", "position by the track, cm>",
+        "heading by the track, °>",
+    )  # fmt: skip
+    return StudyResult(
+        name="poses",
+        title=title,
+        tables=(ResultTable("Largest difference from what the recording says", columns, rows),),
+        notes=("The autopilot's estimate, not the simulator's truth. By the track: from its messages only.",),
+        figures={"poses": [asdict(f) for f in found]},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _uploads(options: MissionOptions, progress: Progress) -> StudyResult:
+    title, logs = "Uploads over bad links", recordings()
+    if "probe_items" not in logs:
+        return StudyResult("uploads", title, skipped=NO_RECORDINGS)
+    wall, cpu = time.perf_counter(), time.process_time()
+    vehicle = load_vehicle("ardupilot-pitch")
+    items = render(_thirteen(options.seed), vehicle)[1:]
+    rows: list[tuple[Cell, ...]] = []
+    figures: dict[str, object] = {}
+    for loss in _LOSSES:
+        with progress.stage(f"{options.uploads} uploads at {loss:.0%} loss"):
+            done = upload_trials(
+                options.uploads, loss, options.seed, items=items, recording=logs["probe_items"], speed=_SPEED
+            )
+        figures[f"loss {loss:g}"] = asdict(done)
+        rows.append(
+            (
+                f"{loss:.0%}", f"{done.succeeded} of {done.count}", done.identical, done.attempts, done.downloads,
+                done.packets, done.lost, f"{done.seconds:.0f}",
+            )
+        )  # fmt: skip
+    with progress.stage(f"{options.uploads} broken links"):
+        cut = cut_trials(options.uploads, options.seed, items=items, recording=logs["probe_items"], speed=_SPEED)
+    figures["cut"] = asdict(cut)
+    told = ", ".join(f"{count} {name.lower()}" for name, count in sorted(cut.told.items()))
+    columns = (
+        "loss each way>", "succeeded>", "identical>", "attempts>", "read-backs>", "packets>", "lost>", "seconds>",
+    )  # fmt: skip
+    cuts = ResultTable(
+        "Links broken after a random packet, then mended",
+        ("links>", "what was told of the vehicle", "told wrongly>", "whole after the repeat>"),
+        ((cut.count, told, cut.untrue, cut.whole),),
+    )
+    return StudyResult(
+        name="uploads",
+        title=title,
+        tables=(ResultTable(f"{len(items)} items and home through MAVSDK", columns, tuple(rows)), cuts),
+        notes=(f"The vehicle is the replay at {_SPEED:g} times its time, both sides' time-outs scaled alike.",),
+        figures=figures,
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _routes(options: MissionOptions, progress: Progress) -> StudyResult:
+    wall, cpu = time.perf_counter(), time.process_time()
+    with progress.stage("Tours"):
+        known = tours(options.seed)
+    with progress.stage(f"{options.plots} plots"):
+        field = route_field(options.plots, 13, load_vehicle("ardupilot-pitch"), options.seed)
+    rows: tuple[tuple[Cell, ...], ...] = tuple((t.name, t.places, f"{t.excess:.1%}", f"{t.cpu_s:.2f}") for t in known)
+    row: tuple[Cell, ...] = (
+        field.plots, field.stations, field.flights, f"{field.length_m / 1000:.1f}", f"{field.time_s / 3600:.1f}",
+        f"{field.least_plants_m:.2f}", f"{field.route_s:.1f}", f"{field.write_s:.1f}",
+    )  # fmt: skip
+    columns = (
+        "plots>", "stations>", "flights>", "km>", "hours in the air>", "nearest plant, m>", "CPU s to route>",
+        "CPU s to write>",
+    )  # fmt: skip
+    return StudyResult(
+        name="routes",
+        title="Routes",
+        tables=(
+            ResultTable("Tours against the shortest", ("places", "number>", "longer by>", "CPU s>"), rows),
+            ResultTable("A field from plan to .plan files, every leg checked", columns, (row,)),
+        ),
+        figures={"tours": [asdict(t) for t in known], "field": asdict(field)},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _fuzz(options: MissionOptions, progress: Progress) -> StudyResult:
+    wall, cpu = time.perf_counter(), time.process_time()
+    plan = plan_from_poses(ring(5, 1.4, 1.1)).model_dump_json(indent=2).encode()
+    found = fuzz_all(targets(recordings(), (plan,)), options.files, options.seed, progress)
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (
+            name, f.files, f.accepted, f.refused, sum(f.defects.values()), f.hangs, f"{f.slowest_s:.2f}",
+            len(f.written),
+        )
+        for name, f in found.items()
+    )  # fmt: skip
+    columns = ("files", "read>", "accepted>", "refused>", "tracebacks>", "hangs>", "slowest, s>", "files written>")
+    return StudyResult(
+        name="fuzz",
+        title="Changed files",
+        tables=(ResultTable("Whatever is neither read nor refused with a message is a defect", columns, rows),),
+        notes=tuple(f"{name}: {kind}, {count} times" for name, f in found.items() for kind, count in f.defects.items()),
+        figures={name: {**asdict(f), "written": list(f.written)} for name, f in found.items()},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _thirteen(seed: int) -> Mission:
+    """The first random mission with 13 photographs."""
+    rng = np.random.default_rng(seed)
+    while len((mission := random_mission(rng)).shots) != 13:
+        pass
+    return mission
+
+
+STUDIES: dict[str, Callable[[MissionOptions, Progress], StudyResult]] = {
+    "trips": _trips,
+    "poses": _poses,
+    "uploads": _uploads,
+    "routes": _routes,
+    "fuzz": _fuzz,
+}
+
+
+def run_missions(
+    output: Path, names: Sequence[str], options: MissionOptions, *, progress: Progress, overwrite: bool = False
+) -> list[StudyResult]:
+    """Run studies one after the other and write results.json and results.md.
+
+    Args:
+        output: folder of the result.
+        names: of `STUDIES`; none takes ``poses`` and ``routes``.
+        options: for all of them.
+        progress: told of stages.
+        overwrite: replace an earlier result in ``output``.
+
+    Raises:
+        UsageError: there is no such study, or ``output`` exists.
+    """
+    return run_studies(output, names, STUDIES, ["poses", "routes"], options, progress=progress, overwrite=overwrite)

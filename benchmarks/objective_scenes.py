@@ -1,0 +1,48 @@
+"""The tuning scenes that the objective is measured on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.planning.objective.simulated import SimulatedSource
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.envelope import Envelope
+from fieldkit.planning.space.projection import project
+from fieldkit.scenes.library import find_scene
+from fieldkit.scenes.scene_file import read_scene
+from fieldkit.scenes.simulation import ring_about
+
+SCENES = ("tuning-1", "tuning-2", "tuning-3")
+"""A row of three plants, five on a grid, and four at random between neighbour rows."""
+VIEWS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class TuningPlot:
+    """A tuning scene ready for the objective.
+
+    Attributes:
+        name: of the scene.
+        source: of its photographs.
+        envelope: its feasible set.
+        ring: ten cameras on a circle that the plants fill, moved where that is not free: the plain plan.
+    """
+
+    name: str
+    source: SimulatedSource
+    envelope: Envelope
+    ring: Cameras
+
+
+def tuning_plot(name: str = SCENES[0]) -> TuningPlot:
+    """A scene that comes with fieldkit, built.
+
+    Raises:
+        SceneError: there is none of this name.
+    """
+    source = SimulatedSource.from_description(read_scene(find_scene(name)))
+    proxy = source.proxy
+    envelope = Envelope.around(Cloud(proxy.plot.points), proxy.volume)
+    circle = Cameras.from_poses(ring_about(VIEWS)(proxy.scene, proxy.camera))
+    return TuningPlot(name, source, envelope, project(circle, envelope))

@@ -1,0 +1,456 @@
+"""`python -m benchmarks planner`: methods side by side, on simulated plots and on recorded sets."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.captures import rig_capture
+from benchmarks.objective import NO_DATA
+from benchmarks.planner_rehearsed import rehearsed_table
+from benchmarks.planner_rest import value_against_rest
+from benchmarks.planner_runs import OF_A_KIND, Contender, Place, Ran, figures, run_all, run_name
+from benchmarks.planner_transfer import carry, transfer_table
+from benchmarks.result import Cell, ResultTable, StudyResult, spread
+from benchmarks.rigs import load_rig
+from benchmarks.suite import run_studies
+from fieldkit.cache import StageCache
+from fieldkit.errors import UsageError
+from fieldkit.evaluation.reference import build_reference
+from fieldkit.planning.objective.fidelity import FidelityName
+from fieldkit.planning.objective.objective import Mapping as SfmMapping
+from fieldkit.planning.run.folder import read_log, read_settings, searched
+from fieldkit.planning.run.open_problem import open_problem
+from fieldkit.planning.run.outcome import PLAN_PICTURE
+from fieldkit.planning.run.request import KIND_PLOTS
+from fieldkit.present.pictures.curves import png
+from fieldkit.present.pictures.search import draw_regret
+from fieldkit.results.plan import PlanSource
+from fieldkit.runtime.progress import Progress
+from fieldkit.scenes.generator import plots_of_kind
+from fieldkit.scenes.library import find_scene
+from fieldkit.scenes.scene_file import read_scene, write_scene
+
+RECORDED_FIDELITY: FidelityName = "standard"
+PLANNERS = ("bosfm", "bosfm-tuned", "field")
+_OPTIMISED = ("circle", "circle-aim", "two-rings", "hemisphere", "mcp", "geometric", "smith", "score")
+"""What plans carried to another plot are held against."""
+_SIMULATED = ("random", *_OPTIMISED, *PLANNERS)
+_RECORDED = ("random", "uniform", "match-graph", *PLANNERS)
+_SEVERAL = ("random", "circle", "circle-aim", "two-rings", "hemisphere", "smith", "score", *PLANNERS)
+"""Methods whose outcome depends on the seed; that of circles by what registers in a trial's photographs."""
+_KIND = {"score-kind": "score", "field-kind": "field"}
+"""Methods that plan for plots of a kind, by the names they have here."""
+_CARRIED = ("circle-aim", "score", *PLANNERS, *_KIND)
+_REPEATS = 2
+_SUBSETS = 20
+_LIKE, _LIKE_SEED = "like:", 7001
+"""Of plots that plans are carried to: no run's seed is as large."""
+_OURS = ("score", "field", *_KIND)
+"""What is no baseline."""
+
+
+@dataclass(frozen=True)
+class PlannerOptions:
+    """What the studies are run with.
+
+    Attributes:
+        data: folder of the recorded sets, or None.
+        cache: of stages of recorded photographs.
+        runs: folder that keeps every run: finished ones are not done again, broken ones go on.
+        scenes: of ``simulated``, ``transfer`` and ``surrogate``; of ``chosen`` where they name recorded sets.
+        evaluations: of each search.
+        seeds: of methods that have one.
+        cameras: N of ``simulated``.
+        mapping: of the evaluations.
+        fidelity: of searches on simulated plots; recorded sets are searched at `RECORDED_FIDELITY`.
+        workers: processes.
+        methods: to compare; all where empty.
+        onto: scenes that plans of ``scenes`` are carried to in ``transfer``; "like:N" for N plots of each scene's kind
+            that no plan has met.
+    """
+
+    data: Path | None
+    cache: StageCache
+    runs: Path
+    scenes: tuple[str, ...] = ("tuning-1",)
+    evaluations: int = 100
+    seeds: int = 3
+    cameras: int = 10
+    mapping: SfmMapping = "prior"
+    fidelity: FidelityName = "standard"
+    workers: int = 2
+    methods: tuple[str, ...] = ()
+    onto: tuple[str, ...] = ("test-case-1", "test-case-4")
+
+
+RIGS: Mapping[str, tuple[int, ...]] = {"basil_rig": (13, 10), "arabidopsis_rig": (16,)}
+"""Recorded sets and the numbers of views that are chosen of them."""
+
+
+_REHEARSED = (13, 10)
+"""Numbers of views that are chosen for the kind."""
+
+
+def _simulated(options: PlannerOptions, progress: Progress) -> StudyResult:
+    wall, cpu = time.perf_counter(), time.process_time()
+    found = {
+        f"{name}, {options.cameras} cameras": _on_scene(name, _SIMULATED, options, progress) for name in options.scenes
+    }
+    return _study("simulated", "Planners on simulated plots", found, _scene_notes(options), wall, cpu)
+
+
+def _on_scene(name: str, methods: Sequence[str], options: PlannerOptions, progress: Progress) -> list[Ran]:
+    return run_all(
+        Place.scene(name), _contenders(methods, options), options.runs, cameras=options.cameras,
+        mapping=options.mapping, fidelity=options.fidelity, confirm_fidelity="fine", repeats=_REPEATS,
+        workers=options.workers, cache=options.cache, progress=progress,
+    )  # fmt: skip
+
+
+def _scene_notes(options: PlannerOptions) -> tuple[str, ...]:
+    return (
+        (
+            f"{options.evaluations} evaluations at {options.fidelity} and mapping {options.mapping}; each run's best "
+            f"sets, three at most, were evaluated again at fine, {_REPEATS} fresh seeds each, and the best mean counts."
+        ),
+        "Photographs have the scene's camera effects; leaves are still and poses exact, claimed good to 10 mm.",
+    )
+
+
+def _destinations(scene: str, options: PlannerOptions) -> list[str]:
+    """Scenes that a scene's plans are carried to; files of plots of its kind are written beside the runs."""
+    found: list[str] = []
+    for name in options.onto:
+        if not name.startswith(_LIKE):
+            found.append(name)
+            continue
+        count = name.removeprefix(_LIKE)
+        if not (count.isdecimal() and int(count)):
+            raise UsageError(f"{name}: how many plots?", remedy="Give a whole number, as in like:2.")
+        description = read_scene(find_scene(scene))
+        options.runs.mkdir(parents=True, exist_ok=True)
+        for number, made in enumerate(plots_of_kind(description, int(count), _LIKE_SEED)):
+            file = options.runs / f"{Path(scene).stem}-like-{number}.toml"
+            if not file.is_file():
+                write_scene(file, made)
+            found.append(str(file))
+    return found
+
+
+def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
+    wall, cpu = time.perf_counter(), time.process_time()
+    tables, figures = [], {}
+    # All of them first: a name that is wrong shall not be found out after hours of planning.
+    targets = {scene: [(name, Place.scene(name)) for name in _destinations(scene, options)] for scene in options.scenes}
+    for scene, places in targets.items():
+        origin, plans = Place.scene(scene).name, _on_scene(scene, _CARRIED, options, progress)
+        for name, place in places:
+            carried = carry(
+                plans, origin, place, options.runs, cameras=options.cameras,
+                mapping=options.mapping, fidelity=options.fidelity, repeats=_REPEATS, workers=options.workers,
+                cache=options.cache, progress=progress,
+            )  # fmt: skip
+            optimised = _on_scene(name, _OPTIMISED, options, progress)
+            tables.append(transfer_table(origin, place.name, carried, optimised))
+            figures[f"{name} from {scene}"] = {
+                "carried": [
+                    {"method": c.ran.method, "seed": c.ran.seed, "value_m": c.value_m, "moved_m": c.moved_m}
+                    for c in carried
+                ],
+                "optimised": [{"method": r.method, "seed": r.seed, "value_m": r.value_m} for r in optimised],
+            }
+    return StudyResult(
+        name="transfer",
+        title="Plans of one plot on others, without optimising",
+        tables=tuple(tables),
+        notes=(*_scene_notes(options), "Carried plans are evaluated at fine and fresh seeds, too."),
+        figures=figures,
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _surrogate(options: PlannerOptions, progress: Progress) -> StudyResult:
+    from benchmarks.planner_surrogate import foretell_all, surrogate_table  # brings PyTorch along
+
+    wall, cpu = time.perf_counter(), time.process_time()
+    found = {}
+    for scene in options.scenes:
+        place = Place.scene(scene)
+        for ran in _on_scene(scene, ("field",), replace(options, methods=()), progress):
+            folder = options.runs / run_name(
+                place, options.cameras, options.mapping, options.fidelity, "field", ran.seed
+            )
+            problem = open_problem(read_settings(folder), folder, cache=options.cache, progress=progress).problem
+            results = [entry.result for entry in searched(read_log(folder))]
+            with progress.stage(f"Models of {folder.name}"):
+                found[folder.name] = foretell_all(problem, results)
+    return StudyResult(
+        name="surrogate",
+        title="Models in the field method's place",
+        tables=(surrogate_table(found),),
+        notes=("Every model learns from a run's first 20, 28, 36 … trials; the trials are those that `field` chose.",),
+        figures={run: {model: asdict(each) for model, each in by.items()} for run, by in found.items()},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _ablation(options: PlannerOptions, progress: Progress) -> StudyResult:
+    from benchmarks.planner_ablation import (
+        NOISE,
+        Ended,
+        ablation_table,
+        search,
+        variants,
+    )  # brings PyTorch along
+
+    wall, cpu = time.perf_counter(), time.process_time()
+    found: dict[str, dict[str, tuple[Ended, ...]]] = {}
+    for scene in options.scenes:
+        place = Place.scene(scene)
+        settings = place.settings(cameras=options.cameras, method="field")
+        with tempfile.TemporaryDirectory() as folder:
+            problem = open_problem(settings, Path(folder), cache=options.cache, progress=progress).problem
+        makers = {name: make for name, make in variants().items() if not options.methods or name in options.methods}
+        found[place.name] = {}
+        for name, make in makers.items():
+            with progress.stage(f"{place.name}: {name}"):
+                found[place.name][name] = tuple(
+                    search(problem, make(problem, seed), options.evaluations, seed) for seed in range(options.seeds)
+                )
+    return StudyResult(
+        name="ablation",
+        title="The field method's settings on a stand-in",
+        tables=(ablation_table(found),),
+        notes=(
+            (
+                f"{options.evaluations} evaluations, {options.seeds} seeds, {options.cameras} cameras; the stand-in is "
+                "a geometric score with other constants and weights, times e^(± 8 %) that no score knows, with noise "
+                f"of {NOISE:.0%}. Methods that stop by themselves are run on; what they would have chosen is told."
+            ),
+        ),
+        figures={
+            scene: {name: [asdict(e) for e in ended] for name, ended in by.items()} for scene, by in found.items()
+        },
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _recorded(options: PlannerOptions, progress: Progress) -> StudyResult:
+    title = "Planners on recorded sets"
+    if options.data is None:
+        return StudyResult("chosen", title, skipped=NO_DATA)
+    wall, cpu = time.perf_counter(), time.process_time()
+    found: dict[str, list[Ran]] = {}
+    pictures: dict[str, bytes] = {}
+    rests: list[ResultTable] = []
+    for rig in [name for name in RIGS if name in options.scenes] or RIGS:
+        place = _rig_place(options.data, rig, options, progress)
+        for count in RIGS[rig]:
+            contenders = [
+                Contender("random", _SUBSETS) if each.method == "random" else each
+                for each in _contenders(_RECORDED, options)
+            ]
+            runs = run_all(
+                place, contenders, options.runs, cameras=count, mapping=options.mapping, fidelity=RECORDED_FIDELITY,
+                confirm_fidelity="fine", repeats=1, workers=options.workers, cache=options.cache, progress=progress,
+            )  # fmt: skip
+            found[f"{rig}, {count} views"] = runs
+            rows: list[tuple[Cell, ...]] = []
+            for method in dict.fromkeys(run.method for run in runs):
+                best = min((run for run in runs if run.method == method), key=lambda run: run.value_m)
+                folder = options.runs / run_name(place, count, options.mapping, RECORDED_FIDELITY, method, best.seed)
+                value = value_against_rest(
+                    folder, place, best.views, workers=options.workers, cache=options.cache, progress=progress
+                )
+                rows.append((method, f"{1000 * best.value_m:.2f}", f"{1000 * value:.2f}"))
+                pictures[f"chosen-{rig}-{count}-{method}.png"] = (folder / PLAN_PICTURE).read_bytes()
+            columns = ("method", "against all views, mm>", "against the others, mm>")
+            rests.append(ResultTable(f"{rig}, {count} views: each method's best plan", columns, tuple(rows)))
+    notes = (
+        (
+            f"{options.evaluations} evaluations at {RECORDED_FIDELITY} among all views of the rig, with its commanded "
+            f"poses, against the reference of all of them ({_SUBSETS} for random); the finalists were evaluated again "
+            "at fine."
+        ),
+    )
+    study = _study("chosen", title, found, notes, wall, cpu)
+    return replace(study, tables=(*study.tables, *rests), pictures={**study.pictures, **pictures})
+
+
+def _rehearsed(options: PlannerOptions, progress: Progress) -> StudyResult:
+    title = "Views of recorded sets, chosen for their kind"
+    if options.data is None:
+        return StudyResult("rehearsed", title, skipped=NO_DATA)
+    wall, cpu = time.perf_counter(), time.process_time()
+    tables = []
+    for rig in [name for name in RIGS if name in options.scenes] or RIGS:
+        place = _rig_place(options.data, rig, options, progress)
+        for count in _REHEARSED:
+            methods = {"for the kind": f"field{OF_A_KIND}", "for these photographs": "field"}
+            runs = run_all(
+                place, _contenders(tuple(methods.values()), replace(options, methods=(), seeds=1)), options.runs,
+                cameras=count, mapping=options.mapping, fidelity=RECORDED_FIDELITY, confirm_fidelity="fine", repeats=1,
+                workers=options.workers, cache=options.cache, progress=progress,
+            )  # fmt: skip
+            chosen = {name: run.cameras for name, run in zip(methods, runs, strict=True)}
+            folder = run_name(place, count, options.mapping, RECORDED_FIDELITY, f"field{OF_A_KIND}", 0)
+            tables.append(
+                rehearsed_table(
+                    f"{rig}, {count} views", options.runs / folder, chosen, cache=options.cache, progress=progress
+                )
+            )
+    return StudyResult(
+        name="rehearsed",
+        title=title,
+        tables=tuple(tables),
+        notes=(
+            "Standard, in brackets fine; means of three draws or turns. Right photographs: what occurred.",
+            f"Planner seed 0, at most {options.evaluations} evaluations.",
+        ),
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progress) -> Place:
+    """A rig's photographs with complete commanded poses, and the reference of all of them, kept beside the runs."""
+    images, reference = options.runs / name, options.runs / f"{name}-reference"
+    if not images.is_dir():
+        rig = load_rig(data, name, cache=options.cache, progress=progress, workers=options.workers)
+        part = images.with_name(f"{name}.part")
+        shutil.rmtree(part, ignore_errors=True)
+        rig_capture(part, rig, rig.names, rig.nominal, rig.accuracy_m)
+        part.rename(images)  # a copy that was broken off is not taken for a whole one
+    if not reference.is_dir():
+        build_reference(
+            data / name / "images", reference, cache=options.cache, progress=progress, workers=options.workers,
+            scene=False,
+        )  # fmt: skip
+    return Place(name, PlanSource(kind="captures", name=name), images.resolve(), reference.resolve())
+
+
+def _contenders(names: Sequence[str], options: PlannerOptions) -> list[Contender]:
+    chosen = [name for name in names if not options.methods or name in options.methods]
+    seeds = tuple(range(options.seeds))
+    return [
+        Contender(
+            _KIND.get(name, name), options.evaluations, seeds if name in (*_SEVERAL, *_KIND) else (0,),
+            KIND_PLOTS if name in _KIND else 1,
+        )
+        for name in chosen
+    ]  # fmt: skip
+
+
+def _study(
+    name: str, title: str, found: Mapping[str, Sequence[Ran]], notes: tuple[str, ...], wall: float, cpu: float
+) -> StudyResult:
+    return StudyResult(
+        name=name,
+        title=title,
+        tables=tuple(compare_table(place, runs) for place, runs in found.items()),
+        notes=notes,
+        figures={
+            place: [{"method": r.method, "seed": r.seed, "best_m": r.best_m, **r.outcome.model_dump()} for r in runs]
+            for place, runs in found.items()
+        },
+        pictures={f"{name}-regret.png": png(draw_regret({p: _curves(runs) for p, runs in found.items()}))},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
+    """A row per method: its plans' values by confirmations, and against the best baseline's."""
+    methods = list(dict.fromkeys(run.method for run in runs))
+    baselines = [_mean_value(runs, method) for method in methods if method not in _OURS]
+    best = min(baselines, default=float("nan"))
+    final = _final_search_value(runs, "bosfm")
+    rows: list[tuple[Cell, ...]] = []
+    for method in methods:
+        own = [run for run in runs if run.method == method]
+        reached = [_evaluations_to(run, final) for run in own] if final is not None else []
+        rows.append(
+            (
+                method, len(own), f"{np.mean([r.outcome.evaluations for r in own]):.0f}",
+                f"{np.mean([r.outcome.failed_evaluations for r in own]):.0f}",
+                spread([1000 * (r.found_m or np.nan) for r in own], 2),
+                *figures(own, best),
+                " ".join("–" if k is None else str(k) for k in reached) or None,
+                f"{np.mean([_overhead(r) for r in own]):.1%}",
+                f"{np.mean([_cpu_s(r) for r in own]) / 60:.0f}",
+            )
+        )  # fmt: skip
+    columns = (
+        "method", "runs>", "evaluations>", "without a cloud>", "search, mm>", "plan, mm>", "÷ best baseline>",
+        "accuracy, mm>", "completeness, mm>", "right>", "reaches bosfm's end at>", "overhead>", "CPU minutes>",
+    )  # fmt: skip
+    return ResultTable(place, columns, tuple(rows))
+
+
+def _mean_value(runs: Sequence[Ran], method: str) -> float:
+    return float(np.mean([run.value_m for run in runs if run.method == method]))
+
+
+def _final_search_value(runs: Sequence[Ran], method: str) -> float | None:
+    values = [run.found_m for run in runs if run.method == method and run.found_m is not None]
+    return float(np.mean(values)) if values else None
+
+
+def _evaluations_to(run: Ran, value_m: float) -> int | None:
+    return next((k + 1 for k, best in enumerate(run.best_m) if best is not None and best <= value_m), None)
+
+
+def _overhead(run: Ran) -> float:
+    """Share of the CPU time that is not evaluations."""
+    spent = _cpu_s(run)
+    return run.outcome.proposal_cpu_s / spent if spent > 0 else 0.0
+
+
+def _cpu_s(run: Ran) -> float:
+    return run.outcome.evaluation_cpu_s + run.outcome.proposal_cpu_s
+
+
+def _curves(runs: Sequence[Ran]) -> dict[str, list[tuple[float | None, ...]]]:
+    curves: dict[str, list[tuple[float | None, ...]]] = {}
+    for run in runs:
+        if run.best_m:
+            curves.setdefault(run.method, []).append(run.best_m)
+    return curves
+
+
+STUDIES: dict[str, Callable[[PlannerOptions, Progress], StudyResult]] = {
+    "simulated": _simulated,
+    "transfer": _transfer,
+    "surrogate": _surrogate,
+    "ablation": _ablation,
+    "chosen": _recorded,
+    "rehearsed": _rehearsed,
+}
+
+
+def run_planner(
+    output: Path, names: Sequence[str], options: PlannerOptions, *, progress: Progress, overwrite: bool = False
+) -> list[StudyResult]:
+    """Run studies one after the other and write results.json, results.md and their pictures.
+
+    Args:
+        output: folder of the result.
+        names: of `STUDIES`; none takes ``simulated``.
+        options: for all of them.
+        progress: told of stages.
+        overwrite: replace an earlier result in ``output``.
+
+    Raises:
+        UsageError: there is no such study, or ``output`` exists.
+    """
+    return run_studies(output, names, STUDIES, ["simulated"], options, progress=progress, overwrite=overwrite)

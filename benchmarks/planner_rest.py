@@ -1,0 +1,49 @@
+"""Chosen photographs against a reference that is built of those that were not chosen."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Collection
+from pathlib import Path
+
+from benchmarks.planner_runs import Place
+from fieldkit.cache import StageCache
+from fieldkit.evaluation.reference import build_reference
+from fieldkit.planning.objective.recorded import RecordedSource
+from fieldkit.planning.run.folder import read_settings
+from fieldkit.planning.run.open_problem import open_problem
+from fieldkit.runtime.progress import Progress
+
+_REFERENCE = "rest-reference"
+
+
+def value_against_rest(
+    run: Path, place: Place, chosen: Collection[str], *, workers: int, cache: StageCache, progress: Progress
+) -> float:
+    """The value in metres at the confirmations' fidelity; the reference is kept in the run's folder.
+
+    Args:
+        run: folder of the run that chose.
+        place: recorded.
+        chosen: names of photographs.
+        workers, cache, progress: as `planner_runs.run_all`.
+
+    Raises:
+        FieldkitError: the rest does not reconstruct.
+    """
+    reference = run / _REFERENCE
+    if not reference.is_dir():
+        rest = run / "rest"
+        shutil.rmtree(rest, ignore_errors=True)
+        shutil.copytree(place.path, rest, ignore=lambda _, names: [name for name in names if name in chosen])
+        table = (rest / "poses.csv").read_text(encoding="utf-8").splitlines()
+        kept = [line for line in table if line.split(",", 1)[0] not in chosen]
+        (rest / "poses.csv").write_text("\n".join(kept) + "\n", encoding="utf-8")
+        build_reference(rest, reference, cache=cache, progress=progress, workers=workers, scene=False)
+        shutil.rmtree(rest)
+    settings = read_settings(run).model_copy(update={"reference_path": str(reference)})
+    objective = open_problem(settings, run, cache=cache, progress=progress, workers=workers).objective.on(0)
+    source = objective.source
+    assert isinstance(source, RecordedSource)
+    index = [k for k, view in enumerate(source.views) if view.name in chosen]
+    return objective.evaluate(source.cameras(index), fidelity=settings.confirm_fidelity).value_m

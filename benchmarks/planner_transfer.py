@@ -1,0 +1,114 @@
+"""`transfer`: plans of one plot flown over others as they are, beside baselines that are optimised there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.planner_runs import Place, Ran, confirmed_m, figures, mean_of
+from benchmarks.result import Cell, ResultTable
+from fieldkit.cache import StageCache
+from fieldkit.planning.objective.fidelity import FidelityName
+from fieldkit.planning.objective.objective import Mapping
+from fieldkit.planning.problem import Trial
+from fieldkit.planning.run.folder import SETTINGS_FILE, create_run, open_run
+from fieldkit.planning.run.loop import Finalist, evaluate_again, nobody
+from fieldkit.planning.run.open_problem import open_problem
+from fieldkit.planning.run.pool import WorkerPool
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.runtime.progress import Progress
+
+_METHOD = "given"
+"""What search.json of such a folder says instead of a method's name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """A plan of one plot, evaluated on another.
+
+    Attributes:
+        ran: the run that made it.
+        cameras: as they stand there.
+        value_m, accuracy_m, completeness_m, right: means over fresh seeds.
+        moved_m: how far its cameras had to move to be feasible there, at most.
+    """
+
+    ran: Ran
+    cameras: Cameras
+    value_m: float
+    accuracy_m: float
+    completeness_m: float
+    right: float
+    moved_m: float
+
+
+def carry(
+    plans: Sequence[Ran], origin: str, place: Place, folder: Path, *, cameras: int, mapping: Mapping,
+    fidelity: FidelityName, repeats: int, workers: int, cache: StageCache, progress: Progress,
+) -> list[Carried]:  # fmt: skip
+    """Plans evaluated at ``fine`` on another plot, with nothing optimised there.
+
+    What is infeasible there, a camera among taller plants, is moved as little as it takes. Evaluations are kept in a
+    run folder: what lies there is not done again.
+
+    Args:
+        plans: of the first plot.
+        origin: that plot's name.
+        place: the other one.
+        folder: of all runs.
+        fidelity: that the plans were searched at; here they are evaluated at fine.
+        cameras, mapping, repeats, workers, cache, progress: as `planner_runs.run_all`.
+
+    Raises:
+        FieldkitError: as `plan_views`.
+    """
+    output = folder / f"{place.name}-{cameras}-{mapping}-{fidelity}-from-{origin}"
+    settings = place.settings(
+        cameras=cameras, method=_METHOD, evaluations=max(1, len(plans)), mapping=mapping, confirm_fidelity="fine",
+        repeats=repeats,
+    )  # fmt: skip
+    opened = open_run(output) if (output / SETTINGS_FILE).is_file() else create_run(output, settings)
+    with opened as run, progress.stage(output.name):
+        plannable = open_problem(settings, run.path, cache=cache, progress=progress, workers=workers)
+        trials, moved = [], {}
+        for number, plan in enumerate(plans):
+            there = plannable.problem.nearest(plan.cameras)
+            moved[number] = float(np.linalg.norm(there.positions - plan.cameras.positions, axis=1).max())
+            trials.append(Trial(number, there, f"{plan.method}-{plan.seed}"))
+        with WorkerPool(plannable.objective, workers=workers) as executor:
+            found = evaluate_again(executor, run, trials, watch=nobody)
+    by_number = {each.trial.number: each for each in found}
+    return [_carried(plan, by_number[number], moved[number]) for number, plan in enumerate(plans)]
+
+
+def _carried(ran: Ran, found: Finalist, moved_m: float) -> Carried:
+    return Carried(
+        ran, found.trial.cameras, confirmed_m(found.value_m), mean_of(found.entries, "accuracy_m"),
+        mean_of(found.entries, "completeness_m"), mean_of(found.entries, "right"), moved_m,
+    )  # fmt: skip
+
+
+def transfer_table(origin: str, place: str, carried: Sequence[Carried], optimised: Sequence[Ran]) -> ResultTable:
+    """A row per method: its plans of the first plot as they are, then what is optimised on this one."""
+    best = min((float(np.mean([r.value_m for r in runs])) for runs in _by_method(optimised)), default=float("nan"))
+    rows: list[tuple[Cell, ...]] = []
+    for method in dict.fromkeys(each.ran.method for each in carried):
+        own = [each for each in carried if each.ran.method == method]
+        moved_mm = f"{1000 * max(each.moved_m for each in own):.0f}"
+        rows.append((f"{method} of {origin}", len(own), 0, *figures(own, best), moved_mm))
+    for runs in _by_method(optimised):
+        evaluations = f"{np.mean([run.outcome.evaluations for run in runs]):.0f}"
+        rows.append((f"{runs[0].method}, optimised here", len(runs), evaluations, *figures(runs, best), None))
+    columns = (
+        "plan", "plans>", "evaluations here>", "chamfer distance, mm>", "÷ best optimised here>", "accuracy, mm>",
+        "completeness, mm>", "right>", "moved at most, mm>",
+    )  # fmt: skip
+    return ResultTable(f"{place}, with plans of {origin}", columns, tuple(rows))
+
+
+def _by_method(runs: Sequence[Ran]) -> list[list[Ran]]:
+    methods = dict.fromkeys(run.method for run in runs)
+    return [[run for run in runs if run.method == method] for method in methods]

@@ -1,0 +1,102 @@
+"""CPU seconds and memory of `fieldkit reference` against the number of photographs, each run in its own process."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from io import BytesIO
+from pathlib import Path
+
+from benchmarks.captures import rig_capture
+from benchmarks.cost_picture import Cost, draw_cost_plot
+from benchmarks.result import ResultTable, StudyResult
+from benchmarks.rigs import RigSet, load_rig, uniform_subset
+from fieldkit.cache import StageCache
+from fieldkit.errors import ReconstructionError
+from fieldkit.runtime.progress import Progress
+
+SIZES = (10, 20, 40, 79)
+MEMORY_LIMIT_BYTES = 4 * 10**9
+PLANTS, SCENE = "plants only (--no-scene)", "plants and scene"
+_FIELDKIT = "import sys; from fieldkit.cli.main import main; sys.exit(main())"
+
+
+def run_scaling(
+    data: Path, sizes: Sequence[int] = SIZES, *, scene: bool, cache: StageCache, progress: Progress
+) -> StudyResult:
+    """References of uniform subsets of basil_rig, with cold caches."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    rig = load_rig(data, "basil_rig", cache=cache, progress=progress)
+    costs = []
+    kinds = {PLANTS: ["--no-scene"], SCENE: []} if scene else {PLANTS: ["--no-scene"]}
+    with (
+        tempfile.TemporaryDirectory(prefix="fieldkit-") as folder,
+        progress.stage("References", len(sizes) * len(kinds)) as advance,
+    ):
+        for size in sizes:
+            images = Path(folder) / f"images-{size}"
+            write_subset(images, rig, size)
+            for name, options in kinds.items():
+                costs.append(reference_cost(name, images, size, options))
+                advance(1)
+    picture = BytesIO()
+    draw_cost_plot(costs, memory_limit_bytes=MEMORY_LIMIT_BYTES).savefig(picture, format="png", metadata={})
+    return StudyResult(
+        name="scaling",
+        title="Cost against the number of photographs",
+        tables=(cost_table(costs),),
+        notes=(
+            "Uniform subsets of basil_rig (2304 × 1296 pixels); standard, one worker, one thread, --no-cache.",
+            "poses.csv has the commanded poses, completed; camera.toml the dense model's calibration.",
+            "A process of its own for each; CPU seconds of user and system, start included; memory is its ru_maxrss.",
+        ),
+        figures={"costs": [asdict(cost) for cost in costs], "memory_limit_bytes": MEMORY_LIMIT_BYTES},
+        pictures={"cost.png": picture.getvalue()},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def write_subset(folder: Path, rig: RigSet, size: int) -> None:
+    """A capture of ``size`` photographs with what a person who ran the rig knows."""
+    rig_capture(folder, rig, uniform_subset(rig.names, size), rig.nominal, rig.accuracy_m)
+
+
+def reference_cost(name: str, images: Path, count: int, options: Sequence[str]) -> Cost:
+    """Run `fieldkit reference` on a folder and measure the process.
+
+    Raises:
+        ReconstructionError: the command failed.
+    """
+    with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
+        arguments = [
+            sys.executable, "-c", _FIELDKIT, "reference", str(images), "-o", str(Path(folder) / "reference"),
+            "--no-cache", "--json", *options,
+        ]  # fmt: skip
+        cpu_s, memory, code = process_cost(arguments)
+    if code != 0:
+        raise ReconstructionError(f"fieldkit reference failed on {count} photographs with exit code {code}")
+    return Cost(name, count, cpu_s, memory)
+
+
+def process_cost(arguments: Sequence[str]) -> tuple[float, int, int]:
+    """CPU seconds, most resident bytes and exit code of a command, its waited-for children included in the first."""
+    process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    unit = 1 if sys.platform == "darwin" else 1024
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss * unit, process.returncode
+
+
+def cost_table(costs: Sequence[Cost]) -> ResultTable:
+    """A row per run."""
+    columns = ("photographs>", "what", "CPU s>", "CPU s per photograph>", "most memory, GB>")
+    rows = tuple(
+        (c.images, c.name, f"{c.cpu_s:.0f}", f"{c.cpu_s / c.images:.2f}", f"{c.memory_bytes / 1e9:.2f}") for c in costs
+    )
+    return ResultTable("fieldkit reference", columns, rows)

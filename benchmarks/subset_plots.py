@@ -1,0 +1,107 @@
+"""Subsets of a recorded rig: which views, and what became of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.present.pictures.panels import (
+    COLORS,
+    FAINT,
+    INK,
+    Place,
+    add_panel,
+    colors_or_grey,
+    display_limits,
+    draw_cloud,
+    fitting_scale,
+    new_figure,
+    window_around,
+)
+from fieldkit.present.pictures.plot_axes import dress
+from fieldkit.present.pictures.projection import FRONT, TOP
+
+_WIDTH, _ROW, _MARGIN, _TITLE = 13.0, 3.6, 0.55, 0.6
+_COLORS = COLORS[:2]
+
+
+@dataclass(frozen=True, eq=False)
+class Subset:
+    """One subset with its outcome.
+
+    Attributes:
+        name: for people.
+        cloud: its plants, plot frame.
+        views: indices of its views.
+        value_m: its value.
+    """
+
+    name: str
+    cloud: Cloud
+    views: Sequence[int]
+    value_m: float
+
+
+def draw_subsets(
+    centers: NDArray[np.float64], subsets: Sequence[Subset], values: Sequence[float], volume: Volume
+) -> Figure:
+    """A row for each subset: its cameras on the rig, its cloud from above and from the front; last, all values.
+
+    Args:
+        centers: (n, 3) of all views that could be chosen, metres.
+        subsets: at most two.
+        values: metres, of every subset that was tried.
+        volume: of interest.
+    """
+    figure = new_figure(_WIDTH, _TITLE + _ROW * len(subsets), "Random subsets of a recorded rig")
+    side = _ROW - 2 * _MARGIN + 0.3
+    everything = np.concatenate([subset.cloud.points for subset in subsets])
+    lower, upper = display_limits(everything, volume)
+    middle, size = 0.5 * (lower + upper), upper - lower
+    for row, (subset, color) in enumerate(zip(subsets, _COLORS, strict=True)):
+        bottom = _ROW * (len(subsets) - 1 - row) + 0.5
+        rig = Place(0.5, bottom, side, side)
+        reach = centers[:, :2].max(axis=0) - centers[:, :2].min(axis=0)
+        center = 0.5 * (centers[:, :2].max(axis=0) + centers[:, :2].min(axis=0))
+        window = window_around(center, rig, fitting_scale(reach, rig))
+        title = f"{subset.name}: {1000 * subset.value_m:.2f} mm, {len(subset.views)} views"
+        axes = add_panel(figure, rig, window, title, unit="m")
+        draw_cloud(axes, subset.cloud.points, colors_or_grey(subset.cloud.points, subset.cloud.colors), TOP, window)
+        axes.plot(centers[:, 0], centers[:, 1], ".", color=FAINT, markersize=4, zorder=4)
+        chosen = centers[list(subset.views)]
+        axes.plot(chosen[:, 0], chosen[:, 1], "o", color=color, markersize=7, zorder=5)
+        for k, direction in enumerate((TOP, FRONT)):
+            place = Place(0.5 + (k + 1) * (side + 0.35), bottom, side, side)
+            extent = (size[direction.right], size[direction.up])
+            window = window_around((middle[direction.right], middle[direction.up]), place, fitting_scale(extent, place))
+            axes = add_panel(figure, place, window, f"cloud {direction.name}", unit="m")
+            draw_cloud(
+                axes, subset.cloud.points, colors_or_grey(subset.cloud.points, subset.cloud.colors), direction, window
+            )
+    _draw_values(figure, subsets, values)
+    return figure
+
+
+def _draw_values(figure: Figure, subsets: Sequence[Subset], values: Sequence[float]) -> None:
+    width, height = figure.get_size_inches()
+    left = 0.5 + 3 * (_ROW - 2 * _MARGIN + 0.3 + 0.35) + 0.35
+    axes: Axes = figure.add_axes(
+        (left / width, 0.5 / height, (width - left - 0.3) / width, 1 - (_TITLE + 0.7) / height)
+    )
+    ranked = 1000.0 * np.sort(np.asarray(values))
+    dress(axes, "value, mm", "subset, best first")
+    axes.plot(ranked, np.arange(1, len(ranked) + 1), "o-", color=INK, markersize=4, linewidth=0.8)
+    for subset, color in zip(subsets, _COLORS, strict=True):
+        value = 1000.0 * subset.value_m
+        axes.plot([value], [1 + int(np.abs(ranked - value).argmin())], "o", color=color, markersize=8)
+    axes.set_xlim(left=0)
+    axes.invert_yaxis()
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))

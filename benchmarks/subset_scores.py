@@ -1,0 +1,91 @@
+"""Few views of the recorded rigs, scored by `fieldkit evaluate` against the references of all their photographs."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.captures import rig_capture
+from benchmarks.few_views import SUBSETS
+from benchmarks.result import Cell, ResultTable, StudyResult
+from benchmarks.rigs import load_rig, perturb, uniform_subset
+from fieldkit.cache import StageCache
+from fieldkit.evaluation.evaluate import evaluate_captures
+from fieldkit.evaluation.reference import build_reference
+from fieldkit.results.evaluation import PlotEvaluation, distance_key
+from fieldkit.runtime.progress import Progress
+
+NOISE_M, NOISE_DEG = 0.010, 1.0
+F_DISTANCES_M = (0.002, 0.005, 0.010)
+_FIGURES = ("name", "images", "registered", "right", "chamfer_m", "accuracy_m", "completeness_m", "f_score")
+
+
+def run_subset_scores(
+    data: Path, subsets: Mapping[str, tuple[int, ...]] = SUBSETS, *, cache: StageCache, progress: Progress
+) -> StudyResult:
+    """One evaluation per rig, its plots the uniform subsets at both phases; once as they are, once with ICP."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    rows: list[tuple[Cell, ...]] = []
+    figures = {}
+    for name, sizes in subsets.items():
+        rig = load_rig(data, name, cache=cache, progress=progress)
+        accuracy = float(np.hypot(NOISE_M, rig.accuracy_m))
+        with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
+            reference, captures = Path(folder) / "reference", Path(folder) / "captures"
+            build_reference(data / name / "images", reference, cache=cache, progress=progress, scene=False)
+            captures.mkdir()
+            for phase in (0, 1):
+                poses = perturb(rig.nominal, NOISE_M, NOISE_DEG, phase)
+                for size in sizes:
+                    target = captures / f"{size}-views-phase-{phase}"
+                    rig_capture(target, rig, uniform_subset(rig.names, size, phase), poses, accuracy)
+            for refine in (False, True):
+                report = evaluate_captures(
+                    captures, Path(folder) / f"evaluation-{refine}", reference=reference, refine=refine,
+                    cache=cache, progress=progress,
+                )  # fmt: skip
+                plots = sorted(report.plots, key=lambda plot: (plot.images, plot.name))
+                rows += [score_row(name, plot, refine=refine) for plot in plots]
+                figures[f"{name}, {'refined' if refine else 'as placed'}"] = [
+                    plot.model_dump(mode="json", include=set(_FIGURES)) for plot in plots
+                ]
+    return StudyResult(
+        name="subset-scores",
+        title="Few views, scored",
+        tables=(score_table(rows),),
+        notes=(
+            "fieldkit evaluate captures/ --reference REF with its defaults: one command per rig and per --refine.",
+            f"poses.csv off by {1000 * NOISE_M:.0f} mm and {NOISE_DEG:g}° per axis beyond the rig's own error.",
+            "The reference is the plants' cloud of all photographs. Phase 1 starts at the second photograph.",
+        ),
+        figures=figures,
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def score_row(rig: str, plot: PlotEvaluation, *, refine: bool) -> tuple[Cell, ...]:
+    """One plot's figures as the table has them."""
+    means = (plot.chamfer_m, plot.accuracy_m, plot.completeness_m)
+    f_scores = [None if plot.f_score is None else plot.f_score[distance_key(d)] for d in F_DISTANCES_M]
+    cells = [
+        *(None if v is None else f"{1000 * v:.2f}" for v in means),
+        *(None if v is None else f"{v:.3f}" for v in f_scores),
+    ]
+    return (
+        rig, plot.name, "ICP" if refine else "as placed", f"{plot.right} of {plot.images}", *cells,
+        f"{plot.cpu_seconds:.0f}",
+    )  # fmt: skip
+
+
+def score_table(rows: list[tuple[Cell, ...]]) -> ResultTable:
+    """All rows."""
+    columns = (
+        "rig", "capture", "placed by", "right>", "chamfer, mm>", "accuracy, mm>", "completeness, mm>", "F at 2 mm>",
+        "F at 5 mm>", "F at 10 mm>", "CPU s>",
+    )  # fmt: skip
+    return ResultTable("fieldkit evaluate", columns, tuple(rows))

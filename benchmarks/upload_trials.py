@@ -1,0 +1,183 @@
+"""Many uploads of one mission over bad and broken links, through the real MAVSDK against the stand-in vehicle."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fieldkit.errors import FieldkitError, LinkError
+from fieldkit.missions.items import MissionItem
+from fieldkit.missions.link.compare import to_wire
+from fieldkit.missions.link.item_rules import stored
+from fieldkit.missions.link.upload import connected, upload_to
+from fieldkit.missions.link.upload_outcome import Held, ItemRefused, Patience, UploadError
+from fieldkit.standin.faults import Faults
+from fieldkit.standin.recording import read_recording
+from fieldkit.standin.replay import Replay
+
+_MAVSDK_REPLY_S = 0.5
+_WITH_GPS_S = 45.0
+"""Where in the recordings the vehicle stands at home with a position."""
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Outcome of many uploads.
+
+    Attributes:
+        count: uploads.
+        succeeded: that the caller was told ended well.
+        identical: of these, for which the vehicle then held exactly what was read back, home aside.
+        attempts: uploads within them, one each where nothing went wrong.
+        downloads: read-backs within them.
+        packets, lost: of the whole link, both ways.
+        seconds: of wall time.
+        vehicle_s: the same in vehicle time.
+        failures: messages of those that failed.
+    """
+
+    count: int
+    succeeded: int
+    identical: int
+    attempts: int
+    downloads: int
+    packets: int
+    lost: int
+    seconds: float
+    vehicle_s: float
+    failures: tuple[str, ...]
+
+
+def upload_trials(
+    count: int,
+    loss: float,
+    seed: int,
+    *,
+    items: Sequence[MissionItem],
+    recording: Path,
+    speed: float = 8.0,
+    duplicate: float = 0.0,
+    delay_s: float = 0.0,
+) -> Trials:
+    """Upload a mission ``count`` times over a link with faults, each onto a vehicle that holds an older mission.
+
+    Args:
+        count: uploads; each has a vehicle and random numbers of its own.
+        loss: share of packets that is lost, each way.
+        seed: of the random numbers.
+        items: of the mission, without home.
+        recording: of a vehicle, for its telemetry.
+        speed: vehicle seconds per second. The time-outs of both sides are scaled alike, so the statistics are those
+            of real time as long as this machine answers within a few hundredths of a second.
+        duplicate: share of packets that arrives twice.
+        delay_s: mean time under way, vehicle seconds.
+    """
+    source = read_recording(recording)
+    begun = time.monotonic()
+    old = tuple(items[: max(1, len(items) // 2)])
+    succeeded = identical = attempts = downloads = packets = lost = 0
+    failures = []
+    patience = Patience(reply_s=_MAVSDK_REPLY_S / speed, connect_s=20.0)
+    for number in range(count):
+        faults = Faults(loss=loss, duplicate=duplicate, delay_s=delay_s, seed=seed * 100_003 + number)
+        vehicle = Replay(source, speed=speed, faults=faults, begin_s=_WITH_GPS_S, rate_hz=1.0)
+        vehicle.hold(old)
+        with vehicle:
+            try:
+                with connected(vehicle.url, patience=patience) as link:
+                    report = upload_to(link, items, patience=patience)
+            except FieldkitError as error:
+                failures.append(str(error))
+            else:
+                succeeded += 1
+                attempts += report.attempts
+                downloads += report.downloads
+                identical += report.read_back[1:] == vehicle.autopilot.items[1:]
+            packets += vehicle.traffic.heard + vehicle.traffic.said
+            lost += vehicle.traffic.lost
+    seconds = time.monotonic() - begun
+    return Trials(
+        count, succeeded, identical, attempts, downloads, packets, lost, seconds, seconds * speed, tuple(failures)
+    )
+
+
+@dataclass(frozen=True)
+class CutTrials:
+    """Outcome of uploads whose link broke, each repeated over the mended link.
+
+    Attributes:
+        count: links that broke.
+        unheard: that broke before the vehicle was heard; nothing was sent.
+        completed: that broke after all had been said: the upload ended well.
+        told: what was told of the vehicle, by the names of `Held`.
+        untrue: for which the vehicle held something else.
+        whole: after which the repeated upload ended with the new mission whole, and the vehicle held it.
+        failures: messages of the repeated uploads that failed.
+    """
+
+    count: int
+    unheard: int
+    completed: int
+    told: dict[str, int]
+    untrue: int
+    whole: int
+    failures: tuple[str, ...]
+
+
+def cut_trials(
+    count: int, seed: int, *, items: Sequence[MissionItem], recording: Path, loss: float = 0.02, speed: float = 16.0
+) -> CutTrials:
+    """Break the link after a random number of packets, look at what is told, mend it and repeat the upload.
+
+    Args:
+        count: links.
+        seed: of the random numbers.
+        items: of the mission, without home.
+        recording: of a vehicle, for its telemetry.
+        loss: share of packets that is lost, each way, before the link breaks and after.
+        speed: vehicle seconds per second.
+    """
+    source = read_recording(recording)
+    generator = random.Random(seed)
+    old = tuple(items[: max(1, len(items) // 2)])
+    new = tuple(stored(item) for item in to_wire(items))
+    told: dict[str, int] = {}
+    unheard = completed = untrue = whole = 0
+    failures = []
+    hasty = Patience(reply_s=0.01, attempts=1, downloads=1, connect_s=2.0)
+    patient = Patience(reply_s=_MAVSDK_REPLY_S / speed, connect_s=20.0)
+    for number in range(count):
+        faults = Faults(loss=loss, seed=seed * 100_003 + number)
+        vehicle = Replay(source, speed=speed, faults=faults, begin_s=_WITH_GPS_S, rate_hz=1.0)
+        vehicle.hold(old)
+        before = vehicle.autopilot.items[1:]
+        with vehicle:
+            vehicle.cut_after(generator.randint(1, 2 * len(items) + 20))
+            held: Held | None = None
+            try:
+                with connected(vehicle.url, patience=hasty) as link:
+                    upload_to(link, items, patience=hasty)
+            except (UploadError, ItemRefused) as error:
+                held = error.held
+            except LinkError:
+                unheard += 1
+                held = Held.UNTOUCHED
+            else:
+                completed += 1
+                held = Held.WHOLE
+            told[held.name] = told.get(held.name, 0) + 1
+            now = vehicle.autopilot.items[1:]
+            true = {Held.UNTOUCHED: before, Held.CLEARED: (), Held.WHOLE: new}
+            untrue += held in true and now != true[held]
+            vehicle.cut_after(None)
+            try:
+                with connected(vehicle.url, patience=patient) as link:
+                    upload_to(link, items, patience=patient)
+            except FieldkitError as error:
+                failures.append(str(error))
+            else:
+                whole += vehicle.autopilot.items[1:] == new
+    return CutTrials(count, unheard, completed, told, untrue, whole, tuple(failures))

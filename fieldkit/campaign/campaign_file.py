@@ -1,0 +1,114 @@
+"""campaign.toml: what a campaign's folder holds, and how its visits are evaluated. docs/campaigns.md lists the keys."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from fieldkit.clouds.volume import Volume
+from fieldkit.documents.toml_text import toml_text
+from fieldkit.documents.versioned_toml import read_versioned, validated_toml
+from fieldkit.missions.plan_site.site import Name
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.plan import Strict
+
+CAMPAIGN_FILE = "campaign.toml"
+DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
+_MAX_BYTES = 1 << 20
+_REMEDY = "docs/campaigns.md lists the keys of campaign.toml."
+
+FileName = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"^[^\x00]+$")]
+Distance = Annotated[float, Field(gt=0, le=10)]
+
+
+class EvaluationTable(Strict):
+    """How every visit is evaluated; see `ReconstructionSettings`."""
+
+    mapping: Literal["auto", "incremental", "global", "prior"] = "auto"
+    fidelity: Literal["draft", "standard", "fine", "full"] = "standard"
+    mask: Literal["exg", "none", "file"] = "exg"
+    backend: Literal["auto", "cpu", "cuda"] = "auto"
+    bounds_m: tuple[float, float, float, float, float, float] | None = None
+    """Volume of interest for every plot, plot frame: xmin, ymin, zmin, xmax, ymax, zmax."""
+    refine: bool = False
+    """Move each cloud onto its plot's reference by ICP before it is scored."""
+    distances_m: Annotated[tuple[Distance, ...], Field(min_length=1, max_length=20)] = DISTANCES_M
+    """Of precision, recall and F-score."""
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+
+    @model_validator(mode="after")
+    def _bounds_are_a_box(self) -> Self:
+        b = self.bounds_m
+        if b is not None and not all(b[k] < b[k + 3] for k in range(3)):
+            raise ValueError("bounds_m: the lowest corner is not below the highest")
+        if tuple(sorted(set(self.distances_m))) != self.distances_m:
+            raise ValueError("distances_m: they are not ascending")
+        return self
+
+    @property
+    def settings(self) -> ReconstructionSettings:
+        """The same as the reconstruction takes it."""
+        b = self.bounds_m
+        return ReconstructionSettings(
+            mapping=self.mapping, fidelity=self.fidelity, mask=self.mask, backend=self.backend,
+            bounds=None if b is None else Volume(b[:3], b[3:]), seed=self.seed,
+        )  # fmt: skip
+
+
+class ReferenceTable(Strict):
+    """The dense reference of one plot."""
+
+    plot: Name
+    path: FileName
+    """Folder that `fieldkit reference` wrote; relative to the campaign's folder, or absolute."""
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    """Of its reference.json."""
+
+
+class CampaignTable(Strict):
+    """campaign.toml. File names are relative to its folder."""
+
+    format: Literal[1] = 1
+    name: Name = "campaign"
+    plan: FileName = "plan.json"
+    site: FileName = "site.toml"
+    plots: FileName | None = None
+    """GeoJSON file whose plots take the place of the site file's own."""
+    vehicle: FileName | None = None
+    camera: FileName | None = None
+    """Calibration (camera.toml) of photographs that have none beside them."""
+    evaluation: EvaluationTable = EvaluationTable()
+    references: Annotated[tuple[ReferenceTable, ...], Field(max_length=2000)] = ()
+
+    @model_validator(mode="after")
+    def _one_reference_a_plot(self) -> Self:
+        seen: set[str] = set()
+        for reference in self.references:
+            if reference.plot in seen:
+                raise ValueError(f'references: two of them are of plot "{reference.plot}"')
+            seen.add(reference.plot)
+        return self
+
+
+def read_campaign_file(path: Path) -> CampaignTable:
+    """Read campaign.toml.
+
+    Raises:
+        MetadataError: it is missing, no TOML, of another format, or a key is missing, unknown or wrong.
+    """
+    document = read_versioned(path, "campaign", _REMEDY, _MAX_BYTES)
+    return validated_toml(CampaignTable, document, path, _REMEDY)
+
+
+def campaign_text(table: CampaignTable) -> str:
+    """The text of a campaign.toml, every setting written out, so that people see what they can change."""
+    head = {
+        "format": table.format, "name": table.name, "plan": table.plan, "site": table.site, "plots": table.plots,
+        "vehicle": table.vehicle, "camera": table.camera,
+    }  # fmt: skip
+    evaluation = table.evaluation.model_dump()
+    references: Sequence[dict[str, str]] = [r.model_dump() for r in table.references]
+    return toml_text({**head, "evaluation": evaluation, "references": references or None})

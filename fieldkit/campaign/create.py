@@ -1,0 +1,182 @@
+"""fieldkit campaign init: a folder that knows plan, site, plots, vehicle and references."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from fieldkit.campaign.campaign_file import (
+    CAMPAIGN_FILE,
+    CampaignTable,
+    EvaluationTable,
+    ReferenceTable,
+    campaign_text,
+)
+from fieldkit.campaign.folder import Campaign, plots_file_of, read_campaign
+from fieldkit.captures.camera_file import read_camera_file
+from fieldkit.documents.versioned_toml import read_versioned, sentence
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.files import atomic_folder, file_beside, write_atomic
+from fieldkit.missions.plan_site.site_file import load_site
+from fieldkit.missions.plan_site.vehicle_file import find_vehicle, load_vehicle
+from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
+from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
+
+SITE_FILE, PLOTS_FILE, VEHICLE_FILE, CAMERA_FILE = "site.toml", "plots.geojson", "vehicle.toml", "camera.toml"
+_SITE_BYTES = 256 << 10
+_ZONES = ("geofence", "no_fly", "plots")
+
+
+@dataclass(frozen=True)
+class CampaignSources:
+    """What a campaign is made of.
+
+    Attributes:
+        plan: plan.json or its folder.
+        site: site file.
+        plots: GeoJSON file whose plots take the place of the site's; None keeps those.
+        vehicle: profile, by name or path; None for none.
+        camera: calibration for photographs that have none beside them; None for none.
+        references: folders that `fieldkit reference` wrote, by plot.
+    """
+
+    plan: Path
+    site: Path
+    plots: Path | None = None
+    vehicle: str | None = None
+    camera: Path | None = None
+    references: Mapping[str, Path] | None = None
+
+
+def init_campaign(
+    folder: Path, sources: CampaignSources, evaluation: EvaluationTable | None = None, *, name: str | None = None
+) -> Campaign:
+    """Make a campaign's folder, whole or not at all.
+
+    Plan, site, plots, vehicle and camera are copied, so that the folder can be taken along; references are large and
+    stay where they are, named by a path relative to the folder where they share one with it.
+
+    Args:
+        folder: new or empty.
+        sources: what it is made of.
+        evaluation: settings of every visit; the defaults where None.
+        name: in words; the folder's name where None.
+
+    Raises:
+        UsageError: ``folder`` exists and holds something, or a reference is of no plot.
+        MetadataError: a file is missing or malformed, or a reference has no scale.
+        StorageError: the folder cannot be written.
+    """
+    folder = Path(folder).absolute()
+    plan = load_plan(sources.plan)
+    site = load_site(sources.site, sources.plots)
+    if sources.vehicle is not None:
+        load_vehicle(sources.vehicle)
+    if sources.camera is not None:
+        read_camera_file(sources.camera)
+    references = [
+        _reference(plot, path, folder, {plot.name for plot in site.plots})
+        for plot, path in (sources.references or {}).items()
+    ]
+    with atomic_folder(folder) as partial:
+        plots = _copy_site(sources, partial)
+        save_plan(partial / PLAN_FILE, plan)
+        if sources.vehicle is not None:
+            _copy(find_vehicle(sources.vehicle), partial / VEHICLE_FILE)
+        if sources.camera is not None:
+            _copy(sources.camera, partial / _camera_name(sources.camera))
+        try:
+            table = CampaignTable(
+                name=folder.name[:80].strip() or "campaign" if name is None else name,
+                plots=plots,
+                vehicle=None if sources.vehicle is None else VEHICLE_FILE,
+                camera=None if sources.camera is None else _camera_name(sources.camera),
+                evaluation=evaluation or EvaluationTable(),
+                references=tuple(references),
+            )
+        except ValidationError as error:
+            raise UsageError(sentence(error), remedy="Give another --name.") from error
+        write_atomic(partial / CAMPAIGN_FILE, campaign_text(table))
+        read_campaign(partial)
+    return read_campaign(folder)
+
+
+def _copy_site(sources: CampaignSources, folder: Path) -> str | None:
+    """Copy the site file and what it names; the name of the file that holds the plots, None where the site file does.
+
+    Files that the site file names absolutely stay where they are.
+    """
+    _copy(sources.site, folder / SITE_FILE)
+    document = read_versioned(sources.site, "site file", "", _SITE_BYTES)
+    for key in _ZONES:
+        named = document.get(key)
+        if not isinstance(named, str) or Path(named).is_absolute() or (key == "plots" and sources.plots is not None):
+            continue
+        found = file_beside(Path(named), sources.site)  # load_site has read it
+        target = folder / os.path.normpath(named)
+        if found is None or target.exists() or not target.is_relative_to(folder):
+            continue
+        target.parent.mkdir(parents=True, exist_ok=True)
+        _copy(found, target)
+    if sources.plots is not None:
+        _copy(sources.plots, folder / PLOTS_FILE)
+        return PLOTS_FILE
+    return plots_file_of(sources.site)
+
+
+def _copy(source: Path, target: Path) -> None:
+    try:
+        shutil.copyfile(source, target)
+    except OSError as error:
+        if error.filename is not None and Path(os.fsdecode(error.filename)) != Path(source):
+            raise  # of the target: the disk's business
+        raise MetadataError(
+            f"cannot be read: {error.strerror}", path=source, remedy="Check its permissions."
+        ) from error
+
+
+def _camera_name(camera: Path) -> str:
+    return Path(CAMERA_FILE).with_suffix(".json" if camera.suffix.lower() == ".json" else ".toml").name
+
+
+def _reference(plot: str, path: Path, folder: Path, plots: set[str]) -> ReferenceTable:
+    if plot not in plots:
+        raise UsageError(
+            f'--reference: there is no plot "{plot}"', remedy=f"Name one of: {', '.join(sorted(plots)[:8])} …"
+        )
+    report = load_reference_report(path)
+    if not report.metric:
+        raise MetadataError(
+            "this reference has no metric scale, so no visit can be compared with it", path=path,
+            remedy="Build it again with poses.csv, geo.txt, GPS or markers.toml beside the photographs.",
+        )  # fmt: skip
+    place = path.absolute() if path.is_dir() else path.absolute().parent
+    shared = Path(os.path.commonpath([place, folder]))
+    written = os.path.relpath(place, folder) if shared != Path(shared.anchor) else place
+    return ReferenceTable(plot=plot, path=Path(written).as_posix(), sha256=file_sha256(place / REFERENCE_FILE))
+
+
+def split_references(given: Sequence[str], plots: Sequence[str]) -> dict[str, Path]:
+    """PLOT=REF as people give it. Plots' names and paths may hold "=", so the longest plot that fits counts.
+
+    Raises:
+        UsageError: one names no plot, or a plot has two.
+    """
+    found: dict[str, Path] = {}
+    for text in given:
+        fitting = [plot for plot in plots if text.startswith(f"{plot}=") and len(text) > len(plot) + 1]
+        if not fitting:
+            raise UsageError(
+                f"--reference: names no plot of the site: {text}",
+                remedy="Write it like --reference plot-7=references/7.",
+            )
+        plot = max(fitting, key=len)
+        if plot in found:
+            raise UsageError(f"--reference: {plot} has two", remedy="Give one reference for each plot.")
+        found[plot] = Path(text[len(plot) + 1 :])
+    return found

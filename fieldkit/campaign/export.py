@@ -1,0 +1,248 @@
+"""A campaign's table for spreadsheets (CSV) and geographic information systems (GeoJSON, GeoPackage).
+
+One row or feature per plot and date; coordinates are WGS 84. The GeoPackage has two layers: ``visits`` with a feature
+per plot and date, and ``plots`` with a feature per plot and its latest figures, to colour a map by.
+"""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import io
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import shapely
+
+from fieldkit.campaign.folder import Campaign, CampaignPlot
+from fieldkit.campaign.ranking import ranking
+from fieldkit.campaign.visit import Visit
+from fieldkit.errors import StorageError, UsageError
+from fieldkit.files import check_writable, write_atomic
+from fieldkit.present.spreadsheets.plots import csv_cell
+from fieldkit.results.evaluation import distance_key
+
+Format = Literal["csv", "geojson", "gpkg"]
+SUFFIXES: Mapping[str, Format] = {".csv": "csv", ".geojson": "geojson", ".json": "geojson", ".gpkg": "gpkg"}
+VISITS_LAYER, PLOTS_LAYER = "visits", "plots"
+_LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m", "height_m", "cover", "hull_m3")
+_COUNTS = ("images", "registered", "right", "rank", "visits")
+
+Values = dict[str, Any]
+
+
+def export_campaign(
+    campaign: Campaign, output: Path, *, format_: Format | None = None, overwrite: bool = False
+) -> Format:
+    """Write a campaign's table.
+
+    Args:
+        campaign: as read.
+        output: file.
+        format_: None takes it from the file's suffix.
+        overwrite: replace an existing file.
+
+    Raises:
+        UsageError: the suffix says no format, the file exists, or the extra for GeoPackage is not installed.
+        StorageError: it cannot be written.
+    """
+    output = Path(output)
+    chosen = format_ or SUFFIXES.get(output.suffix.lower())
+    if chosen is None:
+        raise UsageError(
+            f"which format is {output.name}?", remedy="End its name in .csv, .geojson or .gpkg, or give --format."
+        )
+    if output.exists() and not (overwrite and output.is_file()):
+        raise UsageError("exists already", path=output, remedy="Choose another name, or give --overwrite.")
+    check_writable(output.parent)
+    match chosen:
+        case "csv":
+            write_atomic(output, campaign_csv(campaign))
+        case "geojson":
+            write_atomic(output, campaign_geojson(campaign))
+        case "gpkg":
+            write_atomic(output, campaign_geopackage(campaign))
+    return chosen
+
+
+def visit_rows(campaign: Campaign) -> list[Values]:
+    """A row of plain values per visit, in the table's order; every row has the same keys."""
+    distances = [distance_key(d) for d in campaign.evaluation.distances_m]
+    ranks = {
+        (entry.score.visit.plot, date): entry.rank
+        for date in campaign.dates
+        for entry in ranking(campaign.visits, campaign.plan, date)
+    }
+    plots = {plot.id: plot for plot in campaign.plots}
+    return [_row(v, plots.get(v.plot), ranks.get((v.plot, v.date)), distances) for v in campaign.visits]
+
+
+def plot_rows(campaign: Campaign) -> list[Values]:
+    """A row of plain values per plot of the site: where it is, how often it was visited, its latest figures."""
+    result = []
+    for plot in campaign.plots:
+        own = [visit for visit in campaign.visits if visit.plot == plot.id]
+        last = max(own, key=lambda visit: visit.date, default=None)
+        figures = {name: None if last is None else getattr(last, name) for name in _LATEST}
+        result.append(
+            {
+                "plot": plot.id, **_place(plot), "visits": len(own), "date": None if last is None else last.date,
+                **figures, "error": "" if last is None else last.error,
+            }
+        )  # fmt: skip
+    return result
+
+
+def campaign_csv(campaign: Campaign) -> str:
+    """The visits as CSV: UTF-8, commas, decimal points, empty where there is no value."""
+    rows = visit_rows(campaign)
+    distances = [distance_key(d) for d in campaign.evaluation.distances_m]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    # The columns are the same without a row.
+    writer.writerow(_row(Visit("", ""), None, None, distances))
+    for row in rows:
+        writer.writerow([csv_cell(value) for value in row.values()])
+    return text.getvalue()
+
+
+def campaign_geojson(campaign: Campaign) -> str:
+    """The visits as a FeatureCollection (RFC 7946): polygons where plots are drawn so, else points."""
+    shapes = {plot.id: _geometry(plot) for plot in campaign.plots}
+    features = []
+    for row in visit_rows(campaign):
+        shape = shapes.get(row["plot"])
+        features.append(
+            {
+                "type": "Feature",
+                "geometry": None if shape is None else shapely.geometry.mapping(shape),
+                "properties": row,
+            }
+        )
+    document = {"type": "FeatureCollection", "name": campaign.name, "features": features}
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def campaign_geopackage(campaign: Campaign) -> bytes:
+    """A GeoPackage with the layers ``visits`` and ``plots`` in EPSG:4326.
+
+    Raises:
+        UsageError: pyogrio is not installed.
+        StorageError: it cannot be written.
+    """
+    if importlib.util.find_spec("pyogrio") is None:
+        raise UsageError(
+            "GeoPackages need the extra 'geo'", remedy="pip install 'fieldkit[geo]', or export CSV or GeoJSON."
+        )
+    shapes = {plot.id: _geometry(plot) for plot in campaign.plots}
+    distances = [distance_key(d) for d in campaign.evaluation.distances_m]
+    visit_columns = list(_row(Visit("", ""), None, None, distances))
+    plot_columns = list(plot_rows(replace(campaign, visits=()))[0])
+    with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
+        file = Path(folder) / "campaign.gpkg"
+        _write_layer(file, VISITS_LAYER, visit_rows(campaign), visit_columns, shapes, append=False)
+        _write_layer(file, PLOTS_LAYER, plot_rows(campaign), plot_columns, shapes, append=True)
+        return file.read_bytes()
+
+
+def _write_layer(
+    file: Path,
+    layer: str,
+    rows: Sequence[Values],
+    columns: Sequence[str],
+    shapes: Mapping[str, shapely.Geometry],
+    *,
+    append: bool,
+) -> None:
+    from pyogrio.errors import DataSourceError, FieldError
+    from pyogrio.raw import write
+
+    data, masks = [], []
+    for name in columns:
+        values = [row[name] for row in rows]
+        missing = np.array([value is None for value in values], dtype=bool)
+        data.append(_column(name, values))
+        masks.append(missing if missing.any() else None)
+    geometry = [shapes.get(row["plot"]) for row in rows]
+    kinds = {shape.geom_type for shape in geometry if shape is not None}
+    try:
+        write(
+            str(file),
+            geometry=np.array([None if shape is None else shapely.to_wkb(shape) for shape in geometry], dtype=object),
+            field_data=data,
+            fields=np.array([name.replace(".", "_") for name in columns], dtype=object),
+            field_mask=masks,
+            layer=layer,
+            driver="GPKG",
+            geometry_type=kinds.pop() if len(kinds) == 1 else "Unknown",
+            crs="EPSG:4326",
+            append=append,
+        )
+    except (DataSourceError, FieldError, OSError) as error:
+        raise StorageError(
+            f"cannot be written: {error}", path=file.parent, remedy="Check the space left for temporary files."
+        ) from error
+
+
+def _column(name: str, values: Sequence[Any]) -> np.ndarray:
+    if name == "date":
+        return np.array([value or "NaT" for value in values], dtype="datetime64[D]")
+    if name in _COUNTS:
+        return np.array([0 if value is None else value for value in values], dtype=np.int32)
+    if name.endswith(("_m", "_deg", "_m3", "_s")) or name.startswith("f_score_") or name == "cover":
+        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+    return np.array(["" if value is None else _text(value) for value in values], dtype=object)
+
+
+def _text(value: str) -> str:
+    """Text without what a file's encoding cannot hold."""
+    return value.encode("utf-8", "replace").decode().replace("\0", "")
+
+
+def _row(visit: Visit, plot: CampaignPlot | None, rank: int | None, distances: Sequence[str]) -> Values:
+    return {
+        "plot": visit.plot,
+        "date": visit.date,
+        **_place(plot),
+        "rank": rank,
+        "images": visit.images,
+        "registered": visit.registered,
+        "right": visit.right,
+        "pose_rms_m": visit.pose_rms_m,
+        "chamfer_m": visit.chamfer_m,
+        "accuracy_m": visit.accuracy_m,
+        "completeness_m": visit.completeness_m,
+        **{f"f_score_{distance}": visit.f_score.get(distance) for distance in distances},
+        "predicted_chamfer_m": visit.predicted_chamfer_m,
+        "predicted_low_m": visit.predicted_low_m,
+        "predicted_high_m": visit.predicted_high_m,
+        "height_m": visit.height_m,
+        "cover": visit.cover,
+        "hull_m3": visit.hull_m3,
+        "cpu_s": visit.cpu_s,
+        "captures": _text(visit.captures),
+        "folder": visit.folder,
+        "error": _text(visit.error),
+        "notes": _text("; ".join(visit.notes)),
+    }
+
+
+def _place(plot: CampaignPlot | None) -> Values:
+    return {
+        "latitude_deg": None if plot is None else plot.latitude_deg,
+        "longitude_deg": None if plot is None else plot.longitude_deg,
+        "row_heading_deg": None if plot is None else plot.row_heading_deg,
+    }
+
+
+def _geometry(plot: CampaignPlot) -> shapely.Geometry:
+    """Longitude and latitude; a polygon's corners counter-clockwise, as RFC 7946 has it."""
+    if plot.shape is None:
+        return shapely.Point(plot.longitude_deg, plot.latitude_deg)
+    ring = [(longitude, latitude) for latitude, longitude in plot.shape]
+    return shapely.orient_polygons(shapely.Polygon(ring))

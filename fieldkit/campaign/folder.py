@@ -1,0 +1,234 @@
+"""A campaign read from its folder: plan, site, plots and the rows of its table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fieldkit.campaign.campaign_file import (
+    CAMPAIGN_FILE,
+    CampaignTable,
+    EvaluationTable,
+    read_campaign_file,
+)
+from fieldkit.campaign.names import folder_name
+from fieldkit.campaign.table import TABLE_FILE, read_rows
+from fieldkit.campaign.visit import Visit
+from fieldkit.documents.versioned_toml import read_versioned
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.files import file_beside
+from fieldkit.missions.plan_site.geojson import read_features
+from fieldkit.missions.plan_site.site import Site, SitePlot
+from fieldkit.missions.plan_site.site_file import load_site
+from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import load_plan
+from fieldkit.results.report_files import load_evaluation_report
+
+VISITS_FOLDER, PLANS_FOLDER = "visits", "plans"
+_REMEDY = "Make a campaign with `fieldkit campaign init`."
+_SITE_BYTES = 256 << 10
+
+
+@dataclass(frozen=True)
+class CampaignPlot:
+    """A plot of a campaign.
+
+    Attributes:
+        id: its name in the plots file.
+        latitude_deg, longitude_deg: of the plot frame's origin, WGS 84.
+        row_heading_deg: compass heading of the plot frame's x axis.
+        shape: corners (latitude, longitude) where it is drawn as a polygon, the last not the first again; else None.
+        reference: folder of its dense reference, or None.
+        reference_sha256: of the reference.json that campaign.toml names, or None.
+    """
+
+    id: str
+    latitude_deg: float
+    longitude_deg: float
+    row_heading_deg: float
+    shape: tuple[tuple[float, float], ...] | None = None
+    reference: Path | None = None
+    reference_sha256: str | None = None
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign's folder, read.
+
+    Attributes:
+        name: in words.
+        folder: absolute.
+        plan: that is flown over every plot.
+        site: home, fence and the plots as missions need them.
+        plots: in the order of their file.
+        visits: rows of the table, by plot in that order (plots that are gone come last), then by date.
+        evaluation: how every visit is evaluated.
+        plan_file, vehicle_file, camera_file: in the folder; the latter two None where there is none.
+    """
+
+    name: str
+    folder: Path
+    plan: Plan
+    site: Site
+    plots: tuple[CampaignPlot, ...]
+    visits: tuple[Visit, ...]
+    evaluation: EvaluationTable
+    plan_file: Path
+    vehicle_file: Path | None = None
+    camera_file: Path | None = None
+
+    def plot(self, id_: str) -> CampaignPlot:
+        """The plot of an id.
+
+        Raises:
+            KeyError: there is none.
+        """
+        found = next((plot for plot in self.plots if plot.id == id_), None)
+        if found is None:
+            raise KeyError(id_)
+        return found
+
+    def plan_of(self, plot: str, date: str) -> Plan:
+        """That a visit flew: the plot's newest from `fieldkit campaign plan` for that date or an earlier one, else the
+        campaign's.
+
+        Raises:
+            MetadataError: it is damaged.
+        """
+        folder = self.folder / PLANS_FOLDER
+        made = sorted(each.name for each in folder.iterdir() if each.name <= date) if folder.is_dir() else []
+        files = (folder / each / plan_file_name(plot) for each in reversed(made))
+        file = next((file for file in files if file.is_file()), None)
+        return self.plan if file is None else load_plan(file)
+
+    @property
+    def dates(self) -> tuple[str, ...]:
+        """All dates of the table, ascending."""
+        return tuple(sorted({visit.date for visit in self.visits}))
+
+    @property
+    def vanished(self) -> tuple[str, ...]:
+        """Plots that have visits and are no longer among the plots."""
+        known = {plot.id for plot in self.plots}
+        return tuple(dict.fromkeys(visit.plot for visit in self.visits if visit.plot not in known))
+
+
+def read_campaign(folder: Path) -> Campaign:
+    """Read a campaign's folder.
+
+    Args:
+        folder: with campaign.toml (or that file).
+
+    Raises:
+        MetadataError: it is no campaign, or a file of it is missing, malformed or damaged.
+    """
+    folder = Path(folder).absolute()
+    folder = folder.parent if folder.name == CAMPAIGN_FILE and folder.is_file() else folder
+    file = folder / CAMPAIGN_FILE
+    if not file.is_file():
+        raise MetadataError(f"is no campaign: there is no {CAMPAIGN_FILE} in it", path=folder, remedy=_REMEDY)
+    table = read_campaign_file(file)
+    plan_file = _named(table.plan, file, "plan")
+    site_file = _named(table.site, file, "site")
+    plots_file = None if table.plots is None else _named(table.plots, file, "plots")
+    site = load_site(site_file, plots_file)
+    plots = _plots(site, _shapes(site_file, plots_file), table, file)
+    order = {plot.id: k for k, plot in enumerate(plots)}
+    visits = [row.visit for row in read_rows(folder / TABLE_FILE)]
+    visits.sort(key=lambda v: (order.get(v.plot, len(order)), v.plot, v.date))
+    return Campaign(
+        name=table.name,
+        folder=folder,
+        plan=load_plan(plan_file),
+        site=site,
+        plots=plots,
+        visits=tuple(visits),
+        evaluation=table.evaluation,
+        plan_file=plan_file,
+        vehicle_file=None if table.vehicle is None else _named(table.vehicle, file, "vehicle"),
+        camera_file=None if table.camera is None else _named(table.camera, file, "camera"),
+    )
+
+
+def plan_file_name(plot: str) -> str:
+    """Of a plot's plan, in a folder of one date."""
+    return f"{folder_name(plot)}.json"
+
+
+def visit_plots(campaign: Campaign) -> list[PlotEvaluation]:
+    """The evaluations of all visits with a result.
+
+    Raises:
+        MetadataError: one is missing or malformed.
+    """
+    reports = (load_evaluation_report(campaign.folder / v.folder) for v in campaign.visits if v.folder and not v.error)
+    return [plot for report in reports for plot in report.plots]
+
+
+def find_campaign(start: Path) -> Path | None:
+    """The folder of the campaign that a folder lies in: the nearest one, itself or above, with campaign.toml."""
+    start = Path(start).absolute()
+    return next((folder for folder in (start, *start.parents) if (folder / CAMPAIGN_FILE).is_file()), None)
+
+
+def campaign_folder(given: Path | None) -> Path:
+    """The folder of a campaign: as given, else the one that the current folder lies in.
+
+    Raises:
+        UsageError: none is given, and the current folder lies in none.
+    """
+    if given is not None:
+        return given
+    found = find_campaign(Path.cwd())
+    if found is None:
+        raise UsageError("which campaign?", remedy=f"Give its folder, or work in a folder with {CAMPAIGN_FILE}.")
+    return found
+
+
+def plots_file_of(site_file: Path) -> str | None:
+    """The GeoJSON file that a site file names for its plots, as it names it; None where it lists them itself."""
+    own = read_versioned(site_file, "site file", _REMEDY, _SITE_BYTES).get("plots")
+    return own if isinstance(own, str) else None
+
+
+def _named(name: str, file: Path, key: str) -> Path:
+    """A file that campaign.toml names."""
+    try:
+        found = file_beside(Path(name), file)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise MetadataError(f"{key}: is no path that can be followed", path=file, remedy=_REMEDY) from error
+    if found is None:
+        remedy = "Copy the file into the campaign's folder, or give its absolute path."
+        raise MetadataError(f"{key}: {name} leads out of the campaign's folder", path=file, remedy=remedy)
+    return found
+
+
+def _shapes(site_file: Path, plots_file: Path | None) -> dict[int, tuple[tuple[float, float], ...]]:
+    """Polygons by the plot's place in the order of the plots file."""
+    if plots_file is None:
+        own = plots_file_of(site_file)
+        plots_file = None if own is None else file_beside(Path(own), site_file)
+    if plots_file is None:
+        return {}
+    return {k: f.parts[0] for k, f in enumerate(read_features(plots_file)) if f.kind == "Polygon"}
+
+
+def _plots(
+    site: Site, shapes: dict[int, tuple[tuple[float, float], ...]], table: CampaignTable, file: Path
+) -> tuple[CampaignPlot, ...]:
+    references = {reference.plot: reference for reference in table.references}
+
+    def made(place: int, plot: SitePlot) -> CampaignPlot:
+        reference = references.get(plot.name)
+        return CampaignPlot(
+            id=plot.name,
+            latitude_deg=plot.latitude_deg,
+            longitude_deg=plot.longitude_deg,
+            row_heading_deg=plot.row_heading_deg,
+            shape=shapes.get(place),
+            reference=None if reference is None else file.parent / reference.path,
+            reference_sha256=None if reference is None else reference.sha256,
+        )
+
+    return tuple(made(place, plot) for place, plot in enumerate(site.plots))

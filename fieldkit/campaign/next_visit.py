@@ -1,0 +1,253 @@
+"""The next visit of a campaign: stations for every plot from its own last visit's cloud, by the geometric score."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.campaign.folder import PLANS_FOLDER, Campaign, plan_file_name
+from fieldkit.clouds import Cloud, read_cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import MissionError, UsageError
+from fieldkit.evaluation.reference import CLOUD_FILE
+from fieldkit.files import atomic_folder
+from fieldkit.missions.export_mission import ExportedMission, export_mission
+from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.planning.methods.geometric import Effort, optimise
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.run.flyable import vehicle_envelope
+from fieldkit.planning.run.open_problem import described
+from fieldkit.planning.run.outcome import plants_of
+from fieldkit.planning.score.expected import WEIGHTS, Expected
+from fieldkit.planning.settings import EnvelopeSettings
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.envelope import Envelope
+from fieldkit.planning.space.plots import Plot
+from fieldkit.results.plan import Plan, PlanMethod, PlanSource
+from fieldkit.results.plan_file import plan_from_poses, save_plan
+from fieldkit.results.report_files import load_evaluation_report
+from fieldkit.runtime.parallel import map_parallel
+from fieldkit.runtime.progress import Progress
+from fieldkit.scenes.plants_apart import tell_apart
+
+GROWTH = 1.15
+"""By which plants are taken to have grown since the last visit, where nobody says."""
+_MARGIN_M = 0.03
+_AROUND, _ANYWHERE = Effort(moves=600), Effort(designs=16, starts=2, moves=600)
+"""Searches from the plan that was flown, and from elsewhere."""
+
+
+@dataclass(frozen=True)
+class NextPlan:
+    """What is flown over one plot.
+
+    Attributes:
+        plot: its id.
+        plan: of it.
+        date: of the visit whose cloud it was made of; None where the plot has none and keeps the campaign's plan.
+        expected_m: what the geometric score expects of the plan on the grown plants; None without a cloud.
+        carried_m: what it expects of the campaign's plan there.
+        seconds: that it took.
+    """
+
+    plot: str
+    plan: Plan
+    date: str | None = None
+    expected_m: float | None = None
+    carried_m: float | None = None
+    seconds: float = 0.0
+
+
+def next_plans(
+    campaign: Campaign, vehicle: Vehicle | None, *, growth: float = GROWTH, seed: int = 0, workers: int = 1,
+    progress: Progress,
+) -> tuple[NextPlan, ...]:  # fmt: skip
+    """A plan for every plot of a campaign, in the plots' order; nothing is photographed.
+
+    Plants of the last visit with a cloud are made taller and wider by ``growth``: each about its foot where they can
+    be told apart, else all of them about the plot's middle. The stations are the better optimum of the geometric score
+    of two: looked for from the campaign's plan, and from anywhere. So no plot has a worse score than the carried plan.
+
+    Args:
+        campaign: with visits.
+        vehicle: whose limits hold; those of the campaign's plan where None.
+        growth: factor.
+        seed: of the optima.
+        workers: processes; the plans do not depend on it.
+        progress: told of every plot.
+
+    Raises:
+        UsageError: ``growth`` is below 1 or above 3, or the vehicle's limits contradict each other.
+        MissionError: the campaign's plan has no camera.
+        MetadataError: a visit's evaluation cannot be read.
+        CloudError: a visit's cloud cannot be read.
+    """
+    if not 1.0 <= growth <= 3.0:
+        raise UsageError(f"plants grow by a factor from 1 to 3, not {growth:g}", remedy="Give --growth 1.15.")
+    if campaign.plan.camera is None:
+        raise MissionError(
+            "the campaign's plan does not say which camera it is for", path=campaign.plan_file,
+            remedy="Make it again with fieldkit plan.",
+        )  # fmt: skip
+    known = [_cloud_of(campaign, plot.id) for plot in campaign.plots]
+    make = partial(_next_plan, campaign.plan, vehicle, growth, seed)
+    items = [(plot.id, *found) for plot, found in zip(campaign.plots, known, strict=True)]
+    with progress.stage("Planning the next visit", len(items)) as advance:
+        return tuple(map_parallel(make, items, workers=workers, advance=advance))
+
+
+def grown(cloud: Cloud, growth: float) -> Cloud:
+    """Plants that have grown by a factor, about their feet where they can be told apart, else about their middle."""
+    apart = tell_apart(cloud)
+    low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
+    middle = np.array([*(0.5 * (low + high))[:2], low[2]])
+    feet = np.vstack([middle, apart.feet_m])[apart.numbers] if apart.count else middle
+    return Cloud(feet + growth * (cloud.points - feet), cloud.colors, cloud.normals)
+
+
+def _cloud_of(campaign: Campaign, plot: str) -> tuple[str | None, Path | None]:
+    """Date and cloud of the plot's last visit that has one."""
+    visits = [visit for visit in campaign.visits if visit.plot == plot and visit.folder and not visit.error]
+    for visit in sorted(visits, key=lambda visit: visit.date, reverse=True):
+        folder = campaign.folder / visit.folder
+        for found in load_evaluation_report(folder).plots:
+            file = folder / found.name / CLOUD_FILE
+            if file.is_file():
+                return visit.date, file
+    return None, None
+
+
+def _next_plan(
+    plan: Plan, vehicle: Vehicle | None, growth: float, seed: int, item: tuple[str, str | None, Path | None]
+) -> NextPlan:
+    plot, date, file = item
+    if file is None:
+        return NextPlan(plot, plan)
+    begun = time.perf_counter()
+    name = f"{plot} of {date}"
+    made, carried_m = plan_for_plants(plan, grown(read_cloud(file), growth), name, vehicle=vehicle, seed=seed)
+    assert made.method is not None
+    return NextPlan(plot, made, date, made.method.expected_m, carried_m, time.perf_counter() - begun)
+
+
+def plan_for_plants(
+    plan: Plan, plants: Cloud, name: str, *, vehicle: Vehicle | None = None, seed: int = 0
+) -> tuple[Plan, float]:
+    """Stations for known plants by the geometric score, as many as a carried plan has.
+
+    Args:
+        plan: the carried one, with a camera.
+        plants: their surfaces, plot frame.
+        name: of what they are, for people.
+        vehicle: whose limits hold; those of the plan where None.
+        seed: of the optima.
+
+    Returns:
+        The plan, and what the score expects of the carried one there, metres.
+    """
+    problem = _problem(plan, vehicle, plants)
+    weights = WEIGHTS if plan.method is None or plan.method.weights is None else plan.method.weights
+    expected = Expected(problem)
+
+    def cost(cameras: Cameras) -> float:
+        return expected.value_m(cameras, weights, None)
+
+    carried = problem.nearest(Cameras.from_poses(station.pose for station in plan.stations))
+    found = [
+        problem.nearest(optimise(problem, cost, seed, _AROUND, [carried])),
+        problem.nearest(optimise(problem, cost, seed, _ANYWHERE)),
+    ]
+    best = min(found, key=cost)
+    method = PlanMethod(name="score", seed=seed, evaluations=0, repeats=0, expected_m=cost(best), weights=weights)
+    made = plan.model_copy(
+        update={
+            "stations": plan_from_poses(best.poses()).stations,
+            "envelope": described(problem.envelope),
+            "plants": plants_of(problem),
+            "source": PlanSource(kind="captures", name=name),
+            "method": method,
+        }
+    )
+    return made, cost(carried)
+
+
+def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud) -> Problem:
+    assert plan.camera is not None
+    limits = _limits(plan) if vehicle is None else EnvelopeSettings(**vehicle_envelope(vehicle, {}))
+    volume = Volume.around(plants.points, margin_m=_MARGIN_M)
+    envelope = Envelope.around(
+        plants, volume, margin_m=limits.margin_m, height_m=limits.height_m, clearance_m=limits.clearance_m,
+        pitch_deg=limits.pitch_deg, separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
+    )  # fmt: skip
+    camera = plan.camera.intrinsics.without_distortion()
+    return Problem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
+
+
+def _limits(plan: Plan) -> EnvelopeSettings:
+    """Those that the plan was made in, as far as it says."""
+    usual, own = EnvelopeSettings(), plan.envelope
+    if own is None:
+        return usual
+    given = {
+        "clearance_m": own.plant_distance_m, "separation_m": own.station_distance_m, "pitch_deg": own.pitch_deg,
+        "height_m": None if own.lower_m is None or own.upper_m is None else (own.lower_m[2], own.upper_m[2]),
+    }  # fmt: skip
+    return usual.model_copy(update={key: value for key, value in given.items() if value is not None})
+
+
+@dataclass(frozen=True, eq=False)
+class NextVisit:
+    """A planned visit.
+
+    Attributes:
+        plans: of all plots, in the campaign's order.
+        mission: over all of them.
+    """
+
+    plans: tuple[NextPlan, ...]
+    mission: ExportedMission
+
+
+def plan_next_visit(
+    campaign: Campaign, date: str, output: Path, *, vehicle: str | None = None, growth: float = GROWTH,
+    format: str = "plan", seed: int = 0, workers: int = 1, overwrite: bool = False, progress: Progress,  # noqa: A002
+) -> NextVisit:  # fmt: skip
+    """`next_plans`, kept in the campaign's folder (plans/DATE/PLOT.json), and one mission over all plots.
+
+    Args:
+        campaign: with visits.
+        date: of the visit, ISO 8601: visits from then on are compared with these plans.
+        output: the mission file.
+        vehicle: a profile's name or file; the campaign's own where None.
+        growth, seed, workers, progress: as `next_plans`.
+        format: as `export_mission`.
+        overwrite: replace plans for the date, and files.
+
+    Raises:
+        UsageError: there are plans for the date, or as `next_plans` and `export_mission`; no vehicle is known.
+        FieldkitError: as `next_plans` and `export_mission`.
+    """
+    folder = campaign.folder / PLANS_FOLDER / date
+    if folder.exists() and not overwrite:
+        raise UsageError("exists already", path=folder, remedy="Give --overwrite to plan this visit anew.")
+    given = campaign.vehicle_file if vehicle is None else vehicle
+    if given is None:
+        raise UsageError(
+            "which vehicle flies? The campaign does not say", remedy="Give --vehicle NAME, as for export-mission."
+        )
+    profile = load_vehicle(given)
+    plans = next_plans(campaign, profile, growth=growth, seed=seed, workers=workers, progress=progress)
+    mission = export_mission(
+        {each.plot: each.plan for each in plans}, profile, campaign.site, output, format=format, overwrite=overwrite,
+        seed=seed, plans=False,
+    )  # fmt: skip
+    with atomic_folder(folder, overwrite=overwrite) as made:
+        for each in plans:
+            if each.date is not None:
+                save_plan(made / plan_file_name(each.plot), each.plan)
+    return NextVisit(plans, mission)

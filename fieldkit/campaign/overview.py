@@ -1,0 +1,170 @@
+"""What `fieldkit campaign show` says of a campaign, as one object and as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from fieldkit.campaign.folder import Campaign
+from fieldkit.campaign.ranking import Drift, Ranked, drift, measured_noise_m, ranking, score_of
+from fieldkit.campaign.visit import Visit
+from fieldkit.present.style import format_length, table
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_FIGURES = {
+    "chamfer_m": "chamfer", "predicted_chamfer_m": "predicted chamfer", "height_m": "height", "cover": "cover",
+    "hull_m3": "hull",
+}  # fmt: skip
+_MANY_DATES = 12
+
+
+def campaign_object(campaign: Campaign) -> dict[str, Any]:
+    """The campaign as plain values for --json."""
+    return {
+        "campaign": campaign.name,
+        "folder": str(campaign.folder),
+        "plots": [
+            {
+                "plot": plot.id, "latitude_deg": plot.latitude_deg, "longitude_deg": plot.longitude_deg,
+                "row_heading_deg": plot.row_heading_deg,
+                "reference": None if plot.reference is None else str(plot.reference),
+            }
+            for plot in campaign.plots
+        ],
+        "dates": list(campaign.dates),
+        "vanished": list(campaign.vanished),
+        "missing": {date: missing(campaign, date) for date in campaign.dates},
+        "noise_m": measured_noise_m(campaign.plan),
+        "visits": [asdict(visit) | {"notes": list(visit.notes)} for visit in campaign.visits],
+        "ranking": {
+            date: [_ranked(entry) for entry in ranking(campaign.visits, campaign.plan, date)] for date in campaign.dates
+        },
+        "drift": [asdict(change) | {"change": change.change} for change in drift(campaign.visits, campaign.plan)],
+    }  # fmt: skip
+
+
+def campaign_tables(campaign: Campaign) -> Iterator[Table]:
+    """Plots × dates, the ranking of the last date, and what changed over the dates."""
+    yield _grid(campaign)
+    ranked = [date for date in campaign.dates if ranking(campaign.visits, campaign.plan, date)]
+    if ranked:
+        yield _ranking_table(campaign, ranked[-1])
+    changes = drift(campaign.visits, campaign.plan)
+    if changes:
+        yield _drift_table(changes)
+
+
+def missing(campaign: Campaign, date: str) -> list[str]:
+    """Plots without a visit on a date."""
+    have = {visit.plot for visit in campaign.visits if visit.date == date}
+    return [plot.id for plot in campaign.plots if plot.id not in have]
+
+
+def remarks(campaign: Campaign) -> Iterator[str]:
+    """What a person should know beside the tables, in sentences."""
+    if not campaign.visits:
+        yield "No photographs were evaluated yet: `fieldkit evaluate CAPTURES` in this folder does."
+    for plot in campaign.vanished:
+        yield f"{plot} has visits, but is no longer among the plots."
+    for visit in campaign.visits:
+        if visit.error:
+            yield f"{visit.plot} {visit.date}: {visit.error}"
+    if any(visit.chamfer_m is not None for visit in campaign.visits) and measured_noise_m(campaign.plan) is None:
+        yield "How much measured distances scatter is not known: the plan says no spread of its repeats."
+    if any(visit.chamfer_m is None and visit.predicted_chamfer_m is not None for visit in campaign.visits):
+        yield "≈ is a prediction from figures that need no reference; its interval holds nine in ten plots."
+
+
+def _grid(campaign: Campaign) -> Table:
+    dates = campaign.dates[-_MANY_DATES:]
+    more = f", the last {_MANY_DATES} dates" if len(dates) < len(campaign.dates) else ""
+    grid = table(f"Campaign {campaign.name}{more}", "plot", *(f"{date}>" for date in dates))
+    by_key = {(visit.plot, visit.date): visit for visit in campaign.visits}
+    for plot in [*(plot.id for plot in campaign.plots), *campaign.vanished]:
+        grid.add_row(_plain(plot), *(_cell(by_key.get((plot, date)), campaign) for date in dates))
+    return grid
+
+
+def _cell(visit: Visit | None, campaign: Campaign) -> str:
+    if visit is None:
+        return "–"
+    if visit.error:
+        return "failed"
+    score = score_of(visit, campaign.plan)
+    counts = f"{visit.right}/{visit.images}"
+    if score is None:
+        return counts
+    return f"{'≈ ' if score.predicted else ''}{format_length(score.value_m)} ({counts})"
+
+
+def _ranking_table(campaign: Campaign, date: str) -> Table:
+    shown = table(
+        f"Ranking on {date}, the best first", "rank>", "plot", "chamfer>", "nine in ten>", "height>", "cover>"
+    )
+    for entry in ranking(campaign.visits, campaign.plan, date):
+        score = entry.score
+        noise = "–" if score.noise_m is None else f"± {format_length(score.noise_m)}"
+        if score.predicted:
+            low, high = score.visit.predicted_low_m, score.visit.predicted_high_m
+            noise = "–" if low is None or high is None else f"{format_length(low)} to {format_length(high)}"
+        shown.add_row(
+            f"{entry.rank}{'=' if entry.tied else ''}",
+            _plain(score.visit.plot),
+            f"{'≈ ' if score.predicted else ''}{format_length(score.value_m)}",
+            noise,
+            format_length(score.visit.height_m),
+            "–" if score.visit.cover is None else f"{100 * score.visit.cover:.0f} %",
+        )
+    return shown
+
+
+def _drift_table(changes: list[Drift]) -> Table:
+    """A row per plot; the dates in the title where they are the same for all."""
+    last = {(change.plot, change.figure): change for change in changes}
+    spans = {(change.first_date, change.date) for change in last.values()}
+    figures = [figure for figure in _FIGURES if any(figure == key for _, key in last)]
+    title, dates = "Change since each plot's first date", ["from", "to"]
+    if len(spans) == 1:
+        title, dates = "Change from {} to {}".format(*spans.pop()), []
+    shown = table(title, "plot", *dates, *(f"{_FIGURES[figure]}>" for figure in figures))
+    for plot in dict.fromkeys(plot for plot, _ in last):
+        own = {figure: change for (name, figure), change in last.items() if name == plot}
+        longest = max(own.values(), key=lambda change: change.date)
+        shown.add_row(
+            _plain(plot), *([longest.first_date, longest.date] if dates else []),
+            *(_changed(own[figure]) if figure in own else "–" for figure in figures),
+        )  # fmt: skip
+    return shown
+
+
+def _changed(change: Drift) -> str:
+    said = {True: ", beyond noise", False: ", within noise", None: ""}[change.beyond_noise]
+    return ("+" if change.change >= 0 else "−") + _amount(change.figure, abs(change.change)) + said
+
+
+def _amount(figure: str, value: float) -> str:
+    match figure:
+        case "cover":
+            return f"{100 * value:.1f} %"
+        case "hull_m3":
+            return f"{value:.3f} m³"
+        case _:
+            return format_length(value)
+
+
+def _ranked(entry: Ranked) -> dict[str, Any]:
+    score = entry.score
+    return {
+        "rank": entry.rank, "tied": entry.tied, "plot": score.visit.plot, "chamfer_m": score.value_m,
+        "predicted": score.predicted, "noise_m": score.noise_m,
+    }  # fmt: skip
+
+
+def _plain(text: str) -> str:
+    """Text that Rich shows as it is."""
+    from rich.markup import escape
+
+    return escape(text)

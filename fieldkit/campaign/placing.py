@@ -1,0 +1,197 @@
+"""The frame a visit is reconstructed in: its plot's, known from the site, but for the height of the ground.
+
+Positions by GPS are good to metres in height and, without RTK, to metres sideways, too. What the site knows of a plot
+is its origin and the heading of its rows. So a visit is mapped in a frame with those, and settled afterwards: the
+ground that its photographs show becomes z = 0, and where the positions are too coarse to say where the plot lies, the
+place its cameras look at is put where the plan's cameras look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.campaign.folder import CampaignPlot
+from fieldkit.captures.model import Capture
+from fieldkit.clouds.ground import Plane
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.reconstruction.plot_frame import find_ground, moved_plane
+from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.results.plan import Plan
+
+COARSE_M = 0.3
+"""Standard deviation of a visit's place from which its cameras' aim says better where the plot lies."""
+ON_STATION_M = 0.5
+"""poses.csv is in the plot frame where its positions are this near to the plan's stations (median)."""
+_MARGIN = 0.15  # of the plants' width, on every side
+_LEAST_MARGIN_M = 0.10
+_GROWTH = 0.5  # of the plants' height: other plots and later dates are higher than what was planned on
+_LEAST_GROWTH_M = 0.30
+_BELOW_M = 0.05
+_LEAST_POSITIONS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Settling:
+    """Moves a mapped visit onto its plot's ground; see `KnownPlot.settle`.
+
+    Attributes:
+        aim: (x, y) where the plan's cameras look; None leaves the place sideways as it is.
+        height_m: of the stations' median, which the cameras' takes where no ground is found.
+        onto: ground of the plot's reference, to which the visit's is moved; None makes it z = 0 at the origin.
+        seed: of the ground's RANSAC.
+    """
+
+    aim: tuple[float, float] | None
+    height_m: float
+    onto: Plane | None = None
+    seed: int = 0
+
+    def __call__(self, points: NDArray[np.float64], poses: Mapping[str, Pose]) -> tuple[Similarity, Plane | None]:
+        shift = np.zeros(3)
+        looked_at = None if self.aim is None else region_of_interest(list(poses.values()))
+        if self.aim is not None and looked_at is not None:
+            shift[:2] = np.array(self.aim) - np.array(looked_at.center[:2])
+        ground = find_ground(points, poses, seed=self.seed, keep_upright=True)
+        if ground is None:
+            shift[2] = self.height_m - float(np.median([pose.center[2] for pose in poses.values()]))
+            return Similarity(1.0, np.eye(3), shift), self.onto
+        sideways = moved_plane(ground, Similarity(1.0, np.eye(3), np.array([shift[0], shift[1], 0.0])))
+        wanted = 0.0 if self.onto is None else _height_at_origin(self.onto)
+        shift[2] = wanted - _height_at_origin(sideways)
+        motion = Similarity(1.0, np.eye(3), shift)
+        return motion, moved_plane(ground, motion) if self.onto is None else self.onto
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedVisit:
+    """Where a visit is reconstructed.
+
+    Attributes:
+        plot: what is known; None where nothing is, and the visit's own frame is found from its cameras.
+        notes: what a person should know of it.
+    """
+
+    plot: KnownPlot | None
+    notes: tuple[str, ...] = ()
+
+
+def wanted_sidecars(capture: Capture, plan: Plan, reference: KnownPlot | None) -> frozenset[str]:
+    """Sidecars of a visit that must not be used, since its positions are wanted from elsewhere.
+
+    Where the plot's reference is georeferenced, GPS is, where there is enough of it; where there is no reference,
+    poses.csv that is not in the plan's frame is passed over for GPS.
+    """
+    tagged = sum(photo.geotag is not None for photo in capture.photos) >= _LEAST_POSITIONS
+    if capture.metric_source != "poses.csv" or not tagged:
+        return frozenset()
+    if reference is not None:
+        return frozenset({"poses.csv"}) if reference.source.georeferenced else frozenset()
+    return frozenset() if on_stations(capture, plan) else frozenset({"poses.csv"})
+
+
+def on_stations(capture: Capture, plan: Plan) -> bool:
+    """Whether the known positions are those of the plan's stations: then they are in the plot frame."""
+    positions = _positions(capture)
+    if not len(positions):
+        return False
+    stations = np.array([station.position_m for station in plan.stations])
+    nearest = np.linalg.norm(positions[:, None] - stations[None], axis=2).min(axis=1)
+    return float(np.median(nearest)) <= ON_STATION_M
+
+
+def place_visit(
+    capture: Capture, plot: CampaignPlot, plan: Plan, reference: KnownPlot | None, *, seed: int = 0
+) -> PlacedVisit:
+    """The frame, volume and ground of a visit.
+
+    Args:
+        capture: read without `wanted_sidecars`.
+        plot: of the site.
+        plan: that was flown.
+        reference: the plot's own, where it has one.
+        seed: of the ground's RANSAC.
+    """
+    aim, height = plan_aim(plan)
+    if reference is not None:
+        if not reference.source.georeferenced or capture.origin is None:
+            return PlacedVisit(reference)
+        return PlacedVisit(replace(reference, settle=Settling(None, height, reference.ground, seed)))
+    volume = plan_volume(plan)
+    if capture.metric_source is None:
+        return PlacedVisit(None, ("no positions: reconstructed in a frame and at a scale of its own",))
+    if capture.origin is None:
+        if not on_stations(capture, plan):
+            note = "poses.csv is not in the plan's frame, and there is no GPS: the plot's place in it is not known"
+            return PlacedVisit(None, (note,))
+        source = SourceFrame(capture.metric_source, None, Similarity.identity())
+        return PlacedVisit(KnownPlot(source, volume, None, settle=Settling(None, height, None, seed)))
+    origin = LocalFrame(plot.latitude_deg, plot.longitude_deg, capture.origin.altitude_m, capture.origin.datum)
+    source = SourceFrame(capture.metric_source, origin, Similarity(1.0, _plot_from_enu(plot), np.zeros(3)))
+    accuracy = _accuracy_m(capture)
+    coarse = accuracy > COARSE_M
+    notes: tuple[str, ...] = ()
+    if coarse:
+        note = f"positions are good to {accuracy:.1f} m only: the plot is taken to lie where the cameras look"
+        notes = (note,)
+    settle = Settling(aim if coarse else None, height, None, seed)
+    return PlacedVisit(KnownPlot(source, volume, None, settle=settle), notes)
+
+
+def plan_aim(plan: Plan) -> tuple[tuple[float, float], float]:
+    """Where the plan's cameras look, (x, y) in the plot frame, and the median height of its stations."""
+    poses = [station.pose for station in plan.stations]
+    centers = np.array([pose.center for pose in poses])
+    region = region_of_interest(poses)
+    middle = centers.mean(axis=0) if region is None else np.array(region.center)
+    return (float(middle[0]), float(middle[1])), float(np.median(centers[:, 2]))
+
+
+def plan_volume(plan: Plan) -> Volume:
+    """The volume of interest on every plot: the plants planned on, with room for others and for growth.
+
+    Without plants in the plan it is a box about what its cameras look at.
+    """
+    heights = [station.position_m[2] for station in plan.stations]
+    if plan.plants is not None and plan.plants.points_m:
+        points = np.array(plan.plants.points_m, dtype=np.float64).reshape(-1, 3)
+        lower, upper = points.min(axis=0), points.max(axis=0)
+        side = np.maximum(_MARGIN * (upper - lower)[:2], _LEAST_MARGIN_M) + plan.plants.cell_m
+        top = upper[2] + plan.plants.cell_m + max(_GROWTH * upper[2], _LEAST_GROWTH_M)
+    else:
+        (x, y), _ = plan_aim(plan)
+        region = region_of_interest([station.pose for station in plan.stations])
+        reach = 0.5 * float(np.median(heights)) if region is None else region.radius
+        lower, upper = np.array([x - reach, y - reach, 0.0]), np.array([x + reach, y + reach, 0.0])
+        side = np.zeros(2)
+        top = max(float(np.median(heights)), 2 * _LEAST_GROWTH_M)
+    bottom = min(float(lower[2]), 0.0) - _BELOW_M
+    return Volume((*(lower[:2] - side), bottom), (*(upper[:2] + side), max(top, bottom + _LEAST_GROWTH_M)))
+
+
+def _plot_from_enu(plot: CampaignPlot) -> NDArray[np.float64]:
+    """(3, 3): x along the row's compass heading, y to its left."""
+    heading = np.radians(plot.row_heading_deg)
+    s, c = float(np.sin(heading)), float(np.cos(heading))
+    return np.array([[s, c, 0.0], [-c, s, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _positions(capture: Capture) -> NDArray[np.float64]:
+    return np.array([p.position for p in capture.priors.values() if p.position is not None], dtype=np.float64)
+
+
+def _accuracy_m(capture: Capture) -> float:
+    """Standard deviation of one position, median: errors of GPS are common to a visit, so they do not average out."""
+    stated = [p.position_accuracy_m for p in capture.priors.values() if p.position_accuracy_m is not None]
+    return float(np.median(stated)) if stated else 0.0
+
+
+def _height_at_origin(plane: Plane) -> float:
+    return float(plane.offset / plane.normal[2])

@@ -1,0 +1,156 @@
+"""Which plots are better and what changed over the dates, and which of that is beyond noise.
+
+A figure's noise is half the interval that holds nine in ten repeats. Of a predicted chamfer distance the interval is
+the prediction's own. Of a measured one it is 1.645 standard deviations of the plan's repeats on what it was made on,
+where plan.json says them: the scatter of reconstruction, not of weather or of flights. Two figures differ beyond noise
+where they are farther apart than their half intervals, added in squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot
+
+from fieldkit.campaign.visit import Visit
+from fieldkit.results.plan import Plan
+
+_NINE_IN_TEN = 1.645
+DRIFTING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover", "hull_m3")
+
+
+@dataclass(frozen=True)
+class Score:
+    """How good a visit is.
+
+    Attributes:
+        visit: the row.
+        value_m: chamfer distance: measured, else predicted.
+        predicted: whether it is a prediction.
+        noise_m: half the interval that holds nine in ten; None where it is not known.
+    """
+
+    visit: Visit
+    value_m: float
+    predicted: bool
+    noise_m: float | None
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A place in a ranking.
+
+    Attributes:
+        rank: from 1, the lowest chamfer distance first; plots that cannot be told from a group's first share its rank.
+        tied: whether others share it.
+        score: of the visit.
+    """
+
+    rank: int
+    tied: bool
+    score: Score
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How a plot's figure changed since its first date.
+
+    Attributes:
+        plot: id.
+        figure: field of `Visit`.
+        first_date, date: compared.
+        first, value: the figure on them.
+        beyond_noise: None where the noise is not known.
+    """
+
+    plot: str
+    figure: str
+    first_date: str
+    date: str
+    first: float
+    value: float
+    beyond_noise: bool | None
+
+    @property
+    def change(self) -> float:
+        """Value less first."""
+        return self.value - self.first
+
+
+def score_of(visit: Visit, plan: Plan) -> Score | None:
+    """A visit's score; None where it has none."""
+    if visit.chamfer_m is not None:
+        return Score(visit, visit.chamfer_m, False, measured_noise_m(plan))
+    if visit.predicted_chamfer_m is not None:
+        return Score(visit, visit.predicted_chamfer_m, True, _predicted_noise(visit))
+    return None
+
+
+def measured_noise_m(plan: Plan) -> float | None:
+    """Half the interval of a measured chamfer distance; None where the plan does not say its repeats' spread."""
+    spread = None if plan.method is None else plan.method.chamfer_spread_m
+    return None if spread is None else _NINE_IN_TEN * spread
+
+
+def ranking(visits: Sequence[Visit], plan: Plan, date: str) -> list[Ranked]:
+    """The plots of a date, the best first. Measured and predicted distances stand in one row: both are estimates of it.
+
+    Plots whose score is not beyond noise of the first of their group share its rank; with unknown noise none do.
+    """
+    scores = [score_of(visit, plan) for visit in visits if visit.date == date]
+    ordered = sorted((score for score in scores if score is not None), key=lambda s: (s.value_m, s.visit.plot))
+    groups: list[list[Score]] = []
+    for score in ordered:
+        if groups and beyond(groups[-1][0], score) is False:
+            groups[-1].append(score)
+        else:
+            groups.append([score])
+    result = []
+    rank = 1
+    for group in groups:
+        result += [Ranked(rank, len(group) > 1, score) for score in group]
+        rank += len(group)
+    return result
+
+
+def beyond(a: Score, b: Score) -> bool | None:
+    """Whether two scores differ beyond their noise; None where that is not known."""
+    if a.noise_m is None or b.noise_m is None:
+        return None
+    return abs(a.value_m - b.value_m) > hypot(a.noise_m, b.noise_m)
+
+
+def drift(visits: Sequence[Visit], plan: Plan) -> list[Drift]:
+    """Changes of every plot's figures since its first date that has them, by plot as given, figure and date.
+
+    A chamfer distance is compared with one of its own kind only: measured with measured.
+    """
+    found = []
+    for plot in dict.fromkeys(visit.plot for visit in visits):
+        own = sorted((visit for visit in visits if visit.plot == plot), key=lambda visit: visit.date)
+        for figure in DRIFTING:
+            having = [visit for visit in own if getattr(visit, figure) is not None]
+            for visit in having[1:]:
+                first = having[0]
+                before, after = float(getattr(first, figure)), float(getattr(visit, figure))
+                noise = _noise(figure, first, plan), _noise(figure, visit, plan)
+                surely = None
+                if noise[0] is not None and noise[1] is not None:
+                    surely = abs(after - before) > hypot(noise[0], noise[1])
+                found.append(Drift(plot, figure, first.date, visit.date, before, after, surely))
+    return found
+
+
+def _noise(figure: str, visit: Visit, plan: Plan) -> float | None:
+    match figure:
+        case "chamfer_m":
+            return measured_noise_m(plan)
+        case "predicted_chamfer_m":
+            return _predicted_noise(visit)
+        case _:
+            return None
+
+
+def _predicted_noise(visit: Visit) -> float | None:
+    low, high = visit.predicted_low_m, visit.predicted_high_m
+    return None if low is None or high is None else 0.5 * (high - low)

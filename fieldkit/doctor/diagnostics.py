@@ -1,0 +1,244 @@
+"""Whether this machine can run fieldkit, and what to do where it cannot."""
+
+from __future__ import annotations
+
+import json
+import platform
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Literal
+
+from fieldkit import __version__
+from fieldkit.cache import StageCache, default_cache_root
+from fieldkit.errors import StorageError
+from fieldkit.files import check_writable
+from fieldkit.runtime.machine import this_machine
+
+Status = Literal["ok", "warn", "fail"]
+
+_GIB = 1 << 30
+_PROBE_TIMEOUT_S = 120.0
+_LOW_MEMORY_BYTES = 4 * _GIB
+_LOW_SPACE_BYTES = 2 * _GIB
+_INSTALL = "Run `make setup`, or: pip install -e . -c constraints.txt"
+_OPTIONAL = {
+    "laspy": "LAS files: pip install 'fieldkit[geo]'",
+    "lazrs": "LAZ files: pip install 'fieldkit[geo]'",
+    "pyogrio": "GeoPackage files: pip install 'fieldkit[geo]'",
+    "pyproj": "coordinate systems: pip install 'fieldkit[geo]'",
+    "distributed": "runs on a cluster: pip install 'fieldkit[cluster]'",
+}
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at.
+
+    Attributes:
+        name: what.
+        status: "ok", "warn" (works, but slower or less) or "fail" (fieldkit does not work without it).
+        detail: what was found.
+        remedy: what to do, where there is something to do.
+        values: the findings for programs.
+    """
+
+    name: str
+    status: Status
+    detail: str
+    remedy: str = ""
+    values: dict[str, Any] = field(default_factory=dict)
+
+
+def diagnose() -> Iterator[Check]:
+    """Every check in turn; they are independent of each other."""
+    checks: tuple[Callable[[], Check], ...] = (
+        check_python,
+        check_packages,
+        check_optional_packages,
+        check_renderer,
+        check_pycolmap,
+        check_cores,
+        check_memory,
+        check_cache,
+        check_exiftool,
+    )
+    for check in checks:
+        yield check()
+
+
+def check_python() -> Check:
+    """fieldkit, Python and the operating system."""
+    values = {"fieldkit": __version__, "python": platform.python_version(), "system": platform.platform()}
+    detail = f"fieldkit {__version__}, Python {values['python']}, {values['system']}"
+    if sys.platform != "linux":
+        return Check("python", "warn", detail, "Only Linux is tested.", values)
+    return Check("python", "ok", detail, values=values)
+
+
+def check_packages() -> Check:
+    """Whether every package fieldkit needs is installed and can be imported, with versions."""
+    versions = {name: _version(name) for name in _required_packages()}
+    missing = [name for name, version in versions.items() if version is None]
+    broken = _broken_imports(skip=missing)
+    values = {"versions": versions, "missing": missing, "broken": broken}
+    if missing or broken:
+        parts = [f"{name} is not installed" for name in missing] + [f"{name}: {text}" for name, text in broken.items()]
+        return Check("packages", "fail", "; ".join(parts), _INSTALL, values)
+    detail = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return Check("packages", "ok", detail, values=values)
+
+
+def check_optional_packages() -> Check:
+    """Packages of the extras."""
+    versions = {name: _version(name) for name in _OPTIONAL}
+    detail = ", ".join(f"{name} {version or 'not installed'}" for name, version in versions.items())
+    remedy = "; ".join(f"for {use}" for name, use in _OPTIONAL.items() if versions[name] is None)
+    return Check("optional packages", "ok", detail, remedy, {"versions": versions})
+
+
+def check_renderer() -> Check:
+    """Render a frame and check its pixels and depths."""
+    lines, failure = _probe("renderer")
+    values = lines[-1] if lines else {}
+    remedy = "Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri. Others: see docs/install.md."
+    if failure:
+        return Check("renderer", "fail", f"nothing can be rendered: {failure}", remedy, values)
+    wrong = values["wrong_pixels"] + values["wrong_depths"]
+    if wrong:
+        detail = f"{values['renderer']}: {wrong} wrong pixels in the test frame"
+        remedy = "Update the graphics driver, or use Mesa's: set __EGL_VENDOR_LIBRARY_FILENAMES to its vendor file."
+        return Check("renderer", "fail", detail, remedy, values)
+    return Check("renderer", "ok", f"{values['renderer']}; the test frame is right", values=values)
+
+
+def check_pycolmap() -> Check:
+    """The build of pycolmap, and the CUDA devices dense stereo could use."""
+    builds = [name for name in ("pycolmap", "pycolmap-cuda12") if _installed(name)]
+    if len(builds) > 1:
+        remedy = (
+            "pip uninstall -y pycolmap pycolmap-cuda12, then install the one you want (docs/install.md): "
+            "they overwrite each other."
+        )
+        return Check("pycolmap", "fail", "pycolmap and pycolmap-cuda12 are both installed", remedy, {"builds": builds})
+    lines, failure = _probe("pycolmap")
+    if failure:
+        return Check("pycolmap", "fail", f"pycolmap does not work: {failure}", _INSTALL, {"builds": builds})
+    values = {**lines[-1], "builds": builds}
+    devices = values["cuda_devices"]
+    build = "with CUDA" if values["built_with_cuda"] else "without CUDA"
+    detail = f"pycolmap {values['version']} {build}, {devices} CUDA device{'s' if devices != 1 else ''}"
+    if values["built_with_cuda"] and not devices:
+        return Check("pycolmap", "warn", detail, "No GPU is visible: check the driver with nvidia-smi.", values)
+    if not devices and shutil.which("nvidia-smi"):
+        remedy = "For dense stereo on the GPU: pip uninstall -y pycolmap && pip install 'pycolmap-cuda12>=4.2,<5'"
+        return Check("pycolmap", "warn", detail + ", though there is an NVIDIA driver", remedy, values)
+    return Check("pycolmap", "ok", detail, values=values)
+
+
+def check_cores() -> Check:
+    """Processor cores this process may use."""
+    cores = this_machine().cores
+    remedy = "Everything works, but evaluations run one after another." if cores < 2 else ""
+    return Check("cores", "ok" if cores > 1 else "warn", f"{cores}", remedy, {"cores": cores})
+
+
+def check_memory() -> Check:
+    """Memory this process may use."""
+    machine = this_machine()
+    values = {"total_bytes": machine.memory_bytes, "available_bytes": machine.available_bytes}
+    detail = f"{machine.available_bytes / _GIB:.1f} GiB free of {machine.memory_bytes / _GIB:.1f} GiB"
+    if machine.available_bytes < _LOW_MEMORY_BYTES:
+        remedy = "Close other programs; large captures need 4 GiB at --fidelity standard."
+        return Check("memory", "warn", detail, remedy, values)
+    return Check("memory", "ok", detail, values=values)
+
+
+def check_cache(root: Path | None = None) -> Check:
+    """Whether results of stages can be kept, and how much space is left for them."""
+    root = default_cache_root() if root is None else root
+    sizes = StageCache(root).sizes().values()
+    values: dict[str, Any] = {"folder": str(root), "bytes": sum(size.bytes for size in sizes), "writable": True}
+    try:
+        check_writable(root)
+    except StorageError as error:
+        values["writable"] = False
+        remedy = f"{error.remedy} FIELDKIT_CACHE chooses another folder; without a cache every run starts anew."
+        return Check("cache", "warn", str(error), remedy, values)
+    values["free_bytes"] = shutil.disk_usage(_existing(root)).free
+    detail = f"{root}: {values['bytes'] / _GIB:.2f} GiB kept, {values['free_bytes'] / _GIB:.1f} GiB free on the disk"
+    if values["free_bytes"] < _LOW_SPACE_BYTES:
+        remedy = "Make room, e.g. `fieldkit cache prune --max-size 1G`, or choose another disk with FIELDKIT_CACHE."
+        return Check("cache", "warn", detail, remedy, values)
+    return Check("cache", "ok", detail, values=values)
+
+
+def check_exiftool() -> Check:
+    """exiftool, which fieldkit does not need: people use it to look into photographs."""
+    path = shutil.which("exiftool")
+    if path is None:
+        return Check("exiftool", "ok", "not installed (fieldkit reads metadata itself)", values={"version": None})
+    try:
+        done = subprocess.run([path, "-ver"], capture_output=True, text=True, timeout=30, check=True)
+    except (OSError, subprocess.SubprocessError) as error:
+        return Check("exiftool", "ok", f"{path} does not run: {error} (not needed)", values={"version": None})
+    return Check("exiftool", "ok", f"{done.stdout.strip()} at {path}", values={"version": done.stdout.strip()})
+
+
+def _required_packages() -> list[str]:
+    """Names of fieldkit's own requirements, without those of extras."""
+    try:
+        requirements = metadata.requires("fieldkit") or []
+    except metadata.PackageNotFoundError:  # run from a source folder that is not installed
+        return []
+    names = [line.split(";")[0] for line in requirements if "extra ==" not in line]
+    return sorted(re.split(r"[^\w.-]", name.strip())[0].lower().replace("_", "-") for name in names)
+
+
+def _version(distribution: str) -> str | None:
+    if distribution == "pycolmap" and _installed("pycolmap") is None:
+        return _installed("pycolmap-cuda12")
+    return _installed(distribution)
+
+
+def _installed(distribution: str) -> str | None:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _broken_imports(skip: list[str]) -> dict[str, str]:
+    lines, failure = _probe("imports")
+    broken = {line["failed"]: line["error"] for line in lines if "failed" in line and line["failed"] not in skip}
+    if failure and lines:
+        broken[lines[-1].get("importing", "import")] = failure
+    return broken
+
+
+def _probe(name: str) -> tuple[list[dict[str, Any]], str]:
+    """Run fieldkit.doctor.probes in a process of its own: its lines, and how it failed (empty: it did not)."""
+    command = [sys.executable, "-m", "fieldkit.doctor.probes", name]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_PROBE_TIMEOUT_S, check=False)
+    except subprocess.TimeoutExpired:
+        return [], f"no answer within {_PROBE_TIMEOUT_S:.0f} s"
+    lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    if done.returncode < 0:
+        return lines, f"the process was ended by {signal.Signals(-done.returncode).name}"
+    if done.returncode > 0:
+        return lines, next(reversed(done.stderr.strip().splitlines()), f"exit code {done.returncode}")
+    return lines, ""
+
+
+def _existing(path: Path) -> Path:
+    path = path.absolute()
+    while not path.exists():
+        path = path.parent
+    return path

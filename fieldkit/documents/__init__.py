@@ -1,0 +1,1 @@
+"""Files of text that people and programs write, read with limits: JSON and TOML."""

@@ -1,0 +1,80 @@
+"""Reading TOML files that people write: how large they may be, how they are decoded, and what is said of mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from fieldkit.documents import safe_toml
+from fieldkit.errors import InputError, MetadataError
+
+MOST_CHARACTERS = 16 << 20
+"""Of any TOML text; the parser takes some seconds for so many."""
+_MOST_SHOWN = 200
+
+
+def read_toml(
+    path: Path,
+    noun: str,
+    remedy: str,
+    max_bytes: int,
+    *,
+    missing: str | None = None,
+    error: type[InputError] = MetadataError,
+) -> dict[str, Any]:
+    """The document of a TOML file in UTF-8, with or without a byte order mark.
+
+    Args:
+        path: to read.
+        noun: what the file is, for its errors: "site file", "scene file".
+        remedy: of every error that has no better one.
+        max_bytes: of a larger file no more is read; it is refused.
+        missing: the remedy where there is no such file, if it is another one.
+        error: what is raised.
+
+    Raises:
+        InputError: of the kind ``error``: the file is missing, unreadable, too large, not in UTF-8, or no TOML.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(max_bytes + 1)
+        if len(data) > max_bytes:
+            raise error(f"is far too large for a {noun}", path=path, remedy=remedy)
+        text = data.decode("utf-8-sig")
+    except FileNotFoundError as caught:
+        raise error(f"there is no such {noun}", path=path, remedy=missing or remedy) from caught
+    except OSError as caught:
+        raise error(f"cannot be read: {caught.strerror}", path=path, remedy="Check its permissions.") from caught
+    except UnicodeDecodeError as caught:
+        raise error("is not text in UTF-8", path=path, remedy="Save it as UTF-8.") from caught
+    except ValueError as caught:  # a NUL in the path
+        raise error(f"is no path of a {noun}", path=path, remedy=remedy) from caught
+    return toml_document(text, path, remedy, error=error)
+
+
+def toml_document(
+    text: str, path: Path | None, remedy: str, *, error: type[InputError] = MetadataError
+) -> dict[str, Any]:
+    """The document of a TOML text.
+
+    Args:
+        text: a byte order mark in front of it is left out.
+        path: for the error.
+        remedy: of the error.
+        error: what is raised.
+
+    Raises:
+        InputError: of the kind ``error``: it is too large, or no TOML; the line is named.
+    """
+    if len(text) > MOST_CHARACTERS:
+        raise error(f"is far too large: more than {MOST_CHARACTERS:,} characters", path=path, remedy=remedy)
+    try:
+        return safe_toml.loads(text.removeprefix("\ufeff"))
+    except (ValueError, RecursionError) as caught:  # ValueError: also integers with thousands of digits
+        raise error(f"is not TOML: {one_line(caught)}", path=path, remedy=remedy) from caught
+
+
+def one_line(error: BaseException) -> str:
+    """What an error of a parser says, as one short line."""
+    text = "brackets without end" if isinstance(error, RecursionError) else str(error).partition("\n")[0]
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}…"

@@ -1,7 +1,0 @@
-"""A campaign: one plan over many plots and dates, and the table of their scores."""
-
-from fieldkit.evaluation.campaign.campaign import Campaign, CampaignPlot, find_campaign, read_campaign, visit_plots
-from fieldkit.evaluation.campaign.campaign_file import CAMPAIGN_FILE
-from fieldkit.evaluation.campaign.visit import Visit
-
-__all__ = ["CAMPAIGN_FILE", "Campaign", "CampaignPlot", "Visit", "find_campaign", "read_campaign", "visit_plots"]

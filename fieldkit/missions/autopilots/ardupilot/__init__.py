@@ -1,0 +1,1 @@
+"""ArduPilot: the items it is given, and what it makes of them."""

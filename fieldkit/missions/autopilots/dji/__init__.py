@@ -1,0 +1,1 @@
+"""DJI: missions as WPML files."""

@@ -1,0 +1,173 @@
+"""What flying a mission comes to: photographs with their poses, the legs, what is skipped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import pairwise
+
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.mission import GeoPoint
+from fieldkit.missions.plan_site.vehicle import Speeds
+from fieldkit.missions.routing.motion import turn_deg
+
+
+@dataclass(frozen=True)
+class Photograph:
+    """A photograph as the autopilot would take it.
+
+    Attributes:
+        item: number of the item that releases the shutter.
+        station: its place among the photographs of the file, from 0.
+        place: predicted, height above home (NaN where the file's datum cannot be related to home); None where unknown.
+        heading_deg: predicted heading of the camera, in [0, 360), None where nothing commands it.
+        pitch_deg: predicted, None where nothing commands it.
+        waypoint: number of the item whose place the photograph belongs to, None before the first one.
+        late_s: after the vehicle has left that place; 0 where it is still there.
+        moving: whether the vehicle flies by, or has left.
+        settled_s: standing still with the camera turned, before it.
+        after_s: standing still after it.
+        never: why it is not taken at all; "" where it is.
+    """
+
+    item: int
+    station: int
+    place: GeoPoint | None
+    heading_deg: float | None
+    pitch_deg: float | None
+    waypoint: int | None
+    late_s: float = 0.0
+    moving: bool = False
+    settled_s: float = 0.0
+    after_s: float = 0.0
+    never: str = ""
+
+
+@dataclass(frozen=True)
+class FlownLeg:
+    """A straight way; ``item`` is the number of the item it leads to. Heights above home, NaN where not known."""
+
+    start: GeoPoint
+    end: GeoPoint
+    item: int
+
+
+@dataclass(frozen=True)
+class Execution:
+    """A whole flight.
+
+    Attributes:
+        photographs: in the order of the file.
+        legs: in the order they are flown.
+        seconds: of the flight, estimated.
+        skipped: items that are not carried out although the autopilot has them: number and why.
+        lands: "land", "return" or "" where the mission ends in the air.
+        takeoff: whether it has a take-off.
+    """
+
+    photographs: tuple[Photograph, ...]
+    legs: tuple[FlownLeg, ...]
+    seconds: float
+    skipped: tuple[tuple[int, str], ...]
+    lands: str
+    takeoff: bool
+
+
+@dataclass
+class Turning:
+    """The vehicle's heading over time: still, or turning the short way to a target at the profile's rate.
+
+    Attributes:
+        speeds: of the vehicle.
+        start_deg: where the turn began; None where it is not known.
+        target_deg: where it ends.
+        begun_s: on the flight's clock.
+    """
+
+    speeds: Speeds
+    start_deg: float | None = None
+    target_deg: float | None = None
+    begun_s: float = 0.0
+
+    def at(self, clock_s: float) -> float | None:
+        """The heading at a time, [0, 360); None where it is not known."""
+        if self.target_deg is None:
+            return self.start_deg
+        if self.start_deg is None:
+            return self.target_deg if clock_s >= self.done_s else None
+        angle = turn_deg(self.start_deg, self.target_deg)
+        turned = min(max(clock_s - self.begun_s, 0.0) * self.speeds.yaw_dps, abs(angle))
+        return (self.start_deg + math.copysign(turned, angle)) % 360.0
+
+    @property
+    def done_s(self) -> float:
+        """On the flight's clock, when the turn is over."""
+        if self.target_deg is None:
+            return self.begun_s
+        angle = 180.0 if self.start_deg is None else abs(turn_deg(self.start_deg, self.target_deg))
+        return self.begun_s + angle / self.speeds.yaw_dps
+
+    def turn_to(self, target_deg: float, clock_s: float) -> None:
+        """Begin a turn from wherever the vehicle heads now."""
+        self.start_deg = self.at(clock_s)
+        self.target_deg, self.begun_s = target_deg % 360.0, clock_s
+
+
+@dataclass
+class Track:
+    """Places flown, as they come: keeps the legs and measures them."""
+
+    legs: list[FlownLeg] = field(default_factory=list)
+    here: GeoPoint | None = None
+
+    def go(self, place: GeoPoint, item: int) -> tuple[float, float]:
+        """Fly to a place; metres horizontally (0 where it is not known from where) and up."""
+        before, self.here = self.here, place
+        if before is None:
+            return 0.0, 0.0
+        self.legs.append(FlownLeg(before, place, item))
+        return distance(before, place)
+
+
+def distance(a: GeoPoint, b: GeoPoint) -> tuple[float, float]:
+    """Metres from a to b, horizontally and up; up is 0 where a height is not known."""
+    east, north, up = offset(a, b)
+    return math.hypot(east, north), up
+
+
+@lru_cache(maxsize=8)  # a leg is measured as the next one, as the one that is flown, and as the one before
+def offset(a: GeoPoint, b: GeoPoint) -> tuple[float, float, float]:
+    """Metres east, north and up from a to b; 0 where a place is none on Earth or a height is not known."""
+    if not all(map(math.isfinite, (a.latitude_deg, a.longitude_deg, b.latitude_deg, b.longitude_deg))):
+        return 0.0, 0.0, 0.0
+    if abs(a.latitude_deg) > 90.0 or abs(b.latitude_deg) > 90.0:
+        return 0.0, 0.0, 0.0
+    east, north, _ = LocalFrame(a.latitude_deg, a.longitude_deg).to_local(b.latitude_deg, b.longitude_deg, 0.0)[0]
+    up = b.height_m - a.height_m
+    return float(east), float(north), up if math.isfinite(up) else 0.0
+
+
+def along(path: Sequence[GeoPoint], share: float) -> GeoPoint:
+    """The place at a share of the length of a path, for paths of some hundred metres."""
+    lengths = [math.hypot(*distance(a, b)) for a, b in pairwise(path)]
+    left = share * sum(lengths)
+    for (a, b), length in zip(pairwise(path), lengths, strict=True):
+        if left <= length and length > 0.0:
+            part = left / length
+            return GeoPoint(
+                a.latitude_deg + part * (b.latitude_deg - a.latitude_deg),
+                a.longitude_deg + part * turn_deg(a.longitude_deg, b.longitude_deg),
+                a.height_m + part * (b.height_m - a.height_m),
+            )
+        left -= length
+    return path[-1]
+
+
+def aim(place: GeoPoint, target: GeoPoint) -> tuple[float, float]:
+    """Heading in [0, 360) and pitch in degrees from a place to a target."""
+    frame = LocalFrame(place.latitude_deg, place.longitude_deg)
+    east, north, _ = (float(v) for v in frame.to_local(target.latitude_deg, target.longitude_deg, 0.0)[0])
+    up = target.height_m - place.height_m
+    return math.degrees(math.atan2(east, north)) % 360.0, math.degrees(math.atan2(up, math.hypot(east, north)))

@@ -1,0 +1,1 @@
+"""PX4: the items it is given."""

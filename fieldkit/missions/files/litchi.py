@@ -1,0 +1,145 @@
+"""Litchi's CSV: a row per waypoint, for DJI aircraft flown with Litchi.
+
+Columns and codes as Litchi's Mission Hub exports them and litchiutilities.com describes them. The file holds nothing
+global: Heading Mode must be set to Custom by hand, or every heading in it is ignored; Path Mode to Straight Lines.
+Limits as Litchi's forum lists them ("DJI SDK limits"): 99 waypoints, pauses of 32 s.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+from fieldkit.errors import MetadataError, MissionError
+from fieldkit.missions.autopilots.stops import LEAST_EXPOSURE_S
+from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
+from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark
+from fieldkit.missions.files.route import RoutePoint, route_points
+from fieldkit.missions.mission import GeoPoint, Mission
+from fieldkit.missions.plan_site.vehicle import Vehicle
+
+_ACTIONS = 15
+_MOST_WAYPOINTS = 99
+_LONGEST_PAUSE_S = 32.0
+_NONE, _STAY, _PHOTO, _ROTATE, _TILT = -1, 0, 1, 4, 5
+_INTERPOLATE = 2
+_FEET_M = 0.3048
+_REMEDY = "Export it again from Litchi's Mission Hub, or with `fieldkit export-mission --format litchi`."
+
+COLUMNS = (
+    "latitude", "longitude", "altitude(m)", "heading(deg)", "curvesize(m)", "rotationdir", "gimbalmode",
+    "gimbalpitchangle", *(f"action{part}{k}" for k in range(1, _ACTIONS + 1) for part in ("type", "param")),
+    "altitudemode", "speed(m/s)", "poi_latitude", "poi_longitude", "poi_altitude(m)", "poi_altitudemode",
+    "photo_timeinterval", "photo_distinterval",
+)  # fmt: skip
+
+
+def litchi_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
+    """A Litchi CSV, heights above take-off.
+
+    Raises:
+        MissionError: a pose is beyond the mount, there are more waypoints than Litchi takes, or a pause is longer.
+    """
+    longest = max(mission.settle_s, mission.exposure_s)
+    if not longest <= _LONGEST_PAUSE_S:
+        raise MissionError(
+            f"settling or exposing takes {longest:g} s; Litchi pauses for at most {_LONGEST_PAUSE_S:g} s",
+            remedy="Set settle_s and exposure_s in the vehicle's profile.",
+        )
+    lines = [",".join(COLUMNS)]
+    lines += [_row(mission, point) for point in route_points(mission, vehicle, _MOST_WAYPOINTS, "Litchi")]
+    return ("\n".join(lines) + "\n").encode("ascii")
+
+
+def _row(mission: Mission, point: RoutePoint) -> str:
+    actions: list[tuple[int, int]] = []
+    if point.shot is not None:
+        settle, exposure = (round(1000 * max(s, LEAST_EXPOSURE_S)) for s in (mission.settle_s, mission.exposure_s))
+        actions = [(_STAY, settle), (_PHOTO, 0), (_STAY, exposure)]
+    actions += [(_NONE, 0)] * (_ACTIONS - len(actions))
+    place = point.place
+    return ",".join([
+        f"{place.latitude_deg:.9f}", f"{place.longitude_deg:.9f}", f"{place.height_m:.3f}", f"{point.yaw_deg:.2f}",
+        "0", "0", str(_INTERPOLATE), f"{point.pitch_deg:.2f}", *(str(v) for action in actions for v in action),
+        "0", f"{mission.speed_mps:.2f}", "0", "0", "0", "0", "-1", "-1",
+    ])  # fmt: skip
+
+
+def read_litchi(path: Path) -> ReadMission:
+    """Read a Litchi CSV, metric or imperial, also with fewer action columns than there can be.
+
+    Raises:
+        MetadataError: it is no such file, or a row is not a waypoint.
+    """
+    text = read_text(path)
+    try:
+        rows = list(csv.reader(io.StringIO(text), delimiter=";" if ";" in text.partition("\n")[0] else ","))
+    except csv.Error as error:
+        raise _error(path, f"is not CSV: {error}") from error
+    names = [name.strip().lower() for name in rows[0]] if rows else []
+    if "latitude" not in names or "longitude" not in names or not any(n.startswith("altitude(") for n in names):
+        raise _error(path, "is no Litchi mission: its first row does not name latitude, longitude and altitude")
+    filled = [(line, row) for line, row in enumerate(rows[1:], 2) if any(cell.strip() for cell in row)]
+    if len(filled) > MAX_ITEMS:
+        raise _error(path, f"has more than {MAX_ITEMS} waypoints")
+    remarks = [
+        Remark("heading-mode", "headings count only with Litchi's Heading Mode set to Custom, which no file can hold")
+    ]
+    stops = [_read_row(path, names, row, line, k, remarks) for k, (line, row) in enumerate(filled)]
+    return ReadMission("litchi", stops=tuple(stops), firmware="dji", remarks=tuple(remarks), first_number=0)
+
+
+def _read_row(path: Path, names: list[str], row: list[str], line: int, index: int, remarks: list[Remark]) -> ReadStop:
+    if len(row) > len(names):
+        raise _error(path, f"line {line} has {len(row)} columns, its header {len(names)}")
+    cells = dict(zip(names, row, strict=False))
+
+    def value(*keys: str) -> float | None:
+        text = next((cells[key] for key in keys if cells.get(key, "").strip()), "")
+        found = number(text)
+        if text.strip() and found is None:
+            raise _error(path, f"line {line}: {keys[0]} is not a number: {text[:20]!r}")
+        return found
+
+    latitude, longitude, metres = value("latitude"), value("longitude"), value("altitude(m)")
+    feet = value("altitude(ft)")
+    height = metres if metres is not None else None if feet is None else feet * _FEET_M
+    if latitude is None or longitude is None or height is None:
+        raise _error(path, f"line {line} lacks a latitude, longitude or altitude")
+    yaw = value("heading(deg)", "heading")
+    pitch = value("gimbalpitchangle") if value("gimbalmode") == _INTERPOLATE else None
+    before = after = 0.0
+    photographs = 0
+    for k in range(1, _ACTIONS + 1):
+        kind, amount = value(f"actiontype{k}"), value(f"actionparam{k}") or 0.0
+        if kind == _PHOTO:
+            photographs, after = photographs + 1, 0.0
+        elif kind == _STAY and photographs:
+            after += max(amount, 0.0) / 1000.0
+        elif kind == _STAY:
+            before += max(amount, 0.0) / 1000.0
+        elif kind == _ROTATE and not photographs:
+            yaw, before = amount, 0.0
+        elif kind == _TILT and not photographs:
+            pitch, before = amount, 0.0
+    if (value("photo_timeinterval") or 0.0) > 0.0 or (value("photo_distinterval") or 0.0) > 0.0:
+        message = "photographs are taken at intervals, on the way: they are not counted"
+        remarks.append(Remark("photo-moving", message, item=index, error=True))
+    return ReadStop(
+        index,
+        GeoPoint(latitude, longitude, height),
+        height_from="ground" if value("altitudemode") == 1 else "home",
+        yaw_deg=None if yaw is None else yaw % 360.0,
+        pitch_deg=pitch,
+        # A curve size above 0 rounds the corner, unless an action stops the aircraft.
+        stops=photographs > 0 or before > 0.0 or not (value("curvesize(m)", "curvesize(ft)") or 0.0) > 0.0,
+        before_s=before,
+        after_s=after,
+        photographs=photographs,
+        speed_mps=value("speed(m/s)"),
+    )
+
+
+def _error(path: Path, message: str) -> MetadataError:
+    return MetadataError(message, path=path, remedy=_REMEDY)

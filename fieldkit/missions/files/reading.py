@@ -1,0 +1,41 @@
+"""Any mission file, read back: also ones written by others, and hostile ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from fieldkit.errors import MetadataError
+from fieldkit.missions.autopilots.dji.wpml import read_wpml
+from fieldkit.missions.files.limits import REMEDY
+from fieldkit.missions.files.litchi import read_litchi
+from fieldkit.missions.files.qgc_plan import read_plan
+from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.waypoints import read_waypoints
+
+_READERS: dict[str, Callable[[Path], ReadMission]] = {
+    ".plan": read_plan,
+    ".waypoints": read_waypoints,
+    ".txt": read_waypoints,
+    ".kmz": read_wpml,
+    ".csv": read_litchi,
+}
+
+
+def read_mission(path: Path) -> ReadMission:
+    """Read a .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.
+
+    The file's name says its format. Nothing of an archive is unpacked to disk, XML with a document type is refused,
+    and sizes, counts and numbers have limits.
+
+    Raises:
+        MetadataError: the file is missing, of no known format, damaged or far too large.
+    """
+    path = Path(path)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise MetadataError(f"is of no known mission format ({path.suffix or 'no suffix'})", path=path, remedy=REMEDY)
+    try:
+        return reader(path)
+    except RecursionError as error:
+        raise MetadataError("is nested far too deeply for a mission", path=path, remedy=REMEDY) from error

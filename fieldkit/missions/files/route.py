@@ -1,0 +1,62 @@
+"""A mission as plain waypoints, for formats that have no MAVLink items."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fieldkit.errors import MissionError
+from fieldkit.missions.autopilots.stops import check_shot
+from fieldkit.missions.mission import GeoPoint, Mission, Shot
+from fieldkit.missions.plan_site.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class RoutePoint:
+    """A waypoint.
+
+    Attributes:
+        place: its height above home.
+        yaw_deg: heading, clockwise from north, [0, 360).
+        pitch_deg: of the gimbal.
+        shot: the photograph taken there, or None.
+    """
+
+    place: GeoPoint
+    yaw_deg: float
+    pitch_deg: float
+    shot: Shot | None
+
+
+def route_points(mission: Mission, vehicle: Vehicle, most: int, what: str) -> list[RoutePoint]:
+    """Every place that is flown to: above home at take-off height, the stops, above the landing place.
+
+    Where nothing is photographed, heading and pitch are already those of the next photograph.
+
+    Args:
+        mission: to fly.
+        vehicle: whose mount limits pitches.
+        most: waypoints that the format's readers take.
+        what: the format, for messages.
+
+    Raises:
+        MissionError: a pose is beyond the mount, or there are too many waypoints.
+    """
+    home = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
+    places = [home, *(stop.place for stop in mission.stops), mission.landing]
+    shots = [None, *(stop if isinstance(stop, Shot) else None for stop in mission.stops), None]
+    if len(places) > most:
+        raise MissionError(
+            f"the mission has {len(places)} waypoints; {what} takes at most {most}", remedy="Fly fewer plots at once."
+        )
+    taken = [shot for shot in shots if shot is not None]
+    for shot in taken:
+        check_shot(shot, vehicle)
+    points: list[RoutePoint] = []
+    pose = (0.0, vehicle.mount.pitch_deg[1])
+    if taken:
+        pose = (taken[-1].yaw_deg % 360.0, taken[-1].pitch_deg)
+    for place, here in zip(reversed(places), reversed(shots), strict=True):
+        if here is not None:
+            pose = (here.yaw_deg % 360.0, here.pitch_deg)
+        points.append(RoutePoint(place, *pose, here))
+    return points[::-1]

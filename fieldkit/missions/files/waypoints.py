@@ -1,0 +1,104 @@
+"""QGC WPL 110: the .waypoints files of Mission Planner, QGroundControl and MAVProxy.
+
+A line per item with 12 columns: number, current, frame, command, parameters 1 to 4, latitude, longitude, altitude,
+autocontinue. Latitude stands before longitude. Row 0 is home, above mean sea level.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from fieldkit.errors import MetadataError
+from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
+from fieldkit.missions.files.read_mission import ReadMission, Remark
+from fieldkit.missions.items import Command, Frame, MissionItem
+from fieldkit.missions.mission import Home
+
+HEADER = "QGC WPL 110"
+_REMEDY = "Save it again with Mission Planner or QGroundControl, or export it with `fieldkit export-mission`."
+
+
+def waypoints_bytes(items: Sequence[MissionItem], *, home: Home) -> bytes:
+    """A .waypoints file.
+
+    Args:
+        items: without the home item.
+        home: row 0; its altitude is written as 0 where it is not known.
+    """
+    place = (round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0)
+    rows = [MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0, *place)), *items]
+    lines = [HEADER]
+    for seq, item in enumerate(rows):
+        columns = [str(seq), "1" if seq == 0 else "0", str(int(item.frame)), str(int(item.command))]
+        columns += [_text(value) for value in item.params[:4]]
+        columns += [_text(value, 9) for value in item.params[4:6]]
+        columns += [_text(item.params[6]), "1" if item.autocontinue else "0"]
+        lines.append("\t".join(columns))
+    return ("\n".join(lines) + "\n").encode("ascii")
+
+
+def _text(value: float, digits: int = 6) -> str:
+    return "nan" if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def read_waypoints(path: Path) -> ReadMission:
+    """Read a QGC WPL 110 file: tabs or spaces, any line ends, with or without a byte order mark.
+
+    Raises:
+        MetadataError: it is no such file, or a row is not one.
+    """
+    lines = read_text(path).splitlines()
+    if not lines or lines[0].split() != HEADER.split():
+        found = lines[0][:40] if lines else ""
+        raise _error(path, f"is no waypoints file: it begins with {found!r}, not {HEADER!r}")
+    rows: list[MissionItem] = []
+    remarks: list[Remark] = []
+    for line_number, line in enumerate(lines[1:], 2):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        if len(rows) >= MAX_ITEMS:
+            raise _error(path, f"has more than {MAX_ITEMS} rows")
+        seq, item = _read_row(path, line.split(), line_number)
+        if seq != len(rows):
+            remarks.append(Remark("numbering", f"row {len(rows)} is numbered {seq}", item=len(rows)))
+        rows.append(item)
+    if rows and _is_home(rows[0]):
+        latitude, longitude, altitude = rows[0].params[4:]
+        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and math.isfinite(altitude)):
+            raise _error(path, "row 0, home, is not at a latitude, longitude and altitude")
+        home = None if latitude == longitude == 0.0 else Home(latitude, longitude, altitude or None)
+        return ReadMission("waypoints", items=tuple(rows[1:]), home=home, remarks=tuple(remarks))
+    return ReadMission("waypoints", items=tuple(rows), remarks=tuple(remarks), first_number=0)
+
+
+def _is_home(item: MissionItem) -> bool:
+    # Mission Planner writes home with command 0 at times; pymavlink reads that as a waypoint, too.
+    return item.command in (0, Command.NAV_WAYPOINT) and item.frame == Frame.GLOBAL and item.params[0] == 0.0
+
+
+def _read_row(path: Path, columns: list[str], line: int) -> tuple[int, MissionItem]:
+    if len(columns) != 12:
+        raise _error(path, f"line {line} has {len(columns)} columns, not 12")
+    integers = []
+    for name, text, high in (
+        ("number", columns[0], 65535), ("current", columns[1], 1), ("frame", columns[2], 255),
+        ("command", columns[3], 65535), ("autocontinue", columns[11], 1),
+    ):  # fmt: skip
+        value = number(text)
+        if value is None or value != int(value) or not 0 <= value <= high:
+            raise _error(path, f"line {line}: its {name} is {text[:20]!r}")
+        integers.append(int(value))
+    values = []
+    for column, text in enumerate(columns[4:11], 5):
+        value = math.nan if text.lower() in ("nan", "-nan") else number(text)
+        if value is None:
+            raise _error(path, f"line {line}: column {column} is not a number: {text[:20]!r}")
+        values.append(value)
+    params = (values[0], values[1], values[2], values[3], values[4], values[5], values[6])
+    return integers[0], MissionItem(integers[3], integers[2], params, bool(integers[4]))
+
+
+def _error(path: Path, message: str) -> MetadataError:
+    return MetadataError(message, path=path, remedy=_REMEDY)

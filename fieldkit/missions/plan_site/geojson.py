@@ -1,0 +1,158 @@
+"""GeoJSON (RFC 7946) as geographic information systems write it: points and polygons with their attributes.
+
+Coordinates are longitude, latitude; what looks swapped, or like metres of a map projection, is an error that says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NoReturn
+
+from fieldkit.documents.json_file import read_json_object
+from fieldkit.errors import MetadataError
+from fieldkit.missions.files.limits import json_number
+
+MAX_BYTES = 16 << 20
+MAX_FEATURES = 2000
+MAX_CORNERS = 20_000
+"""Of all polygons of a file together."""
+
+_REMEDY = "Give a GeoJSON file in WGS 84 (EPSG:4326); missions/README.md says what it holds."
+_PROJECTED = "Export it in WGS 84 (EPSG:4326): in QGIS, Save Features As… with that CRS."
+_SWAPPED = "GeoJSON puts longitude first: swap the two."
+_WGS84 = ("crs84", "epsg::4326", "epsg:4326")
+
+Ring = tuple[tuple[float, float], ...]
+"""Corners (latitude, longitude) in degrees, without a repeated last one."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One feature of a file.
+
+    Attributes:
+        number: of it in the file, from 1.
+        kind: of its geometry; a MultiPolygon is a Polygon with several parts.
+        parts: a ring per part; of a point one with its only corner.
+        height_m: third coordinate of its first position; None where there is none. Its datum is not known: RFC 7946
+            wants the ellipsoid's, many programs write the height above sea level, some 0 for none.
+        properties: what the file says of it, without those that are null.
+    """
+
+    number: int
+    kind: Literal["Point", "Polygon"]
+    parts: tuple[Ring, ...]
+    height_m: float | None
+    properties: Mapping[str, Any]
+
+
+def read_features(path: Path) -> tuple[Feature, ...]:
+    """The points and polygons of a GeoJSON file: a FeatureCollection, a Feature or a bare geometry.
+
+    Raises:
+        MetadataError: it is missing, unreadable, too large, not GeoJSON in WGS 84, holds other geometries, a polygon
+            with a hole, or coordinates that are none or look swapped; the feature is named.
+    """
+    return _Reader(Path(path)).features()
+
+
+class _Reader:
+    """Reads one file; all its errors name it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.corners = 0
+
+    def features(self) -> tuple[Feature, ...]:
+        document = read_json_object(self.path, _REMEDY, noun="GeoJSON file", max_bytes=MAX_BYTES)
+        self._check_crs(document.get("crs"))
+        kind = document.get("type")
+        if kind == "FeatureCollection":
+            rows = document.get("features")
+            if not isinstance(rows, list):
+                self._fail('has no list of "features"')
+        else:
+            rows = [document if kind == "Feature" else {"type": "Feature", "geometry": document}]
+        if not rows:
+            self._fail("holds no features")
+        if len(rows) > MAX_FEATURES:
+            self._fail(f"holds {len(rows)} features; {MAX_FEATURES} are the most")
+        return tuple(self._feature(number, row) for number, row in enumerate(rows, 1))
+
+    def _feature(self, number: int, row: Any) -> Feature:
+        where = f"feature {number}"
+        geometry = row.get("geometry") if isinstance(row, dict) and row.get("type") == "Feature" else None
+        if not isinstance(geometry, dict):
+            self._fail(f"{where}: is not a feature with a geometry")
+        given = row.get("properties")
+        if given is not None and not isinstance(given, dict):
+            self._fail(f"{where}: its properties are no object")
+        properties = {key: value for key, value in (given or {}).items() if value is not None}
+        kind, coordinates = geometry.get("type"), geometry.get("coordinates")
+        if kind not in ("Point", "Polygon", "MultiPolygon"):
+            shown = kind if isinstance(kind, str) and len(kind) <= 40 and kind.isprintable() else "something else"
+            self._fail(f"{where}: is a {shown}, not a Point or Polygon")
+        if kind == "Point":
+            corner, height = self._position(coordinates, where)
+            return Feature(number, "Point", ((corner,),), height, properties)
+        polygons = [coordinates] if kind == "Polygon" else coordinates
+        if not isinstance(polygons, list) or not polygons:
+            self._fail(f"{where}: its polygons are no list")
+        rings = [self._ring(part, where) for part in polygons]
+        return Feature(number, "Polygon", tuple(ring for ring, _ in rings), rings[0][1], properties)
+
+    def _ring(self, rings: Any, where: str) -> tuple[Ring, float | None]:
+        """The outer ring of a polygon, and the third coordinate of its first corner."""
+        if not isinstance(rings, list) or not rings or not isinstance(rings[0], list):
+            self._fail(f"{where}: its polygon is no list of rings")
+        if len(rings) > 1:
+            self._fail(
+                f"{where}: its polygon has a hole", remedy="Draw it without; a place to keep out of is a no-fly zone."
+            )
+        self.corners += len(rings[0])
+        if self.corners > MAX_CORNERS:
+            self._fail(
+                f"has polygons of more than {MAX_CORNERS} corners", remedy="Simplify them: a few dozen are plenty."
+            )
+        positions = [self._position(position, where) for position in rings[0]]
+        ring = tuple(corner for corner, _ in positions)
+        if len(ring) > 1 and ring[0] == ring[-1]:
+            ring = ring[:-1]
+        if len(set(ring)) < 3:
+            self._fail(f"{where}: its polygon has fewer than three different corners")
+        return ring, positions[0][1]
+
+    def _position(self, position: Any, where: str) -> tuple[tuple[float, float], float | None]:
+        """(latitude, longitude) and the third coordinate."""
+        values = [json_number(v) for v in position] if isinstance(position, list) and len(position) <= 8 else []
+        if len(values) < 2 or None in values:
+            self._fail(f"{where}: a position is not [longitude, latitude] in numbers")
+        longitude, latitude = values[0], values[1]
+        assert longitude is not None
+        assert latitude is not None
+        if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+            if abs(latitude) <= 180.0 and abs(longitude) <= 90.0:
+                self._fail(
+                    f"{where}: latitude {latitude:g} is beyond 90; longitude and latitude look swapped",
+                    remedy=_SWAPPED,
+                )
+            self._fail(
+                f"{where}: [{longitude:g}, {latitude:g}] are not degrees; metres of a map projection look like this",
+                remedy=_PROJECTED,
+            )
+        return (latitude, longitude), values[2] if len(values) > 2 else None
+
+    def _check_crs(self, crs: Any) -> None:
+        """GeoJSON of before 2016 may name its reference system; QGIS still does."""
+        if crs is None:
+            return
+        properties = crs.get("properties") if isinstance(crs, dict) else None
+        name = properties.get("name") if isinstance(properties, dict) else None
+        if not isinstance(name, str) or not name.lower().endswith(_WGS84):
+            shown = name if isinstance(name, str) and len(name) <= 60 and name.isprintable() else "an unknown system"
+            self._fail(f"has its coordinates in {shown}, not WGS 84", remedy=_PROJECTED)
+
+    def _fail(self, message: str, *, remedy: str = _REMEDY) -> NoReturn:
+        raise MetadataError(message, path=self.path, remedy=remedy)

@@ -1,0 +1,275 @@
+"""Site files (TOML), with the plots, fences and no-fly zones that may lie beside them as GeoJSON.
+
+missions/README.md lists the keys. Everything is checked against home, so that swapped coordinates are found here and
+not in the field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from pydantic import ValidationError
+
+from fieldkit.documents.versioned_toml import read_versioned, sentence, validated_toml
+from fieldkit.errors import MetadataError
+from fieldkit.files import file_beside
+from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
+from fieldkit.missions.plan_site.geojson import Feature, read_features
+from fieldkit.missions.plan_site.plot_shapes import heading_near, plot_shape
+from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
+
+FARTHEST_M = 100_000.0
+"""From home; what lies farther away is not where it was meant to be."""
+_MAX_BYTES = 256 << 10
+_EARTH_M = 6_371_000.0
+_REMEDY = "missions/README.md lists the keys of a site file."
+_PLOTS_REMEDY = "missions/README.md says what a plots file holds."
+_ORDER = "A site file gives the latitude first, GeoJSON the longitude."
+_AS_THEY_ARE = (
+    "height_m", "datum", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m"
+)  # fmt: skip
+_SIDES_M = (0.1, 1000.0)
+_NO_PLOTS = 'Give it [[plots]], or plots = "plots.geojson"; --plots takes such a file, too.'
+
+
+def load_site(path: Path, plots: Path | None = None) -> Site:
+    """Read a site file.
+
+    ``geofence``, ``no_fly`` and ``plots`` may name GeoJSON files, relative to the site file and in its folder or below
+    it; only an absolute path may lead elsewhere.
+
+    Args:
+        path: the TOML file.
+        plots: a GeoJSON file whose plots take the place of the site's own.
+
+    Raises:
+        MetadataError: a file is missing or malformed, a key is missing, unknown or wrong, a polygon crosses itself, two
+            plots have one name, heights lack the datum that would connect them, or something lies more than
+            `FARTHEST_M` from home.
+    """
+    path = Path(path)
+    document = read_versioned(path, "site file", _REMEDY, _MAX_BYTES)
+    document.setdefault("name", path.stem)
+    own = document.get("plots")
+    if plots is None and isinstance(own, str):
+        plots = _beside(own, path, "plots")
+    if plots is None and not own:
+        raise MetadataError("has no plots", path=path, remedy=_NO_PLOTS)
+    if plots is not None:
+        document["plots"] = [{"latitude_deg": 0.0, "longitude_deg": 0.0}]  # until with_plots takes its place
+    for key in ("geofence", "no_fly"):
+        if isinstance(document.get(key), str):
+            document[key] = list(_zones(_beside(document[key], path, key), named=key == "no_fly"))
+    site = validated_toml(Site, document, path, _REMEDY)
+    _check_places(site.home, _surroundings(site), path)
+    _check_polygons(site, path)
+    if plots is not None:
+        return with_plots(site, load_plots(plots), path=plots)
+    _check_places(site.home, _origins(site.plots), path)
+    return site
+
+
+def load_plots(path: Path) -> tuple[SitePlot, ...]:
+    """Read a plots file: GeoJSON points and polygons, in the file's order.
+
+    Of a polygon the origin is the centroid, and x points along the longer side of its least rectangle (see
+    `plot_shape`), unless its ``row_heading_deg`` says otherwise. Of the two directions of that side the first polygon
+    takes the one from 315° over north to 135°, and all others the one nearer to the first's, so that no plot of a field
+    lies the other way round. That rectangle's sides are the plot's length and width, unless ``length_m`` and
+    ``width_m`` are given.
+
+    Raises:
+        MetadataError: as `read_features`; a property is wrong, a point has no heading, a polygon is nearly square and
+            has none, crosses itself or has several parts, a height has no datum, or two plots have one name.
+    """
+    path = Path(path)
+    plots: list[SitePlot] = []
+    names: dict[str, int] = {}
+    towards: float | None = None
+    for feature in read_features(path):
+        try:
+            plot, from_shape = _plot(feature, towards)
+        except ValidationError as error:
+            raise _bad_plot(feature, sentence(error), path) from error
+        except ValueError as error:
+            raise _bad_plot(feature, str(error), path) from error
+        if from_shape and towards is None:
+            towards = plot.row_heading_deg
+        if plot.name in names:
+            raise _bad_plot(feature, f'is called "{plot.name}", as feature {names[plot.name]} is', path)
+        names[plot.name] = feature.number
+        plots.append(plot)
+    return tuple(plots)
+
+
+def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = None) -> Site:
+    """The site with other plots in place of its own.
+
+    Args:
+        site: its home, fence and all else.
+        plots: one or more.
+        path: of the file they are from, for errors.
+
+    Raises:
+        MetadataError: two plots have one name, one lies more than `FARTHEST_M` from home, or its height cannot be
+            connected with home's.
+    """
+    fields = {name: getattr(site, name) for name in type(site).model_fields}
+    try:
+        changed = Site.model_validate(fields | {"plots": tuple(plots)})
+    except ValidationError as error:
+        raise MetadataError(sentence(error), path=path, remedy=_PLOTS_REMEDY) from error
+    _check_places(changed.home, _origins(changed.plots), path)
+    return changed
+
+
+def _plot(feature: Feature, towards: float | None) -> tuple[SitePlot, bool]:
+    """A feature as a plot, and whether its heading is from its shape.
+
+    Args:
+        feature: of a plots file.
+        towards: heading that a shape's direction is to be near to.
+
+    Raises:
+        ValueError: it is none.
+    """
+    given = feature.properties
+    if len(feature.parts) > 1:
+        raise ValueError("has several parts; a plot is one polygon")
+    ring = feature.parts[0]
+    latitude, longitude = ring[0]
+    heading = given.get("row_heading_deg")
+    from_shape = feature.kind == "Polygon" and heading is None
+    shape = None
+    if feature.kind == "Polygon":
+        shape = plot_shape(ring)
+        latitude, longitude = shape.latitude_deg, shape.longitude_deg
+        if from_shape:
+            if shape.nearly_square:
+                raise ValueError("is nearly square, so that its row_heading_deg must be given")
+            heading = heading_near(shape.side_deg, 45.0 if towards is None else towards)
+    elif heading is None:
+        raise ValueError("is a point without row_heading_deg, the compass heading of the plan's x axis")
+    if feature.height_m and "height_m" not in given:
+        raise ValueError(
+            f"has the height {feature.height_m:g} in its coordinates, which files mean differently: "
+            "give height_m and datum as properties"
+        )
+    name = given.get("name", f"plot-{feature.number}")
+    if isinstance(name, int) and not isinstance(name, bool) and abs(name) < 10**18:
+        name = str(name)
+    values = {
+        "name": name.strip() if isinstance(name, str) else name,
+        "latitude_deg": latitude,
+        "longitude_deg": longitude,
+        "row_heading_deg": heading,
+    }
+    values |= {key: given[key] for key in _AS_THEY_ARE if key in given}
+    if "ground_points" in given:
+        values["ground_points"] = _latitude_first(given["ground_points"])
+    if "length_m" in given or "width_m" in given:
+        values |= {key: given[key] for key in ("length_m", "width_m") if key in given}
+    elif shape is not None and isinstance(heading, int | float) and abs(heading) <= 360:
+        length, width = shape.along_m(float(heading))
+        if _SIDES_M[0] <= width <= _SIDES_M[1] and _SIDES_M[0] <= length <= _SIDES_M[1]:
+            values |= {"length_m": length, "width_m": width}
+    return SitePlot.model_validate(values), from_shape
+
+
+def _latitude_first(points: Any) -> Any:
+    """GeoJSON's positions [longitude, latitude, height] as a site file has them; anything else as it is."""
+    if not isinstance(points, list):
+        return points
+    return [[p[1], p[0], *p[2:]] if isinstance(p, list) and len(p) > 1 else p for p in points]
+
+
+def _bad_plot(feature: Feature, problem: str, path: Path) -> MetadataError:
+    return MetadataError(f"feature {feature.number}: {problem}", path=path, remedy=_PLOTS_REMEDY)
+
+
+def _zones(path: Path, *, named: bool) -> Iterator[Any]:
+    """The polygons of a GeoJSON file as a site file has them inline."""
+    for feature in read_features(path):
+        if feature.kind != "Polygon":
+            raise MetadataError(
+                f"feature {feature.number}: is a point, not a polygon", path=path, remedy="Draw the zone as a polygon."
+            )
+        for ring in feature.parts:
+            if not named:
+                yield ring
+                continue
+            name = feature.properties.get("name", f"zone {feature.number}")
+            yield {"name": name.strip() if isinstance(name, str) else str(name)[:80], "corners": ring}
+
+
+def _beside(name: str, site: Path, key: str) -> Path:
+    """The file that a site file names."""
+    if not name or "\0" in name or len(name) > 1000:
+        raise MetadataError(f"{key}: is not a path", path=site, remedy="Name a GeoJSON file beside the site file.")
+    try:
+        found = file_beside(Path(name), site)
+    except (OSError, RuntimeError) as error:  # links in a circle
+        raise MetadataError(f"{key}: {name} cannot be followed", path=site, remedy="Check the links there.") from error
+    if found is None:
+        raise MetadataError(
+            f"{key}: {name} leads out of the site file's folder", path=site,
+            remedy="Copy the file beside the site file, or give its absolute path.",
+        )  # fmt: skip
+    return found
+
+
+def _origins(plots: Sequence[SitePlot]) -> list[tuple[str, float, float]]:
+    return [(f'plot "{plot.name}"', plot.latitude_deg, plot.longitude_deg) for plot in plots]
+
+
+def _surroundings(site: Site) -> list[tuple[str, float, float]]:
+    """What a site has beside its plots: (name, latitude, longitude)."""
+    places = [("landing", site.landing)] if site.landing else []
+    places += [(f"rally {n}", place) for n, place in enumerate(site.rally, 1)]
+    found = [(name, place.latitude_deg, place.longitude_deg) for name, place in places]
+    found += [(f'obstacle "{each.name}"', each.latitude_deg, each.longitude_deg) for each in site.obstacles]
+    for name, ring in _polygons(site):
+        found += [(f"a corner of {name}", *corner) for corner in ring]
+    return found
+
+
+def _polygons(site: Site) -> Iterator[tuple[str, tuple[tuple[float, float], ...]]]:
+    yield from ((f"geofence {n}", ring) for n, ring in enumerate(site.fence, 1))
+    yield from ((f'no_fly "{zone.name}"', zone.corners) for zone in site.no_fly)
+
+
+def _check_places(home: SiteHome, places: Sequence[tuple[str, float, float]], path: Path | None) -> None:
+    """Refuse places too far from home; where they would be near it with their coordinates swapped, say so."""
+    if not places:
+        return
+    origin = geodetic_to_ecef(home.latitude_deg, home.longitude_deg, 0.0)
+    latitudes, longitudes = (np.array([place[k] for place in places], dtype=np.float64) for k in (1, 2))
+    chords = np.linalg.norm(geodetic_to_ecef(latitudes, longitudes, 0.0) - origin, axis=1)
+    away = 2.0 * _EARTH_M * np.arcsin(np.minimum(chords / (2.0 * _EARTH_M), 1.0))
+    if (away <= FARTHEST_M).all():
+        return
+    first = int(np.argmax(away > FARTHEST_M))
+    name, latitude, longitude = places[first]
+    message = f"{name} lies {away[first] / 1000:,.0f} km from home"
+    remedy = "Check its coordinates and home's."
+    if abs(longitude) <= 90.0:
+        swapped = float(np.linalg.norm(geodetic_to_ecef(longitude, latitude, 0.0) - origin))
+        if swapped <= FARTHEST_M:
+            message += ": its latitude and longitude look swapped"
+            remedy = _ORDER
+    raise MetadataError(message, path=path, remedy=remedy)
+
+
+def _check_polygons(site: Site, path: Path) -> None:
+    for name, ring in _polygons(site):
+        corners = np.array(ring, dtype=np.float64)
+        local = LocalFrame(*ring[0]).to_local(corners[:, 0], corners[:, 1], 0.0)[:, :2]
+        polygon = shapely.Polygon(local)
+        if not polygon.is_valid or polygon.area <= 0.0:
+            raise MetadataError(
+                f"{name} crosses itself or has no area", path=path, remedy="List its corners in order along its edge."
+            )

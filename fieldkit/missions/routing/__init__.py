@@ -1,0 +1,1 @@
+"""Ways from station to station that are clear of everything, and flights that a battery takes."""

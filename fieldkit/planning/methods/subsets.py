@@ -1,0 +1,124 @@
+"""What a person would take from a recorded set: views evenly around the plot, or a greedy choice by matches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import UsageError
+from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.score.matchability import Matchability, expected_matches
+from fieldkit.planning.score.visibility import in_picture
+from fieldkit.planning.space.cameras import Array, Cameras
+
+TIES = (20.0, 40.0, 80.0)
+"""Matches that a view needs with those chosen before it: 20 hold a pair in mapping (docs/mapping.md)."""
+
+
+class Uniform:
+    """Uniform subsets of a recorded set by azimuth about the plot: one trial per phase, m // N of them.
+
+    Args:
+        problem: with views.
+        seed: not used.
+
+    Raises:
+        UsageError: the problem is no recorded set.
+    """
+
+    name = "uniform"
+
+    def __init__(self, problem: Problem, seed: int = 0) -> None:
+        self._views, self._count = _recorded(problem, self.name), problem.count
+        self._problem = problem
+
+    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+        """See `Method.propose`."""
+        phases = len(self._views) // self._count
+        if number >= phases:
+            return None
+        offset = self._views.positions - self._problem.center
+        order = np.argsort(np.arctan2(offset[:, 0], offset[:, 1]), kind="stable")
+        step = len(order) / self._count
+        chosen = order[np.floor((np.arange(self._count) + number / phases) * step).astype(np.int64)]
+        cameras = self._views.select(np.sort(chosen))
+        return Trial(number, cameras, f"every {step:.1f}th view, phase {number}", {"views": _listed(chosen)})
+
+
+class MatchGraph:
+    """A greedy choice of a recorded set's views that stands for all of them in matches and hangs together.
+
+    What is covered: Σ over all views of their most matches with a chosen one (a facility location, which greedy choice
+    brings to 63 % of the best or more), with as many for a view itself as the whole set's best pair has. Among the
+    views that are left, those with at least a number of matches with the chosen ones come first; where there are none,
+    the best tied one is taken. One trial for each such number, from loose and wide to firm and narrow.
+
+    Args:
+        problem: with views.
+        seed: not used.
+
+    Raises:
+        UsageError: the problem is no recorded set.
+    """
+
+    name = "match-graph"
+
+    def __init__(self, problem: Problem, seed: int = 0) -> None:
+        self._views, self._count = _recorded(problem, self.name), problem.count
+        matches = problem.plots[0].matches
+        if matches is None:
+            points = problem.reference.points[:: max(1, len(problem.reference) // 500)]
+            pictured = in_picture(points, self._views, problem.camera)
+            matches = expected_matches(
+                self._views.positions, problem.center, pictured, Matchability()
+            )  # fmt: skip
+        self._matches = matches
+
+    def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
+        """See `Method.propose`."""
+        if number >= len(TIES):
+            return None
+        chosen = greedy_by_matches(self._matches, self._count, TIES[number])
+        origin = f"greedy by matches, at least {TIES[number]:g} with the others"
+        return Trial(number, self._views.select(np.sort(chosen)), origin, {"views": _listed(chosen)})
+
+
+def greedy_by_matches(matches: Array, count: int, tie: float) -> NDArray[np.int64]:
+    """(count,) views as `MatchGraph` chooses them, in the order of choice.
+
+    Args:
+        matches: (m, m) symmetric.
+        count: how many; m ≥ count.
+        tie: matches with the chosen views, summed, that make a view a candidate.
+    """
+    worth = matches.copy()
+    np.fill_diagonal(worth, max(float(matches.max(initial=0.0)), 1.0))
+    chosen: list[int] = []
+    covered, tied = np.zeros(len(matches)), np.zeros(len(matches))
+    for _ in range(count):
+        gain = np.maximum(worth - covered, 0.0).sum(axis=1)
+        left = np.ones(len(matches), dtype=np.bool_)
+        left[chosen] = False
+        candidates = left if not chosen else left & (tied >= tie)
+        if not candidates.any():
+            candidates = left & (tied == tied[left].max())
+        best = int(np.argmax(np.where(candidates, gain, -np.inf)))
+        chosen.append(best)
+        covered = np.maximum(covered, worth[best])
+        tied = tied + np.where(np.arange(len(matches)) == best, 0.0, matches[best])
+    return np.array(chosen, dtype=np.int64)
+
+
+def _recorded(problem: Problem, name: str) -> Cameras:
+    if problem.views is None:
+        raise UsageError(
+            f"the method {name} chooses among photographs that were taken",
+            remedy="Plan on a recorded set (--captures), or choose the method circle.",
+        )
+    return problem.views
+
+
+def _listed(chosen: NDArray[np.int64]) -> list[int]:
+    return [int(k) for k in np.sort(chosen)]

@@ -1,0 +1,1 @@
+"""What a set of cameras is worth: r(z), of simulated and of recorded photographs."""

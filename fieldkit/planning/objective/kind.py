@@ -1,0 +1,102 @@
+"""The plots of a run: those that are planned on, and others drawn of their kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Intrinsics
+from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
+from fieldkit.planning.space.plots import Plot, of_interest
+from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.from_reference import SCENE_FILE
+from fieldkit.scenes.generator import plots_of_kind
+from fieldkit.scenes.plants_apart import PlantsApart, tell_apart
+from fieldkit.scenes.recorded import recorded_plants
+from fieldkit.scenes.recorded_kind import (
+    Variation,
+    bounds_around,
+    draw_variation,
+    varied_cloud,
+    write_varied_scene,
+)
+from fieldkit.scenes.scene_file import read_scene
+from fieldkit.scenes.simulate import CaptureNoise
+
+_SEEDS_APART = 1_000_003
+"""Between the seeds of two given plots' draws, so that no two of them turn their plants alike."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Plots by number: first those that are given, then others drawn of each of them in turn.
+
+    Of a simulated plot they are `plots_of_kind`; of one made from a reference its plants turned, scaled and left out
+    where they can be told apart, else the whole plot turned and mirrored (`draw_variation`). A plot of a number is the
+    same however many there are.
+
+    Attributes:
+        descriptions: of the given plots, all simulated or all recorded. The first one's camera effects are all plots'.
+        seed: of all draws.
+        folder: where scenes of recorded plots are written.
+    """
+
+    descriptions: tuple[SceneDescription, ...]
+    seed: int
+    folder: Path
+
+    @cached_property
+    def recorded(self) -> tuple[tuple[Cloud, PlantsApart], ...]:
+        """Each recorded plot's plants, and how they are told apart; nothing of simulated ones."""
+        clouds = [recorded_plants(each.recorded) for each in self.descriptions if each.recorded is not None]
+        return tuple((cloud, tell_apart(cloud)) for cloud in clouds)
+
+    def plot(self, number: int) -> tuple[Plot, Volume]:
+        """What is known of a plot without a photograph. Raises SceneError."""
+        given, drawn = self._origin(number)
+        if not drawn or not self.recorded:
+            return Plot.of(self._simulated(number))
+        cloud, apart = self.recorded[given]
+        varied = varied_cloud(cloud, apart, self._variation(number))
+        bounds = self.descriptions[given].bounds
+        description = replace(self.descriptions[given], bounds=bounds_around(bounds, varied))
+        reference, volume = of_interest(description, varied)
+        return Plot.without_others(reference), volume
+
+    def proxy(self, number: int, camera: Intrinsics) -> Proxy:
+        """A plot to photograph. Raises SceneError, StorageError."""
+        given, drawn = self._origin(number)
+        description = self._simulated(number)
+        if drawn and self.recorded:
+            made = self.folder / f"{number}"
+            if not made.is_dir():
+                write_varied_scene(description, self.recorded[given][1], self._variation(number), made)
+            description = read_scene(made / SCENE_FILE)
+        return Proxy.from_description(description, camera)
+
+    def source(self, proxy: Proxy, noise: CaptureNoise, wind_m: float) -> SimulatedSource:
+        """Of a plot's photographs."""
+        return SimulatedSource.of_scene(self.descriptions[0], proxy, noise, wind_m)
+
+    def _origin(self, number: int) -> tuple[int, int]:
+        """Which given plot a plot is drawn of, and which draw it is of that one; draw 0 is the given plot itself."""
+        return number % len(self.descriptions), number // len(self.descriptions)
+
+    def _seed(self, given: int) -> int:
+        return self.seed + _SEEDS_APART * given
+
+    def _variation(self, number: int) -> Variation:
+        given, drawn = self._origin(number)
+        cloud, apart = self.recorded[given]
+        return draw_variation(cloud, apart, self._seed(given), drawn - 1)
+
+    def _simulated(self, number: int) -> SceneDescription:
+        """A simulated plot; of a recorded one the given plot itself."""
+        given, drawn = self._origin(number)
+        description = self.descriptions[given]
+        if not drawn or description.recorded is not None:
+            return description
+        return plots_of_kind(description, drawn, self._seed(given))[-1]

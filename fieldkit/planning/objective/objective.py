@@ -1,0 +1,192 @@
+"""The objective r(z), BOSfM's eq. `r_func`: what real structure from motion makes of a set of cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
+
+from fieldkit.cache import digest
+from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.metrics import DISTANCES_M, nearest_distances, score_distances
+from fieldkit.errors import ReconstructionError, UsageError
+from fieldkit.planning.objective.evaluation import Evaluation, StageCost
+from fieldkit.planning.objective.fidelity import FIDELITIES, FidelityName
+from fieldkit.planning.objective.rule import Rule, value_m
+from fieldkit.planning.objective.source import PhotoSource, Shot
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.reconstruction.pipeline import reconstruct
+from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
+from fieldkit.reconstruction.result import Reconstruction
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.stage_times import StageTimer
+from fieldkit.runtime.progress import Silent
+
+Mapping = Literal["prior", "incremental", "global"]
+_LEAST_CAMERAS = 2
+
+
+@dataclass(frozen=True)
+class ObjectiveSettings:
+    """Every choice about r but the plot and the seed.
+
+    Attributes:
+        fidelity: ``"draft"``, ``"standard"`` or ``"fine"``.
+        mapping: ``"prior"`` starts from the commanded poses, as in the field; ``"incremental"`` is the paper's.
+            Either is real SfM from the photographs: camera poses are never taken as known.
+        rule: for what a poor cloud is worth.
+        min_agreeing_views: of the fusion.
+        bands_px: half widths of the bands that prior mapping matches in, round by round, in pixels of a photograph 1600
+            wide; `PriorMappingSettings`' own where None. Fewer rounds are for poses known to some millimetres.
+        refine: move each cloud onto the reference, and scale it, by ICP before it is scored. What poses that are off by
+            centimetres do to place, tilt and scale is luck; what is left is the shape, which cameras' places decide.
+    """
+
+    fidelity: FidelityName = "standard"
+    mapping: Mapping = "prior"
+    rule: Rule = field(default_factory=Rule)
+    min_agreeing_views: int = 2
+    bands_px: tuple[float, ...] | None = None
+    refine: bool = False
+
+    def __post_init__(self) -> None:
+        if self.fidelity not in FIDELITIES:
+            raise UsageError(
+                f"there is no fidelity {self.fidelity!r}", remedy=f"Choose one of {', '.join(FIDELITIES)}."
+            )
+        if self.bands_px is not None and not (self.bands_px and min(self.bands_px) > 0):
+            raise UsageError(f"bands_px are widths above 0, not {self.bands_px}")
+
+    @property
+    def prior(self) -> PriorMappingSettings:
+        """Of prior mapping."""
+        default = PriorMappingSettings()
+        return default if self.bands_px is None else replace(default, bands_px=self.bands_px)
+
+
+class _Mapped(NamedTuple):
+    """How many photographs registered, how many rightly, in how many models."""
+
+    registered: int
+    right: int
+    models: int
+
+
+class Objective:
+    """Evaluates sets of cameras: photographs → features → matches → mapping → dense stereo → chamfer distance.
+
+    The model is placed by the commanded camera centres (not the true ones, which the field does not know either), the
+    cloud is cropped to the plot's volume of interest, then moved onto the reference where that is asked for. On one
+    thread the same source, cameras and seed give the same evaluation in every process.
+
+    Args:
+        source: of photographs; simulated or recorded.
+        settings: choices.
+        seed: of the mapping, the dense stereo and, where `evaluate` is not given another, of the photographs' noise.
+
+    Example:
+        >>> objective = Objective(SimulatedSource(proxy), ObjectiveSettings("draft"))
+        >>> objective.evaluate(Cameras.from_poses(ring(10, 1.4, 1.1))).value_m
+    """
+
+    def __init__(self, source: PhotoSource, settings: ObjectiveSettings | None = None, *, seed: int = 0) -> None:
+        self.source = source
+        self.settings = settings or ObjectiveSettings()
+        self.seed = seed
+
+    def prepare(self) -> None:
+        """Do now what the first evaluation would do once. Raises what the source raises."""
+        self.source.prepare()
+
+    def close(self) -> None:
+        """Free the source's renderer."""
+        self.source.close()
+
+    def on(self, plot: int) -> Objective:
+        """Itself, for there is one plot, number 0."""
+        if plot:
+            raise UsageError(f"there is no plot {plot} to evaluate on")
+        return self
+
+    def evaluate(
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+    ) -> Evaluation:
+        """What a set of cameras is worth.
+
+        Args:
+            cameras: as commanded, plot frame.
+            seed: of the photographs' noise, for repeats; the objective's own by default.
+            fidelity: for this once, other than the settings'.
+
+        Returns:
+            The evaluation. Photographs that do not reconstruct are an answer and not an error: their value follows
+            from the rule.
+
+        Raises:
+            UsageError: fewer than two cameras, or the source cannot serve them.
+            InputError: this machine cannot render, or the recorded photographs cannot be read.
+        """
+        return self.evaluate_cloud(cameras, seed=seed, fidelity=fidelity)[0]
+
+    def evaluate_cloud(
+        self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
+    ) -> tuple[Evaluation, Cloud]:
+        """As `evaluate`, with the plants' cloud (plot frame), empty where there is none."""
+        if len(cameras) < _LEAST_CAMERAS:
+            raise UsageError(f"an evaluation needs at least two cameras, not {len(cameras)}")
+        timer = StageTimer(Silent())
+        chosen = FIDELITIES[fidelity or self.settings.fidelity]
+        noise_seed = self.seed if seed is None else seed
+        with self.source.photograph(cameras, chosen, noise_seed, timer) as shot:
+            wanted = ReconstructionSettings(
+                features=shot.features,
+                mapping=self.settings.mapping,
+                fidelity=chosen.dense,
+                backend="cpu",
+                min_agreeing_views=self.settings.min_agreeing_views,
+                # They are commands, or a reference's: never a camera's doubtful records.
+                trust_orientations=True,
+                prior=self.settings.prior,
+                seed=self.seed,
+            )
+            try:
+                found = reconstruct(
+                    shot.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot,
+                    reach_m=REFERENCE_REACH_M if self.settings.refine else 0.0,
+                )  # fmt: skip
+            except ReconstructionError as error:
+                mapped = _Mapped(error.registered, error.right, error.models)
+                return self._scored(shot, Cloud.empty(), mapped, error.message, timer), Cloud.empty()
+        sparse = found.sparse
+        mapped = _Mapped(sparse.registered, sparse.right, len(sparse.model_sizes))
+        plants = self._refined(found, timer) if self.settings.refine else found.plants
+        return self._scored(shot, plants, mapped, "", timer), plants
+
+    def _refined(self, found: Reconstruction, timer: StageTimer) -> Cloud:
+        with timer.stage("Refining"):
+            motion, _ = icp_onto_reference(found.plants, self.source.reference.cloud, with_scale=True)
+            return found.moved_plants(motion)
+
+    def _scored(self, shot: Shot, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
+        value, score = self.settings.rule.worst_m, None
+        if len(cloud):
+            with timer.stage("Scoring"):
+                to_reference, to_cloud = nearest_distances(self.source.reference, cloud)
+                score = score_distances(to_reference, to_cloud, DISTANCES_M)
+                value = value_m(to_cloud, to_reference, self.settings.rule)
+        return Evaluation(
+            value_m=value,
+            chamfer_m=None if score is None else score.chamfer.chamfer_m,
+            accuracy_m=None if score is None else score.chamfer.accuracy_m,
+            completeness_m=None if score is None else score.chamfer.completeness_m,
+            f_scores={d: 0.0 if score is None else score.f_scores[d].f_score for d in DISTANCES_M},
+            images=len(shot.views),
+            registered=mapped.registered,
+            right=mapped.right,
+            models=mapped.models,
+            points=len(cloud),
+            cloud_digest=digest(cloud.points),
+            views=shot.views,
+            failure=failure,
+            times=tuple(StageCost(t.name, t.cpu_s, t.wall_s) for t in timer.times({})),
+        )

@@ -1,0 +1,234 @@
+"""The recorded back end: cameras are matched to photographs that were really taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.cache import StageCache
+from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.metrics import ReferenceIndex
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.planning.objective.fidelity import Fidelity
+from fieldkit.planning.objective.source import Shot
+from fieldkit.planning.space.assignment import assign
+from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.runtime.progress import Progress
+from fieldkit.scenes.simulate import CaptureNoise, perturbed
+
+_SAME_PLACE_SIGMAS = 5.0
+_LENT_SIGMA_DEG = 1.0
+EXACT = CaptureNoise(position_m=0.0, angle_deg=0.0, image_sigma=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedView:
+    """One photograph of a recorded set with its commanded pose in the plot frame, and how good that is."""
+
+    name: str
+    pose: Pose
+    position_sigma_m: float
+    angle_sigma_deg: float
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """What is different where a recorded plot stands for another one of its kind.
+
+    Attributes:
+        turn_deg: by which its plants are turned, counterclockwise from above: cameras are turned the other way.
+        kept: share of the matches that are not withheld.
+        draw: which ones are withheld.
+    """
+
+    turn_deg: float = 0.0
+    kept: float = 1.0
+    draw: int = 0
+
+
+def recorded_views(
+    capture: Capture, plot: KnownPlot, reconstructed: Mapping[str, Pose] | None = None
+) -> tuple[RecordedView, ...]:
+    """The photographs of a capture whose positions and orientations are known, in the plot frame.
+
+    Args:
+        capture: as read.
+        plot: of the reference.
+        reconstructed: poses that the reference found for photographs of these names, in the plot frame. They lend
+            their orientation to photographs of which only the position is known, and which are the same by their place.
+
+    Raises:
+        MetadataError: fewer than three poses are known.
+        ReconstructionError: the capture's positions and the reference's have no frame in common.
+    """
+    known = known_poses(capture, plot.source)
+    views = []
+    for name, k in known.poses.items():
+        lent = (reconstructed or {}).get(name)
+        if k.position is None:
+            continue
+        if k.rotation is not None:
+            views.append(RecordedView(name, Pose(k.rotation, k.position), k.position_sigma_m, k.angle_sigma_deg))
+        elif lent is not None and np.linalg.norm(lent.center - k.position) <= _SAME_PLACE_SIGMAS * k.position_sigma_m:
+            views.append(RecordedView(name, Pose(lent.rotation, k.position), k.position_sigma_m, _LENT_SIGMA_DEG))
+    if len(views) < 3:
+        raise MetadataError(
+            f"positions and orientations are known of {len(views)} photographs only",
+            path=capture.folder,
+            remedy="Put a poses.csv with x_m, y_m, z_m, yaw_deg and pitch_deg beside the photographs. The angles may "
+            "be missing where --reference is built of the same photographs.",
+        )
+    order = {name: k for k, name in enumerate(capture.names)}
+    return tuple(sorted(views, key=lambda view: order[view.name]))
+
+
+class InputsCache(StageCache):
+    """A cache of what evaluations share: features, matches of pairs and undistorted views.
+
+    Models and depth maps of one set of views are of no use to another, and a search would fill the disk with them.
+    """
+
+    STAGES = frozenset({"features", "guided", "match-graph", "matches", "pairs", "quality", "views"})
+
+    def get(self, stage: str, key: str) -> dict[str, np.ndarray] | None:
+        return super().get(stage, key) if stage in self.STAGES else None
+
+    def put(self, stage: str, key: str, arrays: dict[str, np.ndarray]) -> None:
+        if stage in self.STAGES:
+            super().put(stage, key, arrays)
+
+
+class RecordedSource:
+    """Answers cameras with photographs of a recorded set; see `PhotoSource`.
+
+    Features, matches and undistorted views are kept in the cache, so that an evaluation costs mapping and dense stereo
+    only. What the cameras look at is found once, from all views: then the first matches of a pair, which are made at
+    the known poses, are the same in every set that has both.
+
+    Args:
+        capture: with known poses (poses.csv).
+        plot: of a reference of the same plot.
+        reference: PC_env, plot frame.
+        cache: shared by all evaluations.
+        noise: added to the known poses, as a command that was flown worse; images stay as they are.
+        reconstructed: poses to take missing orientations from; see `recorded_views`.
+
+    Raises:
+        MetadataError: fewer than three poses are known.
+        ReconstructionError: the capture's positions and the reference's have no frame in common.
+        UsageError: image noise is asked for.
+    """
+
+    def __init__(
+        self, capture: Capture, plot: KnownPlot, reference: Cloud, *, cache: StageCache, noise: CaptureNoise = EXACT,
+        reconstructed: Mapping[str, Pose] | None = None,
+    ) -> None:  # fmt: skip
+        if noise.image_sigma > 0:
+            raise UsageError("recorded photographs are taken as they are: image noise is for simulated ones")
+        self.capture, self.cloud, self.noise = capture, reference, noise
+        self.views = recorded_views(capture, plot, reconstructed)
+        # Everything is turned into the plot frame here, whatever frame the capture's positions are in.
+        region = region_of_interest([view.pose for view in self.views])
+        self._rehearsal = Rehearsal()
+        self._plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()), region=region)
+        self._cache = InputsCache(cache.root)
+        self._reference: ReferenceIndex | None = None
+        centers = np.array([view.pose.center for view in self.views])
+        self.distance_m = float(np.median(np.linalg.norm(centers - plot.volume.center, axis=1)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_reference": None}
+
+    def rehearsing(self, rehearsal: Rehearsal) -> RecordedSource:
+        """The same photographs where they stand for another plot."""
+        other = copy(self)
+        other._rehearsal, other._reference = rehearsal, self._reference  # which a copy leaves behind
+        return other
+
+    @property
+    def middle(self) -> Array:
+        """(3,) about which cameras are turned: what they look at, else the middle of the plot."""
+        region = self._plot.region
+        return np.array(self._plot.volume.center if region is None else region.center)
+
+    @property
+    def plot(self) -> KnownPlot:
+        return self._plot
+
+    @property
+    def reference(self) -> ReferenceIndex:
+        if self._reference is None:
+            self._reference = ReferenceIndex(self.cloud)
+        return self._reference
+
+    @property
+    def cache(self) -> StageCache:
+        return self._cache
+
+    def prepare(self) -> None:
+        assert self.reference is not None
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def cameras(self, index: Sequence[int] | NDArray[np.int64] | None = None) -> Cameras:
+        """The recorded cameras of those indices (all by default): they project onto themselves."""
+        chosen = range(len(self.views)) if index is None else index
+        return Cameras.from_poses(self.views[int(k)].pose for k in chosen)
+
+    def project(self, cameras: Cameras) -> NDArray[np.int64]:
+        """Which distinct recorded views (n,) stand for the cameras; see `assign`."""
+        return assign(cameras, self.cameras(), self.distance_m)
+
+    @contextmanager
+    def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[Shot]:
+        """The recorded photographs that stand for the cameras, each with its own commanded pose."""
+        rehearsal = self._rehearsal
+        chosen = self.project(cameras.turned(self.middle, -rehearsal.turn_deg) if rehearsal.turn_deg else cameras)
+        # A match needs both of its features.
+        features = FeatureSettings(kept=float(np.sqrt(rehearsal.kept)), draw=rehearsal.draw)
+        yield Shot(self._subset(chosen, seed), tuple(self.views[int(k)].name for k in chosen), features)
+
+    def _subset(self, chosen: Array | NDArray[np.int64], seed: int) -> Capture:
+        # In the set's order and with noise by the view's own number: the same views in another order are the same.
+        noisy = perturbed([view.pose for view in self.views], self.noise, seed)
+        picked = {self.views[int(k)].name: _prior(self.views[int(k)], noisy[int(k)], self.noise) for k in chosen}
+        groups = [replace(g, photos=tuple(n for n in g.photos if n in picked)) for g in self.capture.groups]
+        return replace(
+            self.capture,
+            photos=tuple(photo for photo in self.capture.photos if photo.name in picked),
+            groups=tuple(group for group in groups if group.photos),
+            findings=(),
+            priors=picked,
+            metric_source="poses.csv",
+            origin=None,
+            height_source=None,
+            crs_epsg=None,
+            markers=None,
+        )
+
+
+def _prior(view: RecordedView, pose: Pose, noise: CaptureNoise) -> PosePrior:
+    yaw, pitch, roll = pose.yaw_pitch_roll_deg()
+    x, y, z = (float(v) for v in pose.center)
+    return PosePrior(
+        position=(x, y, z),
+        position_accuracy_m=float(np.hypot(view.position_sigma_m, noise.position_m)),
+        yaw_deg=yaw,
+        pitch_deg=pitch,
+        roll_deg=roll,
+        angle_accuracy_deg=float(np.hypot(view.angle_sigma_deg, noise.angle_deg)),
+        source="poses.csv",
+    )

@@ -1,0 +1,240 @@
+"""The simulated back end: photographs of a scene, rendered as a drone would take them."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import read_capture
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.metrics import ReferenceIndex
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Intrinsics, Similarity
+from fieldkit.planning.objective.fidelity import Fidelity
+from fieldkit.planning.objective.source import Shot
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.plots import LOWEST_M, Plot, above_soil, check_plants, of_interest
+from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.runtime.progress import Progress
+from fieldkit.scenes.camera_effects import CameraEffects
+from fieldkit.scenes.description import SceneDescription, build, sample_truth
+from fieldkit.scenes.drawing import Draw, KeptDrawings, draw
+from fieldkit.scenes.neighbours import neighbour_points
+from fieldkit.scenes.plot import plants_area_m2, sample_others, sample_plants
+from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.scene import Scene
+from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
+from fieldkit.scenes.simulation import wind_sway
+
+SwayOf = Callable[[int], Sway | None]
+"""The plants' motion by the seed of an evaluation, for instance ``partial(wind_sway, 0.01)``; it has to pickle."""
+
+_CLAIMED_M = 0.010
+_REFERENCE_POINTS = 200_000
+
+
+@dataclass(frozen=True, eq=False)
+class Proxy:
+    """A scene with its truth.
+
+    Attributes:
+        scene: to render.
+        reference: PC_env, points on the plants, plot frame.
+        volume: of interest, plot frame; its floor lies above the soil's bumps.
+        camera: without distortion, at full size.
+        surface: the surfaces that PC_env lies on, sampled more densely, and those of weeds and neighbours: accuracy is
+            measured to it where it is known. What is no crop is not asked for, and no error where it is reconstructed.
+    """
+
+    scene: Scene
+    reference: Cloud
+    volume: Volume
+    camera: Intrinsics
+    surface: Cloud | None = None
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        camera: Intrinsics,
+        *,
+        points: int = _REFERENCE_POINTS,
+        lowest_m: float = LOWEST_M,
+        seed: int = 0,
+    ) -> Proxy:
+        """A proxy of a scene: its plants' visible surfaces, sampled uniformly by area.
+
+        Args:
+            scene: with plants.
+            camera: of the photographs.
+            points: sampled, before hidden and low ones are left out.
+            lowest_m: what lies lower is counted on neither side, for the soil is bumpy.
+            seed: of the sampling.
+        """
+        return cls(scene, *above_soil(sample_plants(scene, points, seed), lowest_m), camera)
+
+    @classmethod
+    def from_description(cls, description: SceneDescription, camera: Intrinsics | None = None) -> Proxy:
+        """A proxy of all that a scene file can hold: maize, mesh plants, or a scene made from a reference.
+
+        PC_env is `sample_truth` of the description, as far as `of_interest` counts it; the surface has `sample_others`,
+        too.
+
+        Args:
+            description: of the scene.
+            camera: of the photographs; the description's own where not given.
+
+        Raises:
+            SceneError: the scene has no plants, or one of its files cannot be used.
+        """
+        check_plants(description)
+        scene = build(description)
+        visible, surface = sample_truth(description, scene)
+        reference, volume = of_interest(description, visible)
+        if description.recorded is None:
+            others = sample_others(scene, volume, len(surface) / plants_area_m2(scene), description.reference.seed)
+            real = np.concatenate([surface.points[surface.points[:, 2] > volume.lower[2]], others])
+        else:
+            real = surface.points[description.bounds.volume.contains(surface.points)]
+        return cls(scene, reference, volume, camera or description.camera, Cloud(real))
+
+    @property
+    def plot(self) -> Plot:
+        """What planning knows of it without a photograph."""
+        return Plot(self.reference, neighbour_points(self.scene))
+
+
+class SimulatedSource:
+    """Renders what the cameras command, with noise; see `PhotoSource`.
+
+    The scene is uploaded once and the renderer kept; pickling leaves it behind. The noise of photograph k depends on
+    the seed and k only, so two sets of cameras at one seed meet the same noise.
+
+    Args:
+        proxy: the scene and its truth.
+        noise: of poses and images; by default the sensor's only, as in the paper.
+        effects: what the camera does to photographs, stated for the proxy's camera at full size; none by default.
+        sway: moves the plants between photographs, by the evaluation's seed and the photograph's number.
+        claimed_m: the accuracy that the commanded positions are said to have, where the noise is not larger. Mapping
+            then knows no more than in the field, also where the poses are in truth exact.
+    """
+
+    def __init__(
+        self, proxy: Proxy, noise: CaptureNoise | None = None, *, effects: CameraEffects | None = None,
+        sway: SwayOf | None = None, claimed_m: float = _CLAIMED_M,
+    ) -> None:  # fmt: skip
+        self.proxy, self.noise, self.claimed_m = proxy, noise or CaptureNoise(), claimed_m
+        self.effects, self.sway = effects, sway
+        self._renderer: Renderer | None = None
+        self._reference: ReferenceIndex | None = None
+        self._drawings: Draw | None = None
+        self._cache = StageCache(None)  # no two photographs are the same
+
+    @classmethod
+    def from_description(
+        cls, description: SceneDescription, noise: CaptureNoise | None = None, *, camera: Intrinsics | None = None,
+        wind_m: float = 0.0,
+    ) -> SimulatedSource:  # fmt: skip
+        """Photographs of a scene file's scene as the file has them taken, but in still air.
+
+        Leaves that have moved between two photographs are no fault of the cameras' places: like that of the poses, such
+        noise is for plans that shall survive it.
+
+        Args:
+            description: of the scene.
+            noise: of poses and images instead of the description's.
+            camera: instead of the description's.
+            wind_m: sway of the leaves between photographs, as a scene file's ``wind_m``.
+
+        Raises:
+            SceneError: as `Proxy.from_description`.
+        """
+        return cls.of_scene(description, Proxy.from_description(description, camera), noise, wind_m)
+
+    @classmethod
+    def of_scene(
+        cls, description: SceneDescription, proxy: Proxy, noise: CaptureNoise | None = None, wind_m: float = 0.0
+    ) -> SimulatedSource:
+        """As `from_description`, of a proxy that was made of the description before."""
+        sway = partial(wind_sway, wind_m) if wind_m else None
+        return cls(proxy, noise or description.noise, effects=description.camera_effects, sway=sway)
+
+    def with_noise(self, noise: CaptureNoise) -> SimulatedSource:
+        """The same plot and camera under another noise of poses and images; the renderer is not shared."""
+        return SimulatedSource(self.proxy, noise, effects=self.effects, sway=self.sway, claimed_m=self.claimed_m)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_renderer": None, "_reference": None, "_drawings": None}
+
+    @property
+    def plot(self) -> KnownPlot:
+        return KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), self.proxy.volume, None)
+
+    @property
+    def reference(self) -> ReferenceIndex:
+        if self._reference is None:
+            self._reference = ReferenceIndex(self.proxy.reference, self.proxy.surface)
+        return self._reference
+
+    @property
+    def cache(self) -> StageCache:
+        return self._cache
+
+    def prepare(self) -> None:
+        """Upload the scene and index the reference.
+
+        Raises:
+            RenderingError: this machine cannot render.
+        """
+        assert self.reference is not None
+        if self._renderer is None:
+            self._renderer = Renderer(self.proxy.scene)
+            self._drawings = KeptDrawings() if self.sway is None else draw
+
+    @contextmanager
+    def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[Shot]:
+        """JPEGs in a temporary folder, with the commanded poses and the camera beside them."""
+        self.prepare()
+        assert self._renderer is not None
+        assert self._drawings is not None
+        camera = fidelity.camera(self.proxy.camera)
+        scale = camera.width / self.proxy.camera.width
+        claimed = max(self.noise.position_m, self.claimed_m)
+        sidecars = Sidecars(poses=True, accuracy_m=claimed, camera=True)
+        with tempfile.TemporaryDirectory(prefix="fieldkit-") as temporary:
+            folder = Path(temporary) / "capture"
+            with progress.stage("Rendering"):
+                simulate_capture(
+                    folder, self._renderer, cameras.poses(), camera, noise=self.noise, seed=seed,
+                    effects=_reduced(self.effects, scale), sway=None if self.sway is None else self.sway(seed),
+                    sidecars=sidecars, economy=fidelity.economy, drawing=self._drawings,
+                )  # fmt: skip
+            with progress.stage("Reading photographs"):
+                capture = read_capture(folder)
+            yield Shot(capture, capture.names, fidelity.features)
+
+    def forget_drawings(self) -> None:
+        """Draw everything anew."""
+        if self._drawings is not None and self.sway is None:
+            self._drawings = KeptDrawings()
+
+    def close(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = self._drawings = None
+
+
+def _reduced(effects: CameraEffects | None, scale: float) -> CameraEffects | None:
+    """The effects in an image ``scale`` times as large: what is stated in pixels goes with its size."""
+    if effects is None:
+        return None
+    return replace(effects, defocus_px=effects.defocus_px * scale, grain_px=max(1.0, effects.grain_px * scale))

@@ -1,0 +1,75 @@
+"""Where the photographs of an evaluation come from: one interface for simulated plots and recorded sets."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from fieldkit.cache import StageCache
+from fieldkit.captures.model import Capture
+from fieldkit.clouds.metrics import ReferenceIndex
+from fieldkit.planning.objective.fidelity import Fidelity
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.runtime.progress import Progress
+
+
+@dataclass(frozen=True)
+class Shot:
+    """The photographs of a set of cameras.
+
+    Attributes:
+        capture: with the commanded poses as its priors, in the plot frame.
+        views: the photographs' names in the cameras' order.
+        features: how they are looked for.
+    """
+
+    capture: Capture
+    views: tuple[str, ...]
+    features: FeatureSettings = field(default_factory=FeatureSettings)
+
+
+class PhotoSource(Protocol):
+    """Takes the photographs that cameras command, and knows the truth they are scored against.
+
+    A source can be pickled: worker processes get a copy and prepare it once.
+    """
+
+    @property
+    def plot(self) -> KnownPlot:
+        """Frame, volume of interest and ground; the metric source's frame is the plot frame."""
+        ...
+
+    @property
+    def reference(self) -> ReferenceIndex:
+        """PC_env, indexed."""
+        ...
+
+    @property
+    def cache(self) -> StageCache:
+        """For what later evaluations can use again."""
+        ...
+
+    def prepare(self) -> None:
+        """Do once what every evaluation needs (a renderer, an index). Further calls do nothing.
+
+        Raises:
+            InputError: this machine or this data cannot be used.
+        """
+        ...
+
+    def photograph(
+        self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress
+    ) -> AbstractContextManager[Shot]:
+        """The photographs, which are there while the context is open.
+
+        Raises:
+            UsageError: the source cannot serve these cameras.
+        """
+        ...
+
+    def close(self) -> None:
+        """Free what `prepare` made."""
+        ...

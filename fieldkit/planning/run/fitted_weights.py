@@ -1,0 +1,63 @@
+"""The geometric score's weights as a kept run's evaluations have them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.cache import StageCache
+from fieldkit.errors import UsageError
+from fieldkit.planning.run.folder import read_log, read_settings, searched
+from fieldkit.planning.run.open_problem import open_problem
+from fieldkit.planning.score.expected import DOUBT, LEAST_M, NOISE, WEIGHTS, Expected, Weights, fit_slopes
+from fieldkit.runtime.progress import Silent
+
+LEAST = 8
+"""Measured sets that a fit takes: as many as the method `field` asks for before it fits."""
+
+
+def weights_of_run(run: Path) -> Weights:
+    """The weights of gap, noise and tie that `fit_slopes` finds for a run's search, to four digits.
+
+    They are pulled to `WEIGHTS`, the less the more evaluations there are. What no term explains is left out: it ranks
+    no set.
+
+    Args:
+        run: folder of a run on a scene or a reference, with commanded poses.
+
+    Raises:
+        MetadataError: it is no run's folder, or damaged.
+        UsageError: fewer than `LEAST` sets were measured; the run chose among recorded photographs or was mapped
+            blind; what it was planned on is gone or has changed; or nothing of its values is explained.
+        InputError: what it was planned on cannot be used.
+    """
+    settings = read_settings(run)
+    if settings.source.kind == "captures":
+        raise UsageError(
+            "weights are fitted to a run on a plot, and this one chose among recorded photographs", path=run,
+            remedy="Give a run that was made with --scene or --reference.",
+        )  # fmt: skip
+    if settings.blind:
+        raise UsageError(
+            "weights are fitted to a run with commanded poses: in blind mapping's values what registers counts most",
+            path=run, remedy="Give a run that was made with --mapping prior.",
+        )  # fmt: skip
+    results = [entry.result for entry in searched(read_log(run)) if entry.measured]
+    if len(results) < LEAST:
+        raise UsageError(
+            f"weights take {LEAST} evaluations of a search, and this run has {len(results)}", path=run,
+            remedy="Give a longer run, or numbers: --weights GAP,NOISE,TIE.",
+        )  # fmt: skip
+    problem = open_problem(settings, run, cache=StageCache(None), progress=Silent()).problem
+    expected = Expected(problem)
+    terms = np.array([expected.terms(result.trial.cameras, result.trial.plot) for result in results])
+    y = -np.log(np.maximum([result.value_m for result in results], LEAST_M))
+    slopes, _ = fit_slopes(terms, y, WEIGHTS, doubt=DOUBT, noise=NOISE)
+    if not slopes.any():
+        raise UsageError(
+            "no term of the geometric score explains this run's values", path=run,
+            remedy="Give another run, or numbers: --weights GAP,NOISE,TIE.",
+        )  # fmt: skip
+    gap, noise, tie = (float(f"{slope:.4g}") for slope in slopes)
+    return gap, noise, tie

@@ -1,0 +1,108 @@
+"""A vehicle's limits as a flight envelope, so that a plan can be flown as it is.
+
+What limits a pose is the mount's pitch, the least height, and the clearance to plants (`reach` and `plants` of
+`fieldkit.missions.plan_site`); no vehicle has a roll to choose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fieldkit.errors import UsageError
+from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.plan_site.vehicle_file import find_vehicle, load_vehicle, vehicles_folder
+from fieldkit.planning.settings import EnvelopeSettings, SearchSettings, SearchVehicle
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.results.report_files import file_sha256
+from fieldkit.runtime.progress import Progress
+
+_LEAST_BAND_M = 1.0
+_RTK_M, _ONE_FLIGHT_M, _TURNED_DEG = 0.02, 0.1, 1.0
+"""Without RTK positions of one flight are off together: what stations differ by is estimated at a decimetre."""
+
+
+def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
+    """A vehicle profile, by name or by path, and what a run's settings say of it.
+
+    Raises:
+        MetadataError: there is none, or it is wrong.
+    """
+    file = find_vehicle(name)
+    vehicle = load_vehicle(file)
+    own = file.resolve().parent == vehicles_folder().resolve()
+    return vehicle, SearchVehicle(name=file.stem if own else file.name, title=vehicle.title, sha256=file_sha256(file))
+
+
+def flight_noise(vehicle: Vehicle | None) -> dict[str, float]:
+    """Fields of `NoiseSettings`: by how much a vehicle misses its stations, or one with RTK where none is given."""
+    pose_m = _RTK_M if vehicle is None else min(vehicle.gps_accuracy_m, _ONE_FLIGHT_M)
+    return {"pose_m": pose_m, "pose_deg": _TURNED_DEG}
+
+
+def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of `EnvelopeSettings`: what was given, and the vehicle's limits for what was not.
+
+    Cameras are at least at the vehicle's least height, at most at the usual 2.5 m or a metre above the least, and keep
+    the vehicle's clearance to plants; the gimbal's range is the mount's.
+
+    Args:
+        vehicle: that shall fly the plan.
+        given: by `EnvelopeSettings`' keys.
+
+    Raises:
+        UsageError: what was given leaves the vehicle's limits.
+    """
+    low, high = vehicle.mount.pitch_deg
+    least = vehicle.min_height_m
+    usual = EnvelopeSettings()
+    limits: dict[str, Any] = {
+        "height_m": (least, max(usual.height_m[1], least + _LEAST_BAND_M)), "pitch_deg": (low, high),
+        "clearance_m": vehicle.clearance_m, "vehicle_clearance_m": vehicle.clearance_m,
+    }  # fmt: skip
+    wanted = limits | dict(given)
+    what = ""
+    if wanted["height_m"][0] < least:
+        from_m = wanted["height_m"][0]
+        what = f"heights from {from_m:g} m are asked for, but {vehicle.title} flies no lower than {least:g} m"
+    elif wanted["clearance_m"] < vehicle.clearance_m:
+        what = (
+            f"a clearance of {wanted['clearance_m']:g} m to plants is asked for, but {vehicle.title} keeps "
+            f"{vehicle.clearance_m:g} m"
+        )
+    elif wanted["pitch_deg"][0] < low or wanted["pitch_deg"][1] > high:
+        first, last = wanted["pitch_deg"]
+        reach = f"is fixed at {low:g}°" if low == high else f"reaches {low:g}° to {high:g}°"
+        what = f"pitches from {first:g}° to {last:g}° are asked for, but the mount of {vehicle.title} {reach}"
+    if what:
+        raise UsageError(
+            what, remedy="Leave that option out to plan within the vehicle's limits, or leave --vehicle out."
+        )
+    return wanted
+
+
+def check_views(views: Cameras, settings: SearchSettings, progress: Progress) -> None:
+    """Say how many of a recorded set's views the run's vehicle cannot take.
+
+    Args:
+        views: all there are to choose from, plot frame.
+        settings: of the run; without a vehicle nothing is looked at.
+        progress: told of it.
+
+    Raises:
+        UsageError: the views that it can take are fewer than the cameras that are asked for.
+    """
+    if settings.vehicle is None:
+        return
+    title, low_m, (lowest, highest) = settings.vehicle.title, settings.envelope.height_m[0], settings.envelope.pitch_deg
+    height, pitch = views.positions[:, 2], views.pitch_deg
+    taken = int(((height >= low_m) & (pitch >= lowest) & (pitch <= highest)).sum())
+    limits = f"{title} flies no lower than {low_m:g} m and turns its camera from {lowest:g}° to {highest:g}°"
+    if taken < settings.cameras:
+        raise UsageError(
+            f"{limits}: it can take {taken} of the {len(views)} photographs' poses, {settings.cameras} are asked for",
+            remedy="Leave --vehicle out, and export the plan with --adjust.",
+        )
+    if taken < len(views):
+        progress.note(f"{limits}: it cannot take {len(views) - taken} of the {len(views)} poses to choose from")

@@ -1,0 +1,234 @@
+"""A planning run's folder: search.json before the start, evaluations.jsonl as it goes, the results at the end."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated, Any, BinaryIO, Literal
+
+import numpy as np
+from pydantic import Field, JsonValue, ValidationError
+
+from fieldkit.clouds.metrics import DISTANCES_M
+from fieldkit.documents.json_file import first_problem, read_json_object, validated
+from fieldkit.errors import MetadataError, StorageError, UsageError
+from fieldkit.files import atomic_folder, storage_errors, write_atomic
+from fieldkit.planning.objective.evaluation import Evaluation, StageCost
+from fieldkit.planning.objective.fidelity import FidelityName
+from fieldkit.planning.problem import Result, Trial
+from fieldkit.planning.settings import SearchSettings
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.results.plan import Count, Length, Strict
+
+SETTINGS_FILE, LOG_FILE = "search.json", "evaluations.jsonl"
+_MAX_BYTES = 1 << 20
+_REMEDY = "Give the folder of a run of `fieldkit plan`."
+Stage = Literal["search", "confirmation"]
+Row = tuple[float, float, float, float, float]
+
+
+class LogEntry(Strict):
+    """One line of evaluations.jsonl: one finished evaluation."""
+
+    number: Count
+    """Of the trial, from 0."""
+    stage: Stage
+    """A trial of the search, or a finalist at a fresh seed."""
+    origin: str
+    seed: Count
+    """Of the photographs' noise."""
+    fidelity: FidelityName
+    plot: Count = 0
+    """Number of the plot that was photographed; 0 is the one that the plan is made on."""
+    cameras: Annotated[tuple[Row, ...], Field(min_length=1)]
+    """x, y, z in metres, yaw and pitch in degrees, plot frame."""
+    value_m: Length
+    chamfer_m: Length | None
+    accuracy_m: Length | None
+    completeness_m: Length | None
+    f_score: dict[str, float]
+    registered: Count
+    right: Count
+    models: Count
+    points: Count
+    cloud_digest: str
+    views: tuple[str, ...]
+    failure: str
+    measured: bool
+    cpu_s: Length
+    """Of the evaluation."""
+    wall_s: Length
+    proposal_cpu_s: Length
+    """Of the method, to propose the trial."""
+    finished_s: Length
+    """Since the run began, interruptions left out."""
+    notes: dict[str, JsonValue]
+    """The method's: the model drawn, weights, what is still to be gained."""
+
+    @classmethod
+    def of(
+        cls, trial: Trial, found: Evaluation, *, stage: Stage, seed: int, fidelity: FidelityName,
+        proposal_cpu_s: float, finished_s: float, plot: int = 0,
+    ) -> LogEntry:  # fmt: skip
+        """The line of an evaluation."""
+        return cls(
+            number=trial.number, stage=stage, origin=trial.origin, seed=seed, fidelity=fidelity, plot=plot,
+            cameras=_rows(trial.cameras), value_m=found.value_m, chamfer_m=found.chamfer_m,
+            accuracy_m=found.accuracy_m, completeness_m=found.completeness_m,
+            f_score={f"{d:.3f}": float(found.f_scores.get(d, 0.0)) for d in DISTANCES_M},
+            registered=found.registered, right=found.right, models=found.models, points=found.points,
+            cloud_digest=found.cloud_digest, views=found.views, failure=found.failure, measured=found.measured,
+            cpu_s=found.cpu_s, wall_s=sum(stage.wall_s for stage in found.times), proposal_cpu_s=proposal_cpu_s,
+            finished_s=finished_s, notes=dict(trial.notes),
+        )  # fmt: skip
+
+    @property
+    def trial(self) -> Trial:
+        """The trial, camera for camera and bit for bit as it was proposed."""
+        return Trial(self.number, Cameras.from_vector(np.array(self.cameras)), self.origin, self.notes, plot=self.plot)
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """What the objective said; its seconds are all in one stage."""
+        return Evaluation(
+            value_m=self.value_m, chamfer_m=self.chamfer_m, accuracy_m=self.accuracy_m,
+            completeness_m=self.completeness_m, f_scores={d: self.f_score[f"{d:.3f}"] for d in DISTANCES_M},
+            images=len(self.cameras), registered=self.registered, right=self.right, models=self.models,
+            points=self.points, cloud_digest=self.cloud_digest, views=self.views, failure=self.failure,
+            measured=self.measured, times=(StageCost("Evaluating", self.cpu_s, self.wall_s),),
+        )  # fmt: skip
+
+    @property
+    def result(self) -> Result:
+        """As methods take it."""
+        return Result(self.trial, self.value_m, self.measured, self.right)
+
+
+class RunFolder:
+    """An open run folder; only one process has it at a time.
+
+    Attributes:
+        path: of the folder.
+        settings: of the run.
+        entries: what evaluations.jsonl holds, in its order.
+    """
+
+    def __init__(self, path: Path, settings: SearchSettings, entries: Sequence[LogEntry], file: BinaryIO) -> None:
+        self.path, self.settings, self.entries, self._file = path, settings, list(entries), file
+
+    def append(self, entry: LogEntry) -> None:
+        """Add a line; it is on the disk when this returns.
+
+        Raises:
+            StorageError: the disk is full.
+        """
+        with storage_errors(self.path / LOG_FILE):
+            self._file.write(entry.model_dump_json().encode() + b"\n")
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        self.entries.append(entry)
+
+    def save_settings(self, settings: SearchSettings) -> None:
+        """Replace search.json. Raises StorageError."""
+        write_atomic(self.path / SETTINGS_FILE, settings.model_dump_json(indent=2) + "\n")
+        self.settings = settings
+
+
+@contextmanager
+def create_run(path: Path, settings: SearchSettings, *, overwrite: bool = False) -> Iterator[RunFolder]:
+    """A new run folder with its settings and an empty log.
+
+    Raises:
+        UsageError: ``path`` exists and ``overwrite`` is off, holds something else, or another process plans there.
+        StorageError: the disk is full or not writable.
+    """
+    with suppress(OSError), (path / LOG_FILE).open("rb") as file:
+        _lock(file, path)
+    with atomic_folder(path, overwrite=overwrite, marker=SETTINGS_FILE) as folder:
+        write_atomic(folder / SETTINGS_FILE, settings.model_dump_json(indent=2) + "\n")
+        write_atomic(folder / LOG_FILE, b"")
+    with open_run(path) as run:
+        yield run
+
+
+@contextmanager
+def open_run(path: Path) -> Iterator[RunFolder]:
+    """An existing run folder. A last line that was cut off in the middle is removed: its evaluation did not finish.
+
+    Raises:
+        MetadataError: it is no run folder, or its files are damaged.
+        UsageError: another process has it open.
+    """
+    settings = read_settings(path)
+    log = path / LOG_FILE
+    with storage_errors(log), log.open("a+b") as file:
+        _lock(file, path)
+        file.seek(0)
+        content = file.read()
+        whole = content[: content.rfind(b"\n") + 1]
+        entries = _parsed(log, whole)
+        if len(whole) < len(content):
+            file.truncate(len(whole))
+        yield RunFolder(path, settings, entries, file)
+
+
+def read_settings(path: Path) -> SearchSettings:
+    """search.json of a run folder.
+
+    Raises:
+        MetadataError: it is missing, damaged or of another version.
+    """
+    file = path / SETTINGS_FILE
+    document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
+    return validated(SearchSettings, document, file, _REMEDY)
+
+
+def read_log(path: Path) -> list[LogEntry]:
+    """evaluations.jsonl of a run folder, without a last line that is still being written.
+
+    Raises:
+        MetadataError: it is missing or damaged.
+    """
+    log = path / LOG_FILE
+    try:
+        content = log.read_bytes()
+    except FileNotFoundError as error:
+        raise MetadataError("there is no such file", path=log, remedy=_REMEDY) from error
+    except OSError as error:
+        raise StorageError(f"cannot be read: {error.strerror}", path=log) from error
+    return _parsed(log, content[: content.rfind(b"\n") + 1])
+
+
+def searched(entries: Iterable[LogEntry]) -> list[LogEntry]:
+    """The trials of the search among log entries, by number."""
+    return sorted((entry for entry in entries if entry.stage == "search"), key=lambda entry: entry.number)
+
+
+def _parsed(log: Path, content: bytes) -> list[LogEntry]:
+    entries = []
+    for number, line in enumerate(content.splitlines(), 1):
+        try:
+            entries.append(LogEntry.model_validate_json(line))
+        except ValidationError as error:
+            raise MetadataError(
+                f"line {number}: {first_problem(error)}", path=log, remedy="Remove that line; --resume does it again."
+            ) from error
+    return entries
+
+
+def _lock(file: BinaryIO, path: Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise UsageError(
+            "another process is planning in this folder", path=path, remedy="Wait for it, or stop it."
+        ) from error
+    except OSError:
+        return  # a file system without locks
+
+
+def _rows(cameras: Cameras) -> tuple[Any, ...]:
+    return tuple(tuple(row) for row in cameras.vector().reshape(len(cameras), -1).tolist())

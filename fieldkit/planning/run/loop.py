@@ -1,0 +1,285 @@
+"""The loop of a planning run: propose, evaluate, log; then confirm the best."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from fieldkit.planning.problem import Arbiter, Gain, Judge, Method, Result, Trial, lowest
+from fieldkit.planning.run.executor import Executor, Job
+from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
+from fieldkit.planning.settings import SearchSettings, unchanging
+
+Stopped = Literal["converged", "evaluations", "time", "exhausted"]
+Watch = Callable[[LogEntry], None]
+_POLL_S, _QUICK_POLL_S = 0.2, 0.02
+_FRESH_SEEDS = 1_000_000
+"""Seeds of confirmations begin here, so that no search has seen them."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Why a search ended.
+
+    Attributes:
+        stopped: what was used up, or that it converged: that nothing is left to gain beyond an evaluation's noise.
+        gain: what is left, where it converged.
+    """
+
+    stopped: Stopped
+    gain: Gain | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Finalist:
+    """A set of cameras that was evaluated again.
+
+    Attributes:
+        trial: of the search.
+        entries: its confirmations.
+        value_m: their mean, or the mean of the worst share that the settings' risk names; None without any.
+        spread_m: standard deviation over the confirmations; 0 for one; None without any.
+        kind_m: what the method expects on plots of the kind, all evaluations considered; None where it does not say.
+    """
+
+    trial: Trial
+    entries: tuple[LogEntry, ...] = ()
+    value_m: float | None = None
+    spread_m: float | None = None
+    kind_m: float | None = None
+
+
+def search(
+    method: Method, executor: Executor, run: RunFolder, *, out_of_time: Callable[[float], bool], watch: Watch
+) -> Ending:
+    """Evaluate trials until the run has its number of them or converges; what the log has already is not done again.
+
+    A method proposes in a thread of its own while evaluations run, and knows of trial k − lag − 1 and those before it
+    when it proposes trial k. So what is proposed depends on the settings only, also in a run that was interrupted.
+
+    Args:
+        method: of the search.
+        executor: of the objective; left with nothing to do.
+        run: where results go.
+        out_of_time: whether no trial may start any more, given the seconds of the run so far.
+        watch: told of every new entry.
+
+    Returns:
+        Why the search ended.
+
+    Raises:
+        FieldkitError: no evaluation is possible at all.
+        StorageError: the disk is full; everything logged so far can be gone on from.
+    """
+    with ThreadPoolExecutor(1) as thread:
+        going = _Search(method, executor, run, out_of_time, watch, thread)
+        try:
+            while going.step():
+                pass
+        except BaseException:
+            executor.cancel()
+            raise
+    return going.ending
+
+
+class _Search:
+    """The state of a search: trials proposed so far, what is being proposed, and what is being evaluated."""
+
+    def __init__(
+        self, method: Method, executor: Executor, run: RunFolder, out_of_time: Callable[[float], bool], watch: Watch,
+        thread: ThreadPoolExecutor,
+    ) -> None:  # fmt: skip
+        self._method, self._executor, self._run = method, executor, run
+        self._out_of_time, self._watch, self._thread = out_of_time, watch, thread
+        self._clock = _Clock(run)
+        self._known = {entry.number: entry for entry in searched(run.entries)}
+        self._trials: list[Trial] = []
+        self._results: dict[int, Result] = {}
+        self._thinking: Future[tuple[Trial | None, float]] | None = None
+        self._running: dict[int, tuple[Trial, float]] = {}
+        self._open_ended = True
+        self.ending = Ending("evaluations")
+
+    def step(self) -> bool:
+        """Start, take up or wait for whatever is next; False when there is nothing left to do."""
+        self._think()
+        if self._thinking is not None and self._thinking.done():
+            self._take_up(*self._thinking.result())
+        elif self._running:
+            self._gather()
+        elif self._thinking is not None:
+            wait([self._thinking])
+        else:
+            return False
+        return True
+
+    def _think(self) -> None:
+        """Have the next trial proposed, once what it may know of is there; those in the log are taken from it."""
+        settings = self._run.settings
+        while self._open_ended and self._thinking is None and len(self._trials) < settings.evaluations:
+            number = len(self._trials)
+            if number in self._known:
+                self._trials.append(self._known[number].trial)
+                self._results[number] = self._known[number].result
+                continue
+            if self._out_of_time(self._clock.seconds):
+                self._end(Ending("time"))
+                return
+            allowed = max(0, number - settings.lag)
+            if any(k not in self._results for k in range(allowed)):
+                return
+            seen = [self._results[k] for k in range(allowed)]
+            self._thinking = self._thread.submit(_proposed, self._method, number, seen, self._trials[allowed:])
+
+    def _take_up(self, trial: Trial | None, cpu_s: float) -> None:
+        self._thinking = None
+        if trial is None:
+            self._end(Ending("exhausted"))
+            return
+        if trial.gain is not None and trial.gain.negligible and trial.number >= self._run.settings.at_least:
+            self._end(Ending("converged", trial.gain))
+            return
+        self._trials.append(trial)
+        job = Job(trial.cameras, search_seed(self._run.settings, trial.number), plot=trial.plot)
+        self._running[self._executor.submit(job)] = (trial, cpu_s)
+
+    def _end(self, ending: Ending) -> None:
+        self._open_ended, self.ending = False, ending
+
+    def _gather(self) -> None:
+        # The sooner a proposal that may be ready is queued, the less a worker idles.
+        for ticket, found in self._executor.collect(_POLL_S if self._thinking is None else _QUICK_POLL_S):
+            trial, cpu_s = self._running.pop(ticket)
+            entry = LogEntry.of(
+                trial, found, stage="search", seed=search_seed(self._run.settings, trial.number),
+                fidelity=self._run.settings.fidelity, proposal_cpu_s=cpu_s, finished_s=self._clock.seconds,
+                plot=trial.plot,
+            )  # fmt: skip
+            self._run.append(entry)
+            self._results[trial.number] = entry.result
+            self._watch(entry)
+
+
+def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch) -> list[Finalist]:
+    """Evaluate the search's best sets again at fresh seeds; the best of them first.
+
+    Which these are the method says where it is a `Judge`; else they are those of the lowest values. The lowest value of
+    many noisy ones is partly luck: the winner is chosen by values that had no part in finding it.
+
+    Returns:
+        The finalists, as `ranked` has them; none where no trial was measured.
+
+    Raises:
+        FieldkitError, StorageError: as `search`.
+    """
+    results = [entry.result for entry in searched(run.entries)]
+    judge = method.favourites if isinstance(method, Judge) else lowest
+    chosen = judge(results, run.settings.finalists)
+    return ranked(method, run, evaluate_again(executor, run, chosen, watch=watch))
+
+
+def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> list[Finalist]:
+    """Finalists, the best first: by their confirmations, or for plots of a kind by what an `Arbiter` expects.
+
+    Plots differ by more than good sets do, so a mean of few says less than it does with all that is known.
+    """
+    settings = run.settings
+    if settings.plots == 1 or settings.noise.risk < 1 or not settings.repeats or not isinstance(method, Arbiter):
+        return list(confirmed)
+    costs = method.expect_m([f.trial.cameras for f in confirmed], [entry.result for entry in run.entries])
+    known = [replace(finalist, kind_m=cost) for finalist, cost in zip(confirmed, costs, strict=True)]
+    return sorted(known, key=lambda finalist: (finalist.kind_m, finalist.trial.number))
+
+
+def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch) -> list[Finalist]:
+    """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
+
+    Where the plan is for plots of a kind, each repeat is on a plot of its own that no trial has met.
+
+    Returns:
+        The trials by value, the best first; as they are where the settings ask for no repeats.
+
+    Raises:
+        FieldkitError, StorageError: as `search`.
+    """
+    settings = run.settings
+    if not settings.repeats:
+        return [Finalist(trial) for trial in chosen]
+    fresh = [
+        (_FRESH_SEEDS + settings.seed * settings.repeats + k, settings.plots + k if settings.plots > 1 else 0)
+        for k in range(settings.repeats)
+    ]
+    # By cameras, not by number: of plans carried from elsewhere, a number may mean another plan the next time.
+    fidelity = settings.confirm_fidelity
+    there = {
+        (e.trial.cameras, e.seed, e.plot): e for e in run.entries
+        if e.stage == "confirmation" and e.fidelity == fidelity
+    }  # fmt: skip
+    wanted = [(trial, seed, plot) for seed, plot in fresh for trial in chosen]
+    wanted = [each for each in wanted if (each[0].cameras, *each[1:]) not in there]
+    jobs = [Job(trial.cameras, seed, fidelity, plot) for trial, seed, plot in wanted]
+    clock = _Clock(run)
+    for (trial, seed, plot), found in zip(wanted, executor.run(jobs), strict=True):
+        entry = LogEntry.of(
+            trial, found, stage="confirmation", seed=seed, fidelity=fidelity, proposal_cpu_s=0.0,
+            finished_s=clock.seconds, plot=plot,
+        )  # fmt: skip
+        run.append(entry)
+        there[trial.cameras, seed, plot] = entry
+        watch(entry)
+    confirmed = []
+    for trial in chosen:
+        entries = tuple(there[trial.cameras, seed, plot] for seed, plot in fresh)
+        values = [entry.value_m for entry in entries]
+        spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+        value = worst_mean(values, settings.noise.risk)
+        confirmed.append((value, trial.number, Finalist(trial, entries, value, spread)))
+    return [finalist for _, _, finalist in sorted(confirmed, key=lambda found: found[:2])]
+
+
+def worst_mean(values: Sequence[float], share: float) -> float:
+    """The mean of the worst ``share`` of values, at least of one: conditional value at risk, a cost's upper tail.
+
+    Rockafellar and Uryasev (2000), of the sample; ``share`` 1 gives the mean.
+    """
+    count = max(1, round(share * len(values)))
+    return float(np.mean(sorted(values, reverse=True)[:count]))
+
+
+def search_seed(settings: SearchSettings, number: int) -> int:
+    """Of a trial's photographs: one of its own for each trial, or the run's where photographs are recorded as they are.
+
+    With one seed for all, a search finds sets whose poses this seed is kind to, and stays with them.
+    """
+    if unchanging(settings.source, settings.noise):
+        return settings.seed
+    return settings.seed * 10_000 + number
+
+
+class _Clock:
+    """Seconds of a run, the time between its parts left out."""
+
+    def __init__(self, run: RunFolder) -> None:
+        self._before = max((entry.finished_s for entry in run.entries), default=0.0)
+        self._start = time.monotonic()
+
+    @property
+    def seconds(self) -> float:
+        return self._before + time.monotonic() - self._start
+
+
+def nobody(entry: LogEntry) -> None:
+    """A `Watch` that does not."""
+
+
+def _proposed(
+    method: Method, number: int, results: Sequence[Result], pending: Sequence[Trial]
+) -> tuple[Trial | None, float]:
+    start = time.thread_time()
+    trial = method.propose(number, results, pending)
+    return trial, time.thread_time() - start

@@ -1,0 +1,291 @@
+"""From what a person names (a scene, a reference, a recorded set) to a problem and its objective."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import read_capture
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import SceneError, UsageError
+from fieldkit.evaluation.proxy import make_proxy
+from fieldkit.evaluation.reference import Reference, build_reference
+from fieldkit.geometry import Intrinsics
+from fieldkit.planning.objective.kind import Kind
+from fieldkit.planning.objective.objective import ObjectiveSettings
+from fieldkit.planning.objective.plots_objective import PlotsObjective
+from fieldkit.planning.objective.recorded import EXACT, RecordedSource
+from fieldkit.planning.objective.recorded_kind import RecordedKind, RecordedPlots
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.run.executor import Evaluator
+from fieldkit.planning.run.flyable import check_views
+from fieldkit.planning.score.match_graph import match_graph
+from fieldkit.planning.settings import GivenPlot, NoiseSettings, SearchSettings, unchanging
+from fieldkit.planning.space.envelope import Envelope
+from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.results.plan import PlanEnvelope, PlanSource
+from fieldkit.results.report_files import REFERENCE_FILE
+from fieldkit.runtime.progress import Progress
+from fieldkit.scenes.library import find_scene, scene_reference
+from fieldkit.scenes.plants_apart import PlantsApart
+from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.scene import Scene
+from fieldkit.scenes.scene_file import read_scene
+from fieldkit.scenes.simulate import CaptureNoise
+
+PROXY_FOLDER, BUILT_REFERENCE, KIND_FOLDER = "proxy", "reference", "plots"
+_GOOD_POSES_M = 0.010
+_TWO_ROUNDS_PX = (10.0, 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Plannable:
+    """All that a run needs.
+
+    Attributes:
+        problem: for the methods.
+        envelope: as plan.json tells it.
+        make_objective: for the executor; of all plots.
+        apart: where plots of a recorded plot's kind are planned for: by name, its plants and how they were told apart;
+            of each plot that is given.
+        photographs: names of recorded ones, in the order of the problem's views; empty where they are rendered.
+    """
+
+    problem: Problem
+    envelope: PlanEnvelope
+    make_objective: Callable[[], Evaluator]
+    photographs: tuple[str, ...] = ()
+    apart: tuple[tuple[str, Cloud, PlantsApart], ...] = ()
+
+    @cached_property
+    def objective(self) -> Evaluator:
+        """Made when it is first asked for. Raises what `open_problem` raises."""
+        return self.make_objective()
+
+    def check_renderer(self) -> None:
+        """Find out whether photographs can be taken here, without a scene.
+
+        Raises:
+            RenderingError: this machine cannot render, and evaluations need it.
+        """
+        if not self.photographs:
+            Renderer(Scene(())).close()
+
+
+def describe_sources(
+    scenes: Sequence[Path], references: Sequence[Path], captures: Path | None
+) -> list[tuple[PlanSource, Path]]:
+    """What a run is made on, and where that is: paths, or names of scenes that come with fieldkit.
+
+    Raises:
+        UsageError: nothing is given, plots of two kinds are, or one of them twice.
+        InputError: something is not there.
+    """
+    if captures is not None and not scenes:
+        captures = captures.resolve()
+        read_capture(captures)
+        if len(references) > 1:
+            raise UsageError("recorded photographs have one reference", remedy="Give --reference once.")
+        return [(PlanSource(kind="captures", name=captures.name), captures)]
+    if bool(scenes) == bool(references):
+        raise UsageError(
+            "plan on what?", remedy="Give --scene SCENE, --reference REF or --captures IMAGES [--reference REF]."
+        )
+    found = [_described_scene(scene) for scene in scenes] + [_described_reference(each) for each in references]
+    for number, (source, path) in enumerate(found):
+        if any(path == other or source.sha256 == same.sha256 for same, other in found[:number]):
+            raise UsageError("is given twice", path=path, remedy="Give every plot once; --vary K draws others of them.")
+    return found
+
+
+def _described_scene(scene: Path) -> tuple[PlanSource, Path]:
+    file = find_scene(scene)
+    return PlanSource(kind="scene", name=file.name, sha256=sha256(file)), scene_reference(file)
+
+
+def _described_reference(reference: Path) -> tuple[PlanSource, Path]:
+    folder = (reference.parent if reference.is_file() else reference).resolve()
+    Reference(folder)
+    return PlanSource(kind="reference", name=folder.name, sha256=sha256(folder / REFERENCE_FILE)), folder
+
+
+def sha256(file: Path) -> str:
+    """Of a file's content."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def open_problem(
+    settings: SearchSettings, folder: Path, *, cache: StageCache, progress: Progress, workers: int = 1,
+    count_matches: bool = False,
+) -> Plannable:  # fmt: skip
+    """The problem and the objective of a run.
+
+    Args:
+        settings: of the run.
+        folder: of the run; what is made on the way (a reference's proxy, a recorded set's reference) is kept there.
+        cache: of stages.
+        progress: told of what takes long.
+        workers: processes, where something is made on the way.
+        count_matches: of a recorded set, between each two of its photographs.
+
+    Raises:
+        InputError: the source is missing, has changed since the run began, or cannot be used.
+        UsageError: the envelope has no room.
+        ReconstructionError: a recorded set does not reconstruct.
+    """
+    for plot in settings.given:
+        _check_unchanged(plot)
+    if settings.source.kind == "captures":
+        return _recorded(settings, folder, cache, progress, workers, count_matches)
+    files = [_scene_of(plot, folder, number, progress) for number, plot in enumerate(settings.given)]
+    with progress.stage("Reading the scene"):
+        descriptions = tuple(read_scene(file) for file in files)
+        description = descriptions[0]
+        kind = Kind(descriptions, settings.seed, folder / KIND_FOLDER)
+        camera = description.camera
+        if settings.camera is not None:
+            camera = _rendered(settings.camera.intrinsics, camera)
+        found = [kind.plot(number) for number in range(settings.plots)]
+        unmet = tuple(kind.plot(settings.plots + k)[0] for k in range(settings.repeats if settings.plots > 1 else 0))
+    drawn = kind.recorded if settings.plots > len(descriptions) else ()
+    apart = tuple((given.source.name, *plants) for given, plants in zip(settings.given, drawn, strict=False))
+    for name, _, how in apart:
+        progress.note(f"{name}: {_told_apart(how)}")
+    plots = tuple(plot for plot, _ in found)
+    volume = Volume.around([corner for _, each in found for corner in (each.lower, each.upper)])
+    limits = settings.envelope
+    envelope = Envelope.around(
+        Cloud(np.concatenate([plot.points for plot in plots])), volume, margin_m=limits.margin_m,
+        height_m=limits.height_m, clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg,
+        separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
+    )  # fmt: skip
+    problem = Problem(settings.cameras, envelope, camera, plots, blind=settings.blind, unmet=unmet)
+    noise = _capture_noise(settings.noise, description.noise)
+    source = partial(kind.source, noise=noise, wind_m=settings.noise.wind_m)
+    wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
+    return Plannable(
+        problem, described(envelope),
+        lambda: PlotsObjective(partial(kind.proxy, camera=camera), source, wanted, seed=settings.seed),
+        apart=apart,
+    )  # fmt: skip
+
+
+def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) -> Path:
+    """A given plot's scene file; of a reference it is made in the run's folder."""
+    if plot.source.kind != "reference":
+        return find_scene(Path(plot.path))
+    scene = folder / (PROXY_FOLDER if not number else f"{PROXY_FOLDER}-{number + 1}")
+    if not scene.is_dir():
+        images = None if plot.images_path is None else Path(plot.images_path)
+        make_proxy(Path(plot.path), scene, images=images, progress=progress)
+    return find_scene(scene)
+
+
+def _told_apart(apart: PlantsApart) -> str:
+    """How plots of a recorded plot's kind are drawn, for people; ``PLAN/plants.png`` shows it."""
+    if apart.count:
+        plants = "plant is" if apart.count == 1 else "plants are"
+        return f"{apart.count} {plants} told apart; on other plots of the kind each is turned and scaled"
+    return (
+        f"the plants cannot be told apart ({apart.refused}); other plots of the kind are this one turned and mirrored"
+    )
+
+
+def _recorded(
+    settings: SearchSettings, folder: Path, cache: StageCache, progress: Progress, workers: int, count_matches: bool
+) -> Plannable:
+    images = Path(settings.path)
+    place = folder / BUILT_REFERENCE
+    if settings.reference_path is not None:
+        place = Path(settings.reference_path)
+    elif not place.is_dir():
+        progress.note("no --reference is given: one is built of all photographs first")
+        build_reference(images, place, cache=cache, progress=progress, workers=workers, scene=False)
+    reference = Reference(place)
+    plot = reference.known_plot()
+    capture = read_capture(images)
+    noise = CaptureNoise(position_m=settings.noise.pose_m, angle_deg=settings.noise.pose_deg, image_sigma=0.0)
+    source = RecordedSource(
+        capture, plot, reference.cloud, cache=cache, noise=noise if settings.noise.any else EXACT,
+        reconstructed=reference.poses(),
+    )  # fmt: skip
+    views = source.cameras()
+    check_views(views, settings, progress)
+    # Two rounds of matching do what three do where positions are good to millimetres, at half the cost.
+    good = float(np.median([view.position_sigma_m for view in source.views])) <= _GOOD_POSES_M
+    wanted = ObjectiveSettings(
+        settings.fidelity, settings.mapping, bands_px=_TWO_ROUNDS_PX if good and not settings.noise.any else None,
+        refine=settings.refine,
+    )  # fmt: skip
+    low, high = views.positions.min(axis=0), views.positions.max(axis=0)
+    envelope = Envelope(
+        (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), (float(low[2]), float(high[2])), plot.volume,
+        clearance_m=0.0, pitch_deg=(float(views.pitch_deg.min()), float(views.pitch_deg.max())), separation_m=0.0,
+    )  # fmt: skip
+    matches = match_graph(source, FeatureSettings(), workers=workers, progress=progress) if count_matches else None
+    kind = RecordedKind(source, settings.seed)
+    met, unmet = settings.plots, settings.repeats if settings.plots > 1 else 0
+    plots = [kind.plot(number, matches) for number in range(met + unmet)]
+    problem = Problem(
+        settings.cameras, envelope, _without_distortion(reference), tuple(plots[:met]), views=views,
+        blind=settings.blind, exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
+    )  # fmt: skip
+    objective = partial(RecordedPlots, kind, wanted, seed=settings.seed)
+    return Plannable(problem, described(envelope), objective, tuple(view.name for view in source.views))
+
+
+def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
+    """A camera without its distortion, whose longer side is at most that of the scene's camera.
+
+    Reconstruction looks at no more than about 1,600 pixels, and a scene's defocus and grain are stated in its pixels.
+    """
+    ideal = camera.without_distortion()
+    scale = max(scene.width, scene.height) / max(ideal.width, ideal.height)
+    return ideal if scale >= 1.0 else ideal.scaled(round(ideal.width * scale), round(ideal.height * scale))
+
+
+def _check_unchanged(plot: GivenPlot) -> None:
+    if plot.source.sha256 is None:
+        return
+    path = Path(plot.path)
+    file = path / REFERENCE_FILE if plot.source.kind == "reference" else _scene_file(path)
+    if not file.is_file():
+        raise UsageError(
+            "what this run was planned on is gone", path=file, remedy="Put it back there, or start a new run."
+        )
+    if sha256(file) != plot.source.sha256:
+        raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
+
+
+def _scene_file(path: Path) -> Path:
+    try:
+        return find_scene(path)
+    except SceneError:
+        return path
+
+
+def _capture_noise(noise: NoiseSettings, scene: CaptureNoise) -> CaptureNoise:
+    image = noise.image_grey or scene.image_sigma
+    return CaptureNoise(position_m=noise.pose_m, angle_deg=noise.pose_deg, image_sigma=image)
+
+
+def _without_distortion(reference: Reference) -> Intrinsics:
+    camera = max(reference.report.cameras, key=lambda c: c.photos)
+    full = Intrinsics(camera.model, camera.width, camera.height, camera.params)
+    return full.without_distortion()
+
+
+def described(envelope: Envelope) -> PlanEnvelope:
+    """An envelope as plan.json tells it."""
+    (x, y, z) = (envelope.x_m, envelope.y_m, envelope.height_m)
+    return PlanEnvelope(
+        lower_m=(x[0], y[0], z[0]), upper_m=(x[1], y[1], z[1]), plant_distance_m=envelope.clearance_m,
+        station_distance_m=envelope.separation_m, pitch_deg=envelope.pitch_deg,
+    )  # fmt: skip

@@ -1,0 +1,252 @@
+"""What a planning run ends with: outcome.json, progress.csv, the plan and its pictures."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import BaseModel
+
+from fieldkit.documents.json_file import read_json_object, schema_text, validated
+from fieldkit.files import write_atomic
+from fieldkit.planning.methods.registry import USING_WEIGHTS
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
+from fieldkit.planning.run.loop import Ending, Finalist, Stopped
+from fieldkit.planning.run.open_problem import Plannable
+from fieldkit.planning.settings import SearchSettings
+from fieldkit.present.pictures.curves import png
+from fieldkit.present.pictures.plants_apart import draw_plants_apart
+from fieldkit.present.pictures.search import draw_plan, draw_search
+from fieldkit.results.plan import Count, Length, Plan, PlanMethod, PlanPlants, Strict
+from fieldkit.results.plan_file import PLAN_FILE, plan_from_poses, save_plan
+
+OUTCOME_FILE, PROGRESS_FILE, SEARCH_PICTURE, PLAN_PICTURE = "outcome.json", "progress.csv", "search.png", "plan.png"
+PLANTS_PICTURE = "plants.png"
+_MAX_BYTES = 16 << 20
+_REMEDY = "Give the folder of a finished run of `fieldkit plan`."
+
+
+class FinalistReport(Strict):
+    """One set that was evaluated again."""
+
+    number: Count
+    """Of the trial."""
+    origin: str
+    search_value_m: Length | None
+    """At which the search found it; null where there was no search."""
+    expected_m: Length | None = None
+    """What the geometric score leads to expect, where the method goes by it alone."""
+    value_m: Length | None
+    """Of the confirmations: their mean, or that of the worst share; null where there were none."""
+    spread_m: Length | None
+    """Standard deviation over the confirmations."""
+    kind_m: Length | None = None
+    """Expected on plots of the kind, all evaluations considered; the choice among finalists goes by it."""
+    right: tuple[Count, ...]
+    """Photographs with right poses, per confirmation."""
+
+
+class Outcome(Strict):
+    """outcome.json: what came of a run."""
+
+    method: str
+    cameras: Count
+    plots: Count = 1
+    """That the plan is for: 1 is the one it was made on; with more each confirmation is on a plot of its own."""
+    chamfer_m: Length | None
+    """The chosen set's value, by confirmations that had no part in finding it; null where it was not confirmed."""
+    chamfer_spread_m: Length | None
+    expected_m: Length | None = None
+    """What the geometric score leads to expect of it, where the method goes by it alone."""
+    weights: tuple[Length, Length, Length] | None = None
+    """Of the geometric score's gap, noise and tie, where the method goes by it."""
+    evaluations: Count
+    """Of the search."""
+    failed_evaluations: Count
+    """Of these, those that broke or gave no cloud."""
+    confirmations: Count
+    seconds: Length
+    """Since the run began, interruptions left out."""
+    evaluation_cpu_s: Length
+    proposal_cpu_s: Length
+    """Of the method: everything that a run costs beside its evaluations."""
+    stopped: Stopped
+    """Why the search ended: it converged, its evaluations or its time are used up, or the method has no more to try."""
+    gain_m: Length | None = None
+    """By how much the search's best set may be worse than the best there is, where it converged."""
+    noise_m: Length | None = None
+    """Standard deviation of an evaluation, where it converged: ``gain_m`` is below it."""
+    finalists: tuple[FinalistReport, ...]
+    """The best first: it is the plan."""
+    photographs: tuple[str, ...] = ()
+    """The plan's views, in its stations' order, where it is a choice among recorded photographs."""
+
+
+def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
+    """Simple regret SR(t) of the paper, metres, with r(z*) = 0: the lowest value among the first t entries.
+
+    None before the first that was measured.
+    """
+    best: list[float | None] = []
+    for entry in entries:
+        last = best[-1] if best else None
+        best.append(last if not entry.measured else entry.value_m if last is None else min(last, entry.value_m))
+    return best
+
+
+def write_outcome(
+    run: RunFolder, plannable: Plannable, confirmed: Sequence[Finalist], ending: Ending,
+    *, choice_s: tuple[float, float] = (0.0, 0.0),
+) -> Outcome:  # fmt: skip
+    """Write everything a finished run gives; plan.json last, so that where it is the rest is, too.
+
+    Args:
+        run: of the folder.
+        plannable: of the plan.
+        confirmed: the finalists, the best first.
+        ending: how the search ended.
+        choice_s: seconds and CPU seconds of a method that chose without a search.
+
+    Raises:
+        StorageError: the disk is full or not writable.
+    """
+    settings, chosen = run.settings, confirmed[0]
+    trials = searched(run.entries)
+    by_number = {entry.number: entry for entry in trials}
+    outcome = Outcome(
+        method=settings.method,
+        cameras=settings.cameras,
+        plots=settings.plots,
+        chamfer_m=chosen.value_m,
+        chamfer_spread_m=chosen.spread_m,
+        expected_m=chosen.trial.notes.get("expected_m"),
+        weights=settings.weights if settings.method in USING_WEIGHTS else None,
+        evaluations=len(trials),
+        failed_evaluations=sum(bool(entry.failure) for entry in trials),
+        confirmations=sum(len(finalist.entries) for finalist in confirmed),
+        seconds=choice_s[0] + max((entry.finished_s for entry in run.entries), default=0.0),
+        evaluation_cpu_s=sum(entry.cpu_s for entry in run.entries),
+        proposal_cpu_s=choice_s[1] + sum(entry.proposal_cpu_s for entry in run.entries),
+        stopped=ending.stopped,
+        gain_m=None if ending.gain is None else ending.gain.bound_m,
+        noise_m=None if ending.gain is None else ending.gain.noise_m,
+        finalists=tuple(
+            FinalistReport(
+                number=f.trial.number,
+                origin=f.trial.origin,
+                search_value_m=by_number[f.trial.number].value_m if f.trial.number in by_number else None,
+                expected_m=f.trial.notes.get("expected_m"),
+                value_m=f.value_m,
+                spread_m=f.spread_m,
+                kind_m=f.kind_m,
+                right=tuple(entry.right for entry in f.entries),
+            )
+            for f in confirmed
+        ),
+        photographs=tuple(plannable.photographs[k] for k in plannable.problem.numbers(chosen.trial.cameras))
+        if plannable.photographs
+        else (),
+    )
+    write_atomic(run.path / OUTCOME_FILE, outcome.model_dump_json(indent=2) + "\n")
+    if trials:
+        write_atomic(run.path / PROGRESS_FILE, progress_table(trials))
+        values = [entry.value_m if entry.measured else None for entry in trials]
+        history = {model: [weights_of(e).get(model) for e in trials] for model in models_of(trials)}
+        figure = draw_search(values, best_so_far(trials), history, outcome.chamfer_m)
+        write_atomic(run.path / SEARCH_PICTURE, png(figure))
+    cameras = chosen.trial.cameras
+    like = "" if settings.plots == 1 else "plots like "
+    title = f"{like}{settings.source.name}: {settings.cameras} cameras, {_worth(outcome)}"
+    views = plannable.problem.views
+    figure = draw_plan(
+        title, cameras.positions, cameras.forward, plannable.problem.reference,
+        None if views is None else views.positions,
+    )  # fmt: skip
+    write_atomic(run.path / PLAN_PICTURE, png(figure))
+    for number, (name, plants, apart) in enumerate(plannable.apart):
+        picture = PLANTS_PICTURE if not number else PLANTS_PICTURE.replace(".", f"-{number + 1}.")
+        write_atomic(run.path / picture, png(draw_plants_apart(name, plants, apart)))
+    save_plan(run.path / PLAN_FILE, _plan(run, plannable, chosen, outcome))
+    return outcome
+
+
+def _worth(outcome: Outcome) -> str:
+    if outcome.chamfer_m is not None:
+        return f"chamfer distance {1000 * outcome.chamfer_m:.1f} mm"
+    return "not confirmed"
+
+
+def read_outcome(path: Path) -> Outcome:
+    """outcome.json of a run's folder.
+
+    Raises:
+        MetadataError: it is missing or damaged.
+    """
+    file = path / OUTCOME_FILE
+    document = read_json_object(file, _REMEDY, noun="run", max_bytes=_MAX_BYTES)
+    return validated(Outcome, document, file, _REMEDY)
+
+
+def run_schemas() -> dict[str, str]:
+    """JSON Schemas (2020-12) of a run's search.json and outcome.json and of a line of evaluations.jsonl, by file."""
+    models: dict[str, type[BaseModel]] = {"search": SearchSettings, "outcome": Outcome, "evaluations": LogEntry}
+    return {f"{n}.schema.json": schema_text(m.model_json_schema(mode="validation")) for n, m in models.items()}
+
+
+def progress_table(entries: Sequence[LogEntry]) -> str:
+    """progress.csv: a row per trial with its value, the best so far (the regret curve) and the models' weights."""
+    models = models_of(entries)
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["number", "origin", "value_m", "best_m", "right", "finished_s", *(f"weight_{m}" for m in models)])
+    for entry, best in zip(entries, best_so_far(entries), strict=True):
+        weights = weights_of(entry)
+        table.writerow(
+            [entry.number, entry.origin, entry.value_m, best, entry.right, round(entry.finished_s, 2)]
+            + [weights.get(model, "") for model in models]
+        )
+    return text.getvalue()
+
+
+def models_of(entries: Sequence[LogEntry]) -> list[str]:
+    """The names of the models that any trial's weights tell of, sorted."""
+    return sorted({name for entry in entries for name in weights_of(entry)})
+
+
+def weights_of(entry: LogEntry) -> dict[str, float]:
+    """The ensemble's weights when the trial was proposed, by model; empty where there was no ensemble."""
+    weights = entry.notes.get("weights")
+    if not isinstance(weights, dict):
+        return {}
+    return {name: float(weight) for name, weight in weights.items() if isinstance(weight, int | float)}
+
+
+def plants_of(problem: Problem) -> PlanPlants:
+    """The plants within the flight box and half a metre about it, as plan.json holds them."""
+    envelope = problem.envelope
+    return envelope.plan_plants(envelope.plants if len(envelope.plants) else problem.reference.points)
+
+
+def _plan(run: RunFolder, plannable: Plannable, chosen: Finalist, outcome: Outcome) -> Plan:
+    settings = run.settings
+    return plan_from_poses(
+        chosen.trial.cameras.poses(),
+        plannable.problem.camera,
+        envelope=plannable.envelope,
+        plants=plants_of(plannable.problem),
+        source=settings.source,
+        method=PlanMethod(
+            name=settings.method,
+            seed=settings.seed,
+            evaluations=outcome.evaluations,
+            chamfer_m=outcome.chamfer_m,
+            chamfer_spread_m=outcome.chamfer_spread_m,
+            repeats=len(chosen.entries),
+            plots=settings.plots,
+            expected_m=outcome.expected_m,
+            weights=outcome.weights,
+        ),
+    )

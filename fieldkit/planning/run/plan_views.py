@@ -1,0 +1,180 @@
+"""Planning: from a plot to the cameras that reconstruct it best. The verb behind `fieldkit plan`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from fieldkit import __version__
+from fieldkit.cache import StageCache
+from fieldkit.errors import ReconstructionError, UsageError
+from fieldkit.planning.methods.registry import USING_MATCHES, make_method
+from fieldkit.planning.problem import Chooser
+from fieldkit.planning.run.executor import Evaluator, Executor
+from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
+from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluate_again, nobody, ranked, search
+from fieldkit.planning.run.open_problem import Plannable, open_problem
+from fieldkit.planning.run.outcome import Outcome, write_outcome
+from fieldkit.planning.run.pool import WorkerPool
+from fieldkit.planning.run.recalling import Recalling
+from fieldkit.planning.settings import SearchSettings
+from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.usage import processor_seconds
+from fieldkit.scenes.renderer import RenderingError
+
+
+def plan_views(
+    output: Path,
+    settings: SearchSettings,
+    *,
+    cache: StageCache,
+    workers: int = 1,
+    scheduler: str = "",
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    watch: Watch | None = None,
+    known: Sequence[LogEntry] = (),
+) -> Outcome:
+    """Find the cameras and write the plan.
+
+    Args:
+        output: the run's folder: search.json before the start, evaluations.jsonl as it goes; at the end plan.json,
+            outcome.json, progress.csv, plan.png and search.png.
+        settings: what is asked for.
+        cache: of stages, for recorded sets.
+        workers: processes that evaluate.
+        scheduler: address of a Dask scheduler whose workers evaluate instead.
+        overwrite: replace an earlier run in ``output``.
+        progress: told of what comes before the search.
+        watch: told of every evaluation.
+        known: evaluations of the same plot, mapping and noise by other runs, which are not done again.
+
+    Raises:
+        UsageError: ``output`` exists, or the settings contradict themselves.
+        InputError: what is planned on cannot be used, or this machine cannot render.
+        ReconstructionError: no set of cameras could be evaluated at all.
+        StorageError: the disk is full; the run can go on from where it was.
+    """
+    with create_run(output, settings, overwrite=overwrite) as run:
+        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or nobody, known)
+
+
+def resume_plan(
+    output: Path,
+    settings: SearchSettings | None = None,
+    *,
+    cache: StageCache,
+    workers: int = 1,
+    scheduler: str = "",
+    progress: Progress | None = None,
+    watch: Watch | None = None,
+    known: Sequence[LogEntry] = (),
+) -> Outcome:
+    """Go on with a run that was interrupted, or that shall have more evaluations; none is done twice.
+
+    Args:
+        output: the run's folder.
+        settings: to go on with, its own where None; only what `run_settings.CHANGEABLE` names may differ, and where
+            things lie.
+        cache, workers, scheduler, progress, watch, known: as `plan_views`.
+
+    Raises:
+        MetadataError: ``output`` is no run's folder, or is damaged.
+        FieldkitError: as `plan_views`.
+    """
+    with open_run(output) as run:
+        if settings is not None and settings != run.settings:
+            run.save_settings(settings)
+        progress = progress or Silent()
+        if run.settings.fieldkit != __version__:
+            progress.note(
+                f"this run was begun with fieldkit {run.settings.fieldkit} and goes on with {__version__}: where the "
+                "changelog names the objective, values of the two do not compare"
+            )
+        return _planned(run, cache, workers, scheduler, progress, watch or nobody, known)
+
+
+def _planned(
+    run: RunFolder, cache: StageCache, workers: int, scheduler: str, progress: Progress, watch: Watch,
+    known: Sequence[LogEntry],
+) -> Outcome:  # fmt: skip
+    settings = run.settings
+    plannable = open_problem(
+        settings, run.path, cache=cache, progress=progress, workers=workers,
+        count_matches=settings.method in USING_MATCHES,
+    )  # fmt: skip
+    method = make_method(plannable.problem, settings)
+    if isinstance(method, Chooser):
+        return _chosen(method, run, plannable, workers, scheduler, progress, watch, known)
+    budget = settings.time_budget_s
+    with _executor(plannable.objective, workers, scheduler, known, settings) as executor:
+        ending = search(
+            method, executor, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
+        )  # fmt: skip
+        confirmed = confirm(method, executor, run, watch=watch)
+    if not confirmed:
+        raise ReconstructionError(
+            "no evaluation succeeded", path=run.path,
+            remedy="evaluations.jsonl says why each failed; `fieldkit doctor` looks at this machine.",
+        )  # fmt: skip
+    return write_outcome(run, plannable, confirmed, ending)
+
+
+def _chosen(
+    method: Chooser, run: RunFolder, plannable: Plannable, workers: int, scheduler: str, progress: Progress,
+    watch: Watch, known: Sequence[LogEntry],
+) -> Outcome:  # fmt: skip
+    """The best of several sets by their confirmations; where there is none, the one of which most is expected."""
+    settings = run.settings
+    confirming = settings.repeats > 0
+    if confirming and not scheduler:  # its workers may be able to render
+        try:
+            plannable.check_renderer()
+        except RenderingError as error:
+            progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
+            confirming = False
+    begun, cpu = time.monotonic(), processor_seconds()
+    with progress.stage("Optimising the geometric score"):
+        trials = method.choose(settings.finalists if confirming else 1, workers)
+    cost = (time.monotonic() - begun, processor_seconds() - cpu)
+    confirmed = [Finalist(trial) for trial in trials]
+    if confirming:
+        with _executor(plannable.objective, workers, scheduler, known, settings) as executor:
+            confirmed = ranked(method, run, evaluate_again(executor, run, trials, watch=watch))
+    return write_outcome(run, plannable, confirmed, Ending("exhausted"), choice_s=cost)
+
+
+@contextmanager
+def _executor(
+    objective: Evaluator, workers: int, scheduler: str, known: Sequence[LogEntry], settings: SearchSettings
+) -> Iterator[Executor]:
+    with _evaluating(objective, workers, scheduler) as executor:
+        yield Recalling(executor, known, settings.fidelity) if known else executor
+
+
+@contextmanager
+def _evaluating(objective: Evaluator, workers: int, scheduler: str) -> Iterator[Executor]:
+    if not scheduler:
+        with WorkerPool(objective, workers=workers) as pool:
+            yield pool
+        return
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise UsageError(
+            "--scheduler needs Dask", remedy="Install it with `pip install 'fieldkit[cluster]'`."
+        ) from error
+    from fieldkit.planning.run.dask_executor import DaskExecutor
+
+    try:
+        client: Any = Client(scheduler, timeout="20s")  # type: ignore[no-untyped-call]
+    except (OSError, ValueError) as error:
+        raise UsageError(
+            f"cannot reach the Dask scheduler {scheduler}: {error}",
+            remedy="Start it with `dask scheduler`, and give its address like tcp://host:8786.",
+        ) from error
+    with client, DaskExecutor(objective, client) as executor:
+        yield executor

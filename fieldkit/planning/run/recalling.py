@@ -1,0 +1,54 @@
+"""An executor that does not evaluate again what other runs of the same objective have evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fieldkit.planning.objective.evaluation import Evaluation
+from fieldkit.planning.objective.fidelity import FidelityName
+from fieldkit.planning.run.executor import Executor, Job
+from fieldkit.planning.run.folder import LogEntry
+from fieldkit.planning.space.cameras import Cameras
+
+
+class Recalling(Executor):
+    """Answers known jobs at once and hands the others on; the answers keep the seconds they once took.
+
+    Args:
+        executor: of the unknown jobs; closed with this one.
+        known: log entries of the same objective, from any runs.
+        fidelity: of jobs that name none.
+    """
+
+    def __init__(self, executor: Executor, known: Iterable[LogEntry], fidelity: FidelityName) -> None:
+        self._executor, self._fidelity = executor, fidelity
+        self._known: dict[tuple[Cameras, int | None, FidelityName, int], Evaluation] = {
+            (entry.trial.cameras, entry.seed, entry.fidelity, entry.plot): entry.evaluation
+            for entry in known
+            if entry.measured
+        }
+        self._ready: list[tuple[int, Evaluation]] = []
+        self._tickets: dict[int, int] = {}
+        self._submitted = 0
+
+    def submit(self, job: Job) -> int:
+        ticket, self._submitted = self._submitted, self._submitted + 1
+        found = self._known.get((job.cameras, job.seed, job.fidelity or self._fidelity, job.plot))
+        if found is None:
+            self._tickets[self._executor.submit(job)] = ticket
+        else:
+            self._ready.append((ticket, found))
+        return ticket
+
+    def collect(self, wait_s: float = 0.2) -> list[tuple[int, Evaluation]]:
+        ready, self._ready = self._ready, []
+        others = self._executor.collect(0.0 if ready else wait_s) if self._tickets else []
+        return ready + [(self._tickets.pop(inner), found) for inner, found in others]
+
+    def cancel(self) -> None:
+        self._ready.clear()
+        self._tickets.clear()
+        self._executor.cancel()
+
+    def close(self) -> None:
+        self._executor.close()

@@ -1,0 +1,300 @@
+"""From what a person asked for to a run's settings: the presets' defaults, and what may change when a run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from fieldkit import __version__
+from fieldkit.captures.camera_file import read_camera_file
+from fieldkit.documents.json_file import first_problem
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.planning.methods.registry import FOR_A_KIND, USING_WEIGHTS
+from fieldkit.planning.run.flyable import flight_noise, read_vehicle, vehicle_envelope
+from fieldkit.planning.run.open_problem import describe_sources
+from fieldkit.planning.settings import (
+    CHANGEABLE,
+    EnvelopeSettings,
+    GivenPlot,
+    NoiseSettings,
+    SearchSettings,
+    lag_for,
+    unchanging,
+)
+from fieldkit.results.plan import PlanCamera, PlanSource
+
+_PRESETS: dict[str, dict[str, Any]] = {
+    "field": {"method": "field"},
+    "paper": {"method": "bosfm", "mapping": "incremental"},
+}
+KIND_METHOD = "score"
+KIND_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 3}
+"""Plots differ by more than good sets do, so several optima are confirmed on several plots."""
+RECORDED_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 6}
+"""Which matches are withheld changes a value by more than sets differ; evaluations are cheap there."""
+_OF_SEARCHES = ("evaluations", "at_least", "initial", "time_budget_s", "fidelity")
+Paths = Path | Sequence[Path]
+_DEFAULT_CAMERAS, KIND_PLOTS = 10, 8
+_LIMITS = {
+    "margin_m": "--margin", "height_m": "--height", "clearance_m": "--clearance", "pitch_deg": "--pitch",
+    "separation_m": "--separation",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """What was given, None for what was not.
+
+    Attributes:
+        settings: by `SearchSettings`' keys.
+        noise: by `NoiseSettings`' keys. Where plans are for a kind, poses have the flight's if nothing is given.
+        envelope: by `EnvelopeSettings`' keys.
+        scenes, references, captures: what to plan on; see `describe_sources`.
+        images: the references' photographs, in the same order; none, or of all of them.
+        vehicle: a profile's name or file.
+        camera: a camera.toml or camera.json.
+        purpose: "kind" or "this-plot": which plots the plan is for.
+    """
+
+    settings: Mapping[str, Any]
+    noise: Mapping[str, Any]
+    envelope: Mapping[str, Any]
+    scenes: tuple[Path, ...] = ()
+    references: tuple[Path, ...] = ()
+    captures: Path | None = None
+    images: tuple[Path, ...] = ()
+    vehicle: str | Path | None = None
+    camera: Path | None = None
+    purpose: str | None = None
+
+
+def search_settings(
+    *, scene: Paths = (), reference: Paths = (), captures: Path | None = None, images: Paths = (),
+    vehicle: str | Path | None = None, camera: Path | None = None, purpose: str | None = None,
+    noise: Mapping[str, Any] | None = None, envelope: Mapping[str, Any] | None = None,
+    workers: int = 1, deterministic: bool = False, **more: Any,
+) -> SearchSettings:  # fmt: skip
+    """The settings of a new run, for `plan_views`.
+
+    Args:
+        scene, reference, captures: what to plan on, as `fieldkit plan` takes them: one scene or reference, or several.
+        images: the references' photographs, in the same order.
+        vehicle: a profile's name or file: its camera, and its limits where ``envelope`` says nothing.
+        camera: calibration (camera.toml) to use instead of the vehicle's or the scene's.
+        purpose: "kind" (plots like this one) or "this-plot"; None is the method's own: `field` and `score` plan for
+            the kind. Without a method, and without anything of a search, `score` does, but for recorded photographs.
+        noise: fields of `NoiseSettings`; poses of plans for the kind have the flight's where they are left out.
+        envelope: fields of `EnvelopeSettings`.
+        workers: that will evaluate.
+        deterministic: see `lag_for`.
+        more: fields of `SearchSettings`: cameras, evaluations, method, seed and others.
+
+    Raises:
+        UsageError: they contradict themselves, or leave the vehicle's limits.
+        InputError: what is to be planned on, the vehicle or the camera cannot be used.
+
+    Example:
+        >>> settings = search_settings(scene=Path("case-1"), cameras=10, evaluations=60)
+    """
+    asked = PlanRequest(
+        more, noise or {}, envelope or {}, _paths(scene), _paths(reference), captures, _paths(images), vehicle, camera,
+        purpose,
+    )  # fmt: skip
+    return new_settings(asked, workers, deterministic=deterministic)
+
+
+def new_settings(asked: PlanRequest, workers: int, *, deterministic: bool) -> SearchSettings:
+    """The settings of a new run.
+
+    Args:
+        asked: what was given.
+        workers: that will evaluate.
+        deterministic: see `lag_for`.
+
+    Raises:
+        UsageError: they contradict themselves, or leave the vehicle's limits.
+        InputError: what is to be planned on, the vehicle or the camera cannot be used.
+    """
+    (source, path), *others = describe_sources(asked.scenes, asked.references, asked.captures)
+    given = _given(asked.settings)
+    envelope = _given(asked.envelope)
+    method = given.get("method") or _PRESETS[given.get("preset", "field")]["method"]
+    if _chooses(asked, given, source.kind):
+        given |= {"method": (method := KIND_METHOD)}
+    plots = _plots(asked.purpose, given.get("plots"), method, 1 + len(others))
+    vehicle = None if asked.vehicle is None else read_vehicle(asked.vehicle)
+    # Recorded photographs were taken where they were.
+    missed = {} if plots == 1 or source.kind == "captures" else flight_noise(None if vehicle is None else vehicle[0])
+    try:
+        noise = NoiseSettings(**(missed | _given(asked.noise)))
+    except ValidationError as error:
+        raise _refused(error) from error
+    values: dict[str, Any] = {
+        "fieldkit": __version__,
+        "source": source,
+        "path": str(path),
+        "cameras": _DEFAULT_CAMERAS,
+        "lag": lag_for(workers, deterministic=deterministic),
+    }
+    if source.kind == "captures":
+        if asked.vehicle is None:  # with one they say which views count as its own
+            _refuse_limits(envelope)
+        if asked.references:
+            values["reference_path"] = str(asked.references[0].resolve())
+        if plots == 1 and unchanging(source, noise):
+            values["repeats"] = 1
+    images = _images(asked, source)
+    values["images_path"] = images[0]
+    values["others"] = tuple(
+        GivenPlot(source=each, path=str(place), images_path=its)
+        for (each, place), its in zip(others, images[1:], strict=True)
+    )
+    if vehicle is not None:
+        profile, values["vehicle"] = vehicle
+        envelope = vehicle_envelope(profile, envelope)
+        if source.kind != "captures":
+            values["camera"] = profile.camera
+    if asked.camera is not None:
+        if source.kind == "captures":
+            raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
+        values["camera"] = _camera(asked.camera)
+    if plots > 1 and noise.pose_m:
+        values["refine"] = True  # else luck in where a cloud lies would count for more than where cameras stand
+    if plots > 1 and source.kind == "captures":
+        values |= RECORDED_CONFIRMED
+    elif plots > 1 and method == KIND_METHOD:
+        values |= KIND_CONFIRMED
+    values |= _PRESETS[given.get("preset", "field")] | given | {"plots": plots}
+    if "weights" in given and values["method"] not in USING_WEIGHTS:
+        raise UsageError(
+            f"--weights would change nothing: {values['method']} does not go by the geometric score",
+            remedy=f"Leave them out, or choose one of {', '.join(sorted(USING_WEIGHTS))}.",
+        )
+    try:
+        return SearchSettings(**values, noise=noise, envelope=EnvelopeSettings(**envelope))
+    except ValidationError as error:
+        raise _refused(error) from error
+
+
+def _chooses(asked: PlanRequest, given: Mapping[str, Any], source: str) -> bool:
+    """Whether a plan for a kind is made without a search: no method is asked for, and nothing that only one has."""
+    searched = {"method", "preset", *_OF_SEARCHES} & given.keys()
+    return source != "captures" and asked.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
+
+
+def _images(asked: PlanRequest, source: PlanSource) -> tuple[str | None, ...]:
+    """Where the photographs of each given plot are; None where a proxy is made without."""
+    count = max(1, len(asked.scenes), len(asked.references) if source.kind == "reference" else 1)
+    if not asked.images:
+        return (None,) * count
+    if source.kind != "reference":
+        raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
+    if len(asked.images) != count:
+        raise UsageError(
+            f"--images is given {len(asked.images)} times for {count} references",
+            remedy="Give it once for each --reference, in the same order.",
+        )
+    return tuple(str(images.resolve()) for images in asked.images)
+
+
+def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> int:
+    """How many plots a plan is for."""
+    if purpose == "this-plot":
+        if given > 1:
+            raise UsageError(f"--for this-plot, and {given} are given", remedy="Give one, or leave --for out.")
+        if (plots or 1) > 1:
+            raise UsageError(f"--vary {plots} plans for more than this plot", remedy="Give --for or --vary.")
+        return 1
+    if given > 1 and method not in FOR_A_KIND:
+        raise UsageError(
+            f"{method} plans for one plot, and {given} are given",
+            remedy=f"Give one, or choose one of {', '.join(sorted(FOR_A_KIND))}.",
+        )
+    if plots is not None:
+        return plots
+    return max(given, KIND_PLOTS if purpose == "kind" or method in FOR_A_KIND else 1)
+
+
+def _refused(error: ValidationError) -> UsageError:
+    return UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.")
+
+
+def resumed_settings(settings: SearchSettings, asked: PlanRequest) -> SearchSettings:
+    """The settings to go on with: the run's own, with what may change.
+
+    Raises:
+        UsageError: something else was asked for than what the run began with.
+    """
+    given = _given(asked.settings)
+    if asked.purpose is not None and (asked.purpose == "kind") != (settings.plots > 1):
+        given["plots"] = 1 if asked.purpose == "this-plot" else KIND_PLOTS
+    fixed = {key: value for key, value in given.items() if key not in CHANGEABLE and getattr(settings, key) != value}
+    for own, wished in ((settings.noise, asked.noise), (settings.envelope, asked.envelope)):
+        fixed |= {key: value for key, value in _given(wished).items() if getattr(own, key) != value}
+    if asked.vehicle is not None:
+        _, vehicle = read_vehicle(asked.vehicle)
+        if settings.vehicle is None or settings.vehicle.sha256 != vehicle.sha256:
+            fixed["vehicle"] = vehicle.name if settings.vehicle is None else f"{vehicle.name} as it is now"
+    if asked.camera is not None and _camera(asked.camera) != settings.camera:
+        fixed["camera"] = asked.camera.name
+    if fixed:
+        key, value = next(iter(fixed.items()))
+        raise UsageError(
+            f"this run did not begin with {key} = {value}",
+            remedy="Leave it out to go on with this run, or start another one in another folder.",
+        )
+    if any((asked.scenes, asked.references, asked.captures, asked.images)):
+        settings = _moved(settings, describe_sources(asked.scenes, asked.references, asked.captures))
+    changed = {key: value for key, value in given.items() if key in CHANGEABLE}
+    if "evaluations" in changed:  # a run that had converged goes on
+        changed.setdefault("at_least", changed["evaluations"])
+    return settings.model_copy(update=changed)
+
+
+def _moved(settings: SearchSettings, found: Sequence[tuple[PlanSource, Path]]) -> SearchSettings:
+    """The settings with the places at which what the run was planned on lies now."""
+    given = settings.given
+    for k, (source, path) in enumerate(found):
+        if k >= len(given) or (source.kind, source.sha256) != (given[k].source.kind, given[k].source.sha256):
+            raise UsageError(f"this run was not planned on {path.name}", remedy="Leave it out to go on with this run.")
+    if len(found) < len(given):
+        raise UsageError(
+            f"this run was planned on {len(given)} plots, not {len(found)}",
+            remedy="Give all of them in their order, or none, to go on with this run.",
+        )
+    others = tuple(
+        each.model_copy(update={"path": str(path)}) for each, (_, path) in zip(given[1:], found[1:], strict=True)
+    )
+    return settings.model_copy(update={"path": str(found[0][1]), "others": others})
+
+
+def _paths(given: Paths) -> tuple[Path, ...]:
+    return (given,) if isinstance(given, Path) else tuple(given)
+
+
+def _refuse_limits(envelope: Mapping[str, Any]) -> None:
+    """Recorded views are where they are: limits of cameras would change nothing."""
+    for key, option in _LIMITS.items():
+        if key in envelope:
+            raise UsageError(
+                f"recorded photographs have their places: {option} would not change the choice among them",
+                remedy="Leave it out, or plan on --reference or --scene.",
+            )
+
+
+def _camera(file: Path) -> PlanCamera:
+    cameras = read_camera_file(file)
+    if len(cameras) != 1:
+        raise MetadataError(
+            f"holds {len(cameras)} cameras; a plan is made for one", path=file, remedy="Give a file of one camera."
+        )
+    camera = cameras[0].intrinsics
+    return PlanCamera(model=camera.model, width=camera.width, height=camera.height, params=camera.params)
+
+
+def _given(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if value is not None}

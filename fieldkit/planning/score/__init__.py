@@ -1,0 +1,1 @@
+"""What a set of cameras should be worth, without a photograph."""

@@ -1,0 +1,136 @@
+"""What the geometric score leads to expect of a set: a weighted sum of its terms, and whether it registers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import nnls
+
+from fieldkit.planning.problem import Problem, Result
+from fieldkit.planning.score.geometric import GeometricScore, Geometry
+from fieldkit.planning.score.matchability import connectivity
+from fieldkit.planning.score.registration import Registration
+from fieldkit.planning.space.cameras import Array, Cameras
+
+Weights = tuple[float, float, float]
+TERMS = 3
+"""Gap, noise and tie."""
+WEIGHTS: Weights = (0.5, 1.24, 0.1)
+"""What a metre of each term adds to the value: fitted on tuning scenes, before a plot has results of its own."""
+DOUBT = 0.1
+"""Standard deviation of each weight, of plots whose values are as large as the score expects."""
+CERTAINTY = 0.15
+"""Where mapping is blind, by how much more a set is expected to cost per e-fold that it is less likely to register."""
+NOISE = 0.05
+"""Standard deviation of an evaluation at least, as a share of its value."""
+LEAST_M = 1e-4
+"""Of a value and of a term, so that they have logarithms."""
+_REST_DOUBT = 1.0
+"""Standard deviation of what no term of the score explains, as a share of the value."""
+
+
+class _Known(NamedTuple):
+    """What the score says of a set: its terms (plots, 3) in metres and, where mapping is blind, its views' connectivity
+    on the plot where it is least.
+    """
+
+    terms_m: Array
+    connectivity: float
+
+
+class Expected:
+    """Expects values of sets on a problem's plots; terms and connectivity of a set that was asked for are kept.
+
+    Of several plots the mean counts.
+
+    Args:
+        problem: what is planned.
+        certainty: by how much more a set is expected to cost per e-fold that it is less likely to register, as a share.
+    """
+
+    def __init__(self, problem: Problem, certainty: float = CERTAINTY) -> None:
+        self._problem, self._certainty = problem, certainty
+        self._scores = [GeometricScore(problem, plot=plot) for plot in problem.plots]
+        self._sets: dict[Cameras, _Known] = {}
+        self._unmet: dict[int, GeometricScore] = {}
+
+    def terms(self, cameras: Cameras, plot: int | None = None) -> Array:
+        """(3,) −ln of the score's terms gap, noise and tie in metres, on one of the plots or in their mean.
+
+        Args:
+            cameras: the set.
+            plot: number of one of the problem's plots, or of an unmet one.
+        """
+        if plot is not None and plot >= len(self._scores):
+            found_m = _terms_m(self._on_unmet(plot).score(cameras))
+        else:
+            of_plots = self._known(cameras).terms_m
+            found_m = of_plots.mean(axis=0) if plot is None else of_plots[plot]
+        found: Array = -np.log(np.maximum(found_m, LEAST_M))
+        return found
+
+    def _on_unmet(self, plot: int) -> GeometricScore:
+        if plot not in self._unmet:
+            self._unmet[plot] = GeometricScore(self._problem, plot=self._problem.unmet[plot - len(self._scores)])
+        return self._unmet[plot]
+
+    def value_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
+        """The terms times ``slopes`` (3,), the dearer the less likely the set is to register; nothing is kept."""
+        found = self._scored(cameras)
+        expected = float(np.dot(found.terms_m.mean(axis=0), slopes))
+        if registration is None:
+            return expected
+        return float(expected * float(registration.probability(found.connectivity)) ** -self._certainty)
+
+    def registration(self, results: Sequence[Result]) -> Registration:
+        """What results say about registering whole."""
+        measured = [result for result in results if result.measured]
+        connected = [self._known(result.trial.cameras).connectivity for result in measured]
+        return Registration.learn(connected, [result.right == self._problem.count for result in measured])
+
+    def whole(self, sets: Sequence[Cameras], registration: Registration) -> Array:
+        """(n,) probabilities that sets register whole."""
+        return registration.probability([self._known(cameras).connectivity for cameras in sets])
+
+    def _known(self, cameras: Cameras) -> _Known:
+        if cameras not in self._sets:
+            self._sets[cameras] = self._scored(cameras)
+        return self._sets[cameras]
+
+    def _scored(self, cameras: Cameras) -> _Known:
+        found = [score.score(cameras) for score in self._scores]
+        connected = min(connectivity(each.matches) for each in found) if self._problem.blind else np.inf
+        return _Known(np.array([_terms_m(each) for each in found]), connected)
+
+
+def _terms_m(found: Geometry) -> Array:
+    """(3,) gap, noise and tie."""
+    return np.array([found.gap_m, found.noise_m, found.tie_m])
+
+
+def fit_slopes(terms: Array, y: Array, slopes: Sequence[float], *, doubt: float, noise: float) -> tuple[Array, float]:
+    """(3,) what the geometric score's terms add to the value and metres that none explains, none of them below 0.
+
+    Least squares of relative errors, pulled to ``slopes``, scaled to the values, and to no rest: how far depends on an
+    evaluation's noise and on how much plots differ.
+
+    Args:
+        terms: (t, 3) −ln of the terms in metres.
+        y: (t,) −ln(value).
+        slopes: before there are results.
+        doubt: standard deviation of each of these, of plots whose values are as large as the score expects.
+        noise: of an evaluation, as a share of its value.
+    """
+    terms_m, prior = np.exp(-terms), np.array(slopes)
+    expected = terms_m @ prior
+    scale = np.exp(-(y + np.log(expected)).mean())
+    columns = scale * np.column_stack([terms_m, np.full(len(y), expected.mean())])
+    pull = noise / np.array([doubt] * TERMS + [_REST_DOUBT])
+    found = nnls(
+        np.vstack([columns * np.exp(y)[:, None], np.diag(pull)]),
+        np.concatenate([np.ones(len(y)), pull * np.append(prior, 0.0)]),
+    )[0]
+    return scale * found[:TERMS], float(scale * found[TERMS] * expected.mean())

@@ -1,0 +1,75 @@
+"""How many right matches each two photographs of a recorded set have: its match graph, counted and not guessed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fieldkit.cache import digest
+from fieldkit.planning.objective.recorded import RecordedSource
+from fieldkit.planning.score.matchability import view_angles_deg
+from fieldkit.planning.space.cameras import Array
+from fieldkit.reconstruction.cameras import cameras_of
+from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.reconstruction.guided import GuidedSettings, IndexedFeatures, PosedFeatures, Region, match_guided
+from fieldkit.reconstruction.stages import load_features
+from fieldkit.reconstruction.ties import chance_matches
+from fieldkit.runtime.parallel import map_threads
+from fieldkit.runtime.progress import Progress
+
+_VERSION = 1
+_WIDEST_DEG = 60.0
+"""Leaves match no farther: docs/simulated-scenes.md has 9 of 309 matches left at 48°."""
+_BAND_PX = 10.0
+"""Of a photograph 1600 pixels wide, as the first round that commanded poses are good enough for."""
+
+
+def match_graph(
+    source: RecordedSource, features: FeatureSettings, *, workers: int = 1, progress: Progress
+) -> Array:  # fmt: skip
+    """(m, m) matches above chance of each two recorded views, symmetric, 0 on the diagonal.
+
+    Matches are guided by the known poses; what a displaced band finds is chance and is taken off. Views more than 60°
+    apart about the plot count as without matches. Kept in the source's cache.
+
+    Args:
+        source: whose views are looked at.
+        features: detection; those of the evaluations, which then find them in the cache.
+        workers: processes that detect features, then threads that match.
+        progress: told of both stages.
+    """
+    names = [view.name for view in source.views]
+    cameras = cameras_of(source.capture, source.plot.calibrated)
+    photos = {photo.name: photo for photo in source.capture.photos}
+    with progress.stage("Features", len(names)) as advance:
+        keyed = load_features(
+            [photos[name] for name in names], features, cache=source.cache, workers=workers, advance=advance
+        )
+    camera_of = dict(zip(source.capture.names, cameras.camera_of, strict=True))
+    intrinsics = [cameras.cameras[camera_of[name]] for name in names]
+    poses = [view.pose for view in source.views]
+    region = source.plot.region
+    key = digest("match-graph", _VERSION, [f.key for f in keyed], intrinsics, poses, region, _BAND_PX, _WIDEST_DEG)
+    kept = source.cache.get("match-graph", key)
+    if kept is not None:
+        return kept["matches"]
+    posed = [
+        PosedFeatures(IndexedFeatures.of(f.features, camera), pose)
+        for f, camera, pose in zip(keyed, intrinsics, poses, strict=True)
+    ]
+    centers = np.array([pose.center for pose in poses])
+    near = np.argwhere(np.triu(view_angles_deg(centers, np.array(source.plot.volume.center)) <= _WIDEST_DEG, 1))
+    matches = np.zeros((len(names), len(names)))
+    with progress.stage("Match graph", len(near)) as advance:
+        counts = map_threads(
+            lambda pair: _above_chance(posed[pair[0]], posed[pair[1]], region), near.tolist(), workers=workers,
+            advance=advance,
+        )  # fmt: skip
+    matches[near[:, 0], near[:, 1]] = matches[near[:, 1], near[:, 0]] = counts
+    source.cache.put("match-graph", key, {"matches": matches})
+    return matches
+
+
+def _above_chance(a: PosedFeatures, b: PosedFeatures, region: Region | None) -> float:
+    band, settings = _BAND_PX * a.camera.width / 1600.0, GuidedSettings()
+    found = len(match_guided(a, b, band, settings, region=region))
+    return max(0.0, found - chance_matches(a, b, band, settings, region=region, meet_in=None))

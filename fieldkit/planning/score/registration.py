@@ -1,0 +1,61 @@
+"""How likely mapping without commanded poses is to find all photographs of a set, by how well the set is connected."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fieldkit.planning.space.cameras import Array
+
+THRESHOLD = 23.0
+"""Connectivity at which every other set registers whole."""
+_DOUBT = 0.5
+_THRESHOLDS = np.linspace(-4.0, 4.0, 81)
+_WIDTHS = np.array([0.2, 0.3, 0.45])
+_LEAST = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """What is known of the connectivity that mapping asks for: P(whole | c) = 1 / (1 + (c₀ / c)^(1/w)).
+
+    Both constants are unknown and their distribution, on a grid, is what results leave of a prior: c₀ is 23 matches
+    times or by e^½, w 0.2 to 0.45. These are from 65 sets about tuning-1 and tuning-2 (docs/decisions.md); how many
+    matches a plot's own photographs have is what results tell. While every set fails, c₀ rises above what was tried.
+
+    Attributes:
+        thresholds: (g,) ln c₀ of the grid.
+        widths: (g,) w.
+        weights: (g,) probabilities; they sum to 1.
+    """
+
+    thresholds: Array
+    widths: Array
+    weights: Array
+
+    @classmethod
+    def learn(cls, connectivities: ArrayLike, whole: Sequence[bool]) -> Registration:
+        """After sets of these connectivities (t,), some of which registered whole (t,); t may be 0."""
+        standard, widths = (grid.ravel() for grid in np.meshgrid(_THRESHOLDS, _WIDTHS, indexing="ij"))
+        thresholds = np.log(THRESHOLD) + _DOUBT * standard
+        places = _logarithms(connectivities)
+        sign = np.where(np.asarray(whole, dtype=bool), 1.0, -1.0)
+        margins = sign[:, None] * (places[:, None] - thresholds) / widths
+        log_weights = -0.5 * standard**2 - np.logaddexp(0.0, -margins).sum(axis=0)
+        weights = np.exp(log_weights - log_weights.max())
+        return cls(thresholds, widths, weights / weights.sum())
+
+    def probability(self, connectivities: ArrayLike) -> Array:
+        """That sets of these connectivities register whole, of their shape; above 0."""
+        places = _logarithms(connectivities)
+        odds = np.exp(np.minimum((self.thresholds - places[..., None]) / self.widths, 500.0))
+        found: Array = (self.weights / (1.0 + odds)).sum(axis=-1)
+        return found
+
+
+def _logarithms(connectivities: ArrayLike) -> Array:
+    found: Array = np.log(np.maximum(np.asarray(connectivities, dtype=np.float64), _LEAST))
+    return found

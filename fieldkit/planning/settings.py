@@ -1,0 +1,180 @@
+"""What a planning run was asked for: search.json, written before the run starts and read to go on with it.
+
+Units are in the keys: _m metres, _deg degrees, _s seconds.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from fieldkit.planning.objective.fidelity import FidelityName
+from fieldkit.planning.objective.objective import Mapping
+from fieldkit.planning.score.expected import WEIGHTS
+from fieldkit.results.plan import Count, Length, PlanCamera, PlanSource, Strict
+
+Preset = Literal["field", "paper"]
+Range = tuple[float, float]
+
+CHANGEABLE = ("evaluations", "at_least", "time_budget_s", "finalists", "repeats")
+"""What a run that goes on may be told anew: none of them changes a proposal that was already made."""
+
+
+class EnvelopeSettings(Strict):
+    """The flight envelope about the plot; see `fieldkit.planning.space.envelope.Envelope.around`."""
+
+    margin_m: Length = 1.5
+    """How far beyond the plants' box cameras may stand."""
+    height_m: Range = (0.5, 2.5)
+    """Band above the ground."""
+    clearance_m: Length = 0.5
+    """From cameras to plants."""
+    pitch_deg: Range = (-90.0, 0.0)
+    """The gimbal's range."""
+    separation_m: Length = 0.1
+    """Between stations."""
+    vehicle_clearance_m: Length | None = None
+    """That the vehicle keeps to plants; stations are then not below leaves. Null where no vehicle is planned for."""
+
+    @model_validator(mode="after")
+    def _ranges_are_in_order(self) -> EnvelopeSettings:
+        for low, high in (self.height_m, self.pitch_deg):
+            if low > high:
+                raise ValueError(f"{low:g} is above {high:g}")
+        return self
+
+
+class SearchVehicle(Strict):
+    """The vehicle profile that the envelope's limits come from."""
+
+    name: str
+    """Of a profile of fieldkit's own, or the file's."""
+    title: str
+    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    """Of the file."""
+
+
+class NoiseSettings(Strict):
+    """What a plan shall survive; nothing by default."""
+
+    pose_m: Length = 0.0
+    """Standard deviation of each coordinate of a position."""
+    pose_deg: Length = 0.0
+    """Of yaw and pitch."""
+    image_grey: Length = 0.0
+    """Of each channel of each pixel; 0 leaves the scene's own sensor."""
+    wind_m: Length = 0.0
+    """Sway of the leaves between photographs, half a metre out."""
+    risk: Annotated[float, Field(gt=0, le=1)] = 1.0
+    """Share of the worst repeats whose mean counts (CVaR): 1 is the plain mean."""
+
+    @property
+    def any(self) -> bool:
+        """Whether evaluations differ from seed to seed by more than the sensor's noise."""
+        return max(self.pose_m, self.pose_deg, self.image_grey, self.wind_m) > 0
+
+
+def unchanging(source: PlanSource, noise: NoiseSettings) -> bool:
+    """Whether a set's evaluations are the same at every seed: photographs are recorded, and taken as they are."""
+    return source.kind == "captures" and not noise.any
+
+
+class GivenPlot(Strict):
+    """One of several plots that a plan is made on."""
+
+    source: PlanSource
+    path: str
+    """Where that was; the name of a scene that comes with fieldkit."""
+    images_path: str | None = None
+    """Where the photographs of a reference's proxy were."""
+
+
+class SearchSettings(Strict):
+    """search.json: everything that a run's outcome depends on, but the photographs or the scene themselves."""
+
+    model_config = ConfigDict(**Strict.model_config, protected_namespaces=())
+
+    kind: Literal["search"] = "search"
+    version: Literal[1] = 1
+    fieldkit: str
+    """Version that started the run."""
+    source: PlanSource
+    """What is planned on."""
+    path: str
+    """Where that was; the name of a scene that comes with fieldkit."""
+    reference_path: str | None = None
+    """Where the reference of a recorded set was."""
+    images_path: str | None = None
+    """Where the photographs of a reference's proxy were."""
+    others: tuple[GivenPlot, ...] = ()
+    """Further plots that it is planned on, of the same kind of source."""
+    cameras: Annotated[int, Field(ge=3)]
+    """N."""
+    camera: PlanCamera | None = None
+    """That the plan is made for, at its full size; null takes the scene's or the reference's."""
+    vehicle: SearchVehicle | None = None
+    """That the plan is made for; its limits are in ``envelope``."""
+    method: str
+    preset: Preset = "field"
+    seed: Count = 0
+    evaluations: Annotated[int, Field(ge=1)] = 100
+    """Of the search, at most; confirmations of the finalists come on top."""
+    at_least: Count = 0
+    """Evaluations before the search may end because it has converged."""
+    initial: Annotated[int, Field(ge=1)] | None = None
+    """Trials before the surrogate is asked; None takes the method's own."""
+    time_budget_s: Annotated[float, Field(gt=0)] | None = None
+    """No trial starts later; finalists are still confirmed."""
+    fidelity: FidelityName = "standard"
+    """Of the search. Draft costs two fifths less, and what it finds best among good sets is not."""
+    confirm_fidelity: FidelityName = "fine"
+    """Of the confirmations."""
+    mapping: Mapping = "prior"
+    refine: bool = False
+    """Move each cloud onto the reference, and scale it, by ICP before it is scored."""
+    finalists: Annotated[int, Field(ge=1)] = 3
+    """Best sets that are evaluated again before one is chosen."""
+    plots: Annotated[int, Field(ge=1)] = 1
+    """That the plan is for: those it is planned on, and others drawn of their kind."""
+    repeats: Count = 2
+    """Fresh seeds for each of them; 0 leaves the confirmation out."""
+    weights: tuple[Length, Length, Length] = WEIGHTS
+    """Of the geometric score's gap, noise and tie, for methods that go by it."""
+    lag: Count = 0
+    """A proposal knows of no result nearer than this to its own number: so many are computed meanwhile."""
+    envelope: EnvelopeSettings = EnvelopeSettings()
+    noise: NoiseSettings = NoiseSettings()
+
+    @model_validator(mode="after")
+    def _some_weight_counts(self) -> SearchSettings:
+        if not any(self.weights):
+            raise ValueError("weights: one of them must be above 0")
+        return self
+
+    @model_validator(mode="after")
+    def _for_all_that_are_given(self) -> SearchSettings:
+        if self.plots < len(self.given):
+            raise ValueError(f"plots: {len(self.given)} are given, but the plan is for {self.plots}")
+        return self
+
+    @property
+    def given(self) -> tuple[GivenPlot, ...]:
+        """The plots that it is planned on."""
+        return (GivenPlot(source=self.source, path=self.path, images_path=self.images_path), *self.others)
+
+    @property
+    def blind(self) -> bool:
+        """Whether mapping must do without the commanded poses."""
+        return self.mapping != "prior"
+
+
+def lag_for(workers: int, *, deterministic: bool) -> int:
+    """How far proposals run ahead of results.
+
+    With one worker 0: every proposal knows everything. With W workers 2(W − 1), so that a worker that finishes early
+    finds a trial ready and none waits for the surrogate, as long as no evaluation takes twice as long as another. What
+    a run proposes depends on this number and not on when evaluations end, so it is repeatable for each W;
+    ``deterministic`` takes 6 whatever W is, for the same plan from any number of workers (up to 7 of them are busy).
+    """
+    return 6 if deterministic else 2 * (workers - 1)

@@ -1,0 +1,34 @@
+"""Which recorded view stands for which camera."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from fieldkit.errors import UsageError
+from fieldkit.planning.space.cameras import Cameras
+
+
+def assign(cameras: Cameras, views: Cameras, distance_m: float) -> NDArray[np.int64]:
+    """The recorded view (n,) that stands for each camera; no view stands for two.
+
+    Of all ways to choose, the one whose costs ‖Δposition‖ + ``distance_m`` · Δangle (of the optical axes, radians)
+    have the smallest sum (linear assignment, Crouse 2016).
+
+    Args:
+        cameras: n, plot frame.
+        views: m ≥ n.
+        distance_m: at which an angle counts as the length it spans: about that from the cameras to the plants.
+
+    Raises:
+        UsageError: there are more cameras than views.
+    """
+    if len(cameras) > len(views):
+        raise UsageError(
+            f"{len(cameras)} cameras are asked of a set of {len(views)} photographs", remedy="Ask for fewer cameras."
+        )
+    angle = np.arccos(np.clip(cameras.forward @ views.forward.T, -1.0, 1.0))
+    cost = np.linalg.norm(cameras.positions[:, None] - views.positions[None], axis=2) + distance_m * angle
+    chosen: NDArray[np.int64] = linear_sum_assignment(cost)[1].astype(np.int64)
+    return chosen

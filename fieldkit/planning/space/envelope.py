@@ -1,0 +1,277 @@
+"""The feasible set Z: where cameras may be, where they may look, and how far apart they stay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.neighbors import PointIndex
+from fieldkit.clouds.thinning import voxel_thin
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import UsageError
+from fieldkit.missions.plan_site.plants import no_fly_bands
+from fieldkit.missions.routing.prisms import Prisms
+from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.results.plan import PlanPlants
+
+TOLERANCE = 1e-9
+"""Metres or degrees by which a constraint may be missed: rounding in files and changes of units."""
+_THINNED_M = 0.02
+_PLAN_CELL_M = 0.05
+_BESIDE_M = 0.5
+_OFF_BANDS_M = 0.001
+"""Kept from the vehicle's no-fly bands: files hold positions to less than that."""
+_SAMPLE_STREAM = 21
+_BATCH = 64
+_BATCHES = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Violations:
+    """By how much each camera breaks each constraint: positive outside, negative inside.
+
+    Attributes:
+        bounds_m: (n,) horizontal distance out of the plot's flight box.
+        height_m: (n,) out of the height band.
+        plants_m: (n,) clearance that lacks towards the plants; below leaves, where a vehicle shall fly, the height that
+            lacks if that is more.
+        separation_m: (n,) distance that lacks towards the nearest other camera.
+        pitch_deg: (n,) out of the gimbal's range.
+    """
+
+    bounds_m: Array
+    height_m: Array
+    plants_m: Array
+    separation_m: Array
+    pitch_deg: Array
+
+    @property
+    def largest(self) -> Array:
+        """(n,) the worst of them per camera, metres, a degree counting as a centimetre."""
+        lengths = [self.bounds_m, self.height_m, self.plants_m, self.separation_m, 0.01 * self.pitch_deg]
+        worst: Array = np.max(lengths, axis=0)
+        return worst
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """Z for level cameras on a copter's gimbal, in the plot frame. Every method plans within one.
+
+    Attributes:
+        x_m, y_m: bounds of the camera centres: the plot with its margin.
+        height_m: least and greatest height above the ground, vertical.
+        ground: a, b, c of the ground z = a·x + b·y + c.
+        plants: (m, 3) points of the plants; the no-fly volume is all within ``clearance_m`` of one.
+        clearance_m: least distance between a camera and a plant.
+        pitch_deg: the gimbal's range; there is no roll.
+        separation_m: least distance between two stations.
+        target: what sampled cameras look at.
+        vehicle_clearance_m: that a vehicle keeps to the plants. Cameras are then outside of its no-fly bands, too
+            (`no_fly_bands`, which missions are routed around): not below leaves, not in gaps that plants surround.
+            None: where no vehicle is planned for.
+
+    Raises:
+        ValueError: a range that is empty, or points that are no (m, 3) array.
+    """
+
+    x_m: tuple[float, float]
+    y_m: tuple[float, float]
+    height_m: tuple[float, float]
+    target: Volume
+    ground: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    plants: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    clearance_m: float = 0.5
+    pitch_deg: tuple[float, float] = (-90.0, 0.0)
+    separation_m: float = 0.10
+    vehicle_clearance_m: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("x_m", "y_m", "height_m", "pitch_deg"):
+            low, high = getattr(self, name)
+            if not (np.isfinite([low, high]).all() and low <= high):
+                raise ValueError(f"{name}: {low} is not below {high}")
+        if self.pitch_deg[0] < -90.0 or self.pitch_deg[1] > 90.0:
+            raise ValueError("a gimbal's pitch lies between −90° and 90°")
+        if self.clearance_m < 0 or self.separation_m < 0 or (self.vehicle_clearance_m or 0.0) < 0:
+            raise ValueError("distances cannot be negative")
+        plants = np.array(self.plants, dtype=np.float64).reshape(-1, 3)
+        plants.setflags(write=False)
+        object.__setattr__(self, "plants", plants)
+
+    @classmethod
+    def around(
+        cls,
+        plants: Cloud,
+        target: Volume,
+        *,
+        margin_m: float = 1.5,
+        height_m: tuple[float, float] = (0.5, 2.5),
+        ground: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        clearance_m: float = 0.5,
+        pitch_deg: tuple[float, float] = (-90.0, 0.0),
+        separation_m: float = 0.10,
+        vehicle_clearance_m: float | None = None,
+    ) -> Envelope:
+        """An envelope about a plot's plants.
+
+        Args:
+            plants: the proxy's obstacles or the reference; thinned to one point per 2 cm.
+            target: the volume of interest.
+            margin_m: how far beyond it cameras may stand, horizontally.
+            height_m: band above the ground.
+            ground: a, b, c of z = a·x + b·y + c.
+            clearance_m: to the plants.
+            pitch_deg: of the gimbal.
+            separation_m: between stations.
+            vehicle_clearance_m: of a vehicle to the plants.
+        """
+        low, high = np.array(target.lower) - margin_m, np.array(target.upper) + margin_m
+        return cls(
+            (float(low[0]), float(high[0])), (float(low[1]), float(high[1])), height_m, target, ground,
+            voxel_thin(plants, _THINNED_M).points, clearance_m, pitch_deg, separation_m, vehicle_clearance_m,
+        )  # fmt: skip
+
+    @cached_property
+    def _index(self) -> PointIndex | None:
+        return PointIndex(self.plants) if len(self.plants) else None
+
+    @cached_property
+    def _bands(self) -> Prisms | None:
+        if self.vehicle_clearance_m is None or not len(self.plants):
+            return None
+        bands = no_fly_bands(self.plan_plants(self.plants), self.vehicle_clearance_m)
+        return Prisms.of([(shapely.Polygon(b.corners).buffer(_OFF_BANDS_M), b.top_m + _OFF_BANDS_M) for b in bands])
+
+    def plan_plants(self, points: NDArray[np.float64]) -> PlanPlants:
+        """Those of points (m, 3) that lie within the flight box and half a metre about it, as plan.json holds them; mm.
+
+        They are thinned to one per 5 cm.
+        """
+        low = np.array([self.x_m[0], self.y_m[0]]) - _BESIDE_M
+        high = np.array([self.x_m[1], self.y_m[1]]) + _BESIDE_M
+        near = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
+        thinned = voxel_thin(Cloud(points[near]), _PLAN_CELL_M).points.round(3)
+        return PlanPlants(points_m=tuple((x, y, z) for x, y, z in thinned.tolist()), cell_m=_PLAN_CELL_M)
+
+    def ground_m(self, positions: Array) -> Array:
+        """(n,) z of the ground below positions (n, 3)."""
+        a, b, c = self.ground
+        level: Array = a * positions[:, 0] + b * positions[:, 1] + c
+        return level
+
+    def position_violation(self, positions: Array) -> Array:
+        """(n,) by how much single positions (n, 3) break bounds, height band and clearance, metres; signed."""
+        parts = [self._bounds(positions), self._height(positions), self._plants(positions)]
+        worst: Array = np.max(parts, axis=0)
+        return worst
+
+    def violations(self, cameras: Cameras) -> Violations:
+        """Every constraint's signed violation per camera."""
+        low, high = self.pitch_deg
+        return Violations(
+            bounds_m=self._bounds(cameras.positions),
+            height_m=self._height(cameras.positions),
+            plants_m=self._plants(cameras.positions),
+            separation_m=self.separation_m - _nearest_other(cameras.positions),
+            pitch_deg=np.maximum(low - cameras.pitch_deg, cameras.pitch_deg - high),
+        )
+
+    def contains(self, cameras: Cameras) -> bool:
+        """Whether every camera keeps every constraint."""
+        return bool((self.violations(cameras).largest <= 0.01 * TOLERANCE).all())
+
+    def sample(
+        self, count: int, seed: int, *, radius_m: tuple[float, float] | None = None,
+        aim_m: tuple[float, float] | None = None,
+    ) -> Cameras:  # fmt: skip
+        """``count`` cameras, each uniform over the feasible positions, looking at the target.
+
+        The pitch is cut to the gimbal's range. The same seed gives the same cameras.
+
+        Args:
+            count: of cameras.
+            seed: of the draws.
+            radius_m: horizontal distances from the target's middle; any, too, where these have no room.
+            aim_m: heights z above the target's middle to look at, uniformly; uniform points of the target where None.
+
+        Raises:
+            UsageError: the envelope has no room for so many.
+        """
+        rng = np.random.default_rng([seed, _SAMPLE_STREAM])
+        positions = np.zeros((0, 3))
+        for number in range(1, count + 1):
+            drawn = None if radius_m is None else self._draw(rng, positions, radius_m)
+            drawn = self._draw(rng, positions, (0.0, np.inf)) if drawn is None else drawn
+            if drawn is None:
+                raise no_room(number)
+            positions = np.vstack([positions, drawn])
+        targets = rng.uniform(self.target.lower, self.target.upper, (count, 3))
+        if aim_m is not None:
+            targets[:, :2], targets[:, 2] = self.target.center[:2], rng.uniform(*aim_m, count)
+        aimed = Cameras.aimed(positions, targets)
+        return Cameras(positions, aimed.yaw_deg, np.clip(aimed.pitch_deg, *self.pitch_deg))
+
+    def _draw(self, rng: np.random.Generator, others: Array, radius_m: tuple[float, float]) -> Array | None:
+        low = (self.x_m[0], self.y_m[0], self.height_m[0])
+        high = (self.x_m[1], self.y_m[1], self.height_m[1])
+        for _ in range(_BATCHES):
+            drawn = rng.uniform(low, high, (_BATCH, 3))
+            drawn[:, 2] += self.ground_m(drawn)
+            away = np.linalg.norm(drawn[:, :2] - self.target.center[:2], axis=1)
+            free = (away >= radius_m[0]) & (away <= radius_m[1]) & (distance_to(drawn, others) >= self.separation_m)
+            free[free] = self.position_violation(drawn[free]) <= 0.0
+            if free.any():
+                return np.asarray(drawn[int(np.argmax(free))])[None]
+        return None
+
+    def _bounds(self, positions: Array) -> Array:
+        x, y = positions[:, 0], positions[:, 1]
+        sides = [self.x_m[0] - x, x - self.x_m[1], self.y_m[0] - y, y - self.y_m[1]]
+        worst: Array = np.max(sides, axis=0)
+        return worst
+
+    def _height(self, positions: Array) -> Array:
+        height = positions[:, 2] - self.ground_m(positions)
+        worst: Array = np.maximum(self.height_m[0] - height, height - self.height_m[1])
+        return worst
+
+    def _plants(self, positions: Array) -> Array:
+        if self._index is None:
+            return np.full(len(positions), -np.inf)
+        distances, _ = self._index.nearest(positions)
+        lacking: Array = self.clearance_m - distances
+        if self._bands is not None:
+            lacking = np.maximum(
+                lacking, self._bands.tops_below(positions, positions, positions[:, 2]) - positions[:, 2]
+            )
+        return lacking
+
+
+def distance_to(positions: Array, others: Array) -> Array:
+    """(n,) distance of positions (n, 3) to the nearest of the others (m, 3); infinite without any."""
+    if not len(others):
+        return np.full(len(positions), np.inf)
+    nearest: Array = np.linalg.norm(positions[:, None] - others[None], axis=2).min(axis=1)
+    return nearest
+
+
+def no_room(count: int) -> UsageError:
+    """The error of an envelope that is too small."""
+    return UsageError(
+        f"no feasible position was found for camera {count} in the flight envelope",
+        remedy="Widen the bounds or the height band, or lower the clearance or the separation.",
+    )
+
+
+def _nearest_other(positions: Array) -> Array:
+    if len(positions) < 2:
+        return np.full(len(positions), np.inf)
+    distances = np.linalg.norm(positions[:, None] - positions[None], axis=2)
+    np.fill_diagonal(distances, np.inf)
+    nearest: Array = np.asarray(distances.min(axis=1))
+    return nearest

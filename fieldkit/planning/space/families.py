@@ -1,0 +1,221 @@
+"""Structured sets of cameras: N of them by a handful of numbers instead of five each.
+
+Every camera of a family looks at one point above the plot's middle. A family's parameters are a point of the unit cube,
+so that they can be searched; `Problem.nearest` makes what they decode to feasible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fieldkit.planning.problem import Problem
+from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.ranges import NARROWEST, reach_m
+
+SPAN_DEG = (60.0, 360.0)
+"""Of arcs: ten cameras 6° apart, up to all the way round. The prototype's best arc spanned 136°."""
+_ELLIPTIC = 0.35
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a family: its name ends with its unit (_m, _deg) where it has one."""
+
+    name: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Sets of cameras by a point of the unit cube.
+
+    Attributes:
+        name: ``"ring"``, ``"arc"``, ``"spiral"`` or ``"chain"``.
+        parameters: the cube's axes.
+        build: the cameras of given values; not made feasible.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    build: Callable[[Values], Cameras]
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def values(self, unit: ArrayLike) -> dict[str, float]:
+        """The parameters at a point (k,) of the unit cube; what lies outside is cut to it.
+
+        Raises:
+            ValueError: a wrong number of coordinates, or one that is not finite.
+        """
+        u = np.asarray(unit, dtype=np.float64).reshape(-1)
+        if len(u) != len(self) or not np.isfinite(u).all():
+            raise ValueError(f"{self.name} takes {len(self)} finite numbers, not {u}")
+        return {
+            p.name: float(p.low + t * (p.high - p.low))
+            for p, t in zip(self.parameters, np.clip(u, 0.0, 1.0), strict=True)
+        }
+
+    def decode(self, unit: ArrayLike) -> Cameras:
+        """The N cameras of a point (k,) of the unit cube; they look at the plot, but may not be feasible.
+
+        Raises:
+            ValueError: as `values`.
+        """
+        return self.build(self.values(unit))
+
+
+@dataclass(frozen=True)
+class Circle:
+    """N cameras evenly on a horizontal circle, all looking at one point above the plot's middle.
+
+    Attributes:
+        radius_m: horizontal.
+        altitude_m: above the ground below each camera.
+        aim_m: z of the point that is looked at.
+        phase_deg: azimuth of the first camera, clockwise from north.
+    """
+
+    radius_m: float
+    altitude_m: float
+    aim_m: float
+    phase_deg: float = 0.0
+
+    def __str__(self) -> str:
+        return f"circle {self.radius_m:.2f} m at {self.altitude_m:.2f} m, aim {self.aim_m:.2f} m"
+
+    def cameras(self, problem: Problem) -> Cameras:
+        """Not made feasible."""
+        azimuth = self.phase_deg + 360.0 * np.arange(problem.count) / problem.count
+        radius, altitude = np.full(problem.count, self.radius_m), np.full(problem.count, self.altitude_m)
+        return placed(problem, azimuth, radius, altitude, self.aim_m)
+
+
+def circles(
+    problem: Problem, altitudes: int = 5, radii: int = 5, aims: int = 1, *, inner: bool = False
+) -> tuple[Circle, ...]:
+    """A grid of circles: radii change fastest, then altitudes, then aims.
+
+    Args:
+        problem: of N cameras.
+        altitudes, radii, aims: how many of each, spread evenly over `Problem.ranges`, its ends included; a single one
+            is the middle.
+        inner: the ends are half a step farther out: what few circles stand for best.
+    """
+    ranges = problem.ranges
+    return tuple(
+        Circle(float(radius), float(altitude), float(aim))
+        for aim in _spread(ranges.aim_m, aims, inner)
+        for altitude in _spread(ranges.altitude_m, altitudes, inner)
+        for radius in _spread(ranges.radius_m, radii, inner)
+    )
+
+
+def families(problem: Problem) -> tuple[Family, ...]:
+    """All families for a problem's N, plot, camera and envelope.
+
+    Radii lie between 0.3 of the envelope's reach and all of it, altitudes in the height band above the ground below
+    each camera, the point that is looked at in the inner 80 % of the volume's height. Azimuths of an arc lie span / N
+    apart, so that 360° is an even ring.
+
+    - ring: radius, altitude, aim, phase within one step, and an ellipse's stretch along x against y.
+    - arc: span, azimuth of its middle, radius, altitude, aim, and how much farther apart its outer cameras stand.
+    - spiral: an arc whose radius and altitude go evenly from one value to another.
+    - chain: two levels that alternate along an arc, each with its radius and altitude, the second shifted by a share of
+      a step.
+    """
+    count, reach, ranges = problem.count, reach_m(problem.envelope), problem.ranges
+    radii, altitudes, aims = (NARROWEST * reach, reach), ranges.altitude_m, ranges.aim_m
+    span, middle = Parameter("span_deg", *SPAN_DEG), Parameter("middle_deg", -180.0, 180.0)
+    radius, altitude, aim = (
+        Parameter("radius_m", *radii), Parameter("altitude_m", *altitudes), Parameter("aim_m", *aims)
+    )  # fmt: skip
+    even = (np.arange(count) + 0.5) / count - 0.5
+
+    def ring(v: Values) -> Cameras:
+        azimuth = v["phase_deg"] + 360.0 * np.arange(count) / count
+        sine, cosine = np.sin(np.radians(azimuth)), np.cos(np.radians(azimuth))
+        x, y = (1.0 + v["stretch"]) * sine, (1.0 - v["stretch"]) * cosine
+        turned = np.degrees(np.arctan2(x, y))
+        return placed(problem, turned, v["radius_m"] * np.hypot(x, y), np.full(count, v["altitude_m"]), v["aim_m"])
+
+    def arc(v: Values) -> Cameras:
+        # Odd, the same at both ends, and increasing for any widening between −0.5 and 1.
+        along = even * (1.0 + v["widening"] * (4.0 * even**2 - 1.0))
+        flat = np.full(count, v["radius_m"]), np.full(count, v["altitude_m"])
+        return placed(problem, v["middle_deg"] + v["span_deg"] * along, *flat, v["aim_m"])
+
+    def spiral(v: Values) -> Cameras:
+        t = np.linspace(0.0, 1.0, count)
+        radius = v["first_radius_m"] + t * (v["last_radius_m"] - v["first_radius_m"])
+        altitude = v["first_altitude_m"] + t * (v["last_altitude_m"] - v["first_altitude_m"])
+        return placed(problem, v["middle_deg"] + v["span_deg"] * even, radius, altitude, v["aim_m"])
+
+    def chain(v: Values) -> Cameras:
+        upper = np.arange(count) % 2 == 1
+        azimuth = v["middle_deg"] + v["span_deg"] * (even + np.where(upper, v["shift"] / count, 0.0))
+        radius = np.where(upper, v["upper_radius_m"], v["lower_radius_m"])
+        altitude = np.where(upper, v["upper_altitude_m"], v["lower_altitude_m"])
+        return placed(problem, azimuth, radius, altitude, v["aim_m"])
+
+    def two(name: str, limits: tuple[float, float], first: str, second: str) -> tuple[Parameter, Parameter]:
+        return Parameter(f"{first}_{name}_m", *limits), Parameter(f"{second}_{name}_m", *limits)
+
+    phase, stretch = Parameter("phase_deg", 0.0, 360.0 / count), Parameter("stretch", -_ELLIPTIC, _ELLIPTIC)
+    return (
+        Family("ring", (radius, altitude, aim, phase, stretch), ring),
+        Family("arc", (span, middle, radius, altitude, aim, Parameter("widening", -0.4, 0.6)), arc),
+        Family(
+            "spiral",
+            (span, middle, *two("radius", radii, "first", "last"), *two("altitude", altitudes, "first", "last"), aim),
+            spiral,
+        ),
+        Family(
+            "chain",
+            (
+                span, middle, *two("radius", radii, "lower", "upper"), *two("altitude", altitudes, "lower", "upper"),
+                aim, Parameter("shift", -1.0, 1.0),
+            ),
+            chain,
+        ),
+    )  # fmt: skip
+
+
+def family(problem: Problem, name: str) -> Family:
+    """The family of a name.
+
+    Raises:
+        KeyError: there is none.
+    """
+    return {found.name: found for found in families(problem)}[name]
+
+
+def placed(problem: Problem, azimuth_deg: Array, radius_m: Array, altitude_m: Array, aim_m: float) -> Cameras:
+    """Cameras about a plot's middle that look at one point above it; not made feasible.
+
+    Args:
+        problem: of the plot.
+        azimuth_deg: (n,) clockwise from north.
+        radius_m: (n,) horizontal.
+        altitude_m: (n,) above the ground below each camera.
+        aim_m: z of the point.
+    """
+    x, y, _ = problem.center
+    turn = np.radians(azimuth_deg)
+    positions = np.column_stack([x + radius_m * np.sin(turn), y + radius_m * np.cos(turn), altitude_m])
+    positions[:, 2] += problem.envelope.ground_m(positions)
+    return Cameras.aimed(positions, np.array([x, y, aim_m]))
+
+
+def _spread(limits: tuple[float, float], count: int, inner: bool) -> Array:
+    low, high = limits
+    if inner:
+        return low + (high - low) * (np.arange(count) + 0.5) / count
+    return np.linspace(low, high, count) if count > 1 else np.array([0.5 * (low + high)])

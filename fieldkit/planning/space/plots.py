@@ -1,0 +1,101 @@
+"""Plots as planning knows them without a photograph: their plants' surfaces, and what hides and is flown around."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.volume import Volume
+from fieldkit.errors import SceneError
+from fieldkit.planning.space.cameras import Array
+from fieldkit.scenes.description import SceneDescription
+from fieldkit.scenes.neighbours import neighbour_points
+from fieldkit.scenes.plot import build_plants, sample_visible
+from fieldkit.scenes.recorded import recorded_plants
+
+_POINTS, _PIXELS = 40_000, 800
+LOWEST_M = 0.03
+_MARGIN_M = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """One plot.
+
+    Attributes:
+        reference: PC_env, points of the plants' surfaces that can be seen, with normals where there are any, plot
+            frame.
+        obstacles: (m, 3) points that hide what lies behind them and that cameras keep clear of, beside the reference's:
+            other rows. Plot frame.
+        matches: (m, m) counted of each two recorded views; None where they are not known.
+    """
+
+    reference: Cloud
+    obstacles: Array
+    matches: Array | None = None
+
+    @classmethod
+    def of(cls, description: SceneDescription) -> tuple[Plot, Volume]:
+        """A scene's plants and its volume of interest, without soil, light and textures: about 0.2 CPU s.
+
+        Raises:
+            SceneError: the scene has no plants, or one of its files cannot be used.
+        """
+        check_plants(description)
+        if description.recorded is not None:
+            reference, volume = of_interest(description, recorded_plants(description.recorded))
+            return cls.without_others(reference), volume
+        plants = build_plants(description.plot)
+        (visible,) = sample_visible(plants, (_POINTS,), description.reference.seed, pixels=_PIXELS)
+        reference, volume = of_interest(description, visible)
+        return cls(reference, neighbour_points(plants)), volume
+
+    @classmethod
+    def without_others(cls, reference: Cloud) -> Plot:
+        """A plot with nothing beside its own plants."""
+        return cls(reference, np.zeros((0, 3)))
+
+    @property
+    def points(self) -> Array:
+        """(m, 3) of everything that cameras keep clear of."""
+        both: Array = np.concatenate([self.reference.points, self.obstacles.reshape(-1, 3)])
+        return both
+
+
+def check_plants(description: SceneDescription) -> None:
+    """Raises SceneError where a scene has no plants to plan for."""
+    if description.recorded is None and not description.plot.plants:
+        raise SceneError("the scene has no plants to plan for", remedy="Add [[plants]] to the scene file.")
+
+
+def of_interest(description: SceneDescription, visible: Cloud) -> tuple[Cloud, Volume]:
+    """What of the plants' visible points counts, and the volume of interest about it.
+
+    What plants have below 3 cm is counted on neither side, for the soil is bumpy; a scene made from a reference keeps
+    that one's volume, down to its lowest plant point.
+
+    Raises:
+        SceneError: nothing is left.
+    """
+    if description.recorded is None:
+        return above_soil(visible)
+    bounds = description.bounds.volume
+    reference = visible.select(bounds.contains(visible.points))
+    if not len(reference):
+        raise SceneError("no plant lies in the scene's bounds", remedy="Make the scene again from its reference.")
+    lowest = max(bounds.lower[2], float(reference.points[:, 2].min()))
+    return reference, Volume((bounds.lower[0], bounds.lower[1], lowest), bounds.upper)
+
+
+def above_soil(visible: Cloud, lowest_m: float = LOWEST_M) -> tuple[Cloud, Volume]:
+    """The points above ``lowest_m``, and the box about them with 3 cm around. Raises SceneError: there are none."""
+    reference = visible.select(visible.points[:, 2] > lowest_m)
+    if not len(reference):
+        raise SceneError(
+            f"nothing of the plants is seen above {1000 * lowest_m:.0f} mm",
+            remedy="Let the plants stand on the ground and be higher than that.",
+        )
+    around = Volume.around(reference.points, margin_m=_MARGIN_M)
+    return reference, Volume((around.lower[0], around.lower[1], lowest_m), around.upper)

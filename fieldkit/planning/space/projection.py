@@ -1,0 +1,107 @@
+"""An arbitrary set of cameras, moved into the feasible set."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.planning.space.cameras import Array, Cameras
+from fieldkit.planning.space.envelope import Envelope, distance_to, no_room
+
+_DIRECTIONS = 192
+_RADII = 40
+_FIRST_RADIUS_M = 0.004
+_HALVINGS = 30
+_LATTICE = 20
+
+
+def project(cameras: Cameras, envelope: Envelope) -> Cameras:
+    """A set inside the envelope near the given one; a set that is inside already comes back as it is.
+
+    Pitches are cut to the gimbal's range. Feasible positions stay, the first ones where two are too close. Each other
+    position goes to the nearest feasible of 7,680 points on spheres about it (192 directions, radii in equal ratios),
+    and from there back as far as is feasible: close to the nearest one, not exactly it. Yaw and pitch are kept, so
+    that a camera that steps back still looks the same way.
+
+    Raises:
+        UsageError: the envelope has no room for so many cameras.
+    """
+    if envelope.contains(cameras):
+        return cameras
+    pitch = np.clip(cameras.pitch_deg, *envelope.pitch_deg)
+    positions = cameras.positions.copy()
+    alone = envelope.position_violation(positions) <= 0.0
+    placed: list[int] = []
+    for i in range(len(positions)):
+        if alone[i] and distance_to(positions[i : i + 1], positions[placed])[0] >= envelope.separation_m:
+            placed.append(i)
+    for i in range(len(positions)):
+        if i not in placed:
+            positions[i] = _nearest_free(positions[i], positions[placed], envelope, len(placed) + 1)
+            placed.append(i)
+    return Cameras(positions, cameras.yaw_deg, pitch)
+
+
+def _nearest_free(wanted: Array, others: Array, envelope: Envelope, number: int) -> Array:
+    start: Array = _clipped(wanted[None], envelope)[0]
+    if _free(start[None], others, envelope)[0]:
+        return start
+    reach = float(np.linalg.norm([np.ptp(envelope.x_m), np.ptp(envelope.y_m), np.ptp(envelope.height_m)])) + 0.1
+    radii = np.geomspace(_FIRST_RADIUS_M, reach, _RADII)
+    shells = start + (radii[:, None, None] * _sphere(_DIRECTIONS)[None]).reshape(-1, 3)
+    for candidates in (_clipped(shells, envelope), _lattice(envelope)):
+        free = candidates[_free(candidates, others, envelope)]
+        if len(free):
+            nearest = free[np.argmin(np.linalg.norm(free - start, axis=1))]
+            return _back(start, nearest, others, envelope)
+    raise no_room(number)
+
+
+def _back(blocked: Array, free: Array, others: Array, envelope: Envelope) -> Array:
+    """The point of the way from a free point to a blocked one after which it is blocked, on the free side."""
+    low, high = 0.0, 1.0  # of the way, from the blocked end
+    best = free
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        point = _clipped((blocked + middle * (free - blocked))[None], envelope)
+        if _free(point, others, envelope)[0]:
+            high, best = middle, point[0]
+        else:
+            low = middle
+    return best
+
+
+def _free(positions: Array, others: Array, envelope: Envelope) -> NDArray[np.bool_]:
+    return (envelope.position_violation(positions) <= 0.0) & (distance_to(positions, others) >= envelope.separation_m)
+
+
+def _clipped(positions: Array, envelope: Envelope) -> Array:
+    """Positions (n, 3) cut to the bounds and the height band."""
+    moved = positions.copy()
+    moved[:, 0] = np.clip(moved[:, 0], *envelope.x_m)
+    moved[:, 1] = np.clip(moved[:, 1], *envelope.y_m)
+    ground = envelope.ground_m(moved)
+    low, high = envelope.height_m
+    moved[:, 2] = np.clip(moved[:, 2], ground + low, ground + high)
+    # Rounding of ground + low must not leave a position a hair below the band.
+    height = moved[:, 2] - ground
+    moved[:, 2] = np.where(height < low, np.nextafter(moved[:, 2], np.inf), moved[:, 2])
+    moved[:, 2] = np.where(height > high, np.nextafter(moved[:, 2], -np.inf), moved[:, 2])
+    return moved
+
+
+def _lattice(envelope: Envelope) -> Array:
+    axes = [np.linspace(*limits, _LATTICE) for limits in (envelope.x_m, envelope.y_m, envelope.height_m)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    points[:, 2] += envelope.ground_m(points)
+    return _clipped(points, envelope)
+
+
+def _sphere(count: int) -> Array:
+    """(count, 3) unit vectors, evenly spread (a Fibonacci lattice)."""
+    i = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * i / count
+    turn = i * np.pi * (3.0 - np.sqrt(5.0))
+    radius = np.sqrt(1.0 - height * height)
+    points: Array = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+    return points

@@ -1,0 +1,52 @@
+"""Which part of the feasible set methods look in: distances and heights from which the plants are seen well."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fieldkit.geometry import Intrinsics
+from fieldkit.planning.space.envelope import Envelope
+
+NARROWEST = 0.3
+"""Least radius of a structured set, as a share of the envelope's reach."""
+_AIM = (0.1, 0.9)
+
+
+class Ranges(NamedTuple):
+    """What circles, two rings and hemispheres are searched in, and what random sets are drawn from; metres.
+
+    Attributes:
+        radius_m: horizontal distance from the plot's middle: from a third of what fills the picture to a quarter more
+            than that, within the envelope's reach.
+        altitude_m: above the ground: the envelope's height band.
+        aim_m: z of the point above the plot's middle that is looked at: the inner 80 % of the volume of interest's.
+    """
+
+    radius_m: tuple[float, float]
+    altitude_m: tuple[float, float]
+    aim_m: tuple[float, float]
+
+    @classmethod
+    def of(cls, envelope: Envelope, camera: Intrinsics) -> Ranges:
+        """Of an envelope and the photographs' camera."""
+        reach, fill = reach_m(envelope), fill_distance_m(envelope, camera)
+        widest = min(reach, 1.25 * fill)
+        low, high = envelope.target.lower[2], envelope.target.upper[2]
+        return cls(
+            (min(max(fill / 3.0, NARROWEST * reach), 0.7 * widest), widest), envelope.height_m,
+            (low + _AIM[0] * (high - low), low + _AIM[1] * (high - low)),
+        )  # fmt: skip
+
+
+def fill_distance_m(envelope: Envelope, camera: Intrinsics) -> float:
+    """From where the sphere about the volume of interest fills the picture's shorter side, metres."""
+    half_angle = np.arctan(0.5 * min(camera.width / camera.fx, camera.height / camera.fy))
+    return float(0.5 * envelope.target.diagonal / np.sin(half_angle))
+
+
+def reach_m(envelope: Envelope) -> float:
+    """The largest circle about the plot's middle within the envelope's bounds, metres."""
+    (x0, x1), (y0, y1), (x, y, _) = envelope.x_m, envelope.y_m, envelope.target.center
+    return float(max(min(x - x0, x1 - x, y - y0, y1 - y), 0.1))

@@ -1,0 +1,221 @@
+"""What a report's page holds, as values: text, figures, tables, charts and views, in sections.
+
+Everything here is plain text: nothing is markup until `fieldkit.present.html.document` sets it, which escapes it all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from fieldkit.present.html.charts import LineChart
+from fieldkit.present.html.plot_map import PlotMap
+from fieldkit.present.html.scene import ViewerScene
+
+Level = Literal["good", "fact", "note", "problem"]
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One sentence or two of a summary.
+
+    Attributes:
+        level: whether it is well, is a plain fact, should be known, or is a problem.
+        text: what is.
+        advice: what to do about it; empty where nothing is to be done.
+    """
+
+    level: Level
+    text: str
+    advice: str = ""
+
+
+@dataclass(frozen=True)
+class Statements:
+    """A summary in words."""
+
+    items: tuple[Statement, ...]
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Running text."""
+
+    text: str
+    faint: bool = False
+
+
+@dataclass(frozen=True)
+class KeyFigure:
+    """A number to see at first sight.
+
+    Attributes:
+        label: what it is.
+        value: with its unit.
+        meaning: in a few words, for who does not know the term.
+    """
+
+    label: str
+    value: str
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class KeyFigures:
+    """Numbers to see at first sight."""
+
+    items: tuple[KeyFigure, ...]
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Explained terms, or settings with their values.
+
+    Attributes:
+        items: (term, what it means).
+        mono: whether the values are hashes, commands and the like.
+    """
+
+    items: tuple[tuple[str, str], ...]
+    mono: bool = False
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A small photograph.
+
+    Attributes:
+        jpeg: of the file.
+        width, height: pixels.
+        description: for who does not see it.
+    """
+
+    jpeg: bytes
+    width: int
+    height: int
+    description: str
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A short state in a table, told by its word and only then by its colour."""
+
+    level: Level
+    text: str
+
+
+Cell: TypeAlias = str | Picture | Mark | None
+"""None is a dash: not given."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column.
+
+    Attributes:
+        label: with the unit: "chamfer, mm".
+        numeric: set flush right, in figures of one width.
+        mono: set in a typeface of one width: hashes.
+    """
+
+    label: str
+    numeric: bool = False
+    mono: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table; the first column names the row.
+
+    Attributes:
+        caption: above it, and its accessible name.
+        columns: one per cell of a row.
+        rows: of cells.
+        note: below it.
+    """
+
+    caption: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if any(len(row) != len(self.columns) for row in self.rows):
+            raise ValueError(f"{self.caption}: every row needs {len(self.columns)} cells")
+
+
+@dataclass(frozen=True)
+class Charts:
+    """Charts side by side where there is room."""
+
+    items: tuple[LineChart, ...]
+
+
+@dataclass(frozen=True)
+class Map:
+    """A map of plots."""
+
+    plots: PlotMap
+
+
+@dataclass(frozen=True)
+class View:
+    """A 3D view.
+
+    Attributes:
+        identifier: unique on the page: letters, digits and hyphens.
+        scene: what it shows.
+        note: below it.
+    """
+
+    identifier: str
+    scene: ViewerScene
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Details:
+    """Blocks that can be folded away; printed unfolded.
+
+    Attributes:
+        summary: that is always seen.
+        blocks: that are folded away.
+        is_open: whether they are unfolded at first.
+    """
+
+    summary: str
+    blocks: tuple[Block, ...]
+    is_open: bool = False
+
+
+Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | Map | View | Details
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page.
+
+    Attributes:
+        anchor: unique on the page: letters, digits and hyphens.
+        heading: of it.
+        blocks: from top to bottom.
+    """
+
+    anchor: str
+    heading: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report.
+
+    Attributes:
+        title: of the page.
+        subtitle: below it.
+        sections: from top to bottom, the summary first.
+    """
+
+    title: str
+    subtitle: str
+    sections: tuple[Section, ...]

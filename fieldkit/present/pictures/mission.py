@@ -1,0 +1,101 @@
+"""Picture of a flight: its legs and the cameras' frusta about the plants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.present.pictures.panels import INK, colors_or_grey, draw_cloud, view_row
+from fieldkit.present.pictures.projection import FRONT, TOP, Direction
+
+_CAMERA, _LEG, _OUTLINE = "#c0262d", "#2f6db3", "#8a5a2b"
+_SHARE = 0.1
+
+Array = NDArray[np.float64]
+
+
+def draw_mission(
+    title: str,
+    legs: Sequence[Array],
+    cameras: Sequence[Pose],
+    camera: Intrinsics,
+    plants: Cloud,
+    outlines: Sequence[Array] = (),
+    *,
+    near: int | None = None,
+    near_plants: Cloud | None = None,
+) -> Figure:
+    """A flight about the plants: all of it from above, and its first plot from above and from the front.
+
+    From the front only what is of the first plot is drawn: other plots lie before and behind it.
+
+    Args:
+        title: of the figure.
+        legs: (k, 3) each: the way from one stop to the next with what lies between; metres, heights above home.
+        cameras: of the photographs in the order they are taken, in the same frame.
+        camera: whose frusta are drawn.
+        plants: in the same frame; may be empty.
+        outlines: (k, 2) each: fences, zones and obstacles from above.
+        near: how many of the cameras are the first plot's, the first ones; all unless given.
+        near_plants: of that plot; those of ``plants`` about its cameras unless given.
+    """
+    centers = np.array([pose.center for pose in cameras])
+    first = centers[:near]
+    spread = float(np.linalg.norm(np.ptp(first, axis=0)))
+    depth = max(_SHARE * spread, 0.05)
+    frusta = [frustum(pose, camera, depth) for pose in cameras]
+    low, high = first[:, :2].min(axis=0) - 0.3 * spread, first[:, :2].max(axis=0) + 0.3 * spread
+    beside = ((plants.points[:, :2] >= low) & (plants.points[:, :2] <= high)).all(axis=1)
+    if near_plants is None:
+        near_plants = plants if near is None else plants.select(beside)
+    close = np.concatenate([*frusta[:near], near_plants.points])
+    whole = np.concatenate([*legs, *frusta, plants.points])
+    names = ("All of it from above", "The first plot from above", "The first plot from the front")
+    figure, views = view_row(title, [(TOP, whole), (TOP, close), (FRONT, close)], names=names)
+    for direction, axes, window in views:
+        beyond = direction is not FRONT
+        shown = plants if beyond else near_plants
+        if len(shown):
+            draw_cloud(axes, shown.points, colors_or_grey(shown.points, shown.colors), direction, window)
+        if direction is TOP:
+            for outline in outlines:
+                axes.plot(
+                    *np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2, scalex=False,
+                    scaley=False,
+                )  # fmt: skip
+        for leg in legs if beyond or near is None else legs[: near + 1]:
+            axes.plot(leg[:, direction.right], leg[:, direction.up], color=_LEG, linewidth=0.9, alpha=0.8, zorder=3)
+        closer = axes is not figure.axes[0]
+        for number, corners in enumerate(frusta if beyond else frusta[:near], 1):
+            _draw_frustum(axes, corners, direction)
+            x, y = direction.flat(corners[0])
+            if closer and window.left < x < window.right and window.bottom < y < window.top:
+                axes.annotate(
+                    str(number), (x, y), (3, 3), textcoords="offset points", size=7, color=INK, zorder=6,
+                    parse_math=False,
+                )  # fmt: skip
+        axes.set_xlim(window.left, window.right)
+        axes.set_ylim(window.bottom, window.top)
+    return figure
+
+
+def frustum(pose: Pose, camera: Intrinsics, depth_m: float) -> Array:
+    """(5, 3): the projection centre, then the corners of the picture at that depth, around."""
+    pixels = np.array([[0, 0], [camera.width, 0], [camera.width, camera.height], [0, camera.height]], dtype=np.float64)
+    rays = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    corners = depth_m * np.column_stack([rays, np.ones(4)])
+    return np.vstack([pose.center, pose.center + corners @ pose.rotation])
+
+
+def _draw_frustum(axes: Axes, corners: Array, direction: Direction) -> None:
+    order = [0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2]
+    axes.plot(
+        corners[order, direction.right], corners[order, direction.up], color=_CAMERA, linewidth=0.6, alpha=0.8, zorder=4
+    )
+    axes.plot(*direction.flat(corners[0]), "o", color=_CAMERA, markersize=2.5, zorder=5)

@@ -1,0 +1,103 @@
+"""fieldkit report: one HTML file from a folder of results."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from fieldkit.errors import UsageError
+from fieldkit.files import check_writable, write_atomic
+from fieldkit.present.html.document import render
+from fieldkit.present.sections.collect import collect
+from fieldkit.present.sections.page import build_page
+from fieldkit.runtime.progress import Progress, Silent
+
+REPORT_FILE = "report.html"
+POINTS = 1_000_000
+"""Of all 3D views of a report together, where nobody asks for others."""
+
+MOST_POINTS = 10_000_000
+
+
+@dataclass(frozen=True)
+class ReportSummary:
+    """What was written.
+
+    Attributes:
+        output: the file.
+        bytes: its size.
+        references, plans, missions, evaluations, campaigns: how many of each it shows.
+        unreadable: names of results that are damaged.
+        views: 3D views.
+        points: of these together.
+        points_found: as many there were before they were thinned out.
+        thumbnails: photographs shown.
+    """
+
+    output: Path
+    bytes: int
+    references: int
+    plans: int
+    missions: int
+    evaluations: int
+    campaigns: int
+    unreadable: tuple[str, ...]
+    views: int
+    points: int
+    points_found: int
+    thumbnails: int
+
+
+def write_report(
+    folder: Path,
+    output: Path | None = None,
+    *,
+    points: int = POINTS,
+    title: str = "",
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> ReportSummary:
+    """Write what a folder holds as one HTML file that needs nothing else: no network, no other file.
+
+    The same results give the same file, byte for byte.
+
+    Args:
+        folder: that fieldkit wrote (a reference, a plan, a mission, an evaluation, a campaign), or one that holds such
+            folders up to two levels below. Never written to, but for the report where no ``output`` is given.
+        output: the file; None takes report.html in the folder.
+        points: at most so many in all 3D views together; what is more is thinned out at random, the same every time.
+        title: of the report; empty takes the folder's name.
+        overwrite: replace an older file.
+        progress: told of stages.
+
+    Raises:
+        UsageError: the file exists and ``overwrite`` is off, or a number is out of range.
+        MetadataError: there is nothing of fieldkit's in the folder, or all of it is damaged.
+        StorageError: the folder cannot be read, or the file not written.
+    """
+    if not 1000 <= points <= MOST_POINTS:
+        raise UsageError(f"cannot show {points} points", remedy=f"Give 1000 to {MOST_POINTS}.")
+    folder = Path(folder)
+    home = folder if folder.is_dir() else folder.parent
+    output = home / REPORT_FILE if output is None else Path(output)
+    if output.is_dir():
+        raise UsageError("is a folder", path=output, remedy="Give the name of a file, such as report.html.")
+    if os.path.lexists(output) and not overwrite:
+        raise UsageError(
+            "the report exists already", path=output, remedy="Give --overwrite to replace it, or another name with -o."
+        )
+    results = collect(folder)
+    check_writable(output.parent)
+    progress = progress or Silent()
+    built = build_page(
+        results, title=title, command=f"fieldkit report {results.root.name}", most_points=points, progress=progress
+    )
+    with progress.stage("Writing the report"):
+        data = render(built.page).encode("utf-8")
+        write_atomic(output, data)
+    return ReportSummary(
+        output, len(data), len(results.references), len(results.plans), len(results.missions), len(results.evaluations),
+        len(results.campaigns), tuple(each.name for each in results.unreadable), built.views, built.points,
+        built.points_found, built.thumbnails,
+    )  # fmt: skip

@@ -1,0 +1,213 @@
+"""Results as the content of one page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from fieldkit.present.content import Page, Paragraph, Section, Statements, Terms, View
+from fieldkit.present.html.scene import ViewerScene
+from fieldkit.present.sections.campaign import campaign_section
+from fieldkit.present.sections.parts import EvaluationPart, ReferencePart, Results
+from fieldkit.present.sections.photographs import find_photographs, thumbnails
+from fieldkit.present.sections.plan import mission_section, plan_section
+from fieldkit.present.sections.provenance import provenance_section
+from fieldkit.present.sections.results import Pictures, evaluation_section, reference_section
+from fieldkit.present.sections.summary import summarise
+from fieldkit.present.sections.terms import terms
+from fieldkit.present.sections.views import (
+    MOST_VIEWS_OF_PLOTS,
+    mission_view,
+    plan_view,
+    plot_view,
+    points_of,
+    reference_view,
+    within_budget,
+)
+from fieldkit.results.evaluation import PlotEvaluation, ReconstructionEntry
+from fieldkit.runtime.progress import Progress
+
+MOST_THUMBNAILS = 300
+"""Of a report: more than 2 MB of it are of no use to anybody."""
+
+MOST_VIEWS = 10
+"""Of a report: browsers keep no more than sixteen views alive at once."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A page with what it holds.
+
+    Attributes:
+        page: its content.
+        points: of all 3D views together.
+        points_found: as many there were before they were thinned out.
+        thumbnails: photographs shown.
+        views: 3D views.
+    """
+
+    page: Page
+    points: int
+    points_found: int
+    thumbnails: int
+    views: int
+
+
+def build_page(results: Results, *, title: str, command: str, most_points: int, progress: Progress) -> Built:
+    """Everything that a report says, in the order reference, plan, mission, evaluation, campaign.
+
+    Args:
+        results: found and read.
+        title: of the page; empty takes the folder's name.
+        command: that made it.
+        most_points: of all 3D views together.
+        progress: told of what takes long.
+    """
+    with progress.stage("Reading clouds and comparing them"):
+        found = _Views(results)
+        found_points = points_of(found.scenes)
+        found.scenes = within_budget(found.scenes, most_points)
+    with progress.stage("Reading photographs"):
+        pictures = _Pictures(results)
+    sections = list(_sections(results, found, pictures))
+    statements = summarise(results)
+    head = [Section("summary", "Summary", (Statements(statements),))]
+    closing = [
+        Section("words", "What the words mean", (Terms(terms(_used(results))),)),
+        provenance_section(results, command),
+    ]
+    shown = points_of(found.scenes)
+    if shown < found_points:
+        text = (
+            f"The 3D views show {shown:,} of {found_points:,} points, drawn at random; all figures are from all points."
+        )
+        head[0] = Section("summary", "Summary", (Statements(statements), Paragraph(text, faint=True)))
+    page = Page(title or f"Report: {results.root.name or 'results'}", _subtitle(results), (*head, *sections, *closing))
+    return Built(page, shown, found_points, pictures.count, len(found.scenes))
+
+
+class _Views:
+    """The 3D views of results, by the kind and place of their part."""
+
+    def __init__(self, results: Results) -> None:
+        self.scenes: list[ViewerScene] = []
+        self._places: dict[tuple[str, int, str], int] = {}
+        self._notes: dict[tuple[str, int, str], str] = {}
+        for k, reference in enumerate(results.references):
+            self._add(("reference", k, ""), *reference_view(reference))
+        for k, plan in enumerate(results.plans):
+            self._add(("plan", k, ""), *plan_view(plan, results))
+        for k, mission in enumerate(results.missions):
+            if len(self.scenes) < MOST_VIEWS:
+                self._add(("mission", k, ""), mission_view(mission, results), "")
+        for k, evaluation in enumerate(results.evaluations):
+            for plot in _farthest(evaluation):
+                if len(self.scenes) < MOST_VIEWS:
+                    self._add(("evaluation", k, plot.name), *plot_view(evaluation, plot, results))
+
+    def _add(self, key: tuple[str, int, str], scene: ViewerScene | None, note: str) -> None:
+        self._notes[key] = note
+        if scene is not None and len(self.scenes) < MOST_VIEWS:
+            self._places[key] = len(self.scenes)
+            self.scenes.append(scene)
+
+    def view(self, kind: str, number: int, plot: str = "") -> tuple[View | None, str]:
+        """A part's view, or why it has none."""
+        key = (kind, number, plot)
+        note = self._notes.get(key, "")
+        place = self._places.get(key)
+        if place is None:
+            return None, note
+        return View(f"view-{place + 1}", self.scenes[place], note), note
+
+
+class _Pictures:
+    """Thumbnails of results' photographs."""
+
+    def __init__(self, results: Results) -> None:
+        self.count = 0
+        self.references = [self._of(r, r.report, (r.report.source,), results) for r in results.references]
+        self.evaluations: list[Mapping[str, Pictures]] = []
+        for e in results.evaluations:
+            by_plot = {}
+            for plot in e.report.plots:
+                sources = (f"{e.report.source}/{plot.name}", e.report.source)
+                by_plot[plot.name] = self._of(e, plot, sources if len(e.report.plots) == 1 else sources[:1], results)
+            self.evaluations.append(by_plot)
+
+    def _of(
+        self, part: ReferencePart | EvaluationPart, report: ReconstructionEntry, sources: tuple[str, ...],
+        results: Results,
+    ) -> Pictures:  # fmt: skip
+        names = [image.name for image in report.image_reports]
+        for source in sources:
+            folder = find_photographs(source, names, part.folder, results.root)
+            if folder is not None:
+                # Those that were not used first: they are what people look for.
+                bad_first = sorted(report.image_reports, key=lambda i: i.registered and i.right is not False)
+                found = thumbnails(folder, [i.name for i in bad_first], MOST_THUMBNAILS - self.count)
+                self.count += len(found)
+                return found
+        return {}
+
+
+def _sections(results: Results, views: _Views, pictures: _Pictures) -> Iterator[Section]:
+    for k, reference in enumerate(results.references):
+        view, note = views.view("reference", k)
+        yield reference_section(reference, f"reference-{k + 1}", view, note, pictures.references[k])
+    for k, plan in enumerate(results.plans):
+        yield plan_section(plan, f"plan-{k + 1}", *views.view("plan", k))
+    for k, mission in enumerate(results.missions):
+        yield mission_section(mission, f"mission-{k + 1}", views.view("mission", k)[0])
+    for k, evaluation in enumerate(results.evaluations):
+        by_plot = {plot.name: views.view("evaluation", k, plot.name) for plot in evaluation.report.plots}
+        yield evaluation_section(evaluation, f"evaluation-{k + 1}", by_plot, pictures.evaluations[k])
+    for k, campaign in enumerate(results.campaigns):
+        yield campaign_section(campaign, f"campaign-{k + 1}")
+
+
+def _farthest(part: EvaluationPart) -> list[PlotEvaluation]:
+    """The plots that are shown in 3D: all where they are few, else those with the greatest distances."""
+    plots = [plot for plot in part.report.plots if plot.error is None]
+    if len(plots) <= MOST_VIEWS_OF_PLOTS:
+        return plots
+    return sorted(plots, key=lambda plot: -(plot.chamfer_m or 0.0))[:MOST_VIEWS_OF_PLOTS]
+
+
+def _subtitle(results: Results) -> str:
+    kinds = (
+        ("reference", results.references), ("plan", results.plans), ("mission", results.missions),
+        ("evaluation", results.evaluations), ("campaign", results.campaigns),
+    )  # fmt: skip
+    held = [f"{len(parts)} {noun}s" if len(parts) > 1 else f"one {noun}" for noun, parts in kinds if parts]
+    return f"What {results.root.name or 'the folder'} holds: {', '.join(held)}."
+
+
+def _used(results: Results) -> set[str]:
+    """The terms that a report uses."""
+    used: set[str] = set()
+    if results.references or results.evaluations:
+        used |= {
+            "registered", "used", "reference", "residual", "RMS", "reprojection error", "track length",
+            "ground sampling distance", "yaw, pitch",
+        }  # fmt: skip
+    if any(plot.chamfer_m is not None for e in results.evaluations for plot in e.report.plots):
+        used |= {"accuracy", "completeness", "chamfer distance", "precision, recall", "F-score"}
+    if any(plot.adherence is not None for e in results.evaluations for plot in e.report.plots):
+        used |= {"adherence", "station"}
+    if any(plot.plants is not None for e in results.evaluations for plot in e.report.plots):
+        used |= {"height", "cover", "hull volume"}
+    if any(plot.prediction is not None for e in results.evaluations for plot in e.report.plots):
+        used |= {"predicted", "chamfer distance"}
+    if results.plans:
+        used |= {"station", "yaw, pitch", "plot frame", "chamfer distance", "reference"}
+    if any(plan.settings is not None for plan in results.plans):
+        used |= {"trial", "confirmation"}
+    if results.missions:
+        used |= {"station", "yaw, pitch"}
+    if results.campaigns:
+        used |= {
+            "used", "reference", "accuracy", "completeness", "chamfer distance", "F-score", "RMS", "predicted", "cover",
+            "height", "hull volume",
+        }  # fmt: skip
+    return used

@@ -1,0 +1,146 @@
+"""What a report is made of: results as read from their folders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fieldkit.campaign import Campaign
+from fieldkit.planning.run.folder import LogEntry
+from fieldkit.planning.run.outcome import Outcome
+from fieldkit.planning.settings import SearchSettings
+from fieldkit.present.sections.route import Route
+from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
+from fieldkit.results.plan import Plan
+
+
+@dataclass(frozen=True)
+class ReferencePart:
+    """A reference's folder.
+
+    Attributes:
+        folder: absolute.
+        name: relative to the report's folder; its own name where it is that.
+        report: reference.json.
+        sha256: of reference.json.
+    """
+
+    folder: Path
+    name: str
+    report: ReferenceReport
+    sha256: str
+
+
+@dataclass(frozen=True)
+class PlanPart:
+    """A plan, alone or in the folder of the run that found it.
+
+    Attributes:
+        folder, name: as `ReferencePart` has them.
+        plan: plan.json; None while the run is not finished.
+        sha256: of plan.json, or empty.
+        settings: search.json; None for a plan without a run.
+        trials: evaluations.jsonl's trials of the search, by number.
+        confirmations: its evaluations of finalists.
+        outcome: outcome.json, or None.
+    """
+
+    folder: Path
+    name: str
+    plan: Plan | None
+    sha256: str
+    settings: SearchSettings | None = None
+    trials: tuple[LogEntry, ...] = ()
+    confirmations: tuple[LogEntry, ...] = ()
+    outcome: Outcome | None = None
+
+
+@dataclass(frozen=True)
+class MissionPart:
+    """A mission's route.
+
+    Attributes:
+        file: absolute, the GeoJSON file.
+        name: relative to the report's folder.
+        mission_file: name of the mission beside it that a vehicle takes; empty where there is none.
+        route: read from it.
+        sha256: of the GeoJSON file.
+    """
+
+    file: Path
+    name: str
+    mission_file: str
+    route: Route
+    sha256: str
+
+
+@dataclass(frozen=True)
+class EvaluationPart:
+    """An evaluation's folder.
+
+    Attributes:
+        folder, name: as `ReferencePart` has them.
+        report: evaluation.json.
+        sha256: of evaluation.json.
+    """
+
+    folder: Path
+    name: str
+    report: EvaluationReport
+    sha256: str
+
+
+@dataclass(frozen=True)
+class CampaignPart:
+    """A campaign's folder.
+
+    Attributes:
+        folder, name: as `ReferencePart` has them.
+        campaign: its plots and the rows of its table.
+        sha256: of campaign.toml.
+    """
+
+    folder: Path
+    name: str
+    campaign: Campaign
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """A result that is there but cannot be used.
+
+    Attributes:
+        name: relative to the report's folder.
+        message: what is wrong.
+        remedy: what to do.
+    """
+
+    name: str
+    message: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything that a folder holds, each kind in the order of names.
+
+    Attributes:
+        root: absolute.
+        references, plans, missions, evaluations, campaigns: found.
+        unreadable: found and damaged.
+    """
+
+    root: Path
+    references: tuple[ReferencePart, ...] = ()
+    plans: tuple[PlanPart, ...] = ()
+    missions: tuple[MissionPart, ...] = ()
+    evaluations: tuple[EvaluationPart, ...] = ()
+    campaigns: tuple[CampaignPart, ...] = ()
+    unreadable: tuple[Unreadable, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Results that can be shown."""
+        kinds = (self.references, self.plans, self.missions, self.evaluations, self.campaigns)
+        return sum(len(kind) for kind in kinds)

@@ -1,0 +1,95 @@
+"""Thumbnails of the photographs that a result was made of, where their folder can still be found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import cv2
+
+from fieldkit.captures.decode import read_image
+from fieldkit.errors import FieldkitError
+from fieldkit.files import file_beside
+from fieldkit.present.content import Picture
+
+SIDE = 160
+"""Longer side of a thumbnail, pixels; it is shown at half of it."""
+
+_QUALITY = 72
+_LARGEST_BYTES = 64 << 20
+_MOST_FOLDERS = 400
+
+
+def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) -> Path | None:
+    """The folder that photographs came from.
+
+    Results know its name only. It is looked for beside the result, in folders named captures there, and below the
+    report's folder; it counts where every photograph is in it.
+
+    Args:
+        source: name of the folder, or "FOLDER/PLOT".
+        names: of the photographs.
+        near: the result's folder.
+        root: the report's.
+
+    Returns:
+        The folder; None where it is not found.
+    """
+    if not names or not source or Path(source).is_absolute() or ".." in Path(source).parts:
+        return None
+    for place in _places(near, root):
+        folder = place / source
+        try:
+            if folder.is_dir() and all(_file(folder, name) is not None for name in names):
+                return folder
+        except OSError:
+            continue
+    return None
+
+
+def thumbnails(folder: Path | None, names: Sequence[str], most: int) -> Mapping[str, Picture]:
+    """Small JPEGs of the first ``most`` photographs, by name; those that cannot be read are left out."""
+    found: dict[str, Picture] = {}
+    for name in names[:most] if folder is not None else ():
+        file = None if folder is None else _file(folder, name)
+        if file is not None and (picture := thumbnail(file, name)) is not None:
+            found[name] = picture
+    return found
+
+
+def thumbnail(file: Path, name: str) -> Picture | None:
+    """A small JPEG of a photograph, without any of its metadata; None where it cannot be read."""
+    try:
+        if file.stat().st_size > _LARGEST_BYTES:
+            return None
+        pixels = read_image(file, max_side=SIDE)
+    except (FieldkitError, OSError, MemoryError):
+        return None
+    done, jpeg = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    if not done:
+        return None
+    height, width = pixels.shape[:2]
+    return Picture(jpeg.tobytes(), max(1, width // 2), max(1, height // 2), f"photograph {name}")
+
+
+def _places(near: Path, root: Path) -> Iterator[Path]:
+    about = [near, near.parent, near.parent.parent]
+    yield from about
+    yield from (place / "captures" for place in about)
+    folders = sorted(root.glob("*"))[:_MOST_FOLDERS] if root.is_dir() else []
+    yield from (folder for folder in folders if folder.is_dir() and not folder.name.startswith("."))
+
+
+def _file(folder: Path, name: str) -> Path | None:
+    """A photograph of the folder; never a file elsewhere, whatever its name says."""
+    if not name or Path(name).is_absolute():
+        return None
+    try:
+        # With a folder in its name a capture keeps photographs in images/.
+        for place in (folder, folder / "images"):
+            found = file_beside(Path(name), place / "photographs")
+            if found is not None and found.is_file():
+                return found
+    except (OSError, RuntimeError, ValueError):
+        return None
+    return None

@@ -1,0 +1,117 @@
+"""Where a report's figures come from: versions, seeds, settings, hashes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from fieldkit import __version__
+from fieldkit.present.content import Block, Column, Details, Paragraph, Section, Table, Terms
+from fieldkit.present.sections.parts import EvaluationPart, PlanPart, ReferencePart, Results
+from fieldkit.results.evaluation import FileEntry
+
+_MOST_SETTINGS = 200
+_MOST_FILES = 1000
+_LONGEST = 200
+
+
+def provenance_section(results: Results, command: str) -> Section:
+    """What made this report and what it was made from.
+
+    Args:
+        results: shown in it.
+        command: that made it.
+    """
+    blocks: list[Block] = [
+        Terms((("this report", f"fieldkit {__version__}"), ("command", command)), mono=True),
+        _inputs(results),
+    ]
+    made_with: list[tuple[str, Mapping[str, Any]]] = [
+        *((part.name, part.report.settings) for part in results.references),
+        *((part.name, part.report.settings) for part in results.evaluations),
+        *((part.name, part.settings.model_dump(mode="json")) for part in results.plans if part.settings is not None),
+        *((part.name, part.campaign.evaluation.model_dump(mode="json")) for part in results.campaigns),
+    ]
+    blocks += [_settings(f"Settings of {name}", settings) for name, settings in made_with]
+    files = list(_files(results))
+    if files:
+        columns = (Column("file"), Column("bytes", True), Column("SHA-256", mono=True))
+        note = "" if len(files) <= _MOST_FILES else f"The first {_MOST_FILES} of {len(files)}."
+        table = Table("Files, as the results describe them", columns, tuple(files[:_MOST_FILES]), note)
+        blocks.append(Details(f"{len(files)} files with their SHA-256", (table,)))
+    blocks.append(
+        Paragraph(
+            "The SHA-256 of a file changes with any change to it: compare it with `sha256sum FILE`. The same inputs, "
+            "settings and seed give the same result on the same machine and version.",
+            faint=True,
+        )
+    )
+    return Section("provenance", "Provenance", tuple(blocks))
+
+
+def _inputs(results: Results) -> Table:
+    rows: list[tuple[str | None, ...]] = [
+        (f"{r.name}/reference.json", r.report.fieldkit, _seed(r.report.settings), f"“{r.report.source}”", r.sha256)
+        for r in results.references
+    ]
+    for p in results.plans:
+        version = p.plan.fieldkit if p.plan is not None else p.settings.fieldkit if p.settings is not None else None
+        seed = p.settings.seed if p.settings is not None else None
+        file = "plan.json" if p.plan is not None else "search.json"
+        rows.append((f"{p.name}/{file}", version, None if seed is None else str(seed), _source(p), p.sha256 or None))
+    rows += [(m.name, None, None, None, m.sha256) for m in results.missions]
+    for e in results.evaluations:
+        against = e.report.reference_sha256
+        made = f"“{e.report.source}”, {f'reference {_short(against)}' if against else 'no reference'}"
+        rows.append((f"{e.name}/evaluation.json", e.report.fieldkit, _seed(e.report.settings), made, e.sha256))
+    for c in results.campaigns:
+        rows.append((f"{c.name}/campaign.toml", None, str(c.campaign.evaluation.seed), None, c.sha256))
+    columns = (
+        Column("input"),
+        Column("fieldkit"),
+        Column("seed", True),
+        Column("made from"),
+        Column("SHA-256", mono=True),
+    )
+    return Table("Inputs of this report", columns, tuple(rows))
+
+
+def _source(part: PlanPart) -> str | None:
+    source = part.plan.source if part.plan is not None else part.settings.source if part.settings is not None else None
+    if source is None:
+        return None
+    return f"{source.kind} “{source.name}”" + (f", {_short(source.sha256)}" if source.sha256 else "")
+
+
+def _short(sha256: str) -> str:
+    return f"{sha256[:12]}…"
+
+
+def _seed(settings: Mapping[str, Any]) -> str | None:
+    seed = settings.get("seed")
+    return str(seed) if isinstance(seed, int) and not isinstance(seed, bool) else None
+
+
+def _settings(title: str, settings: Mapping[str, Any]) -> Details:
+    flat = list(_flat(settings))
+    shown = tuple(flat[:_MOST_SETTINGS])
+    return Details(title, (Terms(shown or (("settings", "none are given"),), mono=True),))
+
+
+def _flat(value: Any, key: str = "", depth: int = 0) -> Iterator[tuple[str, str]]:
+    if isinstance(value, Mapping) and value and depth < 6:
+        for name, inner in value.items():
+            yield from _flat(inner, f"{key}.{name}" if key else str(name), depth + 1)
+        return
+    text = "none" if value is None else str(value)
+    yield key, text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+
+
+def _files(results: Results) -> Iterator[tuple[str, str, str]]:
+    parts: list[ReferencePart | EvaluationPart] = [*results.references, *results.evaluations]
+    for part in parts:
+        entries: list[FileEntry] = list(part.report.files)
+        if isinstance(part, EvaluationPart):
+            entries += [entry for plot in part.report.plots for entry in plot.files]
+        for entry in entries:
+            yield f"{part.name}/{entry.name}", f"{entry.bytes:,}", entry.sha256

@@ -1,0 +1,33 @@
+"""The summary in words: what was done, how well, and what to do about what is wrong, by rules from the figures.
+
+Every sentence is true of the figures it is made from. Nothing is called good that has no measure; advice is only given
+where a figure calls for it.
+"""
+
+from __future__ import annotations
+
+from fieldkit.present.content import Statement
+from fieldkit.present.sections.parts import Results
+from fieldkit.present.sections.summary_campaign import campaign_statements
+from fieldkit.present.sections.summary_captures import evaluation_statements, reference_statements
+from fieldkit.present.sections.summary_plan import mission_statement, plan_statements
+
+
+def summarise(results: Results) -> tuple[Statement, ...]:
+    """The statements of a report, in the order of its parts."""
+    statements: list[Statement] = []
+    for reference in results.references:
+        statements += reference_statements(reference)
+    for plan in results.plans:
+        statements += plan_statements(plan)
+    for mission in results.missions:
+        statements.append(mission_statement(mission))
+    for evaluation in results.evaluations:
+        statements += evaluation_statements(evaluation)
+    for campaign in results.campaigns:
+        statements += campaign_statements(campaign)
+    statements += [
+        Statement("problem", f"{each.name} is damaged and not shown: {each.message}.", each.remedy)
+        for each in results.unreadable
+    ]
+    return tuple(statements)

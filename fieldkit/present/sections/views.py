@@ -1,0 +1,319 @@
+"""The report's 3D views: which clouds, cameras and ways they show, in one frame each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds import Cloud, PointIndex, read_cloud
+from fieldkit.errors import CloudError, FieldkitError
+from fieldkit.evaluation.figures import source_frame
+from fieldkit.files import file_beside
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.present.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
+from fieldkit.present.html.text import length
+from fieldkit.present.sections.parts import EvaluationPart, MissionPart, PlanPart, ReferencePart, Results
+from fieldkit.present.sections.plot_placement import placed_plots
+from fieldkit.present.sections.route import Route
+from fieldkit.results.evaluation import CameraEntry, EvaluationReport, ImageEntry, PlotEvaluation, ReferenceReport
+from fieldkit.results.plan import Plan
+from fieldkit.results.report_files import check_file
+
+MOST_VIEWS_OF_PLOTS = 4
+"""An evaluation of more plots shows those with the greatest distances: a browser draws a dozen views at once."""
+
+CLOUD_FILE, SCENE_FILE = "cloud.ply", "scene.ply"
+_ACHIEVED, _PLANNED, _WRONG = "#2f9e6e", "#3b7dd8", "#d0383f"
+_WAY, _FENCE, _ZONE = "#d9812b", "#7b61c4", "#d0383f"
+_HALF_VIEW = (0.55, 0.41)  # of a camera that nobody described
+_LARGEST_SCALE_M = 10.0
+_NEAR_M = 100.0  # a way that passes a plot farther off is not over it
+_FARTHEST_M = 100_000.0
+_PLANT_GREEN = (70, 140, 70)
+_MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones are shown
+
+Points = NDArray[np.float64]
+
+
+def reference_view(part: ReferencePart) -> tuple[ViewerScene | None, str]:
+    """The reference's cloud, with the ground where it was kept, and the cameras it was made from.
+
+    Returns:
+        The view, None where its cloud cannot be read; and a note.
+    """
+    report = part.report
+    try:
+        names = {entry.name for entry in report.files}
+        cloud = _read(check_file(part.folder, report, SCENE_FILE if SCENE_FILE in names else CLOUD_FILE))
+    except (FieldkitError, OSError) as error:
+        return None, f"No 3D view: {error}"
+    layer = PointLayer("Reference", *_drawn(cloud))
+    frusta = _camera_layers(report.image_reports, report.cameras, "Cameras")
+    return ViewerScene(f"{report.source}: the reference and its {report.right} cameras", (layer,), frusta), ""
+
+
+def plot_view(
+    part: EvaluationPart, plot: PlotEvaluation, results: Results
+) -> tuple[ViewerScene | None, str]:  # fmt: skip
+    """A plot's cloud and the reference, each coloured by its distance to the other, with cameras planned and achieved.
+
+    Distances are exact: of every point to the whole other cloud.
+
+    Returns:
+        The view, None where the plot's cloud cannot be read; and a note.
+    """
+    try:
+        cloud = _read(_plot_cloud(part, plot))
+    except (FieldkitError, OSError) as error:
+        return None, f"No 3D view: {error}"
+    reference = next((r for r in results.references if r.sha256 == part.report.reference_sha256), None)
+    note, distances = "", None
+    frusta = _camera_layers(plot.image_reports, plot.cameras, "Cameras, achieved")
+    layers = []
+    lines: list[LineLayer] = []
+    if reference is not None and len(cloud):
+        try:
+            other = _read(check_file(reference.folder, reference.report, CLOUD_FILE))
+        except (FieldkitError, OSError) as error:
+            note = f"The reference is not shown: {error}"
+        else:
+            limit = min(max(part.report.distances_m, default=0.02), _LARGEST_SCALE_M)
+            distances = PointIndex(other.points).nearest(cloud.points)[0]
+            missing = PointIndex(cloud.points).nearest(other.points)[0]
+            layers.append(PointLayer("This capture", *_drawn(cloud), distances.astype(np.float32), limit))
+            layers.append(
+                PointLayer("Reference", *_drawn(other), missing.astype(np.float32), limit, shown=False)
+            )  # fmt: skip
+            note = (
+                "By distance, “This capture” shows accuracy (what should not be there stands out) and “Reference” "
+                "shows completeness (what is missing in this capture stands out)."
+            )
+        frusta += [_planned_layer(plan) for plan in _plans_on(reference, results)]
+        lines += _ways(reference.report, results)
+    elif part.report.reference_sha256 is not None:
+        note = "The reference that it was scored against is not in this folder, so distances cannot be coloured."
+    if not layers:
+        layers.append(PointLayer("This capture", *_drawn(cloud)))
+    shifts = [
+        np.array([image.known_center_m, image.center_m], dtype=np.float32)
+        for image in plot.image_reports
+        if image.known_center_m is not None and image.center_m is not None
+    ]
+    if shifts:
+        lines.append(LineLayer("From known to achieved position", shifts, _FENCE, shown=False))
+    return ViewerScene(f"{plot.name}: the capture against its reference", layers, frusta, lines), note
+
+
+def plan_view(part: PlanPart, results: Results) -> tuple[ViewerScene | None, str]:
+    """A plan's cameras about the plants, and the box that cameras may stand in."""
+    plan = part.plan
+    if plan is None:
+        return None, ""
+    layers, note = _plan_plants(plan, results)
+    if not layers and not note:
+        note = "The plan does not say where the plants are: they stand about the middle, on z = 0."
+    lines = []
+    envelope = plan.envelope
+    if envelope is not None and envelope.lower_m is not None and envelope.upper_m is not None:
+        lines.append(
+            LineLayer("Where cameras may stand", _box(envelope.lower_m, envelope.upper_m), _FENCE, shown=False)
+        )
+    return ViewerScene("The planned cameras", layers, (_planned_layer(part),), lines), note
+
+
+def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
+    """The plants that a plan is made for, in its plot frame: the reference's cloud, and what flights keep clear of."""
+    layers: list[PointLayer] = []
+    note = ""
+    source = None if plan.source is None else plan.source.sha256
+    reference = next((r for r in results.references if source is not None and r.sha256 == source), None)
+    if reference is not None:
+        try:
+            cloud = _read(check_file(reference.folder, reference.report, CLOUD_FILE))
+            layers.append(PointLayer("Reference", *_drawn(cloud)))
+        except (FieldkitError, OSError) as error:
+            note = f"The reference is not shown: {error}"
+    if plan.plants is not None and plan.plants.points_m:
+        points = np.array(plan.plants.points_m, dtype=np.float32)
+        colors = np.tile(np.array(_PLANT_GREEN, dtype=np.uint8), (len(points), 1))
+        layers.append(PointLayer("Plants, as flights keep clear of them", points, colors, shown=not layers))
+    return layers, note
+
+
+def _mission_plants(route: Route, results: Results) -> list[PointLayer]:
+    """The plants of the plots that one of the plans is flown on."""
+    for part in results.plans:
+        plots = () if part.plan is None else placed_plots(route, part.plan)
+        if part.plan is None or not plots:
+            continue
+        found = []
+        for layer in _plan_plants(part.plan, results)[0]:
+            shown = plots[: max(1, _MOST_PLANTS // max(1, len(layer.points)))]
+            points = np.concatenate([plot.place(layer.points) for plot in shown])
+            colors = None if layer.colors is None else np.tile(layer.colors, (len(shown), 1))
+            found.append(replace(layer, points=points, colors=colors))
+        return found
+    return []
+
+
+def mission_view(part: MissionPart, results: Results) -> ViewerScene:
+    """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
+    route = part.route
+    camera = next((p.plan.camera for p in results.plans if p.plan is not None and p.plan.camera is not None), None)
+    half = _HALF_VIEW if camera is None else _half_view(camera.intrinsics)
+    poses = [Pose.from_yaw_pitch(s.position_m, s.yaw_deg, s.pitch_deg) for s in route.stations]
+    labels = [f"{s.plot}, station {s.station}" if s.plot else f"station {s.station}" for s in route.stations]
+    lines = [LineLayer("Way", (route.way.astype(np.float32),), _WAY)]
+    for name, outlines, color in (("Fence", route.fences, _FENCE), ("No-fly zones", route.zones, _ZONE)):
+        if outlines:
+            closed = [np.pad(ring, ((0, 0), (0, 1))).astype(np.float32) for ring in outlines]
+            lines.append(LineLayer(name, closed, color))
+    frusta = FrustumLayer("Photographs", poses, labels, *half, _PLANNED)
+    plants = _mission_plants(route, results)
+    return ViewerScene(f"{route.name}: the way and its photographs", plants, (frusta,), lines)
+
+
+def within_budget(scenes: Sequence[ViewerScene], most_points: int) -> list[ViewerScene]:
+    """The same views with at most so many points in all: every layer keeps the same share of its own.
+
+    Which points are kept is drawn at random from a fixed seed, so it is the same every time.
+    """
+    total = sum(len(layer.points) for scene in scenes for layer in scene.points)
+    if total <= most_points:
+        return list(scenes)
+    share = most_points / total
+    return [replace(scene, points=tuple(_thinned(layer, share) for layer in scene.points)) for scene in scenes]
+
+
+def points_of(scenes: Sequence[ViewerScene]) -> int:
+    """How many points views hold."""
+    return sum(len(layer.points) for scene in scenes for layer in scene.points)
+
+
+def _thinned(layer: PointLayer, share: float) -> PointLayer:
+    count = len(layer.points)
+    kept = np.sort(np.random.default_rng(0).choice(count, int(count * share), replace=False))
+    return replace(
+        layer,
+        points=layer.points[kept],
+        colors=None if layer.colors is None else layer.colors[kept],
+        values=None if layer.values is None else layer.values[kept],
+    )
+
+
+def _read(path: Path) -> Cloud:
+    """A cloud that can be drawn.
+
+    Raises:
+        CloudError: it cannot be read, or lies where no plot does.
+    """
+    cloud = read_cloud(path)
+    if len(cloud) and np.abs(cloud.points).max() > _FARTHEST_M:
+        raise CloudError(f"its points lie more than {_FARTHEST_M / 1000:g} km from the plot's centre", path=path)
+    return cloud
+
+
+def _drawn(cloud: Cloud) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]:
+    return cloud.points.astype(np.float32), cloud.colors
+
+
+def _plot_cloud(part: EvaluationPart, plot: PlotEvaluation) -> Path:
+    name = f"{plot.name}/{CLOUD_FILE}"
+    try:
+        inside = file_beside(Path(name), part.folder / "evaluation.json")
+    except (RuntimeError, ValueError) as error:
+        raise FieldkitError("its name is no path") from error
+    if inside is None or Path(plot.name).is_absolute():
+        raise FieldkitError("its cloud does not lie in the evaluation's folder")
+    described = _AsReport(part.report, plot)
+    return check_file(part.folder, described, name)  # type: ignore[arg-type]
+
+
+class _AsReport:
+    """A plot's files, listed as `check_file` looks for them."""
+
+    def __init__(self, report: EvaluationReport | ReferenceReport, plot: PlotEvaluation) -> None:
+        self.files, self.kind = plot.files, report.kind
+
+
+def _camera_layers(
+    images: Sequence[ImageEntry], cameras: Sequence[CameraEntry], name: str
+) -> list[FrustumLayer]:  # fmt: skip
+    half = _HALF_VIEW
+    if cameras:
+        camera = max(cameras, key=lambda c: c.photos)
+        try:
+            half = _half_view(Intrinsics(camera.model, camera.width, camera.height, camera.params))
+        except ValueError:
+            half = _HALF_VIEW
+    layers = []
+    for title, color, right in ((name, _ACHIEVED, True), ("Cameras, pose found wrong", _WRONG, False)):
+        chosen = [(i, pose) for i in images if (i.right is not False) is right and (pose := i.pose) is not None]
+        if chosen:
+            layers.append(FrustumLayer(
+                title, [pose for _, pose in chosen], [_label(image) for image, _ in chosen], *half, color
+            ))  # fmt: skip
+    return layers
+
+
+def _label(image: ImageEntry) -> str:
+    off = image.position_residual_m
+    return image.name if off is None else f"{image.name}, {length(off)} from its known position"
+
+
+def _plans_on(reference: ReferencePart, results: Results) -> list[PlanPart]:
+    return [
+        part
+        for part in results.plans
+        if part.plan is not None and part.plan.source is not None and part.plan.source.sha256 == reference.sha256
+    ]
+
+
+def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
+    """The ways of missions in the plot frame of a georeferenced reference, as far as they come near it.
+
+    Mission heights are above home; where home's height above sea level, or the reference's datum, is not known, there
+    is no way to place them.
+    """
+    frame = source_frame(report.metric_source, report.frame)
+    if frame.origin is None or frame.origin.datum != "sea level":
+        return []
+    layers = []
+    for mission in results.missions:
+        route = mission.route
+        if route.home_amsl_m is None:
+            continue
+        home = LocalFrame(*route.home, route.home_amsl_m, "sea level")
+        local = frame.origin.to_local(*home.to_geodetic(route.way))
+        way = frame.from_source.apply(local).astype(np.float32)
+        if np.linalg.norm(way, axis=1).min() < _NEAR_M:
+            layers.append(LineLayer(f"Way of {mission.mission_file or mission.name}", [way], _WAY, shown=False))
+    return layers
+
+
+def _planned_layer(part: PlanPart) -> FrustumLayer:
+    plan: Plan | None = part.plan
+    assert plan is not None
+    half = _HALF_VIEW if plan.camera is None else _half_view(plan.camera.intrinsics)
+    poses = [station.pose for station in plan.stations]
+    labels = [f"station {number}" for number in range(len(poses))]
+    return FrustumLayer("Cameras, planned", poses, labels, *half, _PLANNED)
+
+
+def _half_view(camera: Intrinsics) -> tuple[float, float]:
+    width, height = camera.width / 2 / camera.fx, camera.height / 2 / camera.fy
+    return (width, height) if 0.01 < width < 20 and 0.01 < height < 20 else _HALF_VIEW
+
+
+def _box(lower: Sequence[float], upper: Sequence[float]) -> list[NDArray[np.float32]]:
+    """The twelve edges of a box: two rings and four posts."""
+    (x0, y0, z0), (x1, y1, z1) = lower, upper
+    ring = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
+    rings = [np.array([(x, y, z) for x, y in ring], dtype=np.float32) for z in (z0, z1)]
+    posts = [np.array([(x, y, z0), (x, y, z1)], dtype=np.float32) for x, y in ring[:4]]
+    return [*rings, *posts]

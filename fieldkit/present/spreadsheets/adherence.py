@@ -1,0 +1,37 @@
+"""adherence.csv: one row per photograph and source, for spreadsheets and data frames."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+from fieldkit.files import write_atomic
+from fieldkit.present.spreadsheets.plots import csv_cell
+from fieldkit.results.evaluation import AdherenceEntry, PoseEntry
+
+SOURCES = ("planned", "commanded", "reported", "tagged", "reconstructed")
+COLUMNS = ("image", "station", "source", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg")
+
+
+def write_adherence_csv(path: Path, found: AdherenceEntry) -> None:
+    """Write the poses of a plot's photographs; UTF-8, commas, decimal points, empty where there is no value.
+
+    Raises:
+        StorageError: the place is full or not writable.
+    """
+    write_atomic(path, adherence_csv(found))
+
+
+def adherence_csv(found: AdherenceEntry) -> str:
+    """The table as text: plot frame, one row per photograph and source that knows it, in the photographs' order."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for row in found.photographs:
+        for source in SOURCES:
+            pose: PoseEntry | None = getattr(row, source)
+            if pose is not None:
+                cells = [row.image, row.station, source, *pose.position_m, pose.yaw_deg, pose.pitch_deg]
+                writer.writerow([csv_cell(value) for value in cells])
+    return text.getvalue()

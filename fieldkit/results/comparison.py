@@ -1,0 +1,86 @@
+"""What compare.json holds. Units are in the figures' names: _m metres, _px pixels, _m3 cubic metres."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from fieldkit.results.evaluation import Count, Length, Sha256, Strict
+
+NoiseSource = Literal["repeats", "plan", "blocks", "plan and blocks", "prediction", "plots"]
+
+
+class ComparedEvaluation(Strict):
+    """One of the evaluations, or several that repeat one."""
+
+    label: str
+    sources: tuple[str, ...]
+    """Names of the folders of captures; more than one: repeats."""
+    reference_sha256: Sha256 | None
+    """Null without a reference, and where repeats have different ones."""
+    plots: tuple[str, ...]
+
+
+class ValueEntry(Strict):
+    """A figure of a plot in an evaluation."""
+
+    plot: str
+    figure: str
+    label: str
+    value: float
+    """Mean over repeats."""
+    repeats: Annotated[int, Field(gt=0)]
+    spread: Length | None
+    """Standard deviation over repeats; null for one."""
+
+
+class DifferenceEntry(Strict):
+    """A figure's difference between two evaluations, and whether that is more than noise."""
+
+    plot: str | None
+    """Null: mean over all plots that both have."""
+    figure: str
+    label: str
+    less: str
+    """The other evaluation: the first one, or the one before."""
+    difference: float
+    noise: NoiseSource | None
+    """Where the noise is known from; null where it cannot be told."""
+    noise_sd: Length | None
+    """Standard deviation of the difference if nothing but noise differed."""
+    low: float | None
+    high: float | None
+    """95 % interval of the difference."""
+    beyond: bool | None
+    """Whether the interval leaves 0 out; null where the noise cannot be told."""
+
+
+class BlockEntry(Strict):
+    """The spatial block bootstrap of nearest-neighbour distances."""
+
+    edge_m: Annotated[float, Field(gt=0)]
+    """Of the largest cubes that are drawn."""
+    fewest: Count
+    """Cubes of a plot, at least."""
+    resamples: Count
+    seed: Count
+
+
+class ComparisonReport(Strict):
+    """compare.json: several evaluations side by side."""
+
+    kind: Literal["comparison"] = "comparison"
+    version: Literal[1] = 1
+    fieldkit: str
+    """Version that wrote it."""
+    evaluations: tuple[ComparedEvaluation, ...]
+    """In the order given."""
+    figures: tuple[str, ...]
+    """Those that were compared."""
+    values: tuple[ValueEntry, ...]
+    differences: tuple[DifferenceEntry, ...]
+    blocks: BlockEntry | None
+    """Null where no clouds were drawn from."""
+    notes: tuple[str, ...]
+    """What could not be compared or told, and why."""

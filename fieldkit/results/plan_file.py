@@ -1,0 +1,77 @@
+"""Reading and writing plan.json, and its JSON Schema."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from fieldkit import __version__
+from fieldkit.documents.json_file import read_json_object, schema_text, validated
+from fieldkit.errors import MetadataError
+from fieldkit.files import write_atomic
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.results.plan import Plan, PlanCamera, Station
+
+PLAN_FILE = "plan.json"
+_MAX_BYTES = 16 << 20
+_AGAIN = "Give the plan.json of a plan, or the folder that holds it."
+
+
+def plan_from_poses(poses: Sequence[Pose], intrinsics: Intrinsics | None = None, **more: Any) -> Plan:
+    """A plan of level poses in the plot frame; their roll, which a gimbal does not have, is dropped.
+
+    Args:
+        poses: one or more.
+        intrinsics: of the camera.
+        more: further fields of `Plan`.
+    """
+    stations = []
+    for pose in poses:
+        yaw, pitch, _ = pose.yaw_pitch_roll_deg()
+        x, y, z = (float(v) for v in pose.center)
+        stations.append(Station(position_m=(x, y, z), yaw_deg=yaw, pitch_deg=pitch))
+    camera = None
+    if intrinsics is not None:
+        camera = PlanCamera(
+            model=intrinsics.model, width=intrinsics.width, height=intrinsics.height, params=intrinsics.params
+        )
+    return Plan(fieldkit=__version__, stations=tuple(stations), camera=camera, **more)
+
+
+def save_plan(path: Path, plan: Plan) -> None:
+    """Write a plan as JSON (UTF-8, indented).
+
+    Raises:
+        StorageError: the place is full or not writable.
+    """
+    write_atomic(path, plan_bytes(plan))
+
+
+def plan_bytes(plan: Plan) -> bytes:
+    """A plan as JSON, UTF-8, indented."""
+    return (plan.model_dump_json(indent=2) + "\n").encode("utf-8")
+
+
+def load_plan(path: Path) -> Plan:
+    """Read plan.json; ``path`` is the file or the folder that holds it.
+
+    Raises:
+        MetadataError: it is missing, not JSON, no plan, of another version, or a field is wrong.
+    """
+    path = Path(path)
+    file = path / PLAN_FILE if path.is_dir() else path
+    document = read_json_object(file, _AGAIN, noun="plan", max_bytes=_MAX_BYTES)
+    if document.get("kind") != "plan":
+        raise MetadataError(f'is not a plan: its "kind" is {document.get("kind")!r}', path=file, remedy=_AGAIN)
+    version = document.get("version")
+    if version != 1 or isinstance(version, bool):
+        newer = isinstance(version, int) and version > 1
+        remedy = "Install the fieldkit that wrote it, or a newer one." if newer else _AGAIN
+        raise MetadataError(f"has version {version!r} of the format; this fieldkit reads 1", path=file, remedy=remedy)
+    return validated(Plan, document, file, _AGAIN)
+
+
+def plan_schema() -> str:
+    """JSON Schema (2020-12) of plan.json, as text that ends in a newline."""
+    return schema_text(Plan.model_json_schema(mode="validation"))

@@ -1,0 +1,139 @@
+"""Reading and writing reference.json and evaluation.json, and their JSON Schema."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from fieldkit.documents.json_file import read_json_object, schema_text
+from fieldkit.errors import MetadataError
+from fieldkit.files import write_atomic
+from fieldkit.results.comparison import ComparisonReport
+from fieldkit.results.evaluation import EvaluationReport, FileEntry, ReferenceReport
+
+REFERENCE_FILE = "reference.json"
+EVALUATION_FILE = "evaluation.json"
+SCHEMA_FILES: dict[str, type[BaseModel]] = {
+    "reference.schema.json": ReferenceReport,
+    "evaluation.schema.json": EvaluationReport,
+    "comparison.schema.json": ComparisonReport,
+}
+
+_MAX_BYTES = 256 << 20
+_Report = TypeVar("_Report", ReferenceReport, EvaluationReport)
+
+
+def save_report(path: Path, report: ReferenceReport | EvaluationReport) -> None:
+    """Write a report as JSON (UTF-8, indented).
+
+    Raises:
+        StorageError: the place is full or not writable.
+    """
+    write_atomic(path, report.model_dump_json(indent=2) + "\n")
+
+
+def load_reference_report(path: Path) -> ReferenceReport:
+    """Read reference.json; ``path`` is the file or the folder that holds it.
+
+    Raises:
+        MetadataError: it is missing, not JSON, of another kind or version, or a field is wrong.
+    """
+    return _load(path, REFERENCE_FILE, ReferenceReport, "reference")
+
+
+def load_evaluation_report(path: Path) -> EvaluationReport:
+    """Read evaluation.json; ``path`` is the file or the folder that holds it.
+
+    Raises:
+        MetadataError: it is missing, not JSON, of another kind or version, or a field is wrong.
+    """
+    return _load(path, EVALUATION_FILE, EvaluationReport, "evaluation")
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def describe_files(folder: Path, names: Iterable[str]) -> tuple[FileEntry, ...]:
+    """Size and SHA-256 of files in a result's folder; ``names`` are relative, with "/"."""
+    return tuple(
+        FileEntry(name=name, bytes=(folder / name).stat().st_size, sha256=file_sha256(folder / name)) for name in names
+    )
+
+
+def check_file(folder: Path, report: ReferenceReport | EvaluationReport, name: str) -> Path:
+    """The path of a file the report describes, after comparing it with its size and SHA-256 there.
+
+    Raises:
+        MetadataError: the report does not list it, it is missing, or it is not the same any more.
+    """
+    path = folder / name
+    entry = next((entry for entry in report.files if entry.name == name), None)
+    remedy = f"Build the {report.kind} again."
+    if entry is None:
+        raise MetadataError(f"the {report.kind} has no {name}", path=folder, remedy=remedy)
+    if not path.is_file():
+        raise MetadataError(f"is missing, and the {report.kind} needs it", path=path, remedy=remedy)
+    if path.stat().st_size != entry.bytes or file_sha256(path) != entry.sha256:
+        raise MetadataError(f"was changed after the {report.kind} was built", path=path, remedy=remedy)
+    return path
+
+
+def json_schema(model: type[BaseModel]) -> str:
+    """JSON Schema (2020-12) of a report, as text that ends in a newline."""
+    return schema_text(model.model_json_schema(mode="validation"))
+
+
+def write_schemas(folder: Path) -> None:
+    """Write the JSON Schema of every report into ``folder`` (docs/schemas)."""
+    for name, model in SCHEMA_FILES.items():
+        write_atomic(folder / name, json_schema(model))
+
+
+def _load(path: Path, name: str, model: type[_Report], kind: str) -> _Report:
+    path = Path(path)
+    file = path / name if path.is_dir() else path
+    command = "fieldkit reference" if kind == "reference" else "fieldkit evaluate"
+    again = f"Give the folder that `{command}` wrote, or run it again."
+    document = read_json_object(file, again, noun="report", max_bytes=_MAX_BYTES)
+    found = document.get("kind")
+    if found != kind:
+        was = f'its "kind" is {found!r}' if "kind" in document else 'it has no "kind"'
+        raise MetadataError(f"is not a fieldkit {kind}: {was}", path=file, remedy=again)
+    version = document.get("version")
+    known = model.model_fields["version"].default
+    if version != known or isinstance(version, bool):
+        remedy = again
+        if isinstance(version, int) and version > known:
+            remedy = "Install the fieldkit that wrote it, or a newer one."
+        raise MetadataError(
+            f"has version {version!r} of the format; this fieldkit reads {known}", path=file, remedy=remedy
+        )
+    try:
+        # From text, so that arrays may become tuples while everything else stays strict.
+        return model.model_validate_json(json.dumps(document))
+    except ValidationError as error:
+        raise MetadataError(_sentence(error), path=file, remedy=again) from error
+
+
+def _sentence(error: ValidationError) -> str:
+    """The first problem as ``field: what is wrong``, and how many more there are."""
+    problems = error.errors(include_url=False, include_context=False)
+    first = problems[0]
+    field = ".".join(str(part) for part in first["loc"]) or "the object"
+    match first["type"]:
+        case "missing":
+            problem = "is missing"
+        case "extra_forbidden":
+            problem = "is not known to this version of the format"
+        case _:
+            problem = first["msg"][:1].lower() + first["msg"][1:]
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"{field}: {problem}{more}"

@@ -1,0 +1,342 @@
+"""A stand-in for a vehicle: sends a recording's telemetry on this machine and answers the mission protocol live."""
+
+from __future__ import annotations
+
+import ipaddress
+import math
+import select
+import socket
+import struct
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import TracebackType
+
+from fieldkit.errors import LinkError, UsageError
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import MAGIC_2, Message, Splitter, checksum, decode
+from fieldkit.missions.autopilots.ardupilot.accepting import Result, in_centimetres
+from fieldkit.missions.items import MissionItem, command_name
+from fieldkit.missions.link.compare import home_item, to_wire
+from fieldkit.missions.link.filter_flags import uses_gps
+from fieldkit.missions.link.item_rules import stored
+from fieldkit.missions.link.signing import Signer
+from fieldkit.missions.link.transfers import ItemList, Kind
+from fieldkit.missions.link.wires import parse_address
+from fieldkit.standin import autopilot_model
+from fieldkit.standin.autopilot_state import Autopilot
+from fieldkit.standin.faults import Channel, Faults
+from fieldkit.standin.recording import Recording, Telemetry
+from fieldkit.standin.telemetry_source import TelemetrySource
+
+_HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+_HOME = mavlink.MAVLINK_MSG_ID_HOME_POSITION
+_EKF = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
+_ARMED = 128
+_TICK_S = 0.05
+_MAX_WAIT_S = 0.1
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Packets of a link so far.
+
+    Attributes:
+        heard: of ground stations, that arrived.
+        said: to them, answers and telemetry, before any were lost.
+        lost: both ways.
+        refused: that were not signed with the vehicle's key.
+    """
+
+    heard: int
+    said: int
+    lost: int
+    refused: int
+
+
+class Replay:
+    """A vehicle that is not there. Runs in a thread of its own between `start` and `stop`, or in a ``with`` block.
+
+    Args:
+        recording: its telemetry; after its end the last of it goes on once a second.
+        serve: "udpout://127.0.0.1:PORT" sends to a ground station that waits there, as the SITL does;
+            "udpin://127.0.0.1:PORT" waits for stations, port 0 for a free one (see `url`).
+        speed: vehicle seconds per second; its time-outs run faster, too.
+        faults: of the link; the delay is in vehicle time.
+        begin_s: where in the recording it begins.
+        rate_hz: at most so many of each kind of message per vehicle second; None for all that were recorded.
+        key: the vehicle signs with it and hears nobody who does not.
+
+    Raises:
+        UsageError: an argument is wrong, or ``serve`` is another machine: a flight that is not real must not reach
+            a ground station that could take it for one.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        *,
+        serve: str = "udpin://127.0.0.1:0",
+        speed: float = 1.0,
+        faults: Faults | None = None,
+        begin_s: float = 0.0,
+        rate_hz: float | None = None,
+        key: bytes | None = None,
+    ) -> None:
+        if not (math.isfinite(speed) and 0.0 < speed <= 1000.0):
+            raise UsageError(f"speed: cannot be {speed:g}", remedy="Give vehicle seconds per second, such as 1 or 10.")
+        if not (math.isfinite(begin_s) and begin_s >= 0.0):
+            raise UsageError(f"from: cannot be {begin_s:g} s", remedy="Give seconds of the recording.")
+        if rate_hz is not None and not (math.isfinite(rate_hz) and rate_hz > 0.0):
+            raise UsageError(f"rate: cannot be {rate_hz:g}", remedy="Give messages per second, such as 2.")
+        self._recording, self._speed, self._begin_s, self._rate_hz = recording, speed, begin_s, rate_hz
+        self._address = parse_address(serve)
+        if self._address.scheme not in ("udpin", "udpout") or not _is_this_machine(self._address.place):
+            raise UsageError(
+                f"serves on this machine only, not at {serve}",
+                remedy="Give --serve udpout://127.0.0.1:PORT or udpin://127.0.0.1:PORT.",
+            )
+        faults = faults or Faults()
+        self._heard, self._said = Channel(faults, 0), Channel(faults, 1)
+        self._signer = None if key is None else Signer(key)
+        known = {} if recording.version is None else {recording.version.get_msgId(): recording.version}
+        self._state = Autopilot(
+            recording.system, recording.component, parameters=recording.parameters, known=known
+        )  # fmt: skip
+        self._commanded = False
+        self._cut_after: int | None = None
+        self._packets = 0
+        self._seq = 0
+        self._thread: threading.Thread | None = None
+        self._stopping = threading.Event()
+        self._failure: BaseException | None = None
+        self._socket: socket.socket | None = None
+        self._peers: list[tuple[str, int]] = []
+        self._splitters: dict[tuple[str, int], Splitter] = {}
+
+    @property
+    def autopilot(self) -> Autopilot:
+        """What the vehicle holds at this moment."""
+        return self._state
+
+    @property
+    def url(self) -> str:
+        """Where a ground station on this machine finds it, as an address for it to open."""
+        if self._address.scheme == "udpout":
+            return f"udpin://{self._address.place}:{self._address.number}"
+        assert self._socket is not None, "start it first"
+        return f"udpout://{self._address.place}:{self._socket.getsockname()[1]}"
+
+    @property
+    def traffic(self) -> Traffic:
+        """Packets so far."""
+        refused = 0 if self._signer is None else self._signer.refused
+        return Traffic(self._packets, self._said.sent, self._heard.lost + self._said.lost, refused)
+
+    def hold(self, items: Sequence[MissionItem]) -> None:
+        """Give it a mission before it starts, as an earlier upload would have left it.
+
+        Raises:
+            UsageError: an item is not one that this autopilot takes.
+        """
+        kept = []
+        for item in to_wire(items):
+            taken = stored(item)
+            if isinstance(taken, Result):
+                raise UsageError(f"the vehicle would refuse {command_name(item.command)}: {taken.name}")
+            kept.append(taken)
+        mission = ItemList(Kind.MISSION, (home_item(None), *kept))
+        self._state = replace(self._state, mission=mission)
+
+    def cut_after(self, packets: int | None) -> None:
+        """Break the link for good once this many more packets have been heard; None mends it."""
+        self._cut_after = None if packets is None else self._packets + packets
+
+    def start(self) -> Replay:
+        """Open the socket and begin to serve.
+
+        Raises:
+            LinkError: the address is in use.
+        """
+        place, number = self._address.place, self._address.number
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            if self._address.scheme == "udpin":
+                self._socket.bind((place, number))
+            else:
+                self._peers = [(place, number)]
+        except OSError as error:
+            self._socket.close()
+            raise LinkError(
+                f"cannot serve at {place}:{number}: {error.strerror}",
+                remedy="Stop what uses this port, or take another.",
+            ) from error
+        self._thread = threading.Thread(target=self._run, name="replay", daemon=True)
+        self._thread.start()
+        return self
+
+    def stop(self) -> None:
+        """End the thread and close the socket.
+
+        Raises:
+            Exception: whatever went wrong in the thread.
+        """
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        if self._socket is not None:
+            self._socket.close()
+        if self._failure is not None:
+            failure, self._failure = self._failure, None
+            raise failure
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait for the end of the thread, as long as it takes with None; whether it ended."""
+        if self._thread is None:
+            return True
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def __enter__(self) -> Replay:
+        return self.start()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def _run(self) -> None:
+        try:
+            self._serve()
+        except BaseException as error:
+            self._failure = error
+            self._stopping.set()
+
+    def _serve(self) -> None:
+        assert self._socket is not None
+        begun = time.monotonic()
+        source = TelemetrySource(self._recording, self._begin_s, self._rate_hz)
+        tick_s = self._begin_s
+        while not self._stopping.is_set():
+            now_s = self._begin_s + (time.monotonic() - begun) * self._speed
+            for frame in source.due(now_s):
+                self._follow(frame)
+                self._send(self._as_it_is_now(frame), now_s)
+            for packet in self._heard.arrived(now_s):
+                self._hear(packet, now_s)
+            if now_s >= tick_s:
+                tick_s = now_s + _TICK_S
+                self._state, messages = autopilot_model.on_time(self._state, now_s)
+                self._send_all(messages, now_s)
+            self._flush(now_s)
+            next_s = min(source.next_s, self._heard.next_s, self._said.next_s, tick_s)
+            wait_s = min(max((next_s - now_s) / self._speed, 0.0), _MAX_WAIT_S)
+            if select.select([self._socket], [], [], wait_s)[0]:
+                self._receive(self._begin_s + (time.monotonic() - begun) * self._speed)
+
+    def _receive(self, now_s: float) -> None:
+        assert self._socket is not None
+        try:
+            data, peer = self._socket.recvfrom(65535)
+        except ConnectionRefusedError:
+            return  # nobody listens at the other end yet
+        if self._address.scheme == "udpin" and peer not in self._peers:
+            self._peers = [*self._peers[-7:], peer]
+        splitters = self._splitters
+        if peer not in splitters and len(splitters) > 64:
+            splitters.clear()
+        for frame in splitters.setdefault(peer, Splitter()).split(data):
+            self._heard.put(frame, now_s)
+
+    def _hear(self, frame: bytes, now_s: float) -> None:
+        if self._is_cut():
+            return
+        self._packets += 1
+        admitted = frame if self._signer is None else self._signer.admit(frame)
+        message = None if admitted is None else decode(admitted)
+        if message is None:
+            return
+        before = self._state
+        self._state, messages = autopilot_model.on_message(before, message, now_s)
+        if (before.armed, before.mode) != (self._state.armed, self._state.mode):
+            self._commanded = True
+        self._send_all(messages, now_s)
+
+    def _is_cut(self) -> bool:
+        return self._cut_after is not None and self._packets >= self._cut_after
+
+    def _follow(self, frame: Telemetry) -> None:
+        """Take from the telemetry what the model says of itself."""
+        if frame.message_id not in (_HOME, _EKF, _HEARTBEAT):
+            return
+        message = decode(frame.data)
+        if message is None:
+            return
+        if frame.message_id == _HOME:
+            home = (message.latitude, message.longitude, in_centimetres(message.altitude / 1000))
+            self._state = replace(self._state, home=home, known={**self._state.known, _HOME: message})
+        elif frame.message_id == _EKF:
+            self._state = replace(self._state, has_position=uses_gps(message.flags))
+        elif not self._commanded:
+            armed = bool(message.base_mode & _ARMED)
+            self._state = replace(self._state, armed=armed, mode=message.custom_mode)
+
+    def _as_it_is_now(self, frame: Telemetry) -> bytes:
+        if frame.message_id != _HEARTBEAT or not self._commanded:
+            return frame.data
+        message = decode(frame.data)
+        if message is None:
+            return frame.data
+        base_mode = message.base_mode | _ARMED if self._state.armed else message.base_mode & ~_ARMED
+        now = mavlink.MAVLink_heartbeat_message(
+            message.type, message.autopilot, base_mode, self._state.mode, message.system_status, 3
+        )
+        return self._packed(now)
+
+    def _packed(self, message: Message) -> bytes:
+        packer = mavlink.MAVLink(None, srcSystem=self._state.system, srcComponent=self._state.component)
+        return bytes(message.pack(packer))
+
+    def _send_all(self, messages: list[Message], now_s: float) -> None:
+        for message in messages:
+            self._send(self._packed(message), now_s)
+
+    def _send(self, frame: bytes, now_s: float) -> None:
+        self._seq = (self._seq + 1) & 0xFF
+        frame = _numbered(frame, self._seq)
+        if self._signer is not None and frame[0] == MAGIC_2:
+            frame = self._signer.sign(frame)
+        self._said.put(frame, now_s)
+
+    def _flush(self, now_s: float) -> None:
+        assert self._socket is not None
+        for packet in self._said.arrived(now_s):
+            if self._is_cut():
+                continue
+            for peer in self._peers:
+                try:
+                    self._socket.sendto(packet, peer)
+                except OSError:
+                    continue  # a station that is not there (yet, or any more)
+
+
+def _is_this_machine(place: str) -> bool:
+    if place == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(place).is_loopback
+    except ValueError:
+        return False
+
+
+def _numbered(frame: bytes, seq: int) -> bytes:
+    """The frame with another sequence number: gaps in them are how stations measure a link's losses."""
+    numbered = bytearray(frame)
+    numbered[4 if frame[0] == MAGIC_2 else 2] = seq
+    crc = checksum(bytes(numbered))
+    assert crc is not None  # only frames of known messages are read from a recording or made here
+    end = (10 if frame[0] == MAGIC_2 else 6) + frame[1]
+    struct.pack_into("<H", numbered, end, crc)
+    return bytes(numbered)

@@ -1,0 +1,321 @@
+"""A campaign's folder: made, read, shown, exported."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sqlite3
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyogrio import list_layers
+from pyogrio.raw import read
+
+from fieldkit.campaign import Campaign, Visit, find_campaign, read_campaign
+from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, campaign_text, read_campaign_file
+from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
+from fieldkit.campaign.export import campaign_csv, export_campaign
+from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
+from fieldkit.campaign.ranking import drift, ranking
+from fieldkit.campaign.table import Row, Table
+from fieldkit.campaign.visiting import folder_name
+from fieldkit.errors import FieldkitError, MetadataError, UsageError
+from fieldkit.results.plan_file import plan_from_poses
+from tests.campaign.examples import PLAN, STATIONS, campaign_folder, field, plots_geojson
+
+FIELD = field(2, 2)
+EVIL = "=HYPERLINK(0)</script><b>"
+
+
+def visit(plot: str, date: str, chamfer: float | None = None, **more: object) -> Visit:
+    return Visit(plot, date, chamfer_m=chamfer, images=8, right=8, registered=8, **more)  # type: ignore[arg-type]
+
+
+VISITS = (
+    visit("r1c1", "2026-06-18", 0.010, f_score={"0.010": 0.8}, height_m=0.5),
+    visit("r1c2", "2026-06-18", 0.0105),
+    visit("r2c1", "2026-06-18", None, predicted_chamfer_m=0.02, predicted_low_m=0.015, predicted_high_m=0.03),
+    visit("r1c1", "2026-06-25", 0.020, height_m=0.7),
+    Visit("r2c2", "2026-06-25", error=EVIL, notes=(EVIL,), captures=EVIL),
+)
+
+
+def campaign(tmp_path: Path, visits: tuple[Visit, ...] = VISITS) -> Campaign:
+    folder = campaign_folder(tmp_path, FIELD)
+    with Table(folder / "campaign.sqlite") as table:
+        for each in visits:
+            table.put(Row(each, "x"))
+    return read_campaign(folder)
+
+
+class TestInit:
+    def test_the_folder_holds_everything(self, tmp_path: Path) -> None:
+        folder = campaign_folder(tmp_path, FIELD, evaluation=EvaluationTable(fidelity="draft", refine=True))
+        assert sorted(path.name for path in folder.iterdir()) == [
+            "campaign.toml", "plan.json", "plots.geojson", "site.toml"
+        ]  # fmt: skip
+        (tmp_path / "sources").rename(tmp_path / "gone")
+        found = read_campaign(folder)
+        assert found.name == "season"
+        assert found.plan.stations == PLAN.stations
+        assert found.evaluation == EvaluationTable(fidelity="draft", refine=True)
+        assert found.visits == ()
+        assert [plot.id for plot in found.plots] == [plot.id for plot in FIELD]
+        for plot, drawn in zip(found.plots, FIELD, strict=True):
+            assert plot.row_heading_deg == drawn.row_heading_deg
+            assert plot.latitude_deg == pytest.approx(drawn.latitude_deg, abs=1e-9)
+            assert plot.shape == drawn.shape
+        assert not list(tmp_path.glob(".*"))
+
+    def test_an_existing_folder_is_refused(self, tmp_path: Path) -> None:
+        folder = campaign_folder(tmp_path, FIELD)
+        before = (folder / "campaign.toml").read_bytes()
+        with pytest.raises(UsageError, match="exists already"):
+            campaign_folder(tmp_path, FIELD)
+        assert (folder / "campaign.toml").read_bytes() == before
+
+    def test_plots_vehicle_and_camera(self, tmp_path: Path) -> None:
+        campaign_folder(tmp_path, FIELD)
+        sources = tmp_path / "sources"
+        (tmp_path / "others.json").write_text(plots_geojson(FIELD[:1]))
+        (tmp_path / "calibration.toml").write_text(
+            'model = "PINHOLE"\nwidth = 120\nheight = 90\nparams = [100, 100, 60, 45]\n'
+        )
+        found = init_campaign(
+            tmp_path / "other",
+            CampaignSources(
+                sources / "plan.json", sources / "site.toml", tmp_path / "others.json", "ardupilot-pitch",
+                tmp_path / "calibration.toml",
+            ),
+            name="Über",
+        )  # fmt: skip
+        assert found.name == "Über"
+        assert [plot.id for plot in found.plots] == ["r1c1"]
+        assert found.vehicle_file == tmp_path / "other" / "vehicle.toml"
+        assert found.camera_file == tmp_path / "other" / "camera.toml"
+        assert (tmp_path / "other" / "camera.toml").is_file()
+
+    def test_plots_can_be_added_and_vanish(self, tmp_path: Path) -> None:
+        made = campaign(tmp_path)
+        more = field(3, 2)
+        (made.folder / "plots.geojson").write_text(plots_geojson(more[1:]))
+        found = read_campaign(made.folder)
+        assert [plot.id for plot in found.plots] == [plot.id for plot in more[1:]]
+        assert found.vanished == ("r1c1",)
+        assert len(found.visits) == len(VISITS)
+        assert [v.plot for v in found.visits][-2:] == ["r1c1", "r1c1"]
+        assert any("r1c1 has visits" in remark for remark in remarks(found))
+
+    @pytest.mark.parametrize("text", ["r1c1", "=x", "r1c1=", "nowhere=ref"])
+    def test_references_that_name_no_plot(self, text: str) -> None:
+        with pytest.raises(UsageError, match="--reference: names no plot"):
+            split_references([text], ["r1c1"])
+
+    def test_references_by_the_longest_name(self) -> None:
+        assert split_references(["a=b=c", "a=x"], ["a", "a=b"]) == {"a=b": Path("c"), "a": Path("x")}
+        with pytest.raises(UsageError, match="a has two"):
+            split_references(["a=x", "a=y"], ["a"])
+
+
+class TestReading:
+    def test_the_file_round_trips(self, tmp_path: Path) -> None:
+        table = CampaignTable(
+            name='say "ü"', plots="p.geojson", vehicle="v.toml",
+            evaluation=EvaluationTable(bounds_m=(-1, -1, 0, 1, 1, 1.5), seed=3),
+            references=(),
+        )  # fmt: skip
+        (tmp_path / "campaign.toml").write_text(campaign_text(table))
+        assert read_campaign_file(tmp_path / "campaign.toml") == table
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("", "has no 'format'"), ("format = 2", "format 2"), ("format = 1\nx = 1", "x: is not a key"),
+            ("format = 1\n[evaluation]\nfidelity = 'best'", "evaluation.fidelity"),
+            ("format = 1\n[evaluation]\nbounds_m = [1, 0, 0, 0, 1, 1]", "the lowest corner is not below"),
+            ("format = 1\n[evaluation]\ndistances_m = [0.01, 0.002]", "ascending"),
+            ("format = 1\nplan = '../plan.json'", "leads out of the campaign's folder"),
+            ("format = 1\nplan = 'gone.json'", "no such file"),
+            ("format = 1\n[[references]]\nplot = 'a'\npath = 'x'\nsha256 = 'short'", "references 1.sha256"),
+            ("\0", "is not TOML"), ("a = " + "[" * 5000, "is not TOML"),
+        ],
+    )  # fmt: skip
+    def test_errors(self, text: str, message: str, tmp_path: Path) -> None:
+        folder = campaign_folder(tmp_path, FIELD)
+        (folder / "campaign.toml").write_text(text)
+        with pytest.raises(MetadataError, match=message) as caught:
+            read_campaign(folder)
+        assert caught.value.remedy
+
+    def test_mutated_files_are_a_campaign_or_an_error(self, tmp_path: Path) -> None:
+        folder = campaign_folder(tmp_path, FIELD[:1])
+        intact = (folder / "campaign.toml").read_bytes()
+
+        @settings(max_examples=100)
+        @given(st.lists(st.tuples(st.integers(0, 400), st.binary(max_size=6)), min_size=1, max_size=4))
+        def check(changes: list[tuple[int, bytes]]) -> None:
+            data = bytearray(intact)
+            for at, wrong in changes:
+                data[at % len(data) : at % len(data) + len(wrong)] = wrong
+            (folder / "campaign.toml").write_bytes(data)
+            with suppress(FieldkitError):
+                assert isinstance(read_campaign(folder), Campaign)
+
+        check()
+
+    def test_which_folder(self, tmp_path: Path) -> None:
+        folder = campaign_folder(tmp_path, FIELD)
+        (folder / "captures" / "deep").mkdir(parents=True)
+        assert find_campaign(folder / "captures" / "deep") == folder
+        assert find_campaign(tmp_path) is None
+        assert read_campaign(folder / "campaign.toml") == read_campaign(folder)
+        with pytest.raises(MetadataError, match="is no campaign"):
+            read_campaign(tmp_path)
+
+    @pytest.mark.parametrize(
+        ("plot", "name"),
+        [
+            ("r1c1", "r1c1"), ("a/b", "a%2Fb"), ("..", "%2E%2E"), (".x", "%2Ex"), ("100 %", "100 %25"),
+            ("x\\y:z", "x%5Cy%3Az"),
+        ],
+    )  # fmt: skip
+    def test_folder_names(self, plot: str, name: str) -> None:
+        assert folder_name(plot) == name
+
+    def test_long_names_fit_and_differ(self) -> None:
+        a, b = folder_name("𝄞" * 80), folder_name("𝄞" * 79 + "x")
+        assert a != b
+        assert max(len(a.encode()), len(b.encode())) <= 255
+
+
+class TestRanking:
+    def test_plots_within_noise_share_a_rank(self) -> None:
+        found = ranking(VISITS, PLAN, "2026-06-18")
+        assert [(e.rank, e.tied, e.score.visit.plot) for e in found] == [
+            (1, True, "r1c1"), (1, True, "r1c2"), (3, False, "r2c1")
+        ]  # fmt: skip
+        assert found[2].score.predicted
+        assert found[0].score.noise_m == pytest.approx(0.001645)
+
+    def test_without_known_noise_there_are_no_ties(self) -> None:
+        found = ranking(VISITS, plan_from_poses(STATIONS), "2026-06-18")
+        assert [(e.rank, e.tied) for e in found] == [(1, False), (2, False), (3, False)]
+        assert found[0].score.noise_m is None
+
+    def test_groups_do_not_chain(self) -> None:
+        row = tuple(visit(f"p{k}", "2026-06-18", 0.010 + 0.0015 * k) for k in range(4))
+        assert [entry.rank for entry in ranking(row, PLAN, "2026-06-18")] == [1, 1, 3, 3]
+
+    def test_drift(self) -> None:
+        found = drift(VISITS, PLAN)
+        assert [(d.plot, d.figure, d.beyond_noise) for d in found] == [
+            ("r1c1", "chamfer_m", True), ("r1c1", "height_m", None)
+        ]  # fmt: skip
+        assert found[0].change == pytest.approx(0.010)
+        assert found[1].change == pytest.approx(0.2)
+        assert drift(VISITS, plan_from_poses(STATIONS))[0].beyond_noise is None
+
+
+class TestShow:
+    def test_object_and_tables(self, tmp_path: Path) -> None:
+        made = campaign(tmp_path)
+        found = json.loads(json.dumps(campaign_object(made), allow_nan=False))
+        assert found["dates"] == ["2026-06-18", "2026-06-25"]
+        assert found["missing"] == {"2026-06-18": ["r2c2"], "2026-06-25": ["r1c2", "r2c1"]}
+        assert [entry["plot"] for entry in found["ranking"]["2026-06-18"]] == ["r1c1", "r1c2", "r2c1"]
+        assert len(found["visits"]) == 5
+        _, _, changes = campaign_tables(made)
+        assert changes.title == "Change from 2026-06-18 to 2026-06-25"
+        assert [column.header for column in changes.columns] == ["plot", "chamfer", "height"]
+        assert [list(column.cells) for column in changes.columns] == [["r1c1"], ["+10.0 mm, beyond noise"], ["+0.20 m"]]
+
+    def test_an_empty_campaign(self, tmp_path: Path) -> None:
+        made = campaign(tmp_path, ())
+        assert campaign_object(made)["visits"] == []
+        assert len(list(campaign_tables(made))) == 1
+        assert "No photographs were evaluated yet" in next(remarks(made))
+
+
+class TestExport:
+    def test_csv(self, tmp_path: Path) -> None:
+        rows = list(csv.DictReader(campaign_csv(campaign(tmp_path)).splitlines()))
+        assert len(rows) == 5
+        first = rows[0]
+        assert (first["plot"], first["date"], first["rank"], first["chamfer_m"]) == ("r1c1", "2026-06-18", "1", "0.01")
+        assert first["f_score_0.010"] == "0.8"
+        assert first["predicted_chamfer_m"] == ""
+        assert rows[-1]["error"] == rows[-1]["notes"] == rows[-1]["captures"] == f"'{EVIL}"
+        assert all(not cell.startswith(("=", "+", "@")) for row in rows for cell in row.values())
+
+    def test_geojson(self, tmp_path: Path) -> None:
+        made = campaign(tmp_path)
+        assert export_campaign(made, tmp_path / "out.geojson") == "geojson"
+        document = json.loads((tmp_path / "out.geojson").read_text())
+        assert document["type"] == "FeatureCollection"
+        assert len(document["features"]) == 5
+        ring = shapely.geometry.shape(document["features"][0]["geometry"]).exterior
+        assert ring.is_ccw
+        assert shapely.Polygon(ring).centroid.x == pytest.approx(FIELD[0].longitude_deg, abs=1e-8)
+
+    def test_geopackage(self, tmp_path: Path) -> None:
+        made = campaign(tmp_path)
+        gone = replace(made, visits=(*made.visits, visit("vanished", "2026-06-25", 0.03)))
+        file = tmp_path / "out.gpkg"
+        assert export_campaign(gone, file) == "gpkg"
+        assert list_layers(file).tolist() == [["visits", "Polygon"], ["plots", "Polygon"]]
+        meta, _, geometry, data = read(file, layer="visits")
+        columns = dict(zip(meta["fields"], data, strict=True))
+        assert meta["crs"] == "EPSG:4326"
+        assert columns["plot"].tolist() == ["r1c1", "r1c1", "r1c2", "r2c1", "r2c2", "vanished"]
+        assert columns["date"].dtype.kind == "M"
+        assert str(columns["date"][0])[:10] == "2026-06-18"
+        assert columns["chamfer_m"][0] == 0.01
+        assert np.isnan(columns["chamfer_m"][3])
+        assert columns["error"][4] == EVIL
+        assert shapely.from_wkb(geometry[0]).contains(shapely.Point(FIELD[0].longitude_deg, FIELD[0].latitude_deg))
+        assert geometry[5] is None
+        meta, _, _, data = read(file, layer="plots")
+        columns = dict(zip(meta["fields"], data, strict=True))
+        assert columns["plot"].tolist() == [plot.id for plot in FIELD]
+        assert columns["visits"].tolist() == [2, 1, 1, 1]
+        assert columns["chamfer_m"][0] == 0.02  # the latest
+        database = sqlite3.connect(file)
+        try:
+            assert database.execute("PRAGMA application_id").fetchone()[0] == 0x47504B47  # "GPKG"
+            assert database.execute("SELECT count(*), min(rank) FROM visits WHERE f_score_0_010 > 0").fetchone() == (
+                1,
+                1,
+            )
+            assert database.execute("SELECT table_name FROM gpkg_contents ORDER BY 1").fetchall() == [
+                ("plots",), ("visits",)
+            ]  # fmt: skip
+        finally:
+            database.close()
+
+    @pytest.mark.parametrize("name", ["out.csv", "out.geojson", "out.gpkg"])
+    def test_an_empty_campaign_and_points(self, name: str, tmp_path: Path) -> None:
+        points = tuple(replace(plot, shape=None) for plot in FIELD)
+        folder = campaign_folder(tmp_path, points)
+        made = read_campaign(folder)
+        export_campaign(made, tmp_path / name)
+        assert (tmp_path / name).stat().st_size > 0
+        if name.endswith("gpkg"):
+            meta, _, geometry, _ = read(tmp_path / name, layer="plots")
+            assert len(geometry) == 4
+            assert meta["geometry_type"] == "Point"
+            assert len(read(tmp_path / name, layer="visits")[2]) == 0
+        with pytest.raises(UsageError, match="exists already"):
+            export_campaign(made, tmp_path / name)
+        export_campaign(made, tmp_path / name, overwrite=True)
+
+    def test_the_format_is_said_by_the_name_or_an_option(self, tmp_path: Path) -> None:
+        made = campaign(tmp_path)
+        with pytest.raises(UsageError, match=r"which format is out\.txt"):
+            export_campaign(made, tmp_path / "out.txt")
+        assert export_campaign(made, tmp_path / "out.txt", format_="csv") == "csv"

@@ -1,0 +1,123 @@
+"""The next visit of a campaign: each plot's own stations, one mission, and visits that are compared with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.campaign import Campaign, Visit, read_campaign
+from fieldkit.campaign.next_visit import grown, next_plans, plan_next_visit
+from fieldkit.campaign.table import Row, Table
+from fieldkit.cli.main import main
+from fieldkit.clouds import Cloud
+from fieldkit.errors import UsageError
+from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.planning.methods.geometric import Effort
+from fieldkit.results.plan import PlanEnvelope
+from fieldkit.runtime.progress import Silent
+from tests.campaign.examples import PLAN, campaign_folder, field
+from tests.evaluation.test_compare import evaluation_folder
+from tests.scenes.conftest import make_row
+
+FIELD = field(1, 3)
+DATES = ("2026-06-18", "2026-06-25")
+ENVELOPE = PlanEnvelope(
+    lower_m=(-2.0, -2.0, 0.9), upper_m=(2.0, 2.0, 2.5), plant_distance_m=0.5, pitch_deg=(-90.0, 0.0)
+)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fieldkit.campaign.next_visit._AROUND", Effort(moves=40))
+    monkeypatch.setattr("fieldkit.campaign.next_visit._ANYWHERE", Effort(4, 1, 40))
+
+
+@cache
+def row() -> Cloud:
+    return make_row().cloud
+
+
+def season(tmp_path: Path, visited: Sequence[str] = ("r1c1", "r1c2")) -> Campaign:
+    """Three plots; those named have a visit with a cloud, and a later one that came to nothing."""
+    folder = campaign_folder(tmp_path, FIELD, PLAN.model_copy(update={"envelope": ENVELOPE}))
+    site = folder / "site.toml"
+    site.write_text(site.read_text().replace("latitude_deg = 52.296\n", "latitude_deg = 52.2957\n"))  # beside the plots
+    with Table(folder / "campaign.sqlite") as table:
+        for plot in visited:
+            evaluation_folder(folder / "visits" / plot / DATES[0], {plot: row()}, None)
+            table.put(Row(Visit(plot, DATES[0], folder=f"visits/{plot}/{DATES[0]}", images=8, right=8), "x"))
+            table.put(Row(Visit(plot, DATES[1], error="too dark"), "y"))
+    return read_campaign(folder)
+
+
+def test_plants_grow_about_their_feet() -> None:
+    cloud = row()
+    taller = grown(cloud, 1.2)
+    low = cloud.points[:, 2] < cloud.points[:, 2].min() + 0.02
+    assert np.ptp(taller.points[:, 2]) == pytest.approx(1.2 * np.ptp(cloud.points[:, 2]), rel=0.01)
+    assert np.abs(taller.points[low, :2] - cloud.points[low, :2]).max() < 0.01  # no plant is elsewhere
+    one_bush = Cloud(np.random.default_rng(0).uniform((-0.3, -0.2, 0.0), (0.3, 0.2, 0.4), (3000, 3)))
+    wider = grown(one_bush, 1.5)
+    np.testing.assert_allclose(np.ptp(wider.points, axis=0), 1.5 * np.ptp(one_bush.points, axis=0))
+    np.testing.assert_allclose(wider.points[:, :2].mean(axis=0), one_bush.points[:, :2].mean(axis=0), atol=0.01)
+
+
+def test_every_plot_with_a_cloud_has_its_own_plan_and_no_worse_score(tmp_path: Path) -> None:
+    found = season(tmp_path)
+    vehicle = load_vehicle("ardupilot-pitch")
+    plans = next_plans(found, vehicle, growth=1.2, progress=Silent())
+    assert [each.plot for each in plans] == ["r1c1", "r1c2", "r1c3"]
+    assert [each.date for each in plans] == [DATES[0], DATES[0], None]
+    for each in plans[:2]:
+        assert each.expected_m is not None
+        assert each.carried_m is not None
+        assert each.expected_m <= each.carried_m
+        assert len(each.plan.stations) == len(PLAN.stations)
+        assert min(station.position_m[2] for station in each.plan.stations) >= vehicle.min_height_m
+        assert each.plan.plants is not None
+        assert each.plan.method is not None
+        assert (each.plan.method.name, each.plan.method.repeats) == ("score", 0)
+    assert plans[2].plan is found.plan
+    again = next_plans(found, vehicle, growth=1.2, progress=Silent())
+    assert [each.plan for each in again] == [each.plan for each in plans]
+
+
+@pytest.mark.parametrize("growth", [0.9, 3.1, float("nan")])
+def test_no_plant_shrinks_or_triples(tmp_path: Path, growth: float) -> None:
+    with pytest.raises(UsageError, match="grow by a factor"):
+        next_plans(season(tmp_path, ()), None, growth=growth, progress=Silent())
+
+
+def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path) -> None:
+    found = season(tmp_path)
+    made = plan_next_visit(found, "2026-07-02", tmp_path / "next.plan", vehicle="ardupilot-pitch", progress=Silent())
+    own = {each.plot: each.plan for each in made.plans}
+    assert found.plan_of("r1c1", "2026-07-02").stations == own["r1c1"].stations
+    assert found.plan_of("r1c1", "2026-07-03").stations == own["r1c1"].stations
+    assert found.plan_of("r1c1", "2026-07-01") is found.plan
+    assert found.plan_of("r1c3", "2026-07-02") is found.plan
+    mission = read_mission(made.mission.files[0])
+    assert len(mission.items) > 3 * len(PLAN.stations)
+    with pytest.raises(UsageError, match="exists already"):
+        plan_next_visit(found, "2026-07-02", tmp_path / "b.plan", vehicle="ardupilot-pitch", progress=Silent())
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(season(tmp_path, ("r1c1",)).folder)
+    what = ["campaign", "plan", folder, "-o", str(tmp_path / "next.plan")]
+    assert main(what) == 2
+    assert "--vehicle" in capsys.readouterr().err
+    for wrong in (["--date", "July"], ["--growth", "0.5"], ["--vehicle", "kite"]):
+        assert main([*what, "--vehicle", "ardupilot-pitch", *wrong]) in (2, 3)
+        assert "Traceback" not in capsys.readouterr().err
+        assert not (tmp_path / "next.plan").exists()
+    assert main([*what, "--vehicle", "ardupilot-pitch", "--date", "2026-07-02"]) == 0
+    said = " ".join("".join(capsys.readouterr()).split())
+    assert "Plans for 2026-07-02" in said
+    assert "none: the campaign's plan" in said
+    assert (tmp_path / "season" / "plans" / "2026-07-02" / "r1c1.json").is_file()

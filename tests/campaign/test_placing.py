@@ -1,0 +1,154 @@
+"""The frame, the volume and the ground of a visit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.campaign.placing import (
+    Settling,
+    on_stations,
+    place_visit,
+    plan_aim,
+    plan_volume,
+    wanted_sidecars,
+)
+from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.captures.priors import priors_from_gps
+from fieldkit.clouds.ground import Plane
+from fieldkit.clouds.volume import Volume
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.results.plan_file import plan_from_poses
+from tests.campaign.examples import FIELD, PLAN, STATIONS, field, flown
+
+PLOT = field(2, 2)[3]
+GROUND = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.01, 0.5, 0.02)
+
+
+def tagged(accuracy_m: float = 0.015) -> Capture:
+    photos = tuple(shot.photo for shot in flown(PLOT, start=datetime(2026, 6, 18, 9), accuracy_m=accuracy_m))
+    priors = priors_from_gps(photos)
+    return Capture(Path("/x"), Path("/x"), photos, (), (), priors.priors, priors.metric_source, priors.origin)
+
+
+def listed(shift: float = 0.0, *, tags: bool = True) -> Capture:
+    """With a poses.csv of the plan's stations, moved by some metres."""
+    found = tagged()
+    photos = found.photos if tags else tuple(replace(photo, geotag=None) for photo in found.photos)
+    priors = {
+        photo.name: PosePrior(tuple(float(v) for v in pose.center + shift), 0.01, source="poses.csv")  # type: ignore[arg-type]
+        for photo, pose in zip(photos, STATIONS, strict=True)
+    }
+    return replace(found, photos=photos, priors=priors, metric_source="poses.csv", origin=None)
+
+
+def scene(rng: np.random.Generator, tilt: float = 0.0) -> np.ndarray:
+    """Points of rough ground and of plants on it, plot frame."""
+    ground = np.column_stack([rng.uniform(-1, 1, (4000, 2)), rng.normal(0, 0.004, 4000)])
+    ground[:, 2] += tilt * ground[:, 0]
+    plants = rng.uniform((-0.5, -0.2, 0.05), (0.5, 0.2, 0.7), (1000, 3))
+    return np.vstack([ground, plants])
+
+
+def test_gps_positions_come_into_the_plots_frame() -> None:
+    capture = tagged()
+    placed = place_visit(capture, PLOT, PLAN, None)
+    assert placed.plot is not None
+    assert placed.notes == ()
+    known = known_poses(capture, placed.plot.source)
+    found = np.array([known.poses[photo.name].position for photo in capture.photos])
+    expected = np.array([pose.center for pose in STATIONS])
+    np.testing.assert_allclose(found[:, :2], expected[:, :2], atol=1e-4)
+    np.testing.assert_allclose(found[:, 2] - found[0, 2], expected[:, 2] - expected[0, 2], atol=1e-4)
+    for photo, pose in zip(capture.photos, STATIONS, strict=True):
+        rotation = known.poses[photo.name].rotation
+        assert rotation is not None
+        np.testing.assert_allclose(rotation, pose.rotation, atol=1e-6)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.06])
+def test_the_ground_becomes_zero_at_the_origin(tilt: float) -> None:
+    rng = np.random.default_rng(1)
+    lifted = np.array([0.0, 0.0, 37.2])
+    poses = {str(k): Pose(pose.rotation, pose.center + lifted) for k, pose in enumerate(STATIONS)}
+    motion, ground = Settling(None, 1.3)(scene(rng, tilt) + lifted, poses)
+    np.testing.assert_allclose(motion.translation, -lifted, atol=0.004)
+    np.testing.assert_allclose(motion.rotation, np.eye(3))
+    assert ground is not None
+    assert ground.normal[0] == pytest.approx(-tilt, abs=0.01)  # a slope stays one
+    assert ground.heights(np.array([[0.5, 0.3, 0.5 * tilt]]))[0] == pytest.approx(0.0, abs=0.004)
+
+
+def test_coarse_positions_are_put_where_the_plan_looks() -> None:
+    rng = np.random.default_rng(1)
+    off = np.array([2.3, -1.7, 37.2])
+    poses = {str(k): Pose(pose.rotation, pose.center + off) for k, pose in enumerate(STATIONS)}
+    aim, height = plan_aim(PLAN)
+    motion, _ = Settling(aim, height)(scene(rng) + off, poses)
+    np.testing.assert_allclose(motion.translation, -off, atol=0.005)
+    placed = place_visit(tagged(3.0), PLOT, PLAN, None)
+    assert "positions are good to 3.0 m only" in placed.notes[0]
+
+
+def test_a_references_ground_is_met() -> None:
+    rng = np.random.default_rng(1)
+    reference = replace(GROUND, offset=0.25)
+    poses = {str(k): pose for k, pose in enumerate(STATIONS)}
+    motion, ground = Settling(None, 1.3, reference)(scene(rng), poses)
+    assert motion.translation[2] == pytest.approx(0.25, abs=0.004)
+    assert ground is reference
+
+
+def test_without_ground_the_stations_height_counts() -> None:
+    poses = {str(k): Pose(pose.rotation, pose.center + 5.0) for k, pose in enumerate(STATIONS)}
+    motion, ground = Settling(None, 1.3)(np.zeros((2, 3)), poses)
+    assert ground is None
+    assert motion.translation[2] == pytest.approx(-5.0)
+
+
+def test_poses_in_the_plot_frame_are_told_by_the_stations() -> None:
+    assert on_stations(listed(), PLAN)
+    assert not on_stations(listed(3.0), PLAN)
+    assert wanted_sidecars(listed(), PLAN, None) == frozenset()
+    assert wanted_sidecars(listed(3.0), PLAN, None) == {"poses.csv"}
+    assert wanted_sidecars(listed(3.0, tags=False), PLAN, None) == frozenset()
+    placed = place_visit(listed(), PLOT, PLAN, None)
+    assert placed.plot is not None
+    assert placed.plot.source.source == "poses.csv"
+    nowhere = place_visit(listed(3.0, tags=False), PLOT, PLAN, None)
+    assert nowhere.plot is None
+    assert "not known" in nowhere.notes[0]
+    unknown = place_visit(replace(tagged(), metric_source=None, origin=None, priors={}), PLOT, PLAN, None)
+    assert unknown.plot is None
+
+
+def test_a_reference_of_its_own_fixes_frame_and_volume() -> None:
+    volume = Volume((-1, -1, 0), (1, 1, 1))
+    relative = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), volume, GROUND)
+    assert place_visit(listed(), PLOT, PLAN, relative).plot is relative
+    assert wanted_sidecars(listed(3.0), PLAN, relative) == frozenset()
+    origin = LocalFrame(FIELD.latitude_deg, FIELD.longitude_deg, 81.0, "ellipsoid")
+    earthly = KnownPlot(SourceFrame("EXIF GPS", origin, Similarity.identity()), volume, GROUND)
+    assert wanted_sidecars(listed(), PLAN, earthly) == {"poses.csv"}
+    placed = place_visit(tagged(), PLOT, PLAN, earthly)
+    assert placed.plot is not None
+    assert placed.plot.volume is volume
+    assert placed.plot.settle is not None
+
+
+def test_the_volume_holds_the_plants_and_leaves_room_to_grow() -> None:
+    found = plan_volume(PLAN)
+    assert found.contains(np.array([[-0.5, -0.2, 0.1], [0.5, 0.2, 0.7], [0.0, 0.0, 1.0]])).all()
+    assert found.upper[2] == pytest.approx(0.7 + 0.05 + 0.35)
+    assert found.upper[0] == pytest.approx(0.5 + 0.15 + 0.05)
+    bare = plan_volume(plan_from_poses(STATIONS))
+    assert bare.contains(np.array([[0.0, 0.0, 0.0], [0.5, 0.5, 0.5]])).all()
+    nadir = plan_volume(plan_from_poses([Pose.from_yaw_pitch((x, 0.0, 2.0), 0.0, -90.0) for x in (-1.0, 0.0, 1.0)]))
+    assert nadir.contains(np.array([[0.0, 0.0, 0.5]])).all()

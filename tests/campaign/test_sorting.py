@@ -1,0 +1,192 @@
+"""Photographs into plots and dates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import datetime, timedelta
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.campaign.passes import folder_date
+from fieldkit.campaign.sorting import Shot, Sorting, sort_photographs
+from fieldkit.captures.model import GeoTag
+from tests.campaign.examples import MORNING, PLAN, field, flown, photo
+
+FIELD = field(3, 4)
+
+
+def codes(sorting: Sorting) -> list[str]:
+    return [finding.code for finding in (*sorting.left_out, *sorting.findings)]
+
+
+def counts(sorting: Sorting) -> dict[tuple[str, str], int]:
+    return {(visit.plot, visit.date): len(visit.places) for visit in sorting.visits}
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.05])
+def test_a_flight_over_plots_side_by_side(noise_m: float) -> None:
+    shots = [
+        shot
+        for k, plot in enumerate(FIELD)
+        for shot in flown(plot, start=MORNING + timedelta(minutes=k), noise_m=noise_m, seed=k)
+    ]
+    found = sort_photographs(shots, FIELD, PLAN)
+    assert counts(found) == {(plot.id, "2026-06-18"): 8 for plot in FIELD}
+    assert [visit.plot for visit in found.visits] == [plot.id for plot in FIELD]
+    for visit in found.visits:
+        assert all(visit.plot in place for place in visit.places)
+    assert codes(found) == []
+
+
+def test_stations_over_a_neighbour_are_told_by_where_they_look() -> None:
+    """Rows 1.5 m apart: a camera 1.4 m beside its plot stands over the middle of the next."""
+    close = field(3, 1)
+    shots = flown(close[1])
+    middles = {plot.id: plot for plot in close}
+    nearest = []
+    for shot in shots:
+        tag = shot.photo.geotag
+        assert tag is not None
+        nearest.append(min(middles, key=lambda name: abs(middles[name].latitude_deg - tag.latitude_deg)))
+    assert set(nearest) == {"r1c1", "r2c1", "r3c1"}
+    assert counts(sort_photographs(shots, close, PLAN)) == {("r2c1", "2026-06-18"): 8}
+
+
+def test_without_angles_what_fits_two_plots_goes_with_its_neighbours_in_time() -> None:
+    wide = field(1, 3, spacing_m=(2.8, 3.0))  # stations of one plot stand where those of the next do
+    shots = flown(wide[1], angles=False)
+    found = sort_photographs(shots, wide, PLAN)
+    assert counts(found) == {("r1c2", "2026-06-18"): 8}
+    assert set(codes(found)) <= {"sorted-by-neighbours"}
+    # The same photographs one by one, each in a flight of its own, cannot all be told.
+    alone = [
+        replace(shot, photo=replace(shot.photo, captured_at=MORNING + timedelta(hours=k / 9)))
+        for k, shot in enumerate(shots)
+    ]
+    single = sort_photographs(alone, wide, PLAN)
+    assert len(single.left_out) + sum(counts(single).values()) == 8
+
+
+def test_far_photographs_are_named_and_not_dropped() -> None:
+    far = replace(FIELD[0], id="elsewhere", latitude_deg=FIELD[0].latitude_deg + 0.01)
+    found = sort_photographs([*flown(FIELD[0]), *flown(far)], FIELD, PLAN)
+    assert counts(found) == {("r1c1", "2026-06-18"): 8}
+    assert codes(found) == ["far-from-plots"] * 8
+    assert "m from what the plan photographs on" in found.left_out[0].message
+
+
+def test_a_photograph_without_a_tag_goes_with_those_around_it() -> None:
+    shots = flown(FIELD[0])
+    shots[3] = replace(shots[3], photo=replace(shots[3].photo, geotag=None))
+    found = sort_photographs(shots, FIELD, PLAN)
+    assert counts(found) == {("r1c1", "2026-06-18"): 8}
+    assert codes(found) == ["sorted-by-neighbours"]
+    # At the end of a flight nothing says that it still belongs to that plot.
+    shots = flown(FIELD[0])
+    shots[7] = replace(shots[7], photo=replace(shots[7].photo, geotag=None))
+    found = sort_photographs(shots, FIELD, PLAN)
+    assert counts(found) == {("r1c1", "2026-06-18"): 7}
+    assert codes(found) == ["no-plot"]
+
+
+@pytest.mark.parametrize("folders", ["r2c3/2026-07-02", "20260702/R2C3", "x/2026-07-02/r2c3/DCIM"])
+def test_folders_say_plot_and_date(folders: str) -> None:
+    shots = [
+        replace(shot, photo=replace(shot.photo, geotag=None, captured_at=None))
+        for shot in flown(FIELD[0], folder=folders)
+    ]
+    found = sort_photographs(shots, FIELD, PLAN)
+    assert counts(found) == {("r2c3", "2026-07-02"): 8}
+    assert codes(found) == []
+
+
+def test_contradictions_between_folders_and_tags_are_findings() -> None:
+    found = sort_photographs(flown(FIELD[0], folder="r2c2/2026-07-02"), FIELD, PLAN)
+    assert counts(found) == {("r2c2", "2026-07-02"): 8}
+    assert sorted(codes(found)) == ["date-contradicts-clock", "plot-contradicts-geotag"]
+    assert all("8 photographs" in finding.message for finding in found.findings)
+    far = replace(FIELD[0], latitude_deg=FIELD[0].latitude_deg + 0.01)
+    found = sort_photographs(flown(far, folder="r1c1"), FIELD, PLAN)
+    assert counts(found) == {("r1c1", "2026-06-18"): 8}
+    assert codes(found) == ["plot-contradicts-geotag"]
+
+
+def test_dates_by_the_cameras_clock() -> None:
+    plot = FIELD[5]
+    evening = flown(plot, start=datetime(2026, 6, 18, 23, 59, 50))
+    found = sort_photographs(evening, FIELD, PLAN)
+    assert counts(found) == {(plot.id, "2026-06-18"): 8}  # one flight over midnight is one visit
+    later = flown(plot, start=datetime(2026, 6, 25, 9, 0))
+    found = sort_photographs([*flown(plot), *later], FIELD, PLAN)
+    assert counts(found) == {(plot.id, "2026-06-18"): 8, (plot.id, "2026-06-25"): 8}
+
+
+def test_a_reflight_adds_up_and_another_pass_does_not() -> None:
+    plot = FIELD[5]
+    again = flown(plot, start=MORNING + timedelta(minutes=40))[:3]
+    assert counts(sort_photographs([*flown(plot), *again], FIELD, PLAN)) == {(plot.id, "2026-06-18"): 11}
+    afternoon = flown(plot, start=MORNING + timedelta(hours=6))[:5]
+    found = sort_photographs([*flown(plot), *afternoon], FIELD, PLAN)
+    assert counts(found) == {(plot.id, "2026-06-18"): 8}
+    assert codes(found) == ["another-pass"] * 5
+    assert "from 09:00" in found.visits[0].notes[0]
+
+
+def test_no_time_and_no_dated_folder() -> None:
+    shots = [replace(shot, photo=replace(shot.photo, captured_at=None)) for shot in flown(FIELD[0])]
+    found = sort_photographs(shots, FIELD, PLAN)
+    assert found.visits == ()
+    assert codes(found) == ["no-date"] * 8
+
+
+def test_a_campaign_of_one_plot_needs_no_tags() -> None:
+    shots = [replace(shot, photo=replace(shot.photo, geotag=None)) for shot in flown(FIELD[0])]
+    assert counts(sort_photographs(shots, FIELD[:1], PLAN)) == {("r1c1", "2026-06-18"): 8}
+
+
+def test_what_an_earlier_run_sorted_stays() -> None:
+    shots = [replace(shot, belongs=("r3c4", "2026-06-11")) for shot in flown(FIELD[0])]
+    found = sort_photographs(shots, FIELD, PLAN)
+    assert counts(found) == {("r3c4", "2026-06-11"): 8}
+    assert codes(found) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "date"),
+    [
+        ("2026-06-30", "2026-06-30"), ("20260630", "2026-06-30"), (" 2026-06-30 ", "2026-06-30"), ("2026-13-01", None),
+        ("2026-0630", None), ("12345678", None), ("plot 7", None), ("2026-06-30b", None),
+        ("２０２６０６３０", "2026-06-30"),
+    ],
+)  # fmt: skip
+def test_folder_dates(name: str, date: str | None) -> None:
+    assert folder_date(name) == date
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["", "r1c1", "r9c9", "2026-06-30", "a/b", "r2c2/2026-01-01"]),
+            st.none() | st.tuples(st.floats(-90, 90), st.floats(-180, 180)),
+            st.none() | st.datetimes(datetime(1, 1, 1), datetime(9999, 12, 31)),
+            st.none() | st.floats(-360, 360),
+            st.none() | st.floats(-90, 90),
+        ),
+        max_size=12,
+    )
+)
+def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None:  # type: ignore[type-arg]
+    shots = []
+    for k, (folder, place, taken, yaw, pitch) in enumerate(rows):
+        tag = None if place is None else GeoTag(*place)
+        name = f"{folder}/{k}.jpg"
+        shots.append(
+            Shot(name, photo(name, geotag=tag, captured_at=taken, yaw_deg=yaw, pitch_deg=pitch),
+                 tuple(folder.split("/")))
+        )  # fmt: skip
+    found = sort_photographs(shots, FIELD, PLAN)
+    sorted_ = [place for visit in found.visits for place in visit.places] + [f.name for f in found.left_out]
+    assert sorted(sorted_) == sorted(shot.place for shot in shots)

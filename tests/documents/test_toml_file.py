@@ -1,0 +1,60 @@
+"""TOML files of people: what is read, and what is said of those that cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fieldkit.documents.toml_file import MOST_CHARACTERS, read_toml, toml_document
+from fieldkit.errors import MetadataError, SceneError
+
+TEXT = "# Höhe\nformat = 1\n[home]\nlatitude_deg = 50.8649\n"
+READ = {"format": 1, "home": {"latitude_deg": 50.8649}}
+
+
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+def test_the_document_of_a_file(tmp_path: Path, mark: bytes) -> None:
+    path = tmp_path / "a.toml"
+    data = mark + TEXT.encode()
+    path.write_bytes(data)
+    assert read_toml(path, "site file", "Ask.", len(data)) == READ
+    assert toml_document("\ufeff" + TEXT, None, "Ask.") == READ
+    with pytest.raises(MetadataError, match="is far too large for a site file"):
+        read_toml(path, "site file", "Ask.", len(data) - 1)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"a = 1\nb = [1,\nc = 2\n", "is not TOML: .* line 3"),
+        (b"a = 1\na = 2\n", "is not TOML: .* line 2"),
+        (b"a = " + b"[" * 5000, "is not TOML: brackets without end"),
+        (b"a = " + b"9" * 5000, "is not TOML: "),
+        (b"a." * 100 + b"b = 1", "is not TOML: line 1 has keys of more than 64 parts"),
+        (b"\xff\xfea", "is not text in UTF-8"),
+    ],
+)
+def test_mistakes_are_told_on_one_line(tmp_path: Path, data: bytes, words: str) -> None:
+    path = tmp_path / "a.toml"
+    path.write_bytes(data)
+    with pytest.raises(MetadataError, match=words) as caught:
+        read_toml(path, "site file", "Ask.", 1 << 20)
+    assert caught.value.path == path
+    assert caught.value.remedy
+    assert "\n" not in caught.value.message
+    assert len(caught.value.message) < 300
+
+
+def test_the_kind_of_error_is_the_callers(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="no such scene file") as caught:
+        read_toml(tmp_path / "a.toml", "scene file", "Ask.", 9, missing="Make one.", error=SceneError)
+    assert caught.value.remedy == "Make one."
+    with pytest.raises(MetadataError, match="cannot be read"):
+        read_toml(tmp_path, "site file", "Ask.", 9)
+    with pytest.raises(MetadataError, match="is no path of a site file"):
+        read_toml(Path("a\0.toml"), "site file", "Ask.", 9)
+    with pytest.raises(SceneError, match="is not TOML"):
+        toml_document("a = ", None, "Ask.", error=SceneError)
+    with pytest.raises(MetadataError, match="more than 16,777,216 characters"):
+        toml_document("#" * (MOST_CHARACTERS + 1), None, "Ask.")

@@ -1,0 +1,167 @@
+"""What missions really photograph, compared with what was flown."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from fieldkit.missions.autopilots import render
+from fieldkit.missions.autopilots.execution import Execution, Photograph, Turning, along
+from fieldkit.missions.autopilots.interpret import interpret
+from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.items import Command, MissionItem
+from fieldkit.missions.mission import GeoPoint, Mission
+from fieldkit.missions.routing.motion import leg, turn_deg
+from tests.missions.vehicles import HOME, metres, recorded_items, recording, small_mission, vehicle
+
+
+def flown(name: str) -> Execution:
+    return interpret(ReadMission("plan", tuple(recorded_items(name)[1:]), home=HOME), vehicle(), "ardupilot")
+
+
+def carried_out(mission: Mission, dialect: str) -> Execution:
+    by = vehicle(dialect)  # type: ignore[arg-type]
+    items = render(mission, by)
+    return interpret(
+        ReadMission("plan", items[1:] if dialect == "ardupilot" else items, home=mission.home), by, dialect
+    )
+
+
+def test_the_measured_order_photographs_where_it_did() -> None:
+    document = recording("mount_then_yaw")
+    execution = flown("mount_then_yaw")
+    assert len(execution.photographs) == len(document["triggers"]) == 13
+    for shot, trigger in zip(execution.photographs, document["triggers"], strict=True):
+        assert shot.place is not None
+        there = GeoPoint(trigger["est"]["lat"], trigger["est"]["lon"], trigger["est"]["rel_alt"])
+        assert metres(shot.place, there) < 0.06
+        assert abs(shot.place.height_m - there.height_m) < 0.03
+        assert shot.heading_deg is not None
+        assert abs(turn_deg(shot.heading_deg, trigger["est"]["yaw"])) < 0.1
+        assert shot.pitch_deg == pytest.approx(trigger["gimbal"]["pitch"], abs=1e-4)
+        assert (shot.moving, shot.late_s, shot.never) == (False, 0.0, "")
+        assert (shot.settled_s, shot.after_s) == (pytest.approx(4.0), pytest.approx(1.0))
+
+
+def test_the_naive_order_photographs_late_and_away_from_its_places_as_it_did() -> None:
+    document = recording("naive")
+    execution = flown("naive")
+    started = {int(text.split()[1]): t for t, text in document["statustext"] if text.startswith("Mission: ")}
+    places = {leg_.item: leg_.end for leg_ in execution.legs}
+    for k, (shot, trigger) in enumerate(zip(execution.photographs, document["triggers"], strict=True)):
+        assert shot.moving
+        assert not shot.never
+        # The shutter's item was reported as it began, and the waypoint was left when the yaw before it began.
+        late = started[shot.item] - started[shot.item - 2]
+        assert shot.late_s == pytest.approx(late, abs=0.2)
+        assert shot.place is not None
+        assert shot.heading_deg is not None
+        there = GeoPoint(trigger["est"]["lat"], trigger["est"]["lon"], trigger["est"]["rel_alt"])
+        assert metres(shot.place, there) < 0.35
+        assert abs(turn_deg(shot.heading_deg, trigger["est"]["yaw"])) < 2.0
+        if k < 12:  # the last one is taken as the copter climbs to return
+            assert abs(shot.place.height_m - there.height_m) < 0.35
+            meant = places[shot.item - 3]
+            assert math.hypot(metres(meant, there), meant.height_m - there.height_m) > 0.02
+
+
+def test_hold_0_photographs_in_passing() -> None:
+    execution = flown("hold0")
+    assert len(execution.photographs) == 13
+    assert all(shot.moving and shot.settled_s == 0.0 for shot in execution.photographs)
+
+
+@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
+def test_what_is_rendered_gives_the_poses_that_were_asked_for(dialect: str) -> None:
+    mission = small_mission()
+    execution = carried_out(mission, dialect)
+    assert len(execution.photographs) == 3
+    for shot, planned in zip(execution.photographs, mission.shots, strict=True):
+        assert shot.place is not None
+        assert metres(shot.place, planned.place) < 1e-3
+        assert shot.place.height_m == pytest.approx(planned.place.height_m)
+        assert shot.heading_deg == pytest.approx(planned.yaw_deg)
+        assert shot.pitch_deg == pytest.approx(planned.pitch_deg)
+        assert not shot.moving
+        assert shot.settled_s >= mission.settle_s - 1e-9
+        assert shot.after_s == pytest.approx(mission.exposure_s)
+    assert (execution.lands, execution.takeoff) == ("land", True)
+    assert execution.skipped == ()
+    assert execution.legs[0].end.height_m == mission.takeoff_m
+
+
+def test_px4_shoots_as_it_leaves_without_a_delay_behind() -> None:
+    items = [i for i in render(small_mission(), vehicle("px4")) if i.command != Command.NAV_DELAY]
+    execution = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle("px4"), "px4")
+    assert [shot.after_s for shot in execution.photographs] == 3 * [0.0]
+    assert [shot.settled_s for shot in execution.photographs] == 3 * [pytest.approx(1.0)]
+
+
+def test_a_refused_item_and_one_that_comes_too_late_are_never_carried_out() -> None:
+    items = list(render(small_mission(vias=False), vehicle())[1:])
+    first = next(k for k, item in enumerate(items) if item.command == Command.IMAGE_START_CAPTURE)
+    items[first] = replace(items[first], params=(0.0, 0.0, 1.0, math.nan, 0.0, 0.0, 0.0))
+    second = next(k for k in range(first + 1, len(items)) if items[k].command == Command.IMAGE_START_CAPTURE)
+    # A turn of 5 s behind the shutter's waypoint, and a delay of 1 s: the shutter behind the turn is skipped.
+    items.insert(second, MissionItem(Command.CONDITION_DELAY, 2, (5.0, 0, 0, 0, 0, 0, 0)))
+    execution = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot")
+    assert [bool(shot.never) for shot in execution.photographs] == [True, True, False]
+    assert "refuses" in execution.photographs[0].never
+    assert "is over before" in execution.photographs[1].never
+    assert {number for number, _ in execution.skipped} == {first + 1, second + 2}
+
+
+def test_without_a_home_row_the_first_item_is_lost() -> None:
+    items = tuple(render(small_mission(), vehicle())[1:])
+    with_home = interpret(ReadMission("waypoints", items, home=HOME), vehicle(), "ardupilot")
+    without = interpret(ReadMission("waypoints", items, home=HOME, first_number=0), vehicle(), "ardupilot")
+    assert with_home.takeoff
+    assert not without.takeoff
+
+
+def test_a_region_of_interest_aims_the_camera() -> None:
+    execution = flown_roi()
+    assert execution.heading_deg == pytest.approx(180.0, abs=0.01)
+    assert execution.pitch_deg == pytest.approx(-math.degrees(math.atan2(1.0, 2.5)), abs=0.1)
+
+
+def flown_roi() -> Photograph:
+    items = (
+        MissionItem(Command.NAV_TAKEOFF, 3, (0, 0, 0, 0, 0, 0, 3.0)),
+        MissionItem(Command.DO_SET_ROI, 3, (0, 0, 0, 0, 50.865, 6.4473, 0.5)),
+        MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.8650225, 6.4473, 1.5)),
+        MissionItem(Command.IMAGE_START_CAPTURE, 2, (0, 0, 1.0, 0, 0, 0, 0)),
+        MissionItem(Command.NAV_DELAY, 2, (1.0, -1, -1, -1, 0, 0, 0)),
+    )
+    return interpret(ReadMission("plan", items, home=HOME), vehicle(), "ardupilot").photographs[0]
+
+
+def test_the_time_of_a_leg_is_what_was_flown() -> None:
+    """From one delay's end to the next waypoint's: NAV items report when they are reached, 4 s of hold included."""
+    document = recording("mount_then_yaw")
+    reached = {item: t for t, item in document["mission_item_reached"]}
+    stations = document["stations"]
+    for k in range(1, 13):
+        a, b = (GeoPoint(s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"]) for s in (stations[k - 1], stations[k]))
+        way = leg(metres(a, b), b.height_m - a.height_m, vehicle().speeds)
+        measured = reached[4 + 5 * k] - reached[2 + 5 * k] - 4.0
+        assert way.seconds == pytest.approx(measured, abs=0.8)
+        assert [way.fraction(t) for t in (0.0, way.seconds)] == [0.0, 1.0]
+        halfway = (way.seconds - 0.8) / 2.0
+        assert way.fraction(halfway) == pytest.approx(0.5)
+
+
+def test_turning_and_paths() -> None:
+    heading = Turning(vehicle().speeds, start_deg=350.0)
+    heading.turn_to(20.0, 10.0)
+    assert heading.at(10.25) == pytest.approx(5.0)
+    assert heading.done_s == pytest.approx(10.5)
+    unknown = Turning(vehicle().speeds)
+    unknown.turn_to(20.0, 0.0)
+    assert unknown.at(1.0) is None
+    assert unknown.at(3.0) == 20.0
+    path = [GeoPoint(50.0, 6.0, 0.0), GeoPoint(50.0, 6.0, 10.0), GeoPoint(50.0, 6.0, 0.0)]
+    assert along(path, 0.25).height_m == pytest.approx(5.0)
+    assert along(path, 0.75).height_m == pytest.approx(5.0)

@@ -1,0 +1,56 @@
+"""Plots of a recorded plot's kind, as planning knows them and as they are photographed."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.clouds import Cloud, write_ply
+from fieldkit.planning.objective.kind import Kind
+from fieldkit.planning.space.plots import Plot
+from fieldkit.scenes.description import Bounds, SceneDescription
+from fieldkit.scenes.generator import new_scene
+from fieldkit.scenes.recorded import RecordedSurface
+from tests.planning.conftest import CAMERA
+from tests.scenes.conftest import SMALL_PLOT, make_row
+
+
+def test_a_recorded_plots_kind_is_photographed_as_it_is_known(tmp_path: Path) -> None:
+    row = make_row()
+    write_ply(tmp_path / "plants.ply", row.cloud)
+    ground = np.column_stack([np.random.default_rng(0).uniform(-0.5, 0.5, (400, 2)), np.zeros(400)])
+    write_ply(tmp_path / "ground.ply", Cloud(ground, np.full((400, 3), 90, np.uint8)))
+    surface = RecordedSurface(tmp_path / "plants.ply", tmp_path / "ground.ply", 0.004, 0.05)
+    bounds = Bounds((-0.4, -0.2, -0.05), (0.4, 0.2, 0.5))
+    kind = Kind((SceneDescription(recorded=surface, bounds=bounds, camera=CAMERA),), 3, tmp_path / "plots")
+    ((_, apart),) = kind.recorded
+    assert apart.count == 3
+    plots = [kind.plot(number) for number in range(3)]
+    np.testing.assert_array_equal(plots[0][0].reference.points, kind.plot(0)[0].reference.points)
+    for number, (plot, volume) in enumerate(plots):
+        proxy = pickle.loads(pickle.dumps(kind)).proxy(number, CAMERA)  # as a worker has it
+        for ours, theirs in ((volume.lower, proxy.volume.lower), (volume.upper, proxy.volume.upper)):
+            np.testing.assert_allclose(ours, theirs, atol=1e-5)
+        known, photographed = (np.sort(c.points, axis=0) for c in (plot.reference, proxy.reference))
+        np.testing.assert_allclose(known, photographed, atol=1e-5)  # a PLY's coordinates are rounded
+    assert len({plot.reference.points.tobytes() for plot, _ in plots}) == 3
+
+
+def test_a_simulated_plots_kind_is_drawn_without_its_scene(tmp_path: Path) -> None:
+    kind = Kind((SceneDescription(SMALL_PLOT, camera=CAMERA),), 0, tmp_path)
+    assert not kind.recorded
+    (own, _), (other, _) = kind.plot(0), kind.plot(1)
+    assert own.reference.points.tobytes() != other.reference.points.tobytes()
+    assert kind.plot(1)[0].reference.points.tobytes() == other.reference.points.tobytes()
+
+
+def test_of_several_given_plots_each_is_there_and_each_is_drawn_of(tmp_path: Path) -> None:
+    first, second = new_scene(2, 11), new_scene(2, 12)
+    kind, alone = Kind((first, second), 0, tmp_path), Kind((first,), 0, tmp_path)
+    points = [kind.plot(number)[0].reference.points for number in range(4)]
+    for number, description in enumerate((first, second)):
+        np.testing.assert_array_equal(points[number], Plot.of(description)[0].reference.points)
+    np.testing.assert_array_equal(points[2], alone.plot(1)[0].reference.points)
+    assert len({each.tobytes() for each in points}) == 4

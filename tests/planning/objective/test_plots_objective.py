@@ -1,0 +1,44 @@
+"""Evaluations on several plots of a kind, by workers that share what they build."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from fieldkit.planning.objective.objective import ObjectiveSettings
+from fieldkit.planning.objective.plots_objective import PlotsObjective
+from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
+from fieldkit.planning.run.executor import Job
+from fieldkit.planning.run.pool import WorkerPool
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.scenes.description import ReferenceSampling, SceneDescription
+from fieldkit.scenes.generator import plots_of_kind
+from tests.planning.conftest import CAMERA
+from tests.scenes.conftest import SMALL_PLOT
+
+BASE = SceneDescription(SMALL_PLOT, camera=CAMERA, reference=ReferenceSampling(points=5_000))
+
+
+def build(log: Path, plot: int) -> Proxy:
+    with log.open("a") as file:
+        file.write(f"{plot}\n")
+    return Proxy.from_description(BASE if plot == 0 else plots_of_kind(BASE, plot, 0)[-1])
+
+
+@pytest.mark.slow
+def test_each_plot_is_built_once_for_all_workers(
+    source: SimulatedSource, arc: Cameras, tmp_path: Path
+) -> None:  # the source says whether anything can be rendered here
+    objective = PlotsObjective(partial(build, tmp_path / "built"), SimulatedSource, ObjectiveSettings("draft"))
+    plots = [0, 1, 2, 0, 1, 2]
+    with WorkerPool(objective, workers=2) as pool:
+        found = list(pool.run(Job(arc, 5, plot=plot) for plot in plots))
+    assert sorted((tmp_path / "built").read_text().split()) == ["0", "1", "2"]
+    digests = [evaluation.cloud_digest for evaluation in found]
+    assert digests[:3] == digests[3:]
+    assert len(set(digests)) == 3
+    alone = objective.on(1).evaluate(arc, seed=5)  # in this process, of the same scene
+    objective.close()
+    assert alone == found[1]

@@ -1,0 +1,170 @@
+"""The recorded back end on the small plot's eight photographs."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.cache import StageCache, digest
+from fieldkit.captures import read_capture
+from fieldkit.clouds import Cloud, Volume
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
+from fieldkit.planning.objective.recorded import RecordedSource, recorded_views
+from fieldkit.planning.space.assignment import assign
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
+from fieldkit.scenes.simulate import CaptureNoise
+
+SMALL_PLOT = Path(__file__).parents[2] / "data" / "small_plot"
+VOLUME = Volume((-0.25, -0.25, 0.03), (0.25, 0.25, 0.45))
+PLOT = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), VOLUME, None)
+RANDOM_CLOUD = Cloud(np.random.default_rng(0).uniform(VOLUME.lower, VOLUME.upper, (3000, 3)))
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> RecordedSource:
+    cache = StageCache(tmp_path_factory.mktemp("cache"))
+    return RecordedSource(read_capture(SMALL_PLOT), PLOT, RANDOM_CLOUD, cache=cache)
+
+
+poses = st.tuples(*[st.floats(-2, 2)] * 3, st.floats(-180, 179), st.floats(-89, 89))
+
+
+@given(st.lists(poses, min_size=2, max_size=4), st.lists(poses, min_size=4, max_size=6), st.floats(0.1, 3))
+@settings(max_examples=60)
+def test_no_other_assignment_is_cheaper(wanted: list, there: list, distance: float) -> None:
+    cameras = Cameras.from_vector(np.array(wanted).reshape(-1))
+    views = Cameras.from_vector(np.array(there).reshape(-1))
+    chosen = assign(cameras, views, distance)
+    assert len(set(chosen.tolist())) == len(cameras)
+
+    def cost(index: tuple[int, ...]) -> float:
+        total = 0.0
+        for k, j in enumerate(index):
+            turn = np.arccos(np.clip(cameras.forward[k] @ views.forward[j], -1, 1))
+            total += float(np.linalg.norm(cameras.positions[k] - views.positions[j])) + distance * float(turn)
+        return total
+
+    assert cost(tuple(chosen.tolist())) <= min(cost(p) for p in permutations(range(len(views)), len(cameras))) + 1e-9
+
+
+def test_a_reference_of_the_same_photographs_lends_missing_orientations(source: RecordedSource) -> None:
+    capture = source.capture
+    bare = replace(
+        capture,
+        priors={n: replace(p, yaw_deg=None, pitch_deg=None, roll_deg=None) for n, p in capture.priors.items()},
+    )
+    with pytest.raises(MetadataError, match="0 photographs only"):
+        recorded_views(bare, PLOT)
+    reconstructed = {view.name: view.pose for view in source.views}
+    for ours, theirs in zip(recorded_views(bare, PLOT, reconstructed), source.views, strict=True):
+        np.testing.assert_allclose(ours.pose.rotation, theirs.pose.rotation, atol=1e-9)
+        assert ours.angle_sigma_deg > 0
+    moved = {name: Pose(pose.rotation, pose.center + 1.0) for name, pose in reconstructed.items()}
+    with pytest.raises(MetadataError, match="0 photographs only"):
+        recorded_views(bare, PLOT, moved)  # other photographs of the same names
+
+
+def test_recorded_cameras_stand_for_themselves(source: RecordedSource) -> None:
+    assert len(source.views) == 8
+    for index in ([0, 1, 2], [7, 3, 5, 1], list(range(8))):
+        assert source.project(source.cameras(index)).tolist() == index
+    near = source.cameras([2, 6])
+    moved = Cameras(near.positions + 0.05, near.yaw_deg + 4.0, near.pitch_deg)
+    assert source.project(moved).tolist() == [2, 6]
+
+
+def test_two_cameras_at_one_place_get_two_views(source: RecordedSource) -> None:
+    assert len(set(source.project(source.cameras([4, 4, 4])).tolist())) == 3
+
+
+def test_more_cameras_than_views_are_refused(source: RecordedSource) -> None:
+    with pytest.raises(UsageError, match="9 cameras are asked of a set of 8"):
+        source.project(source.cameras([*range(8), 0]))
+
+
+def test_an_evaluation_uses_the_chosen_photographs_and_the_cache(source: RecordedSource) -> None:
+    objective = Objective(source, ObjectiveSettings("standard"))
+    first = objective.evaluate(source.cameras([5, 4, 6, 3]))
+    assert first.views == ("IMG_0006.jpg", "IMG_0005.jpg", "IMG_0007.jpg", "IMG_0004.jpg")
+    assert first.images == 4
+    kept = source.cache.sizes()
+    assert kept["features"].entries == kept["views"].entries == 4
+    assert not {"models", "depth"} & set(kept)
+    again = objective.evaluate(source.cameras([3, 4, 5, 6]))  # the same set in another order
+    assert source.cache.sizes() == kept
+    assert (again.value_m, again.cloud_digest) == (first.value_m, first.cloud_digest)
+    assert first.right == 4
+    assert first.points > 100
+
+
+def test_pairs_that_another_set_matched_are_not_matched_again(source: RecordedSource, tmp_path: Path) -> None:
+    objective = Objective(source, ObjectiveSettings("draft"))
+    objective.evaluate(source.cameras([0, 1, 2]))
+    objective.evaluate(source.cameras([1, 2, 3]))
+    kept = source.cache.sizes()["guided"].entries
+    warm = objective.evaluate(source.cameras([0, 1, 2, 3]))
+    assert source.cache.sizes()["guided"].entries == kept > 0  # the first and the last look too differently
+    fresh = RecordedSource(source.capture, PLOT, RANDOM_CLOUD, cache=StageCache(tmp_path))
+    cold = Objective(fresh, ObjectiveSettings("draft")).evaluate(fresh.cameras([0, 1, 2, 3]))
+    assert (cold.value_m, cold.cloud_digest, cold.right) == (warm.value_m, warm.cloud_digest, warm.right)
+
+
+def test_bands_are_the_mappings(source: RecordedSource) -> None:
+    assert ObjectiveSettings().prior == PriorMappingSettings()
+    assert ObjectiveSettings(bands_px=(10.0, 3.0)).prior.bands_px == (10.0, 3.0)
+    with pytest.raises(UsageError, match="above 0"):
+        ObjectiveSettings(bands_px=())
+    evaluation, cloud = Objective(source, ObjectiveSettings("draft", bands_px=(10.0, 3.0))).evaluate_cloud(
+        source.cameras([3, 4, 5, 6])
+    )
+    assert evaluation.cloud_digest == digest(cloud.points)
+    assert len(cloud) == evaluation.points > 50
+
+
+def test_noise_moves_the_commands_and_not_the_photographs(source: RecordedSource) -> None:
+    noisy = RecordedSource(
+        source.capture, PLOT, RANDOM_CLOUD, cache=source.cache,
+        noise=CaptureNoise(position_m=0.02, angle_deg=1.0, image_sigma=0.0),
+    )  # fmt: skip
+    subset = noisy._subset(np.array([1, 2, 3]), seed=5)
+    assert [p.sha256 for p in subset.photos] == [p.sha256 for p in source.capture.photos[1:4]]
+    priors = [subset.priors[name] for name in subset.names]
+    shift = np.array([p.position for p in priors]) - source.cameras([1, 2, 3]).positions
+    assert 0.005 < np.linalg.norm(shift, axis=1).mean() < 0.08
+    assert priors[0].position_accuracy_m == pytest.approx(np.hypot(0.003, 0.02))
+    # A view's noise is its own, whatever it stands beside.
+    alone = noisy._subset(np.array([3]), seed=5)
+    assert alone.priors[alone.names[0]].position == priors[2].position
+    with pytest.raises(UsageError, match="image noise"):
+        RecordedSource(source.capture, PLOT, RANDOM_CLOUD, cache=source.cache, noise=CaptureNoise())
+
+
+def test_a_set_in_another_frame_is_turned_into_the_plots(source: RecordedSource) -> None:
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    moved = replace(PLOT, source=SourceFrame("poses.csv", None, Similarity(1.0, turn, np.array([0.5, 0.0, 0.0]))))
+    found = RecordedSource(source.capture, moved, RANDOM_CLOUD, cache=source.cache)
+    before, after = source.cameras(), found.cameras()
+    np.testing.assert_allclose(after.positions, before.positions @ turn.T + (0.5, 0, 0), atol=1e-9)
+    np.testing.assert_allclose(after.forward, before.forward @ turn.T, atol=1e-9)
+
+
+def test_without_orientations_the_remedy_is_poses_csv(tmp_path: Path) -> None:
+    for path in SMALL_PLOT.glob("*.jpg"):
+        shutil.copyfile(path, tmp_path / path.name)
+    lines = (SMALL_PLOT / "poses.csv").read_text().splitlines()
+    (tmp_path / "poses.csv").write_text("\n".join(",".join(line.split(",")[:4]) for line in lines) + "\n")
+    with pytest.raises(MetadataError, match="0 photographs") as caught:
+        RecordedSource(read_capture(tmp_path), PLOT, RANDOM_CLOUD, cache=StageCache(None))
+    assert "yaw_deg" in caught.value.remedy

@@ -1,0 +1,135 @@
+"""Worker processes: what breaks costs its own evaluation only, and nothing stays behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import psutil
+import pytest
+
+from fieldkit.errors import InputError, UsageError
+from fieldkit.planning.run.executor import Job, Serial, evaluate_all
+from fieldkit.planning.run.pool import Limits, WorkerError, WorkerPool
+from tests.planning.traps import EXIT, GROW, HANG, ONCE, RAISE, REFUSE, SEGFAULT, SLOW, Trap, job_cameras
+
+QUICK = Limits(seconds=1.5, memory_bytes=700 << 20)
+
+
+def test_results_come_in_order_and_as_in_this_process(tmp_path: Path) -> None:
+    jobs = [job_cameras(x) for x in (SLOW, 1.0, 2.0, SLOW, 3.0)]
+    with WorkerPool(Trap(tmp_path), workers=2) as pool:
+        found = evaluate_all(pool, jobs, seed=4)
+        again = evaluate_all(pool, jobs, seed=4)
+    with Serial(Trap(tmp_path)) as serial:
+        assert found == again == evaluate_all(serial, jobs, seed=4)
+    assert [e.value_m for e in found] == [pytest.approx(x + 6.0) for x in (SLOW, 1.0, 2.0, SLOW, 3.0)]
+    # Two processes did all of it, both times.
+    assert len(list(tmp_path.glob("worker-*"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("trap", "reason"),
+    [
+        (EXIT, "exit code 7"),
+        (SEGFAULT, "SIGSEGV"),
+        (HANG, "longer than 1.5 s"),
+        (GROW, "GiB of memory"),
+        (RAISE, "RuntimeError: a bug"),
+    ],
+)
+def test_what_breaks_is_tried_twice_and_costs_itself_only(tmp_path: Path, trap: float, reason: str) -> None:
+    # Only what hangs is stopped by the clock: a busy machine takes longer than that to fill its memory.
+    limits = replace(QUICK, seconds=QUICK.seconds if trap == HANG else 60.0)
+    with WorkerPool(Trap(tmp_path), workers=2, limits=limits) as pool:
+        first, broken, last = evaluate_all(pool, [job_cameras(x) for x in (1.0, trap, 2.0)])
+        after = evaluate_all(pool, [job_cameras(5.0)])
+    assert (first.value_m, last.value_m, after[0].value_m) == (3.0, 4.0, 7.0)
+    assert not broken.measured
+    assert reason in broken.failure
+    assert broken.value_m == 0.2
+    assert (tmp_path / "attempts").read_text().split().count(f"{trap:g}") == 2
+
+
+def test_a_second_try_can_succeed(tmp_path: Path) -> None:
+    with WorkerPool(Trap(tmp_path), workers=1) as pool:
+        (found,) = evaluate_all(pool, [job_cameras(ONCE)])
+    assert found.measured
+    assert found.value_m == ONCE + 2.0
+
+
+def test_errors_for_people_come_through(tmp_path: Path) -> None:
+    with WorkerPool(Trap(tmp_path), workers=2) as pool:
+        with pytest.raises(UsageError, match="cannot be had"):
+            evaluate_all(pool, [job_cameras(REFUSE), job_cameras(1.0)])
+        assert evaluate_all(pool, [job_cameras(1.0)])[0].value_m == 3.0  # and the pool can be used again
+    with WorkerPool(Trap(tmp_path, unusable=True)) as pool, pytest.raises(InputError, match="rendered"):
+        evaluate_all(pool, [job_cameras(1.0)])
+
+
+def test_workers_that_never_start_are_an_error(tmp_path: Path) -> None:
+    with WorkerPool(Trap(tmp_path, dies_at_start=True), workers=1) as pool:
+        with pytest.raises(WorkerError, match="exit code 9") as caught:
+            evaluate_all(pool, [job_cameras(1.0)])
+    assert "doctor" in caught.value.remedy
+
+
+def test_leaving_early_leaves_no_process(tmp_path: Path) -> None:
+    with WorkerPool(Trap(tmp_path), workers=2) as pool:
+        results = pool.run(Job(job_cameras(x)) for x in (1.0, HANG, HANG))
+        next(results)
+        started = pool.processes
+        results.close()  # type: ignore[attr-defined]
+    assert len(started) == 2
+    assert not any(psutil.pid_exists(pid) for pid in started)
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGKILL])
+def test_no_orphans_when_the_parent_ends(tmp_path: Path, ending: signal.Signals) -> None:
+    script = tmp_path / "run.py"
+    script.write_text(
+        textwrap.dedent(
+            f"""
+            from pathlib import Path
+            from fieldkit.planning.run.executor import evaluate_all
+            from fieldkit.planning.run.pool import WorkerPool
+            from tests.planning.traps import HANG, Trap, job_cameras
+
+            if __name__ == "__main__":
+                with WorkerPool(Trap(Path({str(tmp_path)!r})), workers=2) as pool:
+                    evaluate_all(pool, [job_cameras(HANG)] * 2)
+            """
+        )
+    )
+    root = Path(__file__).parents[3]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    parent = subprocess.Popen(
+        [sys.executable, str(script)], env=environment, stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    attempts = tmp_path / "attempts"
+    with parent:
+        try:
+            wait_until(lambda: attempts.exists() and len(attempts.read_text().split()) == 2)
+            workers = [int(path.name.removeprefix("worker-")) for path in tmp_path.glob("worker-*")]
+            assert len(workers) == 2
+            if ending == signal.SIGINT:
+                os.killpg(parent.pid, signal.SIGINT)  # as a terminal does: to the whole group
+            else:
+                parent.kill()
+            assert parent.wait(60) != 0
+            wait_until(lambda: not any(psutil.pid_exists(pid) for pid in workers))
+        finally:
+            parent.kill()
+
+
+def wait_until(done: object, seconds: float = 60.0) -> None:
+    until = time.monotonic() + seconds
+    while not done():  # type: ignore[operator]
+        assert time.monotonic() < until, "took too long"
+        time.sleep(0.1)

@@ -1,0 +1,209 @@
+"""The geometric score against a slow one, visibility against a wall, and how its terms behave."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from fieldkit.clouds import Cloud
+from fieldkit.planning.score.geometric import GeometricScore, ScoreSettings
+from fieldkit.planning.score.matchability import Matchability
+from fieldkit.planning.score.visibility import PerCamera, Surface, in_picture, look
+from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.plots import Plot
+from tests.planning.leafy import CAMERA, around, leaves, problem
+
+PROBLEM = problem()
+SCORE = GeometricScore(PROBLEM, points=400)
+
+
+def slow_distance(score: GeometricScore, cameras: Cameras) -> tuple[float, float]:
+    """`GeometricScore`'s first term as its docstring has it, gap and noise, by loops and enumeration."""
+    settings, surface = score.settings, score.surface
+    focal = CAMERA.fx * settings.width / CAMERA.width
+    sights = look(surface, cameras, CAMERA)
+    p, noise = np.zeros(len(surface)), np.zeros(len(surface))
+    for k in range(len(surface)):
+        foot = [s.distance_m[k] / focal for s in sights]
+        steep = [min(1.0, max(0.0, (s.facing[k] - 0.1) / 0.4)) for s in sights]
+        u = [s.seen[k] * i / (1 + (f / 0.008) ** 2) for s, i, f in zip(sights, steep, foot, strict=True)]
+        q, information = [], 1 / settings.cap_m**2
+        for i in range(len(cameras)):
+            fails = 1.0
+            for j in range(len(cameras)):
+                if i != j:
+                    angle = np.arccos(np.clip(sights[i].rays[k] @ sights[j].rays[k], -1, 1))
+                    ratio = np.degrees(angle) / 12
+                    success = (ratio * np.exp(1 - ratio)) ** 0.6 * min(u[i], u[j])
+                    fails *= 1 - success
+                    information += 0.5 * success * np.sin(angle) ** 2 / (0.5**2 * foot[i] * foot[j])
+            q.append(1 - fails)
+        for right in itertools.product([0, 1], repeat=len(cameras)):
+            if sum(right) >= 2:
+                p[k] += np.prod([x if r else 1 - x for x, r in zip(q, right, strict=True)])
+        used = [f for f, x in zip(foot, u, strict=True) if x > 0]
+        if len(used) >= 2:
+            noise[k] = np.sqrt(1 / information + np.mean(np.square(used)))
+    expected = []
+    for point in surface.points:
+        away = np.linalg.norm(surface.points - point, axis=1)
+        nearest = np.argsort(away, kind="stable")[: settings.neighbors]
+        distances = np.append(np.minimum(away[nearest], settings.cap_m), settings.cap_m)
+        missing = np.cumprod(1 - p[nearest])
+        expected.append((missing * np.diff(distances)).sum())
+    return float(np.mean(expected)), float((p * noise).sum() / p.sum())
+
+
+@pytest.mark.parametrize("normals", [True, False])
+def test_distance_is_what_enumeration_finds(normals: bool) -> None:
+    plot = problem(normals=normals)
+    score = GeometricScore(plot, points=120)
+    for seed in range(3):
+        cameras = plot.sample(seed)
+        found, (gap, noise) = score.score(cameras), slow_distance(score, cameras)
+        assert found.gap_m == pytest.approx(gap, rel=1e-4)
+        assert found.noise_m == pytest.approx(noise, rel=1e-4)
+        assert found.distance_m == found.gap_m + found.noise_m
+
+
+def test_incidence_is_left_out_without_normals() -> None:
+    sights = look(Surface.of(problem(normals=False).plots[0]), PROBLEM.sample(0), CAMERA)
+    assert all((sight.facing == 1).all() for sight in sights)
+
+
+def test_a_wall_hides_what_is_behind_it_and_nothing_else() -> None:
+    grid = np.stack(np.meshgrid(np.linspace(-0.2, 0.2, 9), np.linspace(0.1, 0.5, 9)), axis=-1).reshape(-1, 2)
+    behind = np.column_stack([grid[:, 0], np.full(len(grid), 0.3), grid[:, 1]])
+    y = np.arange(-0.3, 0.0, 0.008)
+    wall = np.stack(np.meshgrid(y, np.arange(0, 0.8, 0.008)), axis=-1).reshape(-1, 2)
+    wall = np.column_stack([wall[:, 0], np.zeros(len(wall)), wall[:, 1]])  # x from −0.3 to 0
+    surface = Surface.of(Plot(Cloud(behind), wall))
+    front, back = look(surface, Cameras.aimed([(0, -1.5, 0.3), (0, 2.0, 0.3)], (0.0, 0.3, 0.3)), CAMERA)
+    assert back.seen.all()
+    # The shadow of the wall's edge at x = 0, as seen from x = 0, is at x = 0.
+    assert not front.seen[surface.points[:, 0] < -0.02].any()
+    assert front.seen[surface.points[:, 0] > 0.02].all()
+    np.testing.assert_allclose(front.distance_m, np.linalg.norm(surface.points - (0, -1.5, 0.3), axis=1))
+    away = look(surface, Cameras.aimed([(0, -1.5, 0.3)], (0.0, -3.0, 0.3)), CAMERA)[0]
+    assert not away.seen.any()
+
+
+def test_a_stem_hides_its_own_far_side() -> None:
+    rng = np.random.default_rng(0)
+    angle, height = rng.uniform(0.0, 2.0 * np.pi, 6000), rng.uniform(0.1, 0.4, 6000)
+    stem = np.column_stack([0.0125 * np.cos(angle), 0.0125 * np.sin(angle), height])
+    surface = Surface.of(Plot(Cloud(stem), np.zeros((0, 3))))
+    seen = look(surface, Cameras.aimed([(0, -1.5, 0.25)], (0.0, 0.0, 0.25)), CAMERA)[0].seen
+    assert seen[surface.points[:, 1] < -0.008].all()
+    assert seen[surface.points[:, 1] > 0.008].mean() < 0.1  # what the splats of its front leave open
+
+
+def test_what_is_in_the_picture_projects_into_it() -> None:
+    cameras = around(np.array([0.0, 90.0]))
+    points = np.array([[0, 0, 0.3], [-3.0, 0, 0.3], [0, 5.0, 1.2]])
+    np.testing.assert_array_equal(in_picture(points, cameras, CAMERA), [[True, False, False], [True, True, False]])
+
+
+def test_a_further_view_never_makes_the_gap_worse() -> None:
+    for seed in range(5):
+        cameras = PROBLEM.envelope.sample(9, seed)
+        values = [SCORE.score(cameras.select(range(n))).gap_m for n in range(1, 10)]
+        assert all(b <= a + 1e-12 for a, b in itertools.pairwise(values))
+        assert values[0] == pytest.approx(0.10)  # one depth map agrees with none
+
+
+def test_limits_of_the_distance() -> None:
+    blind = Cameras.aimed(around(np.arange(0, 60, 10.0)).positions, (0.0, 0.0, 9.0))
+    assert SCORE.score(blind).gap_m == pytest.approx(0.10)
+    assert SCORE.score(blind).noise_m == pytest.approx(0.10)
+    assert SCORE.score(blind).covered == 0
+    many = around(np.arange(0, 360, 9.0))
+    assert SCORE.score(many).gap_m < 0.0005
+    assert SCORE.score(many).noise_m < 0.003
+    sparse, dense = SCORE.score(around(np.arange(6) * 60.0)), SCORE.score(around(np.arange(6) * 15.0))
+    assert dense.distance_m < sparse.distance_m
+    narrow = SCORE.score(around(np.arange(6) * 2.0))
+    assert narrow.noise_m > 2 * dense.noise_m  # small angles triangulate badly
+
+
+def test_incidence_and_distance_cost() -> None:
+    near, far = (SCORE.score(around(np.arange(6) * 12.0, radius_m=r)) for r in (1.4, 2.0))
+    assert near.covered > far.covered
+
+
+def test_closer_views_hang_together_more_firmly() -> None:
+    ties = [SCORE.score(around(np.arange(6) * step)).tie_m for step in (5.0, 10.0, 20.0, 36.0, 60.0)]
+    assert all(a < b for a, b in itertools.pairwise(ties))
+    assert ties[0] < 0.001
+    assert ties[-1] > 0.003
+
+
+def test_two_clumps_are_loose_though_their_views_are_close() -> None:
+    arc, clumps = around(np.arange(10) * 12.0), around(np.r_[np.arange(5) * 6.0, 110 + np.arange(5) * 6.0])
+    assert SCORE.score(clumps).tie_m > 3 * SCORE.score(arc).tie_m
+    loose = SCORE.score(clumps).loose_m
+    assert loose.min() > 0.001  # all of them, for a group moves as one
+
+
+def test_kept_views_change_nothing() -> None:
+    kept = GeometricScore(PROBLEM, points=400)
+    cameras = PROBLEM.sample(1)
+    kept.score(cameras)
+    z = cameras.vector().copy()
+    z[7] += 0.05
+    moved = Cameras.from_vector(z)
+    fresh = GeometricScore(PROBLEM, points=400)
+    assert kept.score(moved).distance_m == fresh.score(moved).distance_m
+    assert kept.score(moved).tie_m == fresh.score(moved).tie_m
+    assert kept.score(cameras).distance_m == GeometricScore(PROBLEM, points=400).score(cameras).distance_m
+
+
+def test_values_are_computed_once_and_the_oldest_go() -> None:
+    asked: list[int] = []
+
+    def compute(cameras: Cameras) -> list[float]:
+        asked.append(len(cameras))
+        return [float(x) for x in cameras.positions[:, 0]]
+
+    kept = PerCamera(compute, kept=4)
+    some = around(np.arange(6) * 10.0)
+    assert kept(some.select([0, 1, 2])) == [float(x) for x in some.positions[:3, 0]]
+    kept(some.select([2, 1, 3]))
+    assert asked == [3, 1]
+    kept(some.select([4, 5]))  # 0, the one not used for longest, and 2 go
+    kept(some.select([1, 3]))
+    assert asked == [3, 1, 2]
+    kept(some.select([0]))
+    assert asked == [3, 1, 2, 1]
+
+
+def test_the_order_of_cameras_does_not_matter() -> None:
+    cameras = PROBLEM.sample(4)
+    turned = cameras.select([3, 1, 5, 0, 2, 4])
+    assert SCORE.score(turned).distance_m == pytest.approx(SCORE.score(cameras).distance_m, rel=1e-9)
+    assert SCORE.score(turned).tie_m == pytest.approx(SCORE.score(cameras).tie_m, rel=1e-9)
+
+
+def test_a_surface_is_of_the_references_own_points_and_always_of_the_same() -> None:
+    surface, reference = Surface.of(PROBLEM.plots[0], 300), PROBLEM.reference
+    assert len(surface) == 300
+    assert reference.normals is not None
+    assert surface.normals is not None
+    rows = {point.tobytes(): normal for point, normal in zip(reference.points, reference.normals, strict=True)}
+    for point, normal in zip(surface.points.astype(reference.points.dtype), surface.normals, strict=True):
+        np.testing.assert_array_equal(normal, rows[point.tobytes()])
+    np.testing.assert_array_equal(surface.points, Surface.of(PROBLEM.plots[0], 300).points)
+    assert len(Surface.of(PROBLEM.plots[0], 10**6)) == len(reference) == len(leaves())
+    with pytest.raises(ValueError, match="no points"):
+        Surface.of(Plot(Cloud.empty(), np.zeros((0, 3))))
+
+
+def test_settings_are_used() -> None:
+    cameras = around(np.arange(6) * 30.0)
+    hard = GeometricScore(PROBLEM, settings=ScoreSettings(agreeing=3), points=400)
+    assert hard.score(cameras).distance_m > SCORE.score(cameras).distance_m
+    tight = GeometricScore(PROBLEM, Matchability(decay_deg=4.0), points=400)
+    assert tight.score(cameras).tie_m > SCORE.score(cameras).tie_m
+    assert tight.score(cameras).distance_m == SCORE.score(cameras).distance_m

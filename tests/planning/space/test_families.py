@@ -1,0 +1,128 @@
+"""Families of cameras: every point of the cube decodes to N cameras that look at the plot and can be made feasible."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.planning.space.families import (
+    SPAN_DEG,
+    Circle,
+    circles,
+    families,
+    family,
+)
+from fieldkit.planning.space.ranges import fill_distance_m, reach_m
+from tests.planning.leafy import problem, recorded
+
+PROBLEM = problem(9)
+FAMILIES = families(PROBLEM)
+designs = st.sampled_from(FAMILIES).flatmap(
+    lambda f: st.tuples(st.just(f), st.lists(st.floats(0, 1), min_size=len(f), max_size=len(f)))
+)
+
+
+def azimuths_deg(positions: np.ndarray) -> np.ndarray:
+    offset = positions - PROBLEM.center
+    return np.degrees(np.arctan2(offset[:, 0], offset[:, 1]))
+
+
+@given(designs)
+@settings(max_examples=60)
+def test_cameras_look_at_the_plot_and_become_feasible(design: tuple) -> None:
+    found, unit = design
+    cameras = found.decode(unit)
+    assert len(cameras) == PROBLEM.count
+    # Along each optical axis there is a point inside the volume of interest.
+    low, high = np.array(PROBLEM.envelope.target.lower), np.array(PROBLEM.envelope.target.upper)
+    way = np.linspace(0, 5, 2000)[None, :, None] * cameras.forward[:, None] + cameras.positions[:, None]
+    assert ((way >= low) & (way <= high)).all(axis=2).any(axis=1).all()
+    assert PROBLEM.contains(PROBLEM.nearest(cameras))
+
+
+@given(designs)
+def test_values_lie_within_what_is_stated(design: tuple) -> None:
+    found, unit = design
+    values = found.values(unit)
+    assert list(values) == [p.name for p in found.parameters]
+    assert all(p.low <= values[p.name] <= p.high for p in found.parameters)
+
+
+def test_the_families_are_small() -> None:
+    assert [f.name for f in FAMILIES] == ["ring", "arc", "spiral", "chain"]
+    assert all(4 <= len(f) <= 12 for f in FAMILIES)
+
+
+@pytest.mark.parametrize("unit", [[0.5] * 3, [np.nan] * 5])
+def test_senseless_points_are_refused(unit: list[float]) -> None:
+    with pytest.raises(ValueError, match="ring takes 5 finite numbers"):
+        FAMILIES[0].decode(unit)
+
+
+def test_an_arc_spans_what_it_says() -> None:
+    arc = family(PROBLEM, "arc")
+    assert SPAN_DEG == (60.0, 360.0)
+    for span in (60.0, 150.0):
+        flat = {"span_deg": span, "middle_deg": 20.0, "radius_m": 1.3, "altitude_m": 1.1, "aim_m": 0.3}
+        cameras = arc.build(flat | {"widening": 0.0})
+        gaps = np.diff(azimuths_deg(cameras.positions))
+        np.testing.assert_allclose(gaps, span / PROBLEM.count)
+        np.testing.assert_allclose(azimuths_deg(cameras.positions).mean(), 20.0)
+        wide = np.diff(azimuths_deg(arc.build(flat | {"widening": 0.6}).positions))
+        assert wide[0] > 1.5 * wide[4]
+        assert (wide > 0).all()
+        assert np.diff(azimuths_deg(arc.build(flat | {"widening": -0.4}).positions)).min() > 0
+
+
+def test_an_arc_all_the_way_round_is_a_ring() -> None:
+    values = {"radius_m": 1.3, "altitude_m": 1.1, "aim_m": 0.3}
+    arc = family(PROBLEM, "arc").build(values | {"span_deg": 360.0, "middle_deg": 160.0, "widening": 0.0})
+    ring = family(PROBLEM, "ring").build(values | {"phase_deg": 0.0, "stretch": 0.0})
+    assert arc.positions.shape == ring.positions.shape
+    np.testing.assert_allclose(np.diff(np.sort(azimuths_deg(arc.positions))), 40.0)
+    distance = np.linalg.norm(arc.positions[:, None] - ring.positions[None], axis=2).min(axis=1)
+    np.testing.assert_allclose(distance, 0.0, atol=1e-9)
+
+
+def test_a_chain_alternates_and_a_spiral_rises() -> None:
+    chain = family(PROBLEM, "chain").decode([0.5, 0.5, 0.2, 0.9, 0.1, 0.8, 0.5, 0.5])
+    heights = chain.positions[:, 2]
+    assert np.allclose(heights[::2], heights[0])
+    assert np.allclose(heights[1::2], heights[1])
+    assert heights[1] > heights[0]
+    spiral = family(PROBLEM, "spiral").decode([0.5, 0.5, 0.9, 0.3, 0.1, 0.9, 0.5])
+    assert (np.diff(spiral.positions[:, 2]) > 0).all()
+
+
+def test_circles_fill_the_ranges() -> None:
+    grid = circles(PROBLEM, 4, 3, 2)
+    assert len(set(grid)) == 24
+    radius, altitude, aim = PROBLEM.ranges
+    assert {c.radius_m for c in grid} >= set(radius)
+    assert {c.altitude_m for c in grid} >= set(altitude)
+    assert {c.aim_m for c in grid} == set(aim)
+    assert altitude == PROBLEM.envelope.height_m
+    assert radius[1] <= reach_m(PROBLEM.envelope)
+    assert radius[0] < radius[1]
+    assert fill_distance_m(PROBLEM.envelope, PROBLEM.camera) / 3.0 <= radius[0]
+    inside = {c.radius_m for c in circles(PROBLEM, 1, 2, inner=True)}
+    width = radius[1] - radius[0]
+    np.testing.assert_allclose(sorted(inside), [radius[0] + 0.25 * width, radius[0] + 0.75 * width])
+
+
+def test_a_circle_is_round_and_looks_inwards() -> None:
+    cameras = Circle(1.2, 0.9, 0.3, phase_deg=10.0).cameras(PROBLEM)
+    offset = cameras.positions - PROBLEM.center
+    np.testing.assert_allclose(np.hypot(offset[:, 0], offset[:, 1]), 1.2)
+    np.testing.assert_allclose(cameras.positions[:, 2], 0.9)
+    target = np.append(PROBLEM.center[:2], 0.3) - cameras.positions
+    np.testing.assert_allclose(target / np.linalg.norm(target, axis=1)[:, None], cameras.forward, atol=1e-12)
+
+
+def test_on_a_recorded_set_a_family_means_its_views() -> None:
+    plot = recorded(8)
+    for found in families(plot):
+        cameras = plot.nearest(found.decode(np.full(len(found), 0.4)))
+        assert plot.contains(cameras)

@@ -1,0 +1,200 @@
+"""Folders of results of every kind, small and made by fieldkit's own writers; their names may be hostile."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from fieldkit.campaign.create import CampaignSources, init_campaign
+from fieldkit.campaign.table import TABLE_FILE, Row, Table
+from fieldkit.campaign.visit import Visit
+from fieldkit.clouds import Cloud, score, write_cloud
+from fieldkit.errors import CaptureError
+from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
+from fieldkit.missions.export_mission import export_mission
+from fieldkit.planning.run.folder import LogEntry
+from fieldkit.planning.settings import SearchSettings
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, ReferenceReport, StationErrorEntry
+from fieldkit.results.plan import Plan, PlanMethod, PlanSource
+from fieldkit.results.plan_file import save_plan
+from fieldkit.results.report_files import describe_files, file_sha256, save_report
+from tests.evaluation.examples import plant_cloud, reconstruction
+from tests.missions.test_export import SITES, planned
+
+SETTINGS = ReconstructionSettings()
+HOSTILE = '<script>document.title="owned"</script>"\'><img src=x onerror=alert(1)>\u202egnp.exe'
+"""A name with a script, all quotes, an event handler and a right-to-left override."""
+
+SHOWN = HOSTILE.replace("\u202e", "\\u202e")
+"""The same as people see it."""
+
+
+def write_reference(folder: Path, *, source: str = "dense", points: int = 4000) -> ReferenceReport:
+    """A reference's folder."""
+    folder.mkdir(parents=True)
+    cloud = plant_cloud(points)
+    write_cloud(folder / "cloud.ply", cloud)
+    draft = reference_report(reconstruction(cloud=cloud), SETTINGS, seconds=12.5, cpu_seconds=20.25)
+    report = draft.model_copy(update={"source": source, "files": describe_files(folder, ["cloud.ply"])})
+    save_report(folder / "reference.json", report)
+    return report
+
+
+def write_evaluation(
+    folder: Path, reference: Path | None = None, *, source: str = "season", plots: tuple[str, ...] = ("plot 7",),
+    failed: str = "", adherence: bool = False, points: int = 3000,
+) -> EvaluationReport:  # fmt: skip
+    """An evaluation's folder; every plot lies 2 mm beside the reference, with a leaf fewer."""
+    folder.mkdir(parents=True)
+    entries = []
+    other = plant_cloud(4000)
+    for number, name in enumerate(plots):
+        whole = plant_cloud(points, seed=number + 1)
+        cloud = Cloud(whole.points[whole.points[:, 0] > -0.1] + (0.002, 0.0, 0.0), None, None)
+        cloud = Cloud(cloud.points, np.full((len(cloud), 3), 120, np.uint8))
+        plot = plot_evaluation(
+            name, reconstruction(cloud=cloud), SETTINGS, seconds=1.0, cpu_seconds=1.0,
+            score=score(other, cloud) if reference is not None else None,
+        )  # fmt: skip
+        if (folder / name).resolve().is_relative_to(folder.resolve()) and "\0" not in name:
+            (folder / name).mkdir(parents=True)
+            write_cloud(folder / name / "cloud.ply", cloud)
+            plot = plot.model_copy(update={"files": describe_files(folder, [f"{name}/cloud.ply"])})
+        if adherence:
+            plot = plot.model_copy(update={"adherence": _adherence(name)})
+        entries.append(plot)
+    if failed:
+        error = CaptureError("no photographs in it", remedy="Copy them again.")
+        entries.append(failed_plot(failed, error, seconds=0.1, cpu_seconds=0.1))
+    report = evaluation_report(
+        source, entries, SETTINGS, refine=False, distances_m=(0.002, 0.005, 0.010, 0.020), seconds=2.0, cpu_seconds=2.0,
+        reference_sha256=None if reference is None else file_sha256(reference / "reference.json"),
+    )  # fmt: skip
+    save_report(folder / "evaluation.json", report)
+    return report
+
+
+def write_run(folder: Path, reference: Path | None = None, *, name: str = "dense", trials: int = 40) -> Plan:
+    """The folder of a planning run, finished."""
+    folder.mkdir(parents=True)
+    sha256 = None if reference is None else file_sha256(reference / "reference.json")
+    source = PlanSource(kind="reference", name=name, sha256=sha256)
+    settings = SearchSettings(
+        fieldkit="0.1.0", source=source, path="dense", cameras=7, method="field", evaluations=trials
+    )
+    (folder / "search.json").write_text(settings.model_dump_json(indent=2))
+    plan = planned(7).model_copy(
+        update={
+            "source": source,
+            "method": PlanMethod(
+                name="field", seed=0, evaluations=trials, chamfer_m=0.0041, chamfer_spread_m=0.0002, repeats=3
+            ),
+        }
+    )
+    rows = tuple((*s.position_m, s.yaw_deg, s.pitch_deg) for s in plan.stations)
+    rng = np.random.default_rng(0)
+    lines = []
+    for k in range(trials):
+        value = 0.005 + 0.004 * np.exp(-k / 10) * (1 + rng.random())
+        weights = {"set-matern": 0.5 + 0.3 * k / trials, "set-rbf": 0.5 - 0.3 * k / trials} if k >= 16 else None
+        lines.append(LogEntry(
+            number=k, stage="search", origin=f"circle {k}" if k < 3 else f"near {k - 1}", seed=0, fidelity="draft",
+            cameras=rows, value_m=value, chamfer_m=value, accuracy_m=value / 2, completeness_m=value / 2,
+            f_score=dict.fromkeys(("0.002", "0.005", "0.010", "0.020"), 0.5), registered=7, right=7, models=1, points=5,
+            cloud_digest="0" * 32, views=(), failure="", measured=k != 5, cpu_s=9.0, wall_s=9.5, proposal_cpu_s=0.1,
+            finished_s=10.0 * (k + 1), notes={} if weights is None else {"weights": weights},
+        ).model_dump_json())  # fmt: skip
+    (folder / "evaluations.jsonl").write_text("\n".join(lines) + "\n")
+    finalist = {
+        "number": trials - 1, "origin": f"near {trials - 2}", "search_value_m": 0.0051, "value_m": 0.0041,
+        "spread_m": 0.0002, "right": [7, 7, 6],
+    }  # fmt: skip
+    (folder / "outcome.json").write_text(json.dumps({
+        "method": "field", "cameras": 7, "chamfer_m": 0.0041, "chamfer_spread_m": 0.0002, "evaluations": trials,
+        "failed_evaluations": 1, "confirmations": 3, "seconds": 10.0 * trials, "evaluation_cpu_s": 9.0 * trials,
+        "proposal_cpu_s": 4.0, "stopped": "evaluations", "finalists": [finalist],
+    }))  # fmt: skip
+    save_plan(folder / "plan.json", plan)
+    return plan
+
+
+def write_mission(folder: Path, plots: Path | None = None) -> Path:
+    """A mission's folder; its route."""
+    folder.mkdir(parents=True)
+    done = export_mission(
+        planned(5), "ardupilot-pitch", SITES / "example.toml", folder / "field.plan", plots=plots, picture=False
+    )
+    return next(file for file in done.files if file.suffix == ".geojson")
+
+
+def write_campaign(
+    folder: Path, *, name: str = "maize 2026", dates: tuple[str, ...] = ("2026-06-30", "2026-07-14")
+) -> None:
+    """A campaign's folder with a visit of every plot on every date; one of them failed."""
+    save_plan(folder.parent / "campaign-plan.json", planned(5))
+    sources = CampaignSources(folder.parent / "campaign-plan.json", SITES / "example.toml", SITES / "plots.geojson")
+    campaign = init_campaign(folder, sources, name=name)
+    (folder.parent / "campaign-plan.json").unlink()
+    with Table(folder / TABLE_FILE) as table:
+        for day, date in enumerate(dates):
+            for k, plot in enumerate(campaign.plots):
+                value = 0.008 + 0.001 * k + 0.002 * day
+                visit = Visit(
+                    plot.id, date, captures="captures", folder=f"visits/{date}/{plot.id}", images=13, registered=13,
+                    right=13 if k else 11, pose_rms_m=0.02, chamfer_m=value, accuracy_m=value / 3,
+                    completeness_m=2 * value / 3, f_score={"0.005": 0.6, "0.010": 0.9 - 0.02 * k},
+                    height_m=0.6 + 0.2 * day, cover=0.3 + 0.05 * day, hull_m3=0.2, cpu_s=20.0,
+                    notes=(HOSTILE,) if k == 2 else (),
+                )  # fmt: skip
+                if k == 7:
+                    visit = Visit(plot.id, date, images=9, error=f"the photographs fell apart {HOSTILE}")
+                elif k == 6:
+                    visit = Visit(
+                        plot.id, date, images=13, registered=13, right=13, predicted_chamfer_m=0.011,
+                        predicted_low_m=0.008, predicted_high_m=0.016, height_m=0.7, cover=0.4, hull_m3=0.25,
+                    )  # fmt: skip
+                table.put(Row(visit, "x"))
+
+
+def write_photographs(folder: Path, count: int = 8, *, side: int = 320) -> None:
+    """Photographs as the examples' reports name them."""
+    folder.mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    for number in range(1, count + 1):
+        pixels = np.kron(rng.integers(0, 255, (6, 8, 3)), np.ones((side // 8, side // 8, 1))).astype(np.uint8)
+        Image.fromarray(pixels).save(folder / f"IMG_{number:04d}.jpg", quality=90)
+
+
+def write_everything(root: Path) -> None:
+    """A season's folder with results of every kind, hostile names among them, and one that is damaged."""
+    write_reference(root / "reference", source=HOSTILE)
+    write_photographs(root / "captures" / "plot 7")
+    write_run(root / "plan", root / "reference", name=HOSTILE)
+    write_mission(root / "mission", SITES / "plots.geojson")
+    names = ("plot 7", HOSTILE.replace("/", "∕"))
+    write_evaluation(
+        root / "scores", root / "reference", plots=names, failed="empty", adherence=True, source="captures"
+    )
+    write_campaign(root / "campaign")
+    (root / "broken").mkdir()
+    (root / "broken" / "evaluation.json").write_text('{"kind": "evaluation", "version": 1}')
+    os.mkfifo(root / "pipe.geojson.part")  # nothing of ours, and nothing to wait for
+
+
+def _adherence(plot: str) -> AdherenceEntry:
+    stations = tuple(
+        StationErrorEntry(
+            station=f"station {k}", image=f"IMG_{k + 1:04d}.jpg", east_m=0.1 * k - 0.2, north_m=0.05,
+            up_m=None if k else -0.1, yaw_deg=1.5, pitch_deg=-0.5, speed_mps=0.04, turning_dps=0.3,
+        )
+        for k in range(5)
+    )  # fmt: skip
+    return AdherenceEntry(
+        stations=stations, missing=("station 5", f"station {plot}"), extra=("IMG_0008.jpg",), horizontal_rms_m=0.21,
+        yaw_rms_deg=1.5, pitch_rms_deg=0.5,
+    )  # fmt: skip

@@ -1,0 +1,90 @@
+"""plan.json."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.errors import MetadataError
+from fieldkit.geometry import Intrinsics
+from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.results.plan import Plan, PlanMethod, PlanSource, Station
+from fieldkit.results.plan_file import load_plan, plan_from_poses, plan_schema, save_plan
+from fieldkit.scenes.rigs import ring
+
+CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
+POSES = ring(5, 1.4, 1.1)
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    plan = plan_from_poses(
+        POSES, CAMERA, row_heading_deg=70.0, source=PlanSource(kind="scene", name="case-1", sha256=64 * "a"),
+        method=PlanMethod(name="bosfm", seed=3, evaluations=50, chamfer_m=0.012, chamfer_spread_m=0.001, repeats=5),
+    )  # fmt: skip
+    save_plan(tmp_path / "plan.json", plan)
+    assert load_plan(tmp_path) == load_plan(tmp_path / "plan.json") == plan
+    assert plan.camera is not None
+    assert plan.camera.intrinsics == CAMERA
+    for station, pose in zip(plan.stations, POSES, strict=True):
+        np.testing.assert_allclose(station.pose.center, pose.center)
+        assert rotation_angle_deg(station.pose.rotation, pose.rotation) < 1e-6
+
+
+@given(
+    st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(0, 9), st.floats(-360, 360), st.floats(-90, 90)),
+             min_size=1, max_size=5)
+)  # fmt: skip
+def test_stations_read_back_exactly(rows: list[tuple[float, float, float, float, float]]) -> None:
+    stations = tuple(Station(position_m=row[:3], yaw_deg=row[3], pitch_deg=row[4]) for row in rows)
+    plan = Plan(fieldkit="0", stations=stations)
+    assert Plan.model_validate_json(plan.model_dump_json()) == plan
+
+
+def test_what_is_optional_may_be_absent(tmp_path: Path) -> None:
+    (tmp_path / "plan.json").write_text(
+        '{"kind": "plan", "version": 1, "fieldkit": "0.1",'
+        ' "stations": [{"position_m": [0, 0, 2], "yaw_deg": 0, "pitch_deg": -90}]}'
+    )
+    plan = load_plan(tmp_path)
+    assert plan.camera is None
+    np.testing.assert_allclose(plan.stations[0].pose.forward, (0, 0, -1), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"kind": "mission"}, "is not a plan"),
+        ({"version": 2}, "version 2"),
+        ({"stations": []}, "stations: "),
+        ({"x": 1}, "x: "),
+        ({"stations": [{"position_m": [0, 0, 1], "yaw_deg": 0, "pitch_deg": 91}]}, "stations.0.pitch_deg"),
+        ({"camera": {"model": "FISHY", "width": 1, "height": 1, "params": [1.0]}}, "camera model 'FISHY'"),
+    ],
+)
+def test_errors(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    document = json.loads(plan_from_poses(POSES).model_dump_json()) | change
+    (tmp_path / "plan.json").write_text(json.dumps(document))
+    with pytest.raises(MetadataError, match=message) as caught:
+        load_plan(tmp_path)
+    assert caught.value.path == tmp_path / "plan.json"
+    assert caught.value.remedy
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b"\xff", b"[" * 100_000])
+def test_not_json(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "plan.json").write_bytes(content)
+    with pytest.raises(MetadataError):
+        load_plan(tmp_path)
+    with pytest.raises(MetadataError, match="no such file"):
+        load_plan(tmp_path / "other.json")
+
+
+def test_the_schema_is_the_one_in_the_documentation() -> None:
+    file = Path(__file__).parents[2] / "docs" / "schemas" / "plan.schema.json"
+    assert file.read_text() == plan_schema()

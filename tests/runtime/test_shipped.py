@@ -1,0 +1,30 @@
+"""Files beside the code, in a repository and in an installed package."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import fieldkit
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle, vehicles_folder
+from fieldkit.runtime.shipped import shipped_folder
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_wheel_puts_every_folder_where_an_installed_package_looks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    included = settings["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+    for source, target in included.items():
+        assert shipped_folder(source) == ROOT / source
+        shutil.copytree(ROOT / source, tmp_path / target, ignore=shutil.ignore_patterns("*.tlog", "*.BIN", "*.bin"))
+    monkeypatch.setattr(fieldkit, "__file__", str(tmp_path / "fieldkit" / "__init__.py"))
+    for source, target in included.items():
+        assert shipped_folder(source) == tmp_path / target
+    assert vehicles_folder() == tmp_path / "fieldkit" / "shipped" / "missions" / "vehicles"
+    assert load_vehicle("fixed-gimbal").mount.pitch_deg == (-45.0, -45.0)

@@ -1,0 +1,181 @@
+"""The stand-in vehicle, against the real pymavlink."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fieldkit.errors import LinkError, UsageError
+from fieldkit.missions.items import MissionItem
+from fieldkit.missions.link.compare import home_item, to_wire
+from fieldkit.standin.faults import Faults
+from fieldkit.standin.recording import Recording, read_recording
+from fieldkit.standin.replay import Replay
+
+
+@pytest.fixture
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def station(free_port: int) -> Iterator[Any]:
+    """pymavlink's own station, waiting for a vehicle."""
+    from pymavlink import mavutil
+
+    link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{free_port}", source_system=255, source_component=190)
+    link.place = f"udpout://127.0.0.1:{free_port}"
+    yield link
+    link.close()
+
+
+def receive(station: Any, *names: str) -> Any:
+    message = station.recv_match(type=list(names), blocking=True, timeout=10)
+    assert message is not None, names
+    return message
+
+
+def test_telemetry_comes_at_vehicle_time(recording: Recording, station: Any) -> None:
+    with Replay(recording, serve=station.place, speed=50.0, begin_s=40.0):
+        begun = time.monotonic()
+        counts: Counter[str] = Counter()
+        last = None
+        while last is None or last.time_boot_ms < 60_000:
+            message = receive(station, "ATTITUDE", "HEARTBEAT", "GLOBAL_POSITION_INT", "EKF_STATUS_REPORT")
+            counts[message.get_type()] += 1
+            last = message if message.get_type() == "ATTITUDE" else last
+        took = time.monotonic() - begun
+    recorded = Counter(f.message_id for f in recording.telemetry if 40.0 <= f.time_s <= 60.0)
+    assert counts["ATTITUDE"] == pytest.approx(recorded[30], abs=3)
+    assert counts["HEARTBEAT"] == pytest.approx(recorded[0] + 1, abs=2)
+    assert took > 0.35  # 20 s of vehicle time at 50
+    assert station.mav.total_receive_errors == 0
+    assert station.packet_loss() == 0
+
+
+def test_after_its_end_the_vehicle_stays_connected(sitl: Path, station: Any) -> None:
+    short = read_recording(sitl / "probe_items.tlog")
+    with Replay(short, serve=station.place, speed=20.0, begin_s=short.length_s + 1.0):
+        assert [receive(station, "HEARTBEAT").type for _ in range(4)] == [2, 2, 2, 2]
+        assert receive(station, "EKF_STATUS_REPORT").flags == 831
+        assert receive(station, "GLOBAL_POSITION_INT").lat == pytest.approx(508649000, abs=100)
+
+
+def test_rates_can_be_held_down(recording: Recording, station: Any) -> None:
+    with Replay(recording, serve=station.place, speed=40.0, begin_s=45.0, rate_hz=1.0):
+        receive(station, "ATTITUDE")
+        times = [receive(station, "ATTITUDE").time_boot_ms for _ in range(8)]
+    assert min(b - a for a, b in pairwise(times)) >= 990
+
+
+def test_pymavlink_uploads_and_downloads(recording: Recording, station: Any, flown: tuple[MissionItem, ...]) -> None:
+    sent = (home_item(None), *to_wire(flown))
+    with Replay(recording, serve=station.place, speed=5.0, begin_s=45.0, rate_hz=1.0) as vehicle:
+        station.wait_heartbeat(timeout=10)
+        station.mav.mission_count_send(1, 1, len(sent))
+        asked = []
+        while (message := receive(station, "MISSION_REQUEST", "MISSION_ACK")).get_type() == "MISSION_REQUEST":
+            item = sent[message.seq]
+            asked.append(message.seq)
+            station.mav.mission_item_int_send(
+                1, 1, message.seq, item.frame, item.command, 0, 1, *item.params, item.x, item.y, item.z
+            )
+        assert message.type == 0
+        assert asked == list(range(len(sent)))
+        station.mav.mission_request_list_send(1, 1)
+        count = receive(station, "MISSION_COUNT").count
+        assert count == 68
+        for seq in range(count):
+            station.mav.mission_request_int_send(1, 1, seq)
+            item = receive(station, "MISSION_ITEM_INT")
+            held = vehicle.autopilot.items[seq]
+            assert (item.seq, item.command, item.frame) == (seq, held.command, held.frame)
+            assert (item.x, item.y, item.z) == (held.x, held.y, pytest.approx(held.z))
+        assert vehicle.autopilot.items[0].x == 508649000  # its own home
+        station.mav.mission_clear_all_send(1, 1)
+        assert receive(station, "MISSION_ACK").type == 0
+        assert vehicle.autopilot.items == ()
+
+
+def test_commands_show_in_its_heartbeat(recording: Recording, station: Any, flown: tuple[MissionItem, ...]) -> None:
+    vehicle = Replay(recording, serve=station.place, speed=20.0, begin_s=45.0, rate_hz=2.0)
+    vehicle.hold(flown)
+    with vehicle:
+        station.wait_heartbeat(timeout=10)
+        for command, first, second in ((400, 1, 0), (176, 1, 3), (300, 0, 0)):
+            station.mav.command_long_send(1, 1, command, 0, first, second, 0, 0, 0, 0, 0)
+            assert receive(station, "COMMAND_ACK").result == 0
+        receive(station, "HEARTBEAT")
+        heartbeat = receive(station, "HEARTBEAT")
+        assert heartbeat.base_mode & 128
+        assert heartbeat.custom_mode == 3
+
+
+def test_faults_lose_packets_both_ways(recording: Recording, station: Any) -> None:
+    faults = Faults(loss=0.5, seed=3)
+    with Replay(recording, serve=station.place, speed=20.0, begin_s=45.0, rate_hz=2.0, faults=faults) as vehicle:
+        station.wait_heartbeat(timeout=10)
+        answers = 0
+        for _ in range(60):
+            station.mav.mission_request_list_send(1, 1)
+            answers += station.recv_match(type="MISSION_COUNT", blocking=True, timeout=0.03) is not None
+        traffic = vehicle.traffic
+    assert 15 <= traffic.heard <= 45
+    assert 3 <= answers <= 30
+    assert traffic.lost > 30
+
+
+def test_a_cut_link_is_silent_until_it_is_mended(recording: Recording, station: Any) -> None:
+    with Replay(recording, serve=station.place, speed=20.0, begin_s=45.0) as vehicle:
+        station.wait_heartbeat(timeout=10)
+        vehicle.cut_after(0)
+        while station.recv_match(blocking=True, timeout=0.2) is not None:
+            pass
+        vehicle.cut_after(None)
+        station.wait_heartbeat(timeout=10)
+
+
+def test_only_on_this_machine(recording: Recording) -> None:
+    for serve in (
+        "udpout://192.0.2.1:14550",
+        "udpin://0.0.0.0:14550",
+        "tcpout://127.0.0.1:5760",
+        "udpout://example.org:1",
+    ):
+        with pytest.raises(UsageError, match="this machine only"):
+            Replay(recording, serve=serve)
+
+
+@pytest.mark.parametrize("arguments", [{"speed": 0.0}, {"speed": float("nan")}, {"begin_s": -1.0}, {"rate_hz": 0.0}])
+def test_errors(recording: Recording, arguments: dict[str, float]) -> None:
+    with pytest.raises(UsageError):
+        Replay(recording, **arguments)  # type: ignore[arg-type]
+
+
+def test_a_taken_port_is_told(recording: Recording) -> None:
+    with Replay(recording, begin_s=45.0) as first:
+        port = first.url.rpartition(":")[2]
+        with pytest.raises(LinkError, match="cannot serve"):
+            Replay(recording, serve=f"udpin://127.0.0.1:{port}").start()
+
+
+def test_noise_does_not_stop_it(recording: Recording, delays: Callable[[int], tuple[MissionItem, ...]]) -> None:
+    vehicle = Replay(recording, begin_s=45.0, speed=10.0)
+    vehicle.hold(delays(3))
+    with vehicle, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        place = ("127.0.0.1", int(vehicle.url.rpartition(":")[2]))
+        for seed in range(300):
+            sender.sendto(bytes((seed * k * 7 + k) % 256 for k in range(1, seed)), place)
+            sender.sendto(b"\xfd" + bytes(seed), place)
+        sender.settimeout(10)
+        assert sender.recv(300)
+        assert len(vehicle.autopilot.items) == 4

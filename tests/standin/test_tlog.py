@@ -1,0 +1,135 @@
+"""Telemetry logs, whole and damaged."""
+
+from __future__ import annotations
+
+import json
+import struct
+import tempfile
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.errors import MetadataError
+from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.frames import Splitter, decode, frame_length, intact
+from fieldkit.standin.recording import read_recording
+from fieldkit.standin.tlog import read_frames, read_messages
+
+
+def test_every_frame_is_read(sitl: Path) -> None:
+    file = sitl / "probe_items.tlog"
+    frames = list(read_frames(file))
+    assert sum(8 + len(frame.data) for frame in frames) == file.stat().st_size
+    assert {frame.system for frame in frames} == {1, 255}
+    assert frames[0].time_s == 1781000000.0
+    assert all(a.time_s <= b.time_s for a, b in pairwise(frames))
+
+
+def test_messages_are_those_that_mavutil_reads(sitl: Path) -> None:
+    from pymavlink import mavutil
+
+    log = mavutil.mavlink_connection(str(sitl / "hold0.tlog"))
+    theirs = []
+    while (message := log.recv_msg()) is not None:
+        theirs.append((message.get_type(), message.get_srcSystem(), bytes(message.get_msgbuf())))
+    log.close()
+    ours = [(m.get_type(), system, bytes(m.get_msgbuf())) for _, system, m in read_messages(sitl / "hold0.tlog")]
+    assert ours == theirs
+    photographs = json.loads((sitl / "hold0.json").read_text())["triggers"]
+    assert sum(name == "CAMERA_FEEDBACK" for name, _, _ in ours) == len(photographs)
+
+
+def test_what_is_between_frames_is_skipped(sitl: Path, tmp_path: Path) -> None:
+    frames = list(read_frames(sitl / "probe_items.tlog"))[:60]
+    noise = bytes(range(256)) + b"\xfd\xfe" * 20
+    parts = []
+    for number, frame in enumerate(frames):
+        parts.append(struct.pack(">Q", round(frame.time_s * 1e6)) + frame.data)
+        if number % 7 == 3:
+            parts.append(noise)
+    (tmp_path / "noisy.tlog").write_bytes(b"".join(parts))
+    assert [f.data for f in read_frames(tmp_path / "noisy.tlog")] == [f.data for f in frames]
+
+
+def test_the_last_frame_may_be_cut_off(sitl: Path, tmp_path: Path) -> None:
+    frames = list(read_frames(sitl / "probe_items.tlog"))
+    data = (sitl / "probe_items.tlog").read_bytes()
+    (tmp_path / "cut.tlog").write_bytes(data[:-5])
+    assert list(read_frames(tmp_path / "cut.tlog")) == frames[:-1]
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_damaged_logs_never_fail_but_cleanly(data: st.DataObject) -> None:
+    whole = (Path(__file__).parents[2] / "sim/sitl/probe_items.tlog").read_bytes()
+    begin = data.draw(st.integers(0, 50_000))
+    piece = bytearray(whole[begin : begin + data.draw(st.integers(0, 3000))])
+    for place, value in data.draw(st.lists(st.tuples(st.integers(0, 2999), st.integers(0, 255)), max_size=40)):
+        if place < len(piece):
+            piece[place] = value
+    frames = None
+    with tempfile.NamedTemporaryFile(suffix=".tlog") as file:
+        file.write(piece)
+        file.flush()
+        with suppress(MetadataError):
+            frames = list(read_frames(Path(file.name)))
+    if frames is None:
+        return
+    assert frames
+    assert sum(8 + len(frame.data) for frame in frames) <= len(piece)
+    for frame in frames:
+        assert decode(frame.data) is not None
+
+
+@pytest.mark.parametrize("content", [b"", b"x", b"\xfd" * 100_000, b"\xfe\x00" * 5000, bytes(70_000)])
+def test_no_log(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "x.tlog").write_bytes(content)
+    with pytest.raises(MetadataError, match="holds no MAVLink messages"):
+        list(read_frames(tmp_path / "x.tlog"))
+    with pytest.raises(MetadataError):
+        read_recording(tmp_path / "x.tlog")
+    with pytest.raises(MetadataError, match="no such file"):
+        list(read_frames(tmp_path / "y.tlog"))
+    with pytest.raises(MetadataError, match="cannot be read"):
+        list(read_frames(tmp_path))
+
+
+def test_a_recording_is_what_the_vehicle_said(sitl: Path) -> None:
+    flight = read_recording(sitl / "mount_then_yaw.tlog")
+    assert (flight.system, flight.component) == (1, 1)
+    assert flight.length_s == pytest.approx(230.339, abs=1e-3)
+    assert flight.version is not None
+    assert flight.version.flight_sw_version >> 8 == 0x040506
+    assert flight.parameters["WPNAV_SPEED"].param_value == 200
+    kinds = {mavlink.mavlink_map[frame.message_id].msgname for frame in flight.telemetry}
+    assert {"HEARTBEAT", "GLOBAL_POSITION_INT", "EKF_STATUS_REPORT", "STATUSTEXT", "CAMERA_FEEDBACK"} <= kinds
+    assert not {
+        name
+        for name in kinds
+        if name.startswith("MISSION_") and name not in {"MISSION_CURRENT", "MISSION_ITEM_REACHED"}
+    }
+
+
+def test_a_log_without_a_vehicle(sitl: Path, tmp_path: Path) -> None:
+    station = [f for f in read_frames(sitl / "probe_items.tlog") if f.system == 255]
+    file = tmp_path / "station.tlog"
+    file.write_bytes(b"".join(struct.pack(">Q", round(f.time_s * 1e6)) + f.data for f in station))
+    with pytest.raises(MetadataError, match="no heartbeat of an autopilot"):
+        read_recording(file)
+
+
+def test_a_stream_is_cut_wherever_it_arrives(sitl: Path) -> None:
+    frames = [frame.data for frame in read_frames(sitl / "probe_items.tlog")][:200]
+    stream = b"noise\xfd" + b"".join(frames)
+    for step in (1, 7, 300, len(stream)):
+        splitter = Splitter()
+        found = [f for k in range(0, len(stream), step) for f in splitter.split(stream[k : k + step])]
+        assert found[1:] == frames[1:]
+    damaged = bytearray(frames[3])
+    damaged[12] ^= 1
+    assert not intact(bytes(damaged))
+    assert frame_length(frames[3]) == len(frames[3])
