@@ -12,8 +12,7 @@ from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
-from fieldkit.planning.run.executor import Job
-from fieldkit.planning.run.pool import WorkerPool
+from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.runtime.progress import Progress
 
 LIMITS_S: dict[str, float] = {"draft": 5.0, "standard": 9.0}
@@ -95,7 +94,7 @@ def run_throughput(
     results: dict[int, list[Evaluation]] = {}
     for workers in (1, 2):
         with (
-            WorkerPool(objective, workers=workers) as pool,
+            ProcessExecutor(objective, workers=workers) as pool,
             progress.stage(f"{workers} workers", evaluations) as advance,
         ):
             for _ in pool.run(Job(plot.ring) for _ in range(2 * workers)):  # every worker up and warm

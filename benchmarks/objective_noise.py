@@ -14,8 +14,7 @@ from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
-from fieldkit.planning.run.executor import Job
-from fieldkit.planning.run.pool import WorkerPool
+from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.present.pictures.curves import draw_bands, png
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.simulate import CaptureNoise
@@ -52,7 +51,7 @@ def run_noise(
             if noise in done:
                 continue
             objective = Objective(plot.source.with_noise(noise), ObjectiveSettings(fidelity))
-            with WorkerPool(objective, workers=workers) as pool:
+            with ProcessExecutor(objective, workers=workers) as pool:
                 done[noise] = []
                 for evaluation in pool.run(Job(plot.ring, seed) for seed in range(seeds)):
                     done[noise].append(evaluation)

@@ -15,8 +15,7 @@ from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
-from fieldkit.planning.run.executor import Job
-from fieldkit.planning.run.pool import WorkerPool
+from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.present.pictures.curves import draw_agreement, png
 from fieldkit.runtime.progress import Progress
@@ -151,7 +150,7 @@ def _evaluated(
 ) -> list[Evaluation]:
     found = []
     objective = Objective(source, ObjectiveSettings(fidelity))
-    with WorkerPool(objective, workers=workers) as pool, progress.stage(title, len(jobs)) as advance:
+    with ProcessExecutor(objective, workers=workers) as pool, progress.stage(title, len(jobs)) as advance:
         for evaluation in pool.run(jobs):
             found.append(evaluation)
             advance(1)

@@ -23,8 +23,7 @@ from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Mapping as SfmMapping
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
-from fieldkit.planning.run.executor import Job
-from fieldkit.planning.run.pool import WorkerPool
+from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.settings import GivenPlot
 from fieldkit.present.pictures.curves import draw_bands, png
@@ -275,7 +274,7 @@ def _noise(
         with progress.stage(f"{test}: {name}", len(carried) * len(levels) * draws) as advance:
             for sigma, noise in levels.items():
                 objective = Objective(source.with_noise(noise), ObjectiveSettings(_FIDELITY, _MAPPING, refine=True))
-                with WorkerPool(objective, workers=options.workers) as pool:
+                with ProcessExecutor(objective, workers=options.workers) as pool:
                     for method, plans in carried.items():
                         found: list[Evaluation] = []
                         for evaluation in pool.run(Job(plans[0].cameras, seed) for seed in range(draws)):

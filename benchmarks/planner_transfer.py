@@ -14,10 +14,10 @@ from fieldkit.cache import StageCache
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Mapping
 from fieldkit.planning.problem import Trial
+from fieldkit.planning.run.executor import ProcessExecutor
 from fieldkit.planning.run.folder import SETTINGS_FILE, create_run, open_run
 from fieldkit.planning.run.loop import Finalist, evaluate_again, nobody
 from fieldkit.planning.run.open_problem import open_problem
-from fieldkit.planning.run.pool import WorkerPool
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Progress
 
@@ -78,7 +78,7 @@ def carry(
             there = plannable.problem.nearest(plan.cameras)
             moved[number] = float(np.linalg.norm(there.positions - plan.cameras.positions, axis=1).max())
             trials.append(Trial(number, there, f"{plan.method}-{plan.seed}"))
-        with WorkerPool(plannable.objective, workers=workers) as executor:
+        with ProcessExecutor(plannable.objective, workers=workers) as executor:
             found = evaluate_again(executor, run, trials, watch=nobody)
     by_number = {each.trial.number: each for each in found}
     return [_carried(plan, by_number[number], moved[number]) for number, plan in enumerate(plans)]

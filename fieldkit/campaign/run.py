@@ -25,14 +25,15 @@ from fieldkit.campaign.visiting import (
     read_record,
     visit_inputs,
 )
-from fieldkit.campaign.workers import Done, each_in_workers
 from fieldkit.captures import Finding
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs, photographs_at
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.files import check_writable
 from fieldkit.present.style import format_length
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
+from fieldkit.runtime.parallel import each_in_workers
 from fieldkit.runtime.progress import Progress
+from fieldkit.runtime.worker import Outcome
 
 _RESULTS = (EVALUATION_FILE, REFERENCE_FILE, CAMPAIGN_FILE)
 _OUTER_FOLDERS = 2  # names above the searched folder that may say plot and date
@@ -136,21 +137,21 @@ def _evaluate(todo: Sequence[VisitJob], workers: int) -> Generator[Row, None, No
     """The rows of visits as they are done; those whose worker died are tried once more, one at a time."""
     again: list[VisitJob] = []
     with closing(each_in_workers(evaluate_visit, todo, workers=workers)) as results:
-        for done in results:
-            if done.result is None and workers > 1:
-                again.append(done.job)
+        for number, outcome in results:
+            if outcome.result is None and workers > 1:
+                again.append(todo[number])
             else:
-                yield _row(done)
+                yield _row(todo[number], outcome)
     with closing(each_in_workers(evaluate_visit, again, workers=1)) as results:
-        for done in results:
-            yield _row(done)
+        for number, outcome in results:
+            yield _row(again[number], outcome)
 
 
-def _row(done: Done[VisitJob, VisitResult]) -> Row:
-    job, result = done.job, done.result
+def _row(job: VisitJob, outcome: Outcome[VisitResult]) -> Row:
+    result = outcome.result
     if result is None:
         visit = Visit(
-            job.plot.id, job.date, captures=job.captures, images=len(job.photos), error=done.death, notes=job.notes
+            job.plot.id, job.date, captures=job.captures, images=len(job.photos), error=outcome.failure, notes=job.notes
         )
         return Row(visit, "")
     if result.storage is not None:

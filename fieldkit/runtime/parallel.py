@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import closing
+from functools import partial
 from typing import TypeVar
 
-from fieldkit.runtime.threads import limit_threads, set_thread_environment
+from fieldkit.runtime.worker import Outcome
+from fieldkit.runtime.worker_pool import Limits, WorkerPool
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+_FINISH_S = 10.0
+"""That workers have for what they are writing when a map is interrupted."""
 
 
 def map_parallel(
@@ -27,15 +31,47 @@ def map_parallel(
         items: picklable likewise.
         workers: processes; 1 stays in this one.
         advance: called with 1 after each item.
+
+    Raises:
+        Exception: the first that an item raised; items that are begun may be finished before, the others are not begun.
+        WorkerError: a worker died.
     """
     workers = min(workers, len(items))
     if workers <= 1:
         return _in_turn(function, items, advance)
-    # Forking a process that has threads (progress display, OpenCV) can deadlock the child.
-    context = multiprocessing.get_context("spawn")
-    return _in_pool(
-        ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker), function, items, advance
-    )
+    results: dict[int, Result] = {}
+    with closing(each_in_workers(function, items, workers=workers, finish_seconds=_FINISH_S)) as finished:
+        for number, outcome in finished:
+            results[number] = outcome.get()
+            advance(1)
+    return [results[number] for number in range(len(items))]
+
+
+def each_in_workers(
+    function: Callable[[Item], Result], items: Sequence[Item], *, workers: int, finish_seconds: float = 0.0
+) -> Generator[tuple[int, Outcome[Result]], None, None]:
+    """Numbers and outcomes of items as they come, from watched worker processes (`WorkerPool`).
+
+    A worker that dies costs its item only, which is not tried again. All workers have ended when the iteration ends or
+    is left.
+
+    Args:
+        function: picklable.
+        items: picklable.
+        workers: processes, at least one: also a single one keeps a crash away from the caller.
+        finish_seconds: for items that are being worked on when the iteration is left.
+    """
+    limits = Limits(finish_seconds=finish_seconds)
+    with WorkerPool[Item, Result](partial(_given, function), workers=workers, limits=limits) as pool:
+        left = {pool.submit(item) for item in items}
+        while left:
+            for number, outcome in pool.collect():
+                left.remove(number)
+                yield number, outcome
+
+
+def _given(function: Callable[[Item], Result]) -> Callable[[Item], Result]:
+    return function
 
 
 def map_threads(
@@ -49,20 +85,7 @@ def map_threads(
     workers = min(workers, len(items))
     if workers <= 1:
         return _in_turn(function, items, advance)
-    return _in_pool(ThreadPoolExecutor(workers), function, items, advance)
-
-
-def _in_turn(function: Callable[[Item], Result], items: Sequence[Item], advance: Callable[[int], None]) -> list[Result]:
-    results = []
-    for item in items:
-        results.append(function(item))
-        advance(1)
-    return results
-
-
-def _in_pool(
-    pool: Executor, function: Callable[[Item], Result], items: Sequence[Item], advance: Callable[[int], None]
-) -> list[Result]:
+    pool = ThreadPoolExecutor(workers)
     try:
         futures = [pool.submit(function, item) for item in items]
         for future in as_completed(futures):
@@ -73,6 +96,9 @@ def _in_pool(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _start_worker() -> None:
-    set_thread_environment(1)
-    limit_threads(1)
+def _in_turn(function: Callable[[Item], Result], items: Sequence[Item], advance: Callable[[int], None]) -> list[Result]:
+    results = []
+    for item in items:
+        results.append(function(item))
+        advance(1)
+    return results

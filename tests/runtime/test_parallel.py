@@ -1,10 +1,51 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
 
+import psutil
 import pytest
 
-from fieldkit.runtime.parallel import map_parallel, map_threads
+from fieldkit.errors import UsageError
+from fieldkit.runtime.parallel import each_in_workers, map_parallel, map_threads
+from fieldkit.runtime.worker import WorkerError
+
+LIMIT_S = 120.0
+
+
+def job(number: int) -> tuple[int, int]:
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if number == 4:
+        os._exit(7)
+    return os.getpid(), number * number
+
+
+class Unpicklable(Exception):
+    """Its arguments are not those of its class."""
+
+    def __init__(self, one: int, two: int) -> None:
+        super().__init__(f"{one} and {two}")
+
+
+def raising(number: int) -> int:
+    if number == 1:
+        raise UsageError("not this one", remedy="Take another.")
+    if number == 2:
+        raise Unpicklable(1, 2)
+    return number
+
+
+def threads_of(_: int) -> list[int]:
+    from threadpoolctl import threadpool_info
+
+    return [pool["num_threads"] for pool in threadpool_info()]
 
 
 @pytest.mark.parametrize("mapper", [map_parallel, map_threads])
@@ -23,3 +64,96 @@ def test_an_error_of_an_item_is_raised(mapper) -> None:
 
 def test_no_items_give_no_results() -> None:
     assert map_threads(math.factorial, [], workers=3) == []
+
+
+def test_errors_come_from_workers_as_they_are_or_in_words_with_where_they_were_raised() -> None:
+    with pytest.raises(UsageError, match="not this one") as caught:
+        map_parallel(raising, [1, 3], workers=2)
+    assert caught.value.remedy == "Take another."
+    assert "in raising" in caught.value.__notes__[0]
+    with pytest.raises(RuntimeError, match="Unpicklable: 1 and 2"):
+        map_parallel(raising, [2, 3], workers=2)
+
+
+def test_a_result_that_cannot_be_sent_is_an_error_of_its_item() -> None:
+    with pytest.raises((AttributeError, TypeError), match="pickle"):
+        map_parallel(lambda_of, [1, 2], workers=2)
+
+
+def lambda_of(number: int) -> object:
+    return lambda: number
+
+
+def test_a_worker_that_dies_in_a_map_is_told_in_words() -> None:
+    with pytest.raises(WorkerError, match="ended by SIGKILL"):
+        map_parallel(job, [1, 3], workers=2)
+
+
+def test_workers_compute_on_one_thread() -> None:
+    for found in map_parallel(threads_of, [1, 2], workers=2):
+        assert set(found) <= {1}
+
+
+def test_what_is_being_written_when_a_map_breaks_off_is_finished(tmp_path: Path) -> None:
+    with pytest.raises(UsageError):
+        map_parallel(slow_or_raising, [(tmp_path, True), (tmp_path, False)], workers=2)
+    assert (tmp_path / "written").is_file()
+
+
+def slow_or_raising(item: tuple[Path, bool]) -> None:
+    folder, writes = item
+    if writes:
+        (folder / "begun").touch()
+        time.sleep(0.5)
+        (folder / "written").touch()
+        return
+    while not (folder / "begun").is_file():
+        time.sleep(0.01)
+    raise UsageError("no file")
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_costs_its_job_only() -> None:
+    items = [1, 2, 3, 4, 5]
+    done = [(items[number], outcome) for number, outcome in each_in_workers(job, items, workers=2)]
+    assert sorted(item for item, _ in done) == items
+    by_job = dict(done)
+    for number in (1, 2, 5):
+        result = by_job[number].result
+        assert result is not None
+        assert result[1] == number * number
+    assert by_job[3].death == "its process was ended by SIGKILL (out of memory?)"
+    assert by_job[4].death == "its process ended with exit code 7"
+
+
+@pytest.mark.slow
+def test_workers_end_with_their_run(tmp_path: Path) -> None:
+    """A run that is killed takes its workers with it, busy or not."""
+    module = tmp_path / "sleeping.py"
+    module.write_text(
+        textwrap.dedent("""
+        import os, sys, time
+        from pathlib import Path
+        from fieldkit.runtime.parallel import each_in_workers
+
+        def job(folder):
+            (Path(folder) / str(os.getpid())).touch()
+            time.sleep(600)
+
+        if __name__ == "__main__":
+            list(each_in_workers(job, [sys.argv[1]] * 2, workers=2))
+    """)
+    )
+    started = tmp_path / "started"
+    started.mkdir()
+    process = subprocess.Popen([sys.executable, str(module), str(started)])
+    give_up = time.monotonic() + LIMIT_S
+    while len(list(started.iterdir())) < 2 and time.monotonic() < give_up:
+        time.sleep(0.05)
+    workers = [int(path.name) for path in started.iterdir()]
+    assert len(workers) == 2
+    process.kill()
+    process.wait()
+    while any(psutil.pid_exists(pid) for pid in workers) and time.monotonic() < give_up:
+        time.sleep(0.05)
+    assert not any(psutil.pid_exists(pid) for pid in workers)

@@ -8,11 +8,9 @@ from typing import Any
 
 from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.planning.objective.evaluation import Evaluation
-from fieldkit.planning.run.executor import Evaluator, Executor, Job
-from fieldkit.planning.run.worker import Answer, answer_job
+from fieldkit.planning.run.executor import ATTEMPTS, Evaluator, Executor, Job, broken, evaluate_job
 from fieldkit.runtime.threads import limit_threads
 
-_ATTEMPTS = 2
 _POLL_S = 0.5
 _TRIED_BY_SCHEDULER = "KilledWorker"
 
@@ -71,12 +69,10 @@ class DaskExecutor(Executor):
                 evaluation, reason = _outcome(future)
                 if evaluation is not None:
                     found.append((number, evaluation))
-                elif self._attempts[number] < _ATTEMPTS and not reason.startswith(_TRIED_BY_SCHEDULER):
+                elif self._attempts[number] < ATTEMPTS and not reason.startswith(_TRIED_BY_SCHEDULER):
                     self._send(number, job)
                 else:
-                    worst = self._objective.settings.rule.worst_m
-                    broken = Evaluation.broken(len(job.cameras), f"broke again and again: {reason}", worst)
-                    found.append((number, broken))
+                    found.append((number, broken(self._objective, job, reason)))
             left = until - time.monotonic()
             if found or not self._futures or left <= 0:
                 return found
@@ -124,13 +120,13 @@ def _keeper(objective: Evaluator, plugin_name: str) -> Any:
     return type("Keeper", (distributed.WorkerPlugin,), members)()
 
 
-def _evaluated(plugin_name: str, job: Job) -> Answer:
+def _evaluated(plugin_name: str, job: Job) -> Evaluation:
     """Runs on the worker, whose libraries may be set to more threads than one."""
     import distributed
 
     limit_threads(1)
     worker: Any = distributed.get_worker()
-    return answer_job(worker.plugins[plugin_name].objective, job)
+    return evaluate_job(worker.plugins[plugin_name].objective, job)
 
 
 def _outcome(future: Any) -> tuple[Evaluation | None, str]:
@@ -140,10 +136,7 @@ def _outcome(future: Any) -> tuple[Evaluation | None, str]:
         FieldkitError: the worker refused.
     """
     if future.status == "finished":
-        answer = future.result()
-        if answer.kind == "refused":
-            raise answer.error
-        return answer.evaluation, answer.reason
+        return future.result(), ""
     if future.status == "cancelled":
         return None, "it took too long"
     error = future.exception()

@@ -1,18 +1,25 @@
-"""Many evaluations, one thread each: the interface, and the way that stays in this process."""
+"""Many evaluations, one thread each: the interface, and the ways that stay on this machine."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from types import TracebackType
 from typing import Protocol, Self
 
+from fieldkit.errors import FieldkitError
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.runtime.worker_pool import Limits, WorkerPool
+
+ATTEMPTS = 2
+"""At an evaluation that breaks."""
+_LIMITS = Limits(seconds=600.0, memory_bytes=4 << 30)
 
 
 @dataclass(frozen=True)
@@ -122,7 +129,7 @@ class Executor(ABC):
         self.close()
 
 
-class Serial(Executor):
+class SerialExecutor(Executor):
     """One evaluation after the other in this process, which a crash would end: for tests and for debugging.
 
     The caller limits the threads (`fieldkit.runtime.threads`).
@@ -153,6 +160,71 @@ class Serial(Executor):
     def close(self) -> None:
         self.cancel()
         self.objective.close()
+
+
+class ProcessExecutor(Executor):
+    """Evaluations side by side in worker processes (`WorkerPool`), each with its own objective, prepared once.
+
+    Args:
+        objective: picklable; copied to each worker.
+        workers: processes, one thread each.
+        limits: of one evaluation.
+
+    Example:
+        >>> with ProcessExecutor(objective, workers=2) as executor:
+        ...     evaluations = evaluate_all(executor, candidates)
+    """
+
+    def __init__(self, objective: Evaluator, *, workers: int = 2, limits: Limits = _LIMITS) -> None:
+        self._objective = objective
+        self._pool = WorkerPool[Job, Evaluation](
+            partial(_prepared, objective), workers=workers, limits=limits, attempts=ATTEMPTS
+        )
+        self._jobs: dict[int, Job] = {}
+
+    @property
+    def processes(self) -> tuple[int, ...]:
+        """Ids of the living workers."""
+        return self._pool.processes
+
+    def submit(self, job: Job) -> int:
+        number = self._pool.submit(job)
+        self._jobs[number] = job
+        return number
+
+    def collect(self, wait_s: float = 0.2) -> list[tuple[int, Evaluation]]:
+        """See `Executor.collect`.
+
+        Raises:
+            FieldkitError: what a worker refused to do, with its own class; `WorkerError` where workers do not start.
+        """
+        found = []
+        for number, outcome in self._pool.collect(wait_s):
+            job = self._jobs.pop(number)
+            if isinstance(outcome.error, FieldkitError):
+                raise outcome.error
+            evaluation = broken(self._objective, job, outcome.failure) if outcome.result is None else outcome.result
+            found.append((number, evaluation))
+        return found
+
+    def cancel(self) -> None:
+        """See `Executor.cancel`; workers that are busy are killed."""
+        self._pool.cancel()
+        self._jobs.clear()
+
+    def close(self) -> None:
+        """End all workers."""
+        self._pool.close()
+
+
+def _prepared(objective: Evaluator) -> Callable[[Job], Evaluation]:
+    objective.prepare()
+    return partial(evaluate_job, objective)
+
+
+def broken(objective: Evaluator, job: Job, reason: str) -> Evaluation:
+    """Of a job that broke at every attempt."""
+    return Evaluation.broken(len(job.cameras), f"broke at every attempt: {reason}", objective.settings.rule.worst_m)
 
 
 def evaluate_all(executor: Executor, cameras: Iterable[Cameras], *, seed: int | None = None) -> list[Evaluation]:

@@ -13,12 +13,11 @@ from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.planning.methods.registry import USING_MATCHES, make_method
 from fieldkit.planning.problem import Chooser
-from fieldkit.planning.run.executor import Evaluator, Executor
+from fieldkit.planning.run.executor import Evaluator, Executor, ProcessExecutor
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluate_again, nobody, ranked, search
 from fieldkit.planning.run.open_problem import Plannable, open_problem
 from fieldkit.planning.run.outcome import Outcome, write_outcome
-from fieldkit.planning.run.pool import WorkerPool
 from fieldkit.planning.run.recalling import Recalling
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.progress import Progress, Silent
@@ -158,7 +157,7 @@ def _executor(
 @contextmanager
 def _evaluating(objective: Evaluator, workers: int, scheduler: str) -> Iterator[Executor]:
     if not scheduler:
-        with WorkerPool(objective, workers=workers) as pool:
+        with ProcessExecutor(objective, workers=workers) as pool:
             yield pool
         return
     try:

@@ -10,8 +10,7 @@ import pytest
 from fieldkit.planning.objective.objective import ObjectiveSettings
 from fieldkit.planning.objective.plots_objective import PlotsObjective
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
-from fieldkit.planning.run.executor import Job
-from fieldkit.planning.run.pool import WorkerPool
+from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
 from fieldkit.scenes.generator import plots_of_kind
@@ -33,7 +32,7 @@ def test_each_plot_is_built_once_for_all_workers(
 ) -> None:  # the source says whether anything can be rendered here
     objective = PlotsObjective(partial(build, tmp_path / "built"), SimulatedSource, ObjectiveSettings("draft"))
     plots = [0, 1, 2, 0, 1, 2]
-    with WorkerPool(objective, workers=2) as pool:
+    with ProcessExecutor(objective, workers=2) as pool:
         found = list(pool.run(Job(arc, 5, plot=plot) for plot in plots))
     assert sorted((tmp_path / "built").read_text().split()) == ["0", "1", "2"]
     digests = [evaluation.cloud_digest for evaluation in found]

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from fieldkit.errors import UsageError
-from fieldkit.planning.run.executor import Job, Serial, evaluate_all
+from fieldkit.planning.run.executor import Job, SerialExecutor, evaluate_all
 from tests.planning.traps import EXIT, REFUSE, SLOW, Trap, job_cameras
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed (pip install 'fieldkit[cluster]')")
@@ -29,7 +29,7 @@ def test_results_are_those_of_this_process(tmp_path: Path, client: Any) -> None:
     from fieldkit.planning.run.dask_executor import DaskExecutor
 
     jobs = [job_cameras(x) for x in (SLOW, 1.0, 2.0, 3.0)]
-    with DaskExecutor(Trap(tmp_path), client) as executor, Serial(Trap(tmp_path)) as serial:
+    with DaskExecutor(Trap(tmp_path), client) as executor, SerialExecutor(Trap(tmp_path)) as serial:
         assert evaluate_all(executor, jobs, seed=2) == evaluate_all(serial, jobs, seed=2)
         with pytest.raises(UsageError, match="cannot be had"):
             evaluate_all(executor, [job_cameras(REFUSE)])

@@ -14,10 +14,9 @@ import pytest
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.objective.objective import Objective
 from fieldkit.planning.problem import Gain, Problem, Result, Trial, lowest
-from fieldkit.planning.run.executor import Executor, Serial
+from fieldkit.planning.run.executor import Executor, ProcessExecutor, SerialExecutor
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run.loop import Ending, confirm, evaluate_again, search, worst_mean
-from fieldkit.planning.run.pool import WorkerPool
 from fieldkit.planning.run.request import PlanRequest, resumed_settings
 from fieldkit.planning.settings import NoiseSettings, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
@@ -68,7 +67,7 @@ def plain(entries: Sequence[LogEntry]) -> list[dict[str, object]]:
 
 @contextmanager
 def serial(folder: Path | None = None, noise_m: float = 0.0) -> Iterator[Executor]:
-    with Serial(Bowl(folder, noise_m=noise_m)) as executor:
+    with SerialExecutor(Bowl(folder, noise_m=noise_m)) as executor:
         yield executor
 
 
@@ -144,7 +143,10 @@ def test_the_same_whatever_the_workers_with_one_lag(tmp_path: Path) -> None:
     whole = unbroken(tmp_path, settings)
     for workers in (1, 3):
         folder = tmp_path / f"run-{workers}"
-        with create_run(folder, settings) as run, WorkerPool(Bowl(noise_m=0.1, seconds=0.02), workers=workers) as pool:
+        with (
+            create_run(folder, settings) as run,
+            ProcessExecutor(Bowl(noise_m=0.1, seconds=0.02), workers=workers) as pool,
+        ):
             search(Greedy(bowl_problem()), pool, run, out_of_time=never, watch=ignore)
             confirm(Greedy(bowl_problem()), pool, run, watch=ignore)
             assert plain(run.entries) == whole
@@ -187,12 +189,12 @@ class Bowls(Bowl):
 
 def test_plans_for_a_kind_are_confirmed_on_plots_that_no_trial_has_met(tmp_path: Path) -> None:
     settings = bowl_settings(plots=4, repeats=3)
-    with create_run(tmp_path / "run", settings) as run, Serial(Bowls()) as executor:
+    with create_run(tmp_path / "run", settings) as run, SerialExecutor(Bowls()) as executor:
         search(Random(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
         chosen = [entry.trial for entry in run.entries[:2]]
         first = evaluate_again(executor, run, chosen, watch=ignore)
         count = len(run.entries)
-    with open_run(tmp_path / "run") as run, Serial(Bowls()) as executor:
+    with open_run(tmp_path / "run") as run, SerialExecutor(Bowls()) as executor:
         again = evaluate_again(executor, run, chosen, watch=ignore)
         assert len(run.entries) == count  # nothing is done twice
     assert {entry.plot for entry in run.entries if entry.stage == "search"} == {0}
@@ -211,7 +213,7 @@ class Opinionated(Random):
 def test_finalists_of_a_kind_are_ranked_by_what_the_method_expects(tmp_path: Path) -> None:
     for plots, risk, ascending in ((1, 1.0, True), (4, 0.5, True), (4, 1.0, False)):
         settings = bowl_settings(plots=plots, repeats=2, finalists=3, noise=NoiseSettings(risk=risk))
-        with create_run(tmp_path / f"{plots}-{risk}", settings) as run, Serial(Bowls()) as executor:
+        with create_run(tmp_path / f"{plots}-{risk}", settings) as run, SerialExecutor(Bowls()) as executor:
             method = Opinionated(bowl_problem())
             search(method, executor, run, out_of_time=never, watch=ignore)
             found = [finalist.value_m for finalist in confirm(method, executor, run, watch=ignore)]

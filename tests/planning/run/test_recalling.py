@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.planning.run.executor import Job, Serial
+from fieldkit.planning.run.executor import Job, SerialExecutor
 from fieldkit.planning.run.folder import LogEntry, create_run, open_run
 from fieldkit.planning.run.loop import confirm, search
 from fieldkit.planning.run.recalling import Recalling
@@ -15,7 +15,7 @@ from tests.planning.run.test_loop import Greedy, ignore, never, plain
 
 
 def finished(folder: Path, known: list[LogEntry], counted: Path | None = None) -> list[LogEntry]:
-    with create_run(folder, bowl_settings()) as run, Serial(Bowl(counted, noise_m=0.1)) as serial:
+    with create_run(folder, bowl_settings()) as run, SerialExecutor(Bowl(counted, noise_m=0.1)) as serial:
         executor = Recalling(serial, known, run.settings.fidelity)
         search(Greedy(bowl_problem()), executor, run, out_of_time=never, watch=ignore)
         confirm(Greedy(bowl_problem()), executor, run, watch=ignore)
@@ -42,14 +42,14 @@ def test_only_the_same_job_is_known(tmp_path: Path, differs: str) -> None:
         "seed": Job(job.cameras, entry.seed + 1),
         "fidelity": Job(job.cameras, entry.seed, "fine"),
     }[differs]
-    with Serial(Bowl(tmp_path, noise_m=0.1)) as serial, Recalling(serial, [entry], entry.fidelity) as executor:
+    with SerialExecutor(Bowl(tmp_path, noise_m=0.1)) as serial, Recalling(serial, [entry], entry.fidelity) as executor:
         assert list(executor.run([other, job]))[1] == entry.evaluation
     assert len((tmp_path / "evaluated").read_text().splitlines()) == 1
 
 
 def test_cancelling_forgets_what_waits(tmp_path: Path) -> None:
     entry = finished(tmp_path / "run", [])[0]
-    with Serial(Bowl()) as serial, Recalling(serial, [entry], entry.fidelity) as executor:
+    with SerialExecutor(Bowl()) as serial, Recalling(serial, [entry], entry.fidelity) as executor:
         executor.submit(Job(entry.trial.cameras, entry.seed))
         executor.submit(Job(bowl_problem().sample(7), 0))
         executor.cancel()

@@ -15,8 +15,9 @@ import psutil
 import pytest
 
 from fieldkit.errors import InputError, UsageError
-from fieldkit.planning.run.executor import Job, Serial, evaluate_all
-from fieldkit.planning.run.pool import Limits, WorkerError, WorkerPool
+from fieldkit.planning.run.executor import Job, ProcessExecutor, SerialExecutor, evaluate_all
+from fieldkit.runtime.worker import WorkerError
+from fieldkit.runtime.worker_pool import Limits
 from tests.planning.traps import EXIT, GROW, HANG, ONCE, RAISE, REFUSE, SEGFAULT, SLOW, Trap, job_cameras
 
 QUICK = Limits(seconds=1.5, memory_bytes=700 << 20)
@@ -24,10 +25,10 @@ QUICK = Limits(seconds=1.5, memory_bytes=700 << 20)
 
 def test_results_come_in_order_and_as_in_this_process(tmp_path: Path) -> None:
     jobs = [job_cameras(x) for x in (SLOW, 1.0, 2.0, SLOW, 3.0)]
-    with WorkerPool(Trap(tmp_path), workers=2) as pool:
+    with ProcessExecutor(Trap(tmp_path), workers=2) as pool:
         found = evaluate_all(pool, jobs, seed=4)
         again = evaluate_all(pool, jobs, seed=4)
-    with Serial(Trap(tmp_path)) as serial:
+    with SerialExecutor(Trap(tmp_path)) as serial:
         assert found == again == evaluate_all(serial, jobs, seed=4)
     assert [e.value_m for e in found] == [pytest.approx(x + 6.0) for x in (SLOW, 1.0, 2.0, SLOW, 3.0)]
     # Two processes did all of it, both times.
@@ -47,7 +48,7 @@ def test_results_come_in_order_and_as_in_this_process(tmp_path: Path) -> None:
 def test_what_breaks_is_tried_twice_and_costs_itself_only(tmp_path: Path, trap: float, reason: str) -> None:
     # Only what hangs is stopped by the clock: a busy machine takes longer than that to fill its memory.
     limits = replace(QUICK, seconds=QUICK.seconds if trap == HANG else 60.0)
-    with WorkerPool(Trap(tmp_path), workers=2, limits=limits) as pool:
+    with ProcessExecutor(Trap(tmp_path), workers=2, limits=limits) as pool:
         first, broken, last = evaluate_all(pool, [job_cameras(x) for x in (1.0, trap, 2.0)])
         after = evaluate_all(pool, [job_cameras(5.0)])
     assert (first.value_m, last.value_m, after[0].value_m) == (3.0, 4.0, 7.0)
@@ -58,30 +59,30 @@ def test_what_breaks_is_tried_twice_and_costs_itself_only(tmp_path: Path, trap: 
 
 
 def test_a_second_try_can_succeed(tmp_path: Path) -> None:
-    with WorkerPool(Trap(tmp_path), workers=1) as pool:
+    with ProcessExecutor(Trap(tmp_path), workers=1) as pool:
         (found,) = evaluate_all(pool, [job_cameras(ONCE)])
     assert found.measured
     assert found.value_m == ONCE + 2.0
 
 
 def test_errors_for_people_come_through(tmp_path: Path) -> None:
-    with WorkerPool(Trap(tmp_path), workers=2) as pool:
+    with ProcessExecutor(Trap(tmp_path), workers=2) as pool:
         with pytest.raises(UsageError, match="cannot be had"):
             evaluate_all(pool, [job_cameras(REFUSE), job_cameras(1.0)])
         assert evaluate_all(pool, [job_cameras(1.0)])[0].value_m == 3.0  # and the pool can be used again
-    with WorkerPool(Trap(tmp_path, unusable=True)) as pool, pytest.raises(InputError, match="rendered"):
+    with ProcessExecutor(Trap(tmp_path, unusable=True)) as pool, pytest.raises(InputError, match="rendered"):
         evaluate_all(pool, [job_cameras(1.0)])
 
 
 def test_workers_that_never_start_are_an_error(tmp_path: Path) -> None:
-    with WorkerPool(Trap(tmp_path, dies_at_start=True), workers=1) as pool:
+    with ProcessExecutor(Trap(tmp_path, dies_at_start=True), workers=1) as pool:
         with pytest.raises(WorkerError, match="exit code 9") as caught:
             evaluate_all(pool, [job_cameras(1.0)])
     assert "doctor" in caught.value.remedy
 
 
 def test_leaving_early_leaves_no_process(tmp_path: Path) -> None:
-    with WorkerPool(Trap(tmp_path), workers=2) as pool:
+    with ProcessExecutor(Trap(tmp_path), workers=2) as pool:
         results = pool.run(Job(job_cameras(x)) for x in (1.0, HANG, HANG))
         next(results)
         started = pool.processes
@@ -97,12 +98,11 @@ def test_no_orphans_when_the_parent_ends(tmp_path: Path, ending: signal.Signals)
         textwrap.dedent(
             f"""
             from pathlib import Path
-            from fieldkit.planning.run.executor import evaluate_all
-            from fieldkit.planning.run.pool import WorkerPool
+            from fieldkit.planning.run.executor import ProcessExecutor, evaluate_all
             from tests.planning.traps import HANG, Trap, job_cameras
 
             if __name__ == "__main__":
-                with WorkerPool(Trap(Path({str(tmp_path)!r})), workers=2) as pool:
+                with ProcessExecutor(Trap(Path({str(tmp_path)!r})), workers=2) as pool:
                     evaluate_all(pool, [job_cameras(HANG)] * 2)
             """
         )

@@ -1,0 +1,116 @@
+"""The inside of a worker process: a function, made once, that answers tasks until its pool hangs up."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from fieldkit.errors import FieldkitError
+from fieldkit.runtime.threads import limit_threads
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+_PARENT_POLL_S = 1.0
+_ORPHANED = 3
+
+
+class WorkerError(FieldkitError):
+    """Worker processes die."""
+
+
+@dataclass(frozen=True)
+class Outcome(Generic[Result]):
+    """What came of a task.
+
+    Attributes:
+        result: of the function.
+        error: that it raised instead.
+        death: how the process ended before there was either, in words.
+    """
+
+    result: Result | None = None
+    error: Exception | None = None
+    death: str = ""
+
+    @property
+    def failure(self) -> str:
+        """Why there is no result, in words; empty where there is one."""
+        return self.death if self.error is None else f"{type(self.error).__name__}: {self.error}"
+
+    def get(self) -> Result:
+        """The result.
+
+        Raises:
+            Exception: what the function raised.
+            WorkerError: its process died.
+        """
+        if self.error is not None:
+            raise self.error
+        if self.death:
+            raise WorkerError(
+                f"a worker process died: {self.death}", remedy="Give it more memory, or take fewer --workers."
+            )
+        return self.result  # type: ignore[return-value]
+
+
+def work(connection: Connection, make: Callable[[], Callable[[Task], Result]], parent: int) -> None:
+    """Make the function and send an empty outcome, then answer tasks until the connection closes.
+
+    Args:
+        connection: receives tasks, sends outcomes.
+        make: gives the function. What it raises is sent as outcome, and is the last one.
+        parent: process id of the pool; when it is gone, so is this process.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+    with suppress(OSError):
+        # Where memory runs out, the kernel shall take this process and not the one with the results.
+        Path("/proc/self/oom_score_adj").write_text("1000")
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer draws on this thread, too; same pixels
+    limit_threads(1)
+    with suppress(EOFError, OSError):
+        try:
+            function = make()
+        except Exception as error:
+            connection.send_bytes(_failed(error))
+            return
+        connection.send(Outcome())
+        while True:
+            connection.send_bytes(_answered(function, connection.recv()))
+
+
+def _answered(function: Callable[[Task], Result], task: Task) -> bytes:
+    """The pickled outcome of a task, whatever is raised on the way."""
+    try:
+        return pickle.dumps(Outcome(function(task)))
+    except Exception as error:  # a bug or a MemoryError costs this task, and the reason is kept
+        return _failed(error)
+
+
+def _failed(error: Exception) -> bytes:
+    """The pickled outcome of an error, with the traceback as its note; of one that cannot be pickled, of its words."""
+    error.add_note(traceback.format_exc())
+    try:
+        pickled = pickle.dumps(Outcome[object](error=error))
+        pickle.loads(pickled)
+    except Exception:
+        words = RuntimeError(f"{type(error).__name__}: {error}")
+        return pickle.dumps(Outcome[object](error=words))
+    return pickled
+
+
+def _watch(parent: int) -> None:
+    """End this process when its parent was killed, in the middle of a task too."""
+    while os.getppid() == parent:
+        time.sleep(_PARENT_POLL_S)
+    os._exit(_ORPHANED)
