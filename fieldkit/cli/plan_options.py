@@ -1,0 +1,329 @@
+"""Options of `fieldkit plan` in groups, and what each says of a run's settings. Imports nothing heavy."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from fieldkit.cli.common import SEED, OverwriteOption, ResumeOption
+from fieldkit.cli.help_page import RUN
+from fieldkit.cli.numbers import read_numbers
+from fieldkit.errors import UsageError
+
+if TYPE_CHECKING:
+    from fieldkit.planning.run.request import PlanRequest
+
+_PLOT, _SEARCH, _NOISE, _ENVELOPE = "What to plan on", "Search", "Noise to plan for", "Where cameras may be"
+_FROM = "from:"
+_UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
+Preset = Literal["field", "paper"]
+Method = Literal[
+    "field", "bosfm", "bosfm-tuned", "score", "circle", "circle-aim", "two-rings", "hemisphere", "mcp", "geometric",
+    "smith", "random", "uniform", "match-graph",
+]  # fmt: skip
+Fidelity = Literal["draft", "standard", "fine"]
+Purpose = Literal["kind", "this-plot"]
+Mapping = Literal["prior", "incremental", "global"]
+
+
+@dataclass(frozen=True)
+class PlotOptions:
+    """What is planned on."""
+
+    scenes: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--scene",
+            rich_help_panel=_PLOT,
+            metavar="SCENE",
+            help="Plan on a scene: a file, a folder or a name such as case-1. Repeatable.",
+        ),
+    ] = None
+    references: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--reference",
+            rich_help_panel=_PLOT,
+            metavar="REF",
+            help="Plan on a proxy of a reference; repeatable. With --captures: their truth.",
+        ),
+    ] = None
+    captures: Annotated[
+        Path | None,
+        typer.Option("--captures", rich_help_panel=_PLOT, help="Choose of recorded photographs with known poses."),
+    ] = None
+    images: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--images",
+            rich_help_panel=_PLOT,
+            metavar="FOLDER",
+            help="Photographs of each --reference, for a finer proxy.",
+        ),
+    ] = None
+    purpose: Annotated[
+        Purpose | None,
+        typer.Option(
+            "--for",
+            rich_help_panel=_PLOT,
+            help="kind: plots like this one, which field and score plan for; this-plot: it alone.",
+        ),
+    ] = None
+    plots: Annotated[
+        int | None,
+        typer.Option(
+            "--vary",
+            rich_help_panel=_PLOT,
+            metavar="K",
+            min=1,
+            help="Plots of the kind, those given among them; 8 where not given.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """How cameras are looked for."""
+
+    cameras: Annotated[int | None, typer.Option("--cameras", "-n", min=3, help="N; 10 where not given.")] = None
+    preset: Annotated[
+        Preset | None,
+        typer.Option(
+            "--preset", rich_help_panel=_SEARCH, help="paper: Algorithm 1, blind incremental mapping, 50 initial."
+        ),
+    ] = None
+    method: Annotated[
+        Method | None, typer.Option("--method", rich_help_panel=_SEARCH, help="Instead of the preset's.")
+    ] = None
+    evaluations: Annotated[
+        int | None,
+        typer.Option("--evaluations", rich_help_panel=_SEARCH, min=1, help="At most; 100 where not given."),
+    ] = None
+    at_least: Annotated[
+        int | None,
+        typer.Option(
+            "--at-least", rich_help_panel=_SEARCH, min=0, help="Evaluations before the search may end itself."
+        ),
+    ] = None
+    initial: Annotated[
+        int | None, typer.Option("--initial", rich_help_panel=_SEARCH, min=1, help="Trials before a model is asked.")
+    ] = None
+    time_budget_s: Annotated[
+        str,
+        typer.Option(
+            "--time-budget", rich_help_panel=_SEARCH, metavar="TIME", help="No trial starts later: 600, 10m, 2h."
+        ),
+    ] = ""
+    fidelity: Annotated[
+        Fidelity | None,
+        typer.Option("--fidelity", rich_help_panel=_SEARCH, help="Of the search; standard where not given."),
+    ] = None
+    confirm_fidelity: Annotated[
+        Fidelity | None,
+        typer.Option("--confirm", rich_help_panel=_SEARCH, help="Of the finalists; fine where not given."),
+    ] = None
+    finalists: Annotated[
+        int | None, typer.Option("--finalists", rich_help_panel=_SEARCH, min=1, help="Evaluated again at fresh seeds.")
+    ] = None
+    repeats: Annotated[
+        int | None,
+        typer.Option("--repeats", rich_help_panel=_SEARCH, min=0, help="Fresh seeds for each; 0: no confirmation."),
+    ] = None
+    weights: Annotated[
+        str,
+        typer.Option(
+            "--weights",
+            rich_help_panel=_SEARCH,
+            metavar="GAP,NOISE,TIE",
+            help="Of the geometric score's terms; from:RUN fits them to a run.",
+        ),
+    ] = ""
+    mapping: Annotated[
+        Mapping | None, typer.Option("--mapping", rich_help_panel=_SEARCH, help="Of the evaluations.")
+    ] = None
+
+    def values(self) -> dict[str, Any]:
+        """By the keys of `SearchSettings`; None where nothing is given."""
+        return asdict(self) | {
+            "time_budget_s": _seconds(self.time_budget_s) if self.time_budget_s else None,
+            "weights": _score_weights(self.weights) if self.weights else None,
+        }
+
+
+@dataclass(frozen=True)
+class NoiseOptions:
+    """What a plan shall survive."""
+
+    pose: Annotated[
+        str,
+        typer.Option(
+            "--pose-noise",
+            rich_help_panel=_NOISE,
+            metavar="M,DEG",
+            help="Plan for flights that miss stations by this; from:EVAL as one. For a kind: the vehicle's; 0,0: none.",
+        ),
+    ] = ""
+    image_grey: Annotated[
+        float | None,
+        typer.Option(
+            "--image-noise", rich_help_panel=_NOISE, metavar="GREY", min=0, help="Plan for noise of this size."
+        ),
+    ] = None
+    wind_m: Annotated[
+        float | None,
+        typer.Option(
+            "--wind", rich_help_panel=_NOISE, metavar="M", min=0, max=0.2, help="Plan for leaves that sway by this."
+        ),
+    ] = None
+    risk: Annotated[
+        float | None,
+        typer.Option(
+            "--risk", rich_help_panel=_NOISE, metavar="SHARE", help="Count the worst share of repeats (CVaR); 1: all."
+        ),
+    ] = None
+    refine: Annotated[
+        bool | None,
+        typer.Option(
+            "--refine/--no-refine",
+            rich_help_panel=_NOISE,
+            help="Move clouds onto the reference before they are scored; of a kind's plots they are.",
+        ),
+    ] = None
+
+    def values(self) -> dict[str, Any]:
+        """By the keys of `NoiseSettings`; None where nothing is given."""
+        pose_m, pose_deg = _pose_noise(self.pose) if self.pose else (None, None)
+        return {
+            "pose_m": pose_m, "pose_deg": pose_deg, "image_grey": self.image_grey, "wind_m": self.wind_m,
+            "risk": self.risk,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EnvelopeOptions:
+    """Where cameras may be, and whose."""
+
+    margin_m: Annotated[
+        float | None,
+        typer.Option("--margin", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="Beyond the plants, for cameras."),
+    ] = None
+    height_m: Annotated[
+        str, typer.Option("--height", rich_help_panel=_ENVELOPE, metavar="LOW,HIGH", help="Above the ground, metres.")
+    ] = ""
+    clearance_m: Annotated[
+        float | None,
+        typer.Option("--clearance", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="From cameras to plants."),
+    ] = None
+    pitch_deg: Annotated[
+        str, typer.Option("--pitch", rich_help_panel=_ENVELOPE, metavar="LOW,HIGH", help="Of the gimbal, degrees.")
+    ] = ""
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            "--vehicle",
+            rich_help_panel=_ENVELOPE,
+            metavar="NAME",
+            help="A profile's name or file: plan what it can fly, with its camera.",
+        ),
+    ] = None
+    camera_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera-file", rich_help_panel=_ENVELOPE, help="camera.toml: instead of the vehicle's or the scene's."
+        ),
+    ] = None
+    separation_m: Annotated[
+        float | None,
+        typer.Option("--separation", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="Between stations."),
+    ] = None
+
+    def values(self) -> dict[str, Any]:
+        """By the keys of `EnvelopeSettings`; None where nothing is given."""
+        return {
+            "margin_m": self.margin_m,
+            "height_m": read_numbers("--height", self.height_m, (2,)) if self.height_m else None,
+            "clearance_m": self.clearance_m,
+            "pitch_deg": read_numbers("--pitch", self.pitch_deg, (2,), least=-90.0) if self.pitch_deg else None,
+            "separation_m": self.separation_m,
+        }
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How the search is run."""
+
+    seed: Annotated[int | None, SEED] = None
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", rich_help_panel=RUN, min=1, help="Processes; as many as cores where not given."),
+    ] = None
+    scheduler: Annotated[
+        str,
+        typer.Option(
+            "--scheduler", rich_help_panel=RUN, metavar="URL", help="Evaluate on a Dask cluster: tcp://host:8786."
+        ),
+    ] = ""
+    deterministic: Annotated[
+        bool, typer.Option("--deterministic", rich_help_panel=RUN, help="The same plan whatever --workers is.")
+    ] = False
+    resume: ResumeOption = False
+    overwrite: OverwriteOption = False
+
+
+def plan_request(
+    plot: PlotOptions, search: SearchOptions, noise: NoiseOptions, envelope: EnvelopeOptions, run: RunOptions
+) -> PlanRequest:
+    """What was given, for the settings of a run.
+
+    Raises:
+        UsageError: a value is not written as its option takes it.
+        InputError: what a value is to be taken from cannot be read.
+    """
+    more = {"plots": plot.plots, "seed": run.seed, "refine": noise.refine}
+    values = search.values() | more, noise.values(), envelope.values()
+    from fieldkit.planning.run.request import PlanRequest
+
+    return PlanRequest(
+        *values, scenes=tuple(plot.scenes or ()), references=tuple(plot.references or ()), captures=plot.captures,
+        images=tuple(plot.images or ()), vehicle=envelope.vehicle, camera=envelope.camera_file, purpose=plot.purpose,
+    )  # fmt: skip
+
+
+def _pose_noise(text: str) -> tuple[float, float]:
+    """M,DEG, or from:EVAL."""
+    if not text.startswith(_FROM):
+        numbers = read_numbers("--pose-noise", text, (2,))
+        return numbers[0], numbers[1]
+    from fieldkit.campaign import CAMPAIGN_FILE, read_campaign, visit_plots
+    from fieldkit.evaluation.adherence import flown_noise
+    from fieldkit.results.report_files import load_evaluation_report
+
+    file = Path(text.removeprefix(_FROM))
+    if not file.name:
+        raise UsageError("--pose-noise: from what?", remedy="Write it like --pose-noise from:EVAL, a folder or a file.")
+    if (file / CAMPAIGN_FILE).is_file():
+        return flown_noise(visit_plots(read_campaign(file)), file)
+    return flown_noise(load_evaluation_report(file).plots, file)
+
+
+def _score_weights(text: str) -> tuple[float, ...]:
+    """GAP,NOISE,TIE, or from:RUN."""
+    if not text.startswith(_FROM):
+        return read_numbers("--weights", text, (3,))
+    run = text.removeprefix(_FROM)
+    if not run:
+        raise UsageError("--weights: from what?", remedy="Write it like --weights from:RUN, the folder of a run.")
+    from fieldkit.planning.run.fitted_weights import weights_of_run
+    from fieldkit.runtime.threads import limit_threads
+
+    limit_threads(1)
+    return weights_of_run(Path(run))
+
+
+def _seconds(text: str) -> float:
+    """Of a number and a unit: 600, 10m, 2h."""
+    number, unit = (text[:-1], text[-1]) if text[-1:] in _UNITS else (text, "s")
+    return read_numbers("--time-budget", number, (1,))[0] * _UNITS[unit]
