@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import gpytorch  # type: ignore[import-untyped]
 import numpy as np
 import torch
+from botorch.acquisition.logei import qLogNoisyExpectedImprovement
 from botorch.models import SingleTaskGP
+from botorch.sampling.normal import SobolQMCNormalSampler
+from botorch.utils.sampling import manual_seed
 from gpytorch.priors import LogNormalPrior  # type: ignore[import-untyped]
 from torch import Tensor
 
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import Gain, Problem, Trial
 from fieldkit.planning.score.expected import LEAST_M
 from fieldkit.planning.space.cameras import Array, Cameras
-from fieldkit.planning.surrogate.fit import above, fit, noise_model
+from fieldkit.planning.surrogate.fit import above, fit, moments, noise_model
+from fieldkit.runtime.threads import one_torch_thread
 
 FEATURES = 160
 TERMS = slice(FEATURES, FEATURES + 3)
@@ -26,6 +30,8 @@ NO_PLOT = -1.0
 _STREAM = 53
 REACH = 0.35
 _LENGTHSCALE, _LEAST_LENGTHSCALE = 0.4, 0.02
+_SAMPLES = 256
+_CONFIDENCE = 1.0
 _DEVIATION = 0.1
 """Of ln(value) from what the score leads to expect: it ranks sets of tuning plots to within 7 to 9 %."""
 
@@ -121,3 +127,65 @@ def fit_sets(x: Array, y: Array, mean: gpytorch.means.Mean, noise: float) -> Sin
     )  # fmt: skip
     fit(model, 0)
     return model
+
+
+class SetSurrogate(NamedTuple):
+    """Measured trials, their sets' inputs (t, COLUMNS), the process of −ln(value), its expectations (t,).
+
+    Where the problem has several plots, inputs and expectations are of their mean, whichever each trial was on. Where
+    a set has the same value at every seed it is what was observed, else the process' mean. The prior mean is
+    −ln of the score's terms (3,) times ``slopes`` (3,) plus ``rest_m``, which no term explains.
+    """
+
+    trials: list[Trial]
+    x: Array
+    model: SingleTaskGP
+    slopes: Array
+    rest_m: float
+    mean: Array
+
+    @property
+    def order(self) -> list[int]:
+        """Places of the trials, the best first."""
+        return [int(k) for k in np.argsort(-self.mean, kind="stable")]
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of an evaluation of −ln(value)."""
+        return float(self.model.likelihood.noise.detach().sqrt())
+
+    def gain(self, inputs: Array, least_noise: float) -> Gain:
+        """What candidates (n, d) leave to be gained over the best of the trials.
+
+        The bound on simple regret of Makarova et al. (2022), "Automatic termination for hyperparameter optimization":
+        the lowest upper bound of what was tried less the lowest lower bound of the candidates, both one standard
+        deviation from the mean. The noise is the model's, of the best trial, and ``least_noise`` (a share) at least:
+        also where a set has the same value at every seed a smaller gain is not worth looking for.
+        """
+        mean, deviation = moments(self.model, np.vstack([self.x, inputs]))
+        tried = len(self.x)
+        upper = float(np.exp(-(mean - _CONFIDENCE * deviation)[:tried].max()))
+        lower = float(np.exp(-(mean + _CONFIDENCE * deviation)[tried:].max()))
+        noise = max(self.noise, least_noise)
+        return Gain(max(upper - lower, 0.0), noise * float(np.exp(-self.mean.max())))
+
+    @one_torch_thread()
+    def log_improvements(self, inputs: Array, pending: Array | None, seed: int) -> Array:
+        """(n,) logarithms of the expected improvement of candidates (n, d) over all that was tried or is pending.
+
+        qLogNoisyExpectedImprovement of BoTorch (Ament et al. 2023): tried and pending sets are known by their joint
+        posterior, so no lucky observation is an incumbent.
+
+        Args:
+            inputs: of candidates.
+            pending: (p, d) that are being evaluated.
+            seed: of the posterior's draws.
+        """
+        waiting = None if pending is None else torch.from_numpy(pending)
+        with manual_seed(seed), torch.no_grad():
+            improvement = qLogNoisyExpectedImprovement(
+                self.model, torch.from_numpy(self.x), X_pending=waiting, prune_baseline=True,
+                sampler=SobolQMCNormalSampler(torch.Size([_SAMPLES]), seed=seed),
+            )  # fmt: skip
+            values: Array = improvement(torch.from_numpy(inputs)[:, None]).numpy()
+        return values
