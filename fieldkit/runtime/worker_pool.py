@@ -139,11 +139,6 @@ class WorkerPool(Generic[Task, Result]):
         self._finished: list[tuple[int, Outcome[Result]]] = []
         self._submitted = 0
 
-    @property
-    def processes(self) -> tuple[int, ...]:
-        """Ids of the living workers."""
-        return tuple(w.process.pid for w in self._workers if w.process.pid is not None and w.process.is_alive())
-
     def submit(self, task: Task) -> int:
         """Put a task into the queue. Returns its number: 0, 1, 2 … in the order of submission."""
         self._waiting.append(_Submitted(self._submitted, task))

@@ -182,11 +182,6 @@ class ProcessExecutor(Executor):
         )
         self._jobs: dict[int, Job] = {}
 
-    @property
-    def processes(self) -> tuple[int, ...]:
-        """Ids of the living workers."""
-        return self._pool.processes
-
     def submit(self, job: Job) -> int:
         number = self._pool.submit(job)
         self._jobs[number] = job

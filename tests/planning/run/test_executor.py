@@ -85,7 +85,8 @@ def test_leaving_early_leaves_no_process(tmp_path: Path) -> None:
     with ProcessExecutor(Trap(tmp_path), workers=2) as pool:
         results = pool.run(Job(job_cameras(x)) for x in (1.0, HANG, HANG))
         next(results)
-        started = pool.processes
+        wait_until(lambda: len(list(tmp_path.glob("worker-*"))) == 2)
+        started = [int(path.name.removeprefix("worker-")) for path in tmp_path.glob("worker-*")]
         results.close()  # type: ignore[attr-defined]
     assert len(started) == 2
     assert not any(psutil.pid_exists(pid) for pid in started)
