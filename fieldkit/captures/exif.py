@@ -12,7 +12,8 @@ from PIL import ExifTags, Image
 
 from fieldkit.captures.decode import PngMetadata
 from fieldkit.captures.model import GeoTag
-from fieldkit.captures.xmp import RTK_FIXED, XmpData, XmpError, parse_xmp
+from fieldkit.captures.xmp import RTK_FIXED, XmpData, parse_xmp
+from fieldkit.documents.xml_tree import XmlError
 
 _BASE, _GPS = ExifTags.Base, ExifTags.GPS
 _FILM_WIDTH_MM, _FILM_HEIGHT_MM = 36.0, 24.0
@@ -107,8 +108,8 @@ def _read_xmp(packet: Any, problems: list[Problem]) -> XmpData:
         return XmpData()
     try:
         return parse_xmp(packet)
-    except XmpError as error:
-        problems.append(("xmp-damaged", f"{error}; not used"))
+    except XmlError as error:
+        problems.append(("xmp-damaged", f"the XMP packet is damaged: {error}; not used"))
         return XmpData()
 
 

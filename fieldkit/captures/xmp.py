@@ -1,14 +1,11 @@
-"""DJI's XMP: gimbal and flight angles, altitudes, RTK.
-
-The packet is parsed with expat alone: a document type declaration ends the parsing, so that no entity is ever
-defined, let alone expanded.
-"""
+"""DJI's XMP: gimbal and flight angles, altitudes, RTK."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from xml.parsers import expat
+
+from fieldkit.documents.xml_tree import XmlError, parse
 
 _FIELDS = frozenset(
     {
@@ -28,10 +25,6 @@ _FIELDS = frozenset(
 _MAX_BYTES = 1 << 20
 RTK_FIXED = 50
 """RtkFlag of a fixed solution (DJI Zenmuse P1 and Mavic 3M manuals); 16 is single point, 32–49 float."""
-
-
-class XmpError(ValueError):
-    """An XMP packet that cannot be parsed."""
 
 
 @dataclass(frozen=True)
@@ -61,52 +54,25 @@ def read_fields(packet: bytes) -> dict[str, str]:
     Properties in a namespace that names DJI win over equal names elsewhere.
 
     Raises:
-        XmpError: not well-formed, too large, or with a document type declaration.
+        XmlError: not well-formed, too large or deep, or with a document type declaration.
     """
     data = _trim(packet)
     if len(data) > _MAX_BYTES:
-        raise XmpError(f"the XMP packet is {len(data)} bytes long")
+        raise XmlError(f"it is {len(data)} bytes long")
     found: dict[str, tuple[bool, str]] = {}
-    path: list[str] = []
-    text: list[str] = []
-
-    def keep(qualified: str, value: str) -> None:
-        uri, _, local = qualified.rpartition(" ")
-        if local not in _FIELDS or not value.strip():
-            return
-        dji = "dji" in uri.lower()
-        if local not in found or (dji and not found[local][0]):
-            found[local] = (dji, value.strip())
-
-    def start(name: str, attributes: dict[str, str]) -> None:
-        path.append(name)
-        text.clear()
-        for key, value in attributes.items():
-            keep(key, value)
-
-    def end(name: str) -> None:
-        keep(name, "".join(text))
-        path.pop()
-        text.clear()
-
-    def refuse(*_: object) -> None:
-        raise XmpError("the XMP packet has a document type declaration")
-
-    parser = expat.ParserCreate(namespace_separator=" ")
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.CharacterDataHandler = text.append
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        raise XmpError(f"the XMP packet is not well-formed ({error})") from error
+    for element in parse(data).iter():
+        text = "" if len(element) else element.text or ""
+        for qualified, value in (*element.items(), (element.tag, text)):
+            uri, _, local = qualified.rpartition("}")
+            if local in _FIELDS and value.strip():
+                dji = "dji" in uri.lower()
+                if local not in found or (dji and not found[local][0]):
+                    found[local] = (dji, value.strip())
     return {name: value for name, (_, value) in found.items()}
 
 
 def parse_xmp(packet: bytes) -> XmpData:
-    """DJI's values of an XMP packet. Raises XmpError as `read_fields` does."""
+    """DJI's values of an XMP packet. Raises XmlError as `read_fields` does."""
     fields = read_fields(packet)
 
     def number(name: str) -> float | None:

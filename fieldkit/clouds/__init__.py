@@ -3,7 +3,7 @@
 from fieldkit.clouds.alignment import AlignmentStats, icp
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.depth import DepthError, depth_mae, pooled_depth_error
-from fieldkit.clouds.ground import Plane, fit_ground_plane, remove_ground
+from fieldkit.clouds.ground import Plane, fit_ground_plane
 from fieldkit.clouds.io import read_cloud, write_cloud
 from fieldkit.clouds.las import LasCloud, read_las, write_las
 from fieldkit.clouds.metrics import (
@@ -19,7 +19,6 @@ from fieldkit.clouds.metrics import (
     score_distances,
 )
 from fieldkit.clouds.neighbors import PointIndex
-from fieldkit.clouds.outliers import remove_outliers
 from fieldkit.clouds.ply import read_ply, write_ply
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
@@ -49,8 +48,6 @@ __all__ = [
     "read_cloud",
     "read_las",
     "read_ply",
-    "remove_ground",
-    "remove_outliers",
     "score",
     "score_distances",
     "voxel_thin",

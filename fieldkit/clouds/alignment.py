@@ -20,6 +20,7 @@ from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
 
 REFERENCE_REACH_M = 0.05
 """From how far a plot's cloud, placed by its photographs' positions, is moved onto the plot's reference."""
+_LEVELS = 3
 _SHAPE_NEIGHBORS = 12
 _ITERATIONS = 60
 _LEAST_PAIRS = 10
@@ -56,14 +57,12 @@ def icp(
     target: Cloud,
     *,
     max_distance_m: float = 0.02,
-    levels: int = 3,
     with_scale: bool = False,
-    initial: Similarity | None = None,
 ) -> tuple[Similarity, AlignmentStats]:
     """Align ``source`` to ``target``, which it should already match to within ``max_distance_m``.
 
-    Coarse to fine: pairs up to ``max_distance_m`` apart on clouds thinned to a quarter of that, then half of both, and
-    so on. What lies farther from the target than the pair distance takes no part, so the clouds may overlap partially.
+    Coarse to fine: pairs up to ``max_distance_m`` apart on clouds thinned to a quarter of that, then half of both,
+    twice. What lies farther from the target than the pair distance takes no part, so the clouds may overlap partially.
     One thread; the same input gives the same bits.
 
     Args:
@@ -71,37 +70,34 @@ def icp(
         target: the cloud that stays.
         max_distance_m: pair distance of the coarsest level: more than the misalignment, less than the gaps between
             leaves.
-        levels: number of levels, each at half the distance of the one before.
         with_scale: estimate a scale too, by point-to-plane ICP with seven unknowns after each level's rigid one. Only
             where the source's scale is in doubt: thin plants determine it poorly.
-        initial: the transform to start from; the identity where not given.
 
     Returns:
         The transform from the source's frame to the target's, and how it went. Where fewer than 10 points of the
-        source come within reach of the target, that is ``initial`` with ``converged`` false.
+        source come within reach of the target, that is the identity with ``converged`` false.
 
     Raises:
         EmptyCloudError: either cloud has no points.
-        ValueError: a distance that is not positive or no levels.
+        ValueError: a distance that is not positive.
     """
-    if not (np.isfinite(max_distance_m) and max_distance_m > 0) or levels < 1:
-        raise ValueError("max_distance_m must be positive and levels at least 1")
+    if not (np.isfinite(max_distance_m) and max_distance_m > 0):
+        raise ValueError("max_distance_m must be positive")
     for name, cloud in (("source", source), ("target", target)):
         if not len(cloud):
             raise EmptyCloudError(f"the {name} cloud has no points to align", remedy="Check the volume of interest.")
-    start = Similarity.identity() if initial is None else initial
     # Around the target's middle rotations and translations are nearly independent and coordinates are small.
     middle = target.points.mean(axis=0)
     fixed, moving = Cloud(target.points - middle), Cloud(source.points)
-    transform = Similarity(1.0, np.eye(3), -middle).after(start)
+    transform = Similarity(1.0, np.eye(3), -middle)
     converged = False
     distance = max_distance_m
-    for level in range(levels):
+    for level in range(_LEVELS):
         distance = max_distance_m / 2**level
-        coarse_fixed, coarse_moving = voxel_thin(fixed, distance / 4), voxel_thin(moving, distance / 4 / start.scale)
+        coarse_fixed, coarse_moving = voxel_thin(fixed, distance / 4), voxel_thin(moving, distance / 4)
         transform, converged = _align_level(coarse_moving.points, coarse_fixed.points, transform, distance, with_scale)
     result = Similarity(1.0, np.eye(3), middle).after(transform)
-    return result, _stats(source, fixed, middle, start, result, distance, converged)
+    return result, _stats(source, fixed, middle, result, distance, converged)
 
 
 def icp_onto_reference(
@@ -212,7 +208,6 @@ def _stats(
     source: Cloud,
     fixed: Cloud,
     middle: NDArray[np.float64],
-    start: Similarity,
     result: Similarity,
     distance: float,
     converged: bool,
@@ -225,7 +220,7 @@ def _stats(
         overlap=len(paired) / len(distances),
         rms_m=float(np.sqrt(np.mean(paired**2))) if len(paired) else float("nan"),
         pair_distance_m=distance,
-        shift_m=float(np.linalg.norm(result.apply(centroid) - start.apply(centroid))),
-        rotation_deg=rotation_angle_deg(result.rotation, start.rotation),
-        scale=result.scale / start.scale,
+        shift_m=float(np.linalg.norm(result.apply(centroid) - centroid)),
+        rotation_deg=rotation_angle_deg(result.rotation, np.eye(3)),
+        scale=result.scale,
     )

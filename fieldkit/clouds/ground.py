@@ -1,4 +1,4 @@
-"""The ground plane of a cloud: found among plants, removed from them."""
+"""The ground plane of a cloud, found among plants."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ _TOLERANCE_SHARE = 0.005  # of the cloud's diagonal: 15 mm on a plot 3 m across
 _LEAST_SHARE = 0.015  # of the thinned points must lie on the ground
 _MOST_BELOW = 3.0  # times as many may lie below it
 _CAMERAS_ABOVE = 0.8
+_MAX_TILT_DEG = 30.0
 _REFINEMENTS = 20
 
 
@@ -79,7 +80,6 @@ def fit_ground_plane(
     camera_centers: ArrayLike | None = None,
     *,
     up: ArrayLike | None = None,
-    max_tilt_deg: float = 30.0,
     seed: int = 0,
     tolerance_m: float | None = None,
 ) -> Plane:
@@ -93,9 +93,8 @@ def fit_ground_plane(
     Args:
         points: (n, 3), any orientation; metres, or any other unit as long as ``tolerance_m`` has it too.
         camera_centers: (m, 3) in the same frame. Without them up is the side with more points.
-        up: (3,) roughly upwards, where it is known (the z axis of a GPS frame, the mean of the cameras' upward axes);
-            it keeps a slanting pot or leaf from being taken for the ground where little of that is to be seen.
-        max_tilt_deg: how far the ground's normal may be from ``up``.
+        up: (3,) upwards to within 30°, where it is known (the z axis of a GPS frame, the mean of the cameras' upward
+            axes); it keeps a slanting pot or leaf from being taken for the ground where little of that is to be seen.
         seed: of the random triples and of the sample that planes are rated on.
         tolerance_m: how far ground points may lie from the plane (the soil's roughness and the noise). 0.5 % of the
             cloud's diagonal where not given.
@@ -126,7 +125,7 @@ def fit_ground_plane(
     local_cameras = None if cameras is None or not len(cameras) else cameras - middle
     normals, offsets = _hypotheses(sample, local_cameras, rng, _HYPOTHESES if up is None else 4 * _HYPOTHESES)
     if up is not None:
-        upright = normals @ _unit(up) >= np.cos(np.radians(max_tilt_deg))
+        upright = normals @ _unit(up) >= np.cos(np.radians(_MAX_TILT_DEG))
         normals, offsets = normals[upright], offsets[upright]
     if not len(normals):
         raise _no_ground("its points lie on one line, or no plane is level enough with the cameras above it")
@@ -149,11 +148,6 @@ def fit_ground_plane(
         inlier_share=len(inliers) / len(p),
         tolerance_m=tolerance,
     )
-
-
-def remove_ground(cloud: Cloud, plane: Plane, clearance_m: float) -> Cloud:
-    """The points more than ``clearance_m`` above the plane: the plants, without what lies below the ground."""
-    return cloud.select(plane.heights(cloud.points) > clearance_m)
 
 
 def _no_ground(reason: str) -> ReconstructionError:

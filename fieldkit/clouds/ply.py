@@ -107,49 +107,25 @@ def _short(path: Path, element: Element) -> CloudError:
 
 
 def _read_binary(file: BinaryIO, header: Header, vertex: Element, size: int, path: Path) -> Columns:
+    body, position = file.read(size), 0
     for element in header.elements:
-        if element.has_lists:
-            # Rows of different lengths can only be walked through, so the rest is read at once.
-            body = file.read(size)
-            return _walk_elements(body, header, element, vertex, path)
-        row = _row_type(header, element)
         # Checked before anything is allocated: a header may promise any number of rows.
-        if element.rows * row.itemsize > size:
-            raise _short(path, element)
-        if element is vertex:
-            rows = np.fromfile(file, dtype=row, count=element.rows)
-            if len(rows) != element.rows:
-                raise _short(path, element)
-            return {p.name: rows[p.name] for p in vertex.properties}
-        file.seek(element.rows * row.itemsize, os.SEEK_CUR)
-        size -= element.rows * row.itemsize
-    raise AssertionError("unreachable: the vertex element is in the header")
-
-
-def _row_type(header: Header, element: Element) -> np.dtype[np.void]:
-    return np.dtype([(p.name, header.byte_order + p.scalar) for p in element.properties])
-
-
-def _walk_elements(body: bytes, header: Header, first: Element, vertex: Element, path: Path) -> Columns:
-    """Read on from ``first``, at the start of ``body``, to the vertices."""
-    position = 0
-    for element in header.elements[header.elements.index(first) :]:
         least = sum(np.dtype(p.count or p.scalar).itemsize for p in element.properties)
         if element.rows * least > len(body) - position:
             raise _short(path, element)
-        if not element.has_lists:
-            row = _row_type(header, element)
+        if element.has_lists:
+            try:
+                offsets, position = _row_offsets(body, position, header, element)
+            except struct.error as error:
+                raise _short(path, element) from error
             if element is vertex:
-                rows = np.frombuffer(body, dtype=row, count=element.rows, offset=position)
-                return {p.name: rows[p.name] for p in vertex.properties}
-            position += element.rows * row.itemsize
-            continue
-        try:
-            offsets, position = _row_offsets(body, position, header, element)
-        except struct.error as error:
-            raise _short(path, element) from error
-        if element is vertex:
-            return _gather(body, offsets, header, vertex)
+                return _gather(body, offsets, header, vertex)
+        elif element is vertex:
+            row = np.dtype([(p.name, header.byte_order + p.scalar) for p in vertex.properties])
+            rows = np.frombuffer(body, dtype=row, count=vertex.rows, offset=position)
+            return {p.name: rows[p.name] for p in vertex.properties}
+        else:
+            position += element.rows * least
     raise AssertionError("unreachable: the vertex element is in the header")
 
 

@@ -87,10 +87,6 @@ class Volume:
         """(8, 3) corners; z changes fastest."""
         return np.array(list(itertools.product(*zip(self.lower, self.upper, strict=True))))
 
-    def expanded(self, margin_m: float) -> Volume:
-        """The box grown by ``margin_m`` on every side (shrunk if negative)."""
-        return Volume(tuple(np.array(self.lower) - margin_m), tuple(np.array(self.upper) + margin_m))
-
     def intersection(self, other: Volume) -> Volume | None:
         """What both boxes share, or None."""
         lower, upper = np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper)

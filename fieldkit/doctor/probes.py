@@ -19,6 +19,7 @@ IMPORTS = {
     "opencv-python-headless": "cv2",
     "pillow": "PIL.Image",
     "pydantic": "pydantic",
+    "defusedxml": "defusedxml.ElementTree",
     "trimesh": "trimesh",
     "small-gicp": "small_gicp",
     "psutil": "psutil",

@@ -15,6 +15,7 @@ from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.verification import TwoView
 
 METHODS = ("incremental", "global")
+"""In the order in which they are tried where neither is asked for."""
 
 
 @dataclass(frozen=True, eq=False)

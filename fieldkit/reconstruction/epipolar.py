@@ -1,8 +1,6 @@
-"""Two-view geometry of known poses: fundamental matrices, epipolar distances, bands as gates for matching."""
+"""Two-view geometry of known poses: fundamental matrices and epipolar distances."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,28 +36,3 @@ def epipolar_distance(fundamental: NDArray[np.float64], a: Points, b: Points) ->
     lengths = np.minimum(np.hypot(in_b[:, 0], in_b[:, 1]), np.hypot(in_a[:, 0], in_a[:, 1]))
     distance: NDArray[np.float64] = residual / np.maximum(lengths, 1e-12)
     return distance
-
-
-@dataclass(frozen=True, eq=False)
-class EpipolarBand:
-    """A gate for `match_features`: both epipolar distances within ``width``.
-
-    Attributes:
-        fundamental: (3, 3) of image b from image a.
-        a, b: undistorted pixel positions (n, 2), (m, 2).
-        width: half the band's width, pixels.
-    """
-
-    fundamental: NDArray[np.float64]
-    a: Points
-    b: Points
-    width: float
-
-    def __call__(self, rows: slice) -> NDArray[np.bool_]:
-        hb = _homogeneous(self.b)
-        in_b = (_homogeneous(self.a[rows]) @ self.fundamental.T).astype(np.float32)
-        in_a = (hb @ self.fundamental).astype(np.float32)
-        residual = np.abs(in_b @ hb.T.astype(np.float32))
-        limit_b = self.width * np.hypot(in_b[:, 0], in_b[:, 1])
-        limit_a = self.width * np.hypot(in_a[:, 0], in_a[:, 1])
-        return (residual <= limit_b[:, None]) & (residual <= limit_a[None, :])

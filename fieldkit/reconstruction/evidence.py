@@ -14,14 +14,12 @@ from scipy.spatial import cKDTree
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.stereo_quality import StereoQuality
 
 Array = NDArray[np.float64]
 
 _POINTS = 1500
-_BEST_ANGLE_DEG, _TAIL_DEG = 12.0, 20.0
-_FACING = (0.1, 0.5)
-_FOOTPRINT_M, _WIDTH_PX = 0.008, 750
-_ERROR_PX, _CAP_M = 0.5, 0.10
+_QUALITY = StereoQuality()
 _NEIGHBOURS = 24
 _LEAST_NEIGHBOURS = 6
 _LEVER = 100.0
@@ -182,23 +180,19 @@ def _supported(
         pixels = camera.without_distortion().project(pose.to_camera(points))
         with np.errstate(invalid="ignore"):
             seen = (pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1)
-        pixel = distance * camera.width / (camera.fx * _WIDTH_PX)
-        facing = np.abs((normals * ray).sum(axis=1))
-        incidence = np.clip((facing - _FACING[0]) / (_FACING[1] - _FACING[0]), 0.0, 1.0)
+        pixel = distance * camera.width / (camera.fx * _QUALITY.width)
         rays.append(ray)
         footprint.append(pixel)
-        quality.append(seen * incidence / (1.0 + (pixel / _FOOTPRINT_M) ** 2))
+        quality.append(_QUALITY.of_views(np.asarray(seen), np.abs((normals * ray).sum(axis=1)), pixel))
     fails = np.ones((len(poses), len(points)))
-    information = np.full(len(points), _CAP_M**-2)
+    information = np.full(len(points), _QUALITY.cap_m**-2)
     for a in range(len(poses)):
         for b in range(a + 1, len(poses)):
             cosine = np.clip((rays[a] * rays[b]).sum(axis=1), -1.0, 1.0)
-            ratio = np.degrees(np.arccos(cosine)) / _BEST_ANGLE_DEG
-            worth = (ratio * np.exp(1.0 - ratio)) ** (_BEST_ANGLE_DEG / _TAIL_DEG)
-            success = worth * np.minimum(quality[a], quality[b])
+            success = _QUALITY.of_angles(np.degrees(np.arccos(cosine))) * np.minimum(quality[a], quality[b])
             fails[a] *= 1.0 - success
             fails[b] *= 1.0 - success
-            information += success * (1.0 - cosine**2) / (_ERROR_PX**2 * footprint[a] * footprint[b])
+            information += success * (1.0 - cosine**2) / (_QUALITY.error_px**2 * footprint[a] * footprint[b])
     none = np.prod(fails, axis=0)
     one = sum((1.0 - fails[a]) * np.prod(np.delete(fails, a, axis=0), axis=0) for a in range(len(poses)))
     return 1.0 - none - one, 1.0 / np.sqrt(information), (np.array(quality) > 0).sum(axis=0).astype(np.float64)
@@ -209,4 +203,4 @@ def _gap(plants: Cloud, tree: cKDTree, sparse_points: Array) -> float | None:
     inside = ((sparse_points >= low) & (sparse_points <= high)).all(axis=1)
     if not inside.any():
         return None
-    return float(np.minimum(tree.query(sparse_points[inside])[0], _CAP_M).mean())
+    return float(np.minimum(tree.query(sparse_points[inside])[0], _QUALITY.cap_m).mean())

@@ -27,6 +27,8 @@ AGREE = 0.02
 metre, printers scale to "fit the page" by 3 % and more."""
 _SQUARE = 0.1
 _MIN_ANGLE_DEG = 1.0
+_MAX_ERROR_PX = 4.0
+"""Largest reprojection error of a view that counts, in pixels of a 1600-pixel-wide photograph."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,6 @@ def marker_scale(
     markers: MarkersFile,
     *,
     seed: int,
-    max_error_px: float = 4.0,
 ) -> MarkerScale:
     """Metres per model unit.
 
@@ -86,7 +87,6 @@ def marker_scale(
         intrinsics: full-size, of the same photographs.
         markers: what is known.
         seed: of the triangulation's RANSAC.
-        max_error_px: largest reprojection error of a view that counts, in pixels of a 1600-pixel-wide photograph.
 
     Raises:
         ReconstructionError: no marker is seen in two registered photographs, or no known length is among those seen.
@@ -96,7 +96,7 @@ def marker_scale(
         raise _not_seen(detections, markers)
     corners, notes = {}, []
     for number in sorted(n for n, views in seen.items() if len(views) >= 2):
-        found = _triangulate(seen[number], poses, intrinsics, max_error_px, seed)
+        found = _triangulate(seen[number], poses, intrinsics, seed)
         if found is None:
             notes.append(f"marker {number} does not lie where its photographs say; not used")
         elif (uneven := _unevenness(found)) > _SQUARE:
@@ -138,7 +138,6 @@ def _triangulate(
     views: Sequence[tuple[str, Floats]],
     poses: Mapping[str, Pose],
     intrinsics: Mapping[str, Intrinsics],
-    max_error_px: float,
     seed: int,
 ) -> Floats | None:
     """The four corners (4, 3) where at least two views agree on each; else None."""
@@ -146,7 +145,7 @@ def _triangulate(
     options = pycolmap.EstimateTriangulationOptions()
     options.min_tri_angle = np.radians(_MIN_ANGLE_DEG)
     options.residual_type = pycolmap.TriangulationResidualType.REPROJECTION_ERROR
-    options.ransac.max_error = max_error_px * max(width / 1600.0, 0.5)
+    options.ransac.max_error = _MAX_ERROR_PX * max(width / 1600.0, 0.5)
     options.ransac.random_seed = seed
     options.ransac.min_inlier_ratio = 0.02
     options.ransac.confidence = 0.9999

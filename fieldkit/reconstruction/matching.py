@@ -1,9 +1,8 @@
-"""Descriptor matching: mutual best with the ratio test, everywhere or inside a prior's epipolar band."""
+"""Descriptor matching: mutual best with the ratio test."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +11,6 @@ from fieldkit.reconstruction.features import Features
 
 _CHUNK_ROWS = 1024  # of the similarity matrix: 32 MB against 8192 features
 _EXACT = 1e-6  # squared distance below which descriptors are the same, so that twins at distance 0 are ambiguous too
-
-
-class Gate(Protocol):
-    """Which features of a second image can match which of a first."""
-
-    def __call__(self, rows: slice) -> NDArray[np.bool_]:
-        """(rows, m) True where feature ``rows`` of the first image may match a feature of the second."""
 
 
 @dataclass
@@ -34,14 +26,13 @@ class _BestTwo:
         return cls(np.full(n, -1), np.full(n, -np.inf, np.float32), np.full(n, -np.inf, np.float32))
 
 
-def match_features(a: Features, b: Features, *, ratio: float = 0.8, gate: Gate | None = None) -> NDArray[np.uint32]:
+def match_features(a: Features, b: Features, *, ratio: float = 0.8) -> NDArray[np.uint32]:
     """Mutual nearest neighbours that pass Lowe's ratio test in both directions.
 
     Args:
         a: n features.
         b: m features.
         ratio: largest allowed ratio of the best to the second best descriptor distance (Lowe 2004).
-        gate: candidates outside it do not exist, for the ratio test neither; None allows all.
 
     Returns:
         (k, 2) indices into ``a`` and ``b``, sorted by the first.
@@ -53,8 +44,6 @@ def match_features(a: Features, b: Features, *, ratio: float = 0.8, gate: Gate |
     for start in range(0, len(a), _CHUNK_ROWS):
         part = slice(start, min(start + _CHUNK_ROWS, len(a)))
         similarity = left[part] @ right.T
-        if gate is not None:
-            similarity[~gate(part)] = -np.inf
         _update_columns(columns, similarity, start)
         here = np.arange(len(similarity))
         best = similarity.argmax(axis=1)

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.reconstruction.verification import TwoView
@@ -83,34 +85,26 @@ def _edge(
 
 
 def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
-    """Rotations of every image against its component's first, along the strongest edges (Kruskal)."""
-    neighbours: dict[int, list[tuple[int, Matrix]]] = {}
-    root = {k: k for e in edges for k in (e.i, e.j)}
-
-    def find(k: int) -> int:
-        while root[k] != k:
-            root[k] = root[root[k]]
-            k = root[k]
-        return k
-
-    for edge in sorted(edges, key=lambda e: (-e.weight, e.i, e.j)):
-        a, b = find(edge.i), find(edge.j)
-        if a != b:
-            root[a] = b
-            neighbours.setdefault(edge.i, []).append((edge.j, edge.rotation))
-            neighbours.setdefault(edge.j, []).append((edge.i, edge.rotation.T))
+    """Rotations of every image against its component's first, along the maximum spanning tree."""
+    images = sorted({k for e in edges for k in (e.i, e.j)})
+    ends = np.searchsorted(images, np.array([(e.i, e.j) for e in edges], dtype=np.int64).reshape(-1, 2)).T
+    # Ranks as weights, so that equal ones fall the same way everywhere.
+    rank = np.empty(len(edges))
+    rank[sorted(range(len(edges)), key=lambda n: (-edges[n].weight, edges[n].i, edges[n].j))] = (
+        np.arange(len(edges)) + 1
+    )
+    tree = minimum_spanning_tree(coo_array((rank, tuple(ends)), shape=(len(images),) * 2))
+    turns = {(e.i, e.j): e.rotation for e in edges} | {(e.j, e.i): e.rotation.T for e in edges}
     components: list[dict[int, Matrix]] = []
     seen: set[int] = set()
-    for start in sorted(root):
-        if start in seen:
+    for start, image in enumerate(images):
+        if image in seen:
             continue
-        rotations, queue = {start: np.eye(3)}, [start]
-        while queue:
-            k = queue.pop()
-            for other, rotation in neighbours.get(k, []):
-                if other not in rotations:
-                    rotations[other] = rotation @ rotations[k]
-                    queue.append(other)
+        rotations = {image: np.eye(3)}
+        order, before = breadth_first_order(tree, start, directed=False)
+        for k in order[1:]:
+            one, other = images[before[k]], images[k]
+            rotations[other] = turns[one, other] @ rotations[one]
         seen.update(rotations)
         components.append(rotations)
     return components

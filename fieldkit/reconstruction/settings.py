@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from fieldkit.clouds.volume import Volume
+from fieldkit.reconstruction.blind_mapping import METHODS
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.reconstruction.verification import VerificationSettings
@@ -14,6 +15,9 @@ MappingMethod = Literal["auto", "incremental", "global", "prior"]
 Fidelity = Literal["draft", "standard", "fine", "full"]
 MaskKind = Literal["exg", "none", "file"]
 Backend = Literal["auto", "cpu", "cuda"]
+LEAST_POSITIONS = 3
+"""Photographs with known positions that prior mapping needs."""
+_SHARE_FOR_PRIOR = 0.8
 
 
 @dataclass(frozen=True)
@@ -24,7 +28,7 @@ class ReconstructionSettings:
         features: detection.
         verification: of blind matching's pairs.
         prior: constants of prior mapping.
-        mapping: ``auto`` takes ``prior`` where positions are known, else ``global``.
+        mapping: how poses are found; what ``auto`` stands for, `mapping_methods` says.
         fidelity: working size of dense stereo.
         mask: which pixels are plant.
         backend: of dense stereo.
@@ -47,3 +51,14 @@ class ReconstructionSettings:
     min_agreeing_views: int = 2
     trust_orientations: bool = False
     seed: int = 0
+
+
+def mapping_methods(mapping: MappingMethod, positioned: int, photographs: int) -> tuple[str, ...]:
+    """The methods that a choice stands for; each is tried where those before it make no model.
+
+    ``auto`` is ``prior`` where at least 80 % of the photographs, and three, have known positions; else it is
+    ``incremental``, then ``global``. Any other choice is that method alone.
+    """
+    if mapping != "auto":
+        return (mapping,)
+    return ("prior",) if positioned >= max(LEAST_POSITIONS, _SHARE_FOR_PRIOR * photographs) else METHODS

@@ -14,7 +14,7 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures.model import Capture
 from fieldkit.errors import ReconstructionError
 from fieldkit.reconstruction.agreement import align_to_positions, judge
-from fieldkit.reconstruction.blind_mapping import map_blindly
+from fieldkit.reconstruction.blind_mapping import METHODS, map_blindly
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
 from fieldkit.reconstruction.guided import Region
@@ -23,7 +23,7 @@ from fieldkit.reconstruction.model_cache import arrays_to_model, model_to_arrays
 from fieldkit.reconstruction.prior_mapping import PriorMapping, RoughPose, map_with_priors, region_of_interest
 from fieldkit.reconstruction.result import ImageReport
 from fieldkit.reconstruction.rough_poses import contradict, rough_from_model, rough_from_pairs, rough_from_records
-from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.reconstruction.settings import LEAST_POSITIONS, ReconstructionSettings, mapping_methods
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep_matches, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.runtime.progress import Progress
@@ -32,7 +32,6 @@ _MAPPING_VERSION = 10
 _MAX_BLIND_NEIGHBOURS = 40
 _NEAR_NEIGHBOURS = 12
 _FEW_FEATURES = 50
-_SHARE_FOR_PRIOR = 0.8
 _MIN_CALIBRATION_IMAGES = 5
 _CORRECTION_ROUNDS = 3
 
@@ -103,22 +102,20 @@ def map_capture(
     with progress.stage("Features", len(capture.photos)) as advance:
         features = load_features(capture.photos, settings.features, cache=cache, workers=workers, advance=advance)
     run = _Run(capture, cameras, known, settings, features, cache, progress, workers, [], region=region)
-    method = _choose_method(run)
-    mapped = run.with_priors() if method == "prior" else run.blindly(method)
+    methods = _methods(run)
+    mapped = run.with_priors() if methods == ("prior",) else run.blindly(methods)
     return replace(mapped, features_cached=sum(f.cached for f in features))
 
 
-def _choose_method(run: _Run) -> str:
-    if run.settings.mapping != "auto":
-        if run.settings.mapping == "prior" and len(run.known.positioned) < 3:
-            raise ReconstructionError(
-                "prior mapping needs the positions of at least three photographs, and none are known",
-                path=run.capture.folder,
-                remedy="Put a poses.csv beside the photographs, or choose --mapping global.",
-            )
-        return run.settings.mapping
-    enough = len(run.known.positioned) >= max(3, _SHARE_FOR_PRIOR * len(run.capture.photos))
-    return "prior" if enough else "incremental"
+def _methods(run: _Run) -> tuple[str, ...]:
+    positioned = len(run.known.positioned)
+    if run.settings.mapping == "prior" and positioned < LEAST_POSITIONS:
+        raise ReconstructionError(
+            f"prior mapping needs the positions of at least three photographs, and {positioned or 'none'} are known",
+            path=run.capture.folder,
+            remedy="Put a poses.csv beside the photographs, or choose --mapping global.",
+        )
+    return mapping_methods(run.settings.mapping, positioned, len(run.capture.photos))
 
 
 @dataclass
@@ -180,19 +177,19 @@ class _Run:
                 self.cache.put("models", key, kept)
         return [arrays_to_model(kept, f"{index}-") for index in range(int(kept["count"]))]
 
-    def blindly(self, method: str) -> Mapped:
+    def blindly(self, methods: Sequence[str]) -> Mapped:
         pairs = self.pairs(calibrated=self.cameras.known)
-        models = self.blind_models(method, pairs)
-        if not models and self.settings.mapping == "auto":
-            method = "global"
+        for method in methods:
             models = self.blind_models(method, pairs)
             if models:
-                self.notes.append(
-                    "incremental mapping made no model; global mapping made this one, and on photographs so far apart "
-                    "it can be wrong without a sign of it: give positions (poses.csv, GPS) to have it checked"
-                )
-        if not models:
+                break
+        else:
             raise _no_model(self, pairs)
+        if method != methods[0]:
+            self.notes.append(
+                f"{methods[0]} mapping made no model; {method} mapping made this one, and on photographs so far apart "
+                "it can be wrong without a sign of it: give positions (poses.csv, GPS) to have it checked"
+            )
         model = models[0]
         similarity = align_to_positions(model_poses(model), self.known.poses, seed=self.settings.seed)
         if similarity is not None:
@@ -268,7 +265,7 @@ class _Run:
 
     def calibrate(self, pairs: Pairs) -> None:
         """Self-calibrate by blind mapping, where nothing is known of a camera."""
-        for method in ("incremental", "global"):
+        for method in METHODS:
             models = self.blind_models(method, pairs)
             if models and models[0].num_reg_images() >= _MIN_CALIBRATION_IMAGES:
                 self.calibrating = models[0]

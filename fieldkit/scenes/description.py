@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,7 +13,6 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
-from fieldkit.scenes.mesh_plant import MeshPlantDescription
 from fieldkit.scenes.plot import PlotDescription, build_scene, sample_visible
 from fieldkit.scenes.recorded import RecordedSurface, build_recorded, recorded_plants
 from fieldkit.scenes.scene import Scene
@@ -166,11 +164,3 @@ def scene_digest(scene: Scene) -> str:
         for m in scene.meshes
     ]  # fmt: skip
     return digest(*[tuple(mesh) for mesh in meshes], scene.light, scene.background)
-
-
-def files_of(description: SceneDescription) -> tuple[Path, ...]:
-    """The mesh and cloud files that ``description`` names."""
-    named = [Path(plant.file) for plant in description.plot.plants if isinstance(plant, MeshPlantDescription)]
-    if description.recorded is not None:
-        named += description.recorded.files.values()
-    return tuple(named)

@@ -13,7 +13,8 @@ from PIL.TiffImagePlugin import IFDRational
 
 from fieldkit.captures import Photo, read_capture
 from fieldkit.captures.exif import focal_in_pixels
-from fieldkit.captures.xmp import XmpError, parse_xmp, read_fields
+from fieldkit.captures.xmp import parse_xmp, read_fields
+from fieldkit.documents.xml_tree import XmlError
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
 
 CAMERA = {271: "DJI", 272: "FC6310\0\0"}
@@ -191,7 +192,7 @@ def test_entities_are_never_expanded() -> None:
         laughs + dji_xmp(False, GimbalYawDegree="&b;"),
         b'<!DOCTYPE x SYSTEM "file:///etc/hostname">' + dji_xmp(GimbalYawDegree="1"),
     ):
-        with pytest.raises(XmpError):
+        with pytest.raises(XmlError):
             read_fields(packet)
 
 
@@ -200,7 +201,7 @@ def test_any_xmp_bytes_are_read_or_refused(packet: bytes) -> None:
     for data in (packet, b"<x:xmpmeta>" + packet + b"</x:xmpmeta>"):
         try:
             parse_xmp(data)
-        except XmpError:
+        except XmlError:
             continue
 
 

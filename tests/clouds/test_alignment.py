@@ -56,15 +56,13 @@ def test_a_scale_error_of_one_percent(data_folder: Path) -> None:
     assert error_mm(found, motion, points) < 0.8
 
 
-def test_leaves_far_from_the_origin_with_a_starting_transform() -> None:
+def test_leaves_far_from_the_origin() -> None:
     rng = np.random.default_rng(5)
     offset = np.array([448_262.0, 5_411_932.0, 118.0])
     target, source = leaves(12_000, seed=1), leaves(9_000, seed=2)
-    motion = displaced(np.zeros(3), rng, shift_m=0.5, angle_deg=20.0)
-    nearly_back = displaced(np.zeros(3), rng, shift_m=0.004, angle_deg=0.5).after(motion.inverse())
-    shift = Similarity(1.0, np.eye(3), offset)
-    found, stats = icp(Cloud(motion.apply(source)), Cloud(target + offset), initial=shift.after(nearly_back))
-    assert error_mm(shift.inverse().after(found), motion, target) < 0.5
+    motion = displaced(offset, rng, shift_m=0.004, angle_deg=0.5)
+    found, stats = icp(Cloud(motion.apply(source + offset)), Cloud(target + offset))
+    assert error_mm(found, motion, target + offset) < 0.5
     assert stats.converged
     assert stats.shift_m < 0.01
 
@@ -78,10 +76,9 @@ def test_the_same_input_gives_the_same_bits() -> None:
 
 @pytest.mark.parametrize("with_scale", [False, True])
 def test_clouds_out_of_reach_stay_where_they_are_and_say_so(with_scale: bool) -> None:
-    start = Similarity(2.0, np.eye(3), np.ones(3))
     far = Cloud(leaves(500) + 100.0)
-    found, stats = icp(Cloud(leaves(500)), far, initial=start, with_scale=with_scale)
-    np.testing.assert_allclose(found.matrix(), start.matrix(), atol=1e-9)
+    found, stats = icp(Cloud(leaves(500)), far, with_scale=with_scale)
+    np.testing.assert_allclose(found.matrix(), np.eye(4), atol=1e-9)
     assert not stats.converged
     assert stats.overlap == 0.0
     assert np.isnan(stats.rms_m)
@@ -99,6 +96,5 @@ def test_empty_clouds_and_impossible_settings_are_refused() -> None:
         icp(Cloud.empty(), cloud)
     with pytest.raises(EmptyCloudError, match="target"):
         icp(cloud, Cloud.empty())
-    for settings in ({"max_distance_m": 0.0}, {"levels": 0}):
-        with pytest.raises(ValueError):
-            icp(cloud, cloud, **settings)
+    with pytest.raises(ValueError):
+        icp(cloud, cloud, max_distance_m=0.0)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.clouds import Cloud, Plane, fit_ground_plane, read_las, read_ply, remove_ground, remove_outliers
+from fieldkit.clouds import Plane, fit_ground_plane, read_las, read_ply
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
@@ -87,12 +87,6 @@ def test_levelling_puts_the_ground_at_zero() -> None:
         np.testing.assert_allclose(level.apply(origin)[:2], 0.0, atol=1e-9)
 
 
-def test_remove_ground_keeps_what_is_above_the_clearance() -> None:
-    cloud = Cloud(np.array([[0, 0, -1.0], [0, 0, 0.01], [0, 0, 0.03], [0, 0, 1.0]]))
-    plants = remove_ground(cloud, Plane(np.array([0.0, 0, 1]), 0.0, 0.0, 1.0, 0.01), 0.02)
-    np.testing.assert_array_equal(plants.points[:, 2], [0.03, 1.0])
-
-
 def test_degenerate_input_is_named() -> None:
     with pytest.raises(EmptyCloudError):
         fit_ground_plane(np.zeros((0, 3)))
@@ -126,16 +120,3 @@ def test_a_plant_without_any_ground_is_told(data_folder: Path) -> None:
     cameras = basil.points.mean(axis=0) + np.array([[300.0, 0, 250], [-300, 0, 250], [0, 300, 250]])
     with pytest.raises(ReconstructionError, match="noticeable share"):
         fit_ground_plane(basil.points, cameras, up=[0, 0, 1])
-
-
-def test_points_that_stand_apart_are_removed() -> None:
-    points = leaves(5000)
-    apart = np.array([[5.0, 5, 5], [-4, 0, 0], [0, 9, 0]])
-    colors = np.arange(5003 * 3).reshape(-1, 3).astype(np.uint8)
-    kept = remove_outliers(Cloud(np.concatenate([points, apart]), colors))
-    assert np.abs(kept.points).max() < 2
-    assert len(kept) > 4700
-    assert kept.colors is not None
-    assert len(remove_outliers(Cloud(apart))) == 3
-    with pytest.raises(ValueError):
-        remove_outliers(kept, neighbors=0)

@@ -121,7 +121,7 @@ class TestInvariance:
         points = np.concatenate([cone(0.3, 0.8), shifted(box(0.2, 0.1, 0.4, 0.005), 0.35)])
         turn = np.radians(turn_deg)
         rotation = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-        first, second = figures(points), figures(shifted(points @ rotation.T, x, y), VOLUME.expanded(0.6))
+        first, second = figures(points), figures(shifted(points @ rotation.T, x, y), VOLUME.grown(0.6))
         assert second.height_m == pytest.approx(first.height_m, abs=0.02)
         assert second.height_max_m == pytest.approx(first.height_max_m, abs=1e-9)
         assert second.covered_m2 == pytest.approx(first.covered_m2, rel=0.06)

@@ -9,7 +9,7 @@ from fieldkit.clouds import Cloud, Volume, crop
 def test_contains_its_faces_and_its_corners() -> None:
     volume = Volume((-1, -2, 0), (1, 2, 3))
     assert volume.contains(volume.corners()).all()
-    assert not volume.contains(volume.expanded(0.001).corners()).any()
+    assert not volume.contains(volume.grown(0.001).corners()).any()
     assert volume.contains(volume.center[None]).all()
     np.testing.assert_allclose(volume.size, [2, 4, 3])
     assert volume.diagonal == pytest.approx(np.sqrt(4 + 16 + 9))

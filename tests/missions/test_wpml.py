@@ -7,13 +7,14 @@ import struct
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import pytest
 
+from fieldkit.documents.xml_tree import parse_local
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.missions.autopilots.dji.wpml import TEMPLATE, WAYLINES, read_wpml
 from fieldkit.missions.files import mission_bytes
-from fieldkit.missions.files.xml_tree import Element, parse
 from fieldkit.missions.mission import Shot
 from tests.missions.vehicles import small_mission, vehicle
 
@@ -24,19 +25,19 @@ def test_the_archive_has_the_two_files_under_their_fixed_names() -> None:
     with zipfile.ZipFile(io.BytesIO(mission_bytes("wpml", small_mission(), DJI))) as archive:
         assert archive.namelist() == [TEMPLATE, WAYLINES]
         assert {info.date_time for info in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-        template, waylines = (parse(archive.read(name)) for name in (TEMPLATE, WAYLINES))
+        template, waylines = (parse_local(archive.read(name)) for name in (TEMPLATE, WAYLINES))
     for root in (template, waylines):
-        assert root.value("Document", "missionConfig", "droneInfo", "droneEnumValue") == "77"
-        placemarks = list(root.all("Placemark"))
-        assert [p.value("index") for p in placemarks] == [str(k) for k in range(6)]
+        assert root.findtext("Document/missionConfig/droneInfo/droneEnumValue") == "77"
+        placemarks = list(root.iter("Placemark"))
+        assert [p.findtext("index") for p in placemarks] == [str(k) for k in range(6)]
         # Above home, three photographs and a place on the way, above the landing place.
-        assert [len(list(p.all("action"))) for p in placemarks] == [0, 5, 5, 0, 5, 0]
-    first = list(waylines.all("Placemark"))[1]
-    assert first.value("Point", "coordinates") == "6.447300000,50.865022500"  # longitude first
-    steps = [action.value("actionActuatorFunc") for action in first.all("action")]
+        assert [len(list(p.iter("action"))) for p in placemarks] == [0, 5, 5, 0, 5, 0]
+    first = list(waylines.iter("Placemark"))[1]
+    assert first.findtext("Point/coordinates") == "6.447300000,50.865022500"  # longitude first
+    steps = [action.findtext("actionActuatorFunc") for action in first.iter("action")]
     assert steps == ["rotateYaw", "gimbalRotate", "hover", "takePhoto", "hover"]
-    assert first.value("waypointTurnParam", "waypointTurnMode") == "toPointAndStopWithDiscontinuityCurvature"
-    assert waylines.child("Document").child("Folder").value("executeHeightMode") == "relativeToStartPoint"  # type: ignore[union-attr]
+    assert first.findtext("waypointTurnParam/waypointTurnMode") == "toPointAndStopWithDiscontinuityCurvature"
+    assert waylines.findtext("Document/Folder/executeHeightMode") == "relativeToStartPoint"
 
 
 def test_read_back(tmp_path: Path) -> None:
@@ -62,7 +63,7 @@ def test_names_of_plots_cannot_break_the_xml(tmp_path: Path) -> None:
     assert len(read_wpml(tmp_path / "a.kmz").stops) == 6
     for name in ("kml", "geojson"):
         assert mission_bytes(name, replace(mission, stops=stops, name="<!DOCTYPE x>\x01"), DJI)
-    parse(mission_bytes("kml", replace(mission, stops=stops, name="<!DOCTYPE x>\x01"), DJI))
+    parse_local(mission_bytes("kml", replace(mission, stops=stops, name="<!DOCTYPE x>\x01"), DJI))
 
 
 def test_only_models_that_wpml_has_a_number_for() -> None:
@@ -92,14 +93,14 @@ def test_only_models_that_wpml_has_a_number_for() -> None:
 )
 def test_models_have_the_numbers_of_djis_documentation(title: str, numbers: tuple[str, str, str | None, str]) -> None:
     for root in contents(mission_bytes("wpml", small_mission(), vehicle("dji", title=title))):
-        config = root.child("Document").child("missionConfig")  # type: ignore[union-attr]
+        config = root.find("Document/missionConfig")
         assert config is not None
-        photo = next(a for a in root.all("action") if a.value("actionActuatorFunc") == "takePhoto")
+        photo = next(a for a in root.iter("action") if a.findtext("actionActuatorFunc") == "takePhoto")
         assert numbers == (
-            config.value("droneInfo", "droneEnumValue"),
-            config.value("droneInfo", "droneSubEnumValue"),
-            config.value("payloadInfo", "payloadEnumValue"),
-            photo.value("actionActuatorFuncParam", "payloadLensIndex"),
+            config.findtext("droneInfo/droneEnumValue"),
+            config.findtext("droneInfo/droneSubEnumValue"),
+            config.findtext("payloadInfo/payloadEnumValue"),
+            photo.findtext("actionActuatorFuncParam/payloadLensIndex"),
         )
 
 
@@ -112,25 +113,25 @@ def test_an_aircraft_that_carries_different_cameras_names_its_one() -> None:
 def test_it_turns_on_the_short_way_and_groups_count_from_0() -> None:
     mission = small_mission()
     for root in contents(mission_bytes("wpml", mission, DJI)):
-        groups = list(root.all("actionGroup"))
-        assert [g.value("actionGroupId") for g in groups] == ["0", "1", "2"]
-        assert [g.value("actionGroupStartIndex") for g in groups] == ["1", "2", "4"]
-        turns = [a for a in root.all("action") if a.value("actionActuatorFunc") == "rotateYaw"]
-        headings = [float(t.value("actionActuatorFuncParam", "aircraftHeading") or "nan") for t in turns]
+        groups = list(root.iter("actionGroup"))
+        assert [g.findtext("actionGroupId") for g in groups] == ["0", "1", "2"]
+        assert [g.findtext("actionGroupStartIndex") for g in groups] == ["1", "2", "4"]
+        turns = [a for a in root.iter("action") if a.findtext("actionActuatorFunc") == "rotateYaw"]
+        headings = [float(t.findtext("actionActuatorFuncParam/aircraftHeading") or "nan") for t in turns]
         assert all(-180.0 <= heading <= 180.0 for heading in headings)
-        ways = [t.value("actionActuatorFuncParam", "aircraftPathMode") for t in turns]
+        ways = [t.findtext("actionActuatorFuncParam/aircraftPathMode") for t in turns]
     # From above home already 180°; 55° to the right; then turned on the way, over the place between.
     assert ways == ["clockwise", "clockwise", "clockwise"]
     west = replace(mission, stops=tuple(replace(s, yaw_deg=350.0 - 20.0 * k) for k, s in enumerate(mission.shots)))
     for root in contents(mission_bytes("wpml", west, DJI)):
-        turns = [a for a in root.all("action") if a.value("actionActuatorFunc") == "rotateYaw"]
-        ways = [t.value("actionActuatorFuncParam", "aircraftPathMode") for t in turns]
+        turns = [a for a in root.iter("action") if a.findtext("actionActuatorFunc") == "rotateYaw"]
+        ways = [t.findtext("actionActuatorFuncParam/aircraftPathMode") for t in turns]
         assert ways == ["clockwise", "counterClockwise", "counterClockwise"]
 
 
 def contents(data: bytes) -> list[Element]:
     with zipfile.ZipFile(io.BytesIO(data)) as opened:
-        return [parse(opened.read(name)) for name in (TEMPLATE, WAYLINES)]
+        return [parse_local(opened.read(name)) for name in (TEMPLATE, WAYLINES)]
 
 
 def archive(*members: tuple[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> bytes:

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.epipolar import EpipolarBand, epipolar_distance, fundamental_matrix, relative_pose
+from fieldkit.reconstruction.epipolar import epipolar_distance, fundamental_matrix, relative_pose
 
 A = Intrinsics("PINHOLE", 1600, 1200, (1500.0, 1480.0, 810.0, 590.0))
 B = Intrinsics("PINHOLE", 1200, 1600, (900.0, 905.0, 600.0, 800.0))
@@ -53,16 +53,3 @@ def test_the_distance_is_the_larger_of_the_two() -> None:
         back = line_distance(fundamental.T @ (*other, 1.0), one)
         (distance,) = epipolar_distance(fundamental, one[None], other[None])
         assert distance == pytest.approx(max(forth, back))
-
-
-@pytest.mark.parametrize("rows", [slice(0, 60), slice(10, 11), slice(40, 60)])
-@pytest.mark.parametrize("width", [0.5, 5.0, 50.0])
-def test_a_band_is_where_both_distances_are_small(width: float, rows: slice) -> None:
-    fundamental, a, b = scene()
-    inside = EpipolarBand(fundamental, a, b, width)(rows)
-    pairs = [(one, other) for one in a[rows] for other in b]
-    distance = epipolar_distance(fundamental, np.array([p for p, _ in pairs]), np.array([q for _, q in pairs]))
-    distance = distance.reshape(inside.shape)
-    # The band is computed in single precision; nothing within a thousandth of its edge is asked for.
-    sure = np.abs(distance - width) > 1e-3 * width
-    assert np.array_equal(inside[sure], (distance <= width)[sure])

@@ -23,14 +23,12 @@ def related(rng: np.random.Generator, n: int, m: int, shared: int, noise: float 
     return features(a), features(b[rng.permutation(m)])
 
 
-def brute_force(a: Features, b: Features, ratio: float, allowed: np.ndarray | None = None) -> list[list[int]]:
+def brute_force(a: Features, b: Features, ratio: float) -> list[list[int]]:
     def unit(f: Features) -> np.ndarray:
         values = f.descriptors.astype(np.float64)
         return values / np.linalg.norm(values, axis=1, keepdims=True)
 
     distance = np.maximum(np.linalg.norm(unit(a)[:, None] - unit(b)[None], axis=2), 1e-3)
-    if allowed is not None:
-        distance[~allowed] = np.inf
 
     def best(row: np.ndarray) -> int:
         order = np.argsort(row, kind="stable")
@@ -48,18 +46,15 @@ def brute_force(a: Features, b: Features, ratio: float, allowed: np.ndarray | No
     m=st.integers(1, 40),
     chunk=st.integers(1, 45),
     ratio=st.sampled_from([0.6, 0.8, 0.95, 1.0]),
-    gated=st.booleans(),
 )
-def test_brute_force_finds_the_same(seed: int, n: int, m: int, chunk: int, ratio: float, gated: bool) -> None:
+def test_brute_force_finds_the_same(seed: int, n: int, m: int, chunk: int, ratio: float) -> None:
     rng = np.random.default_rng(seed)
     a, b = related(rng, n, m, min(n, m) // 2)
-    allowed = rng.random((n, m)) < 0.4 if gated else None
-    gate = None if allowed is None else lambda rows: allowed[rows]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(matching, "_CHUNK_ROWS", chunk)
-        found = match_features(a, b, ratio=ratio, gate=gate)
+        found = match_features(a, b, ratio=ratio)
     assert found.dtype == np.uint32
-    assert found.tolist() == brute_force(a, b, ratio, allowed)
+    assert found.tolist() == brute_force(a, b, ratio)
 
 
 def test_opencv_finds_the_same() -> None:
@@ -106,11 +101,6 @@ def test_one_candidate_has_no_rival() -> None:
     rng = np.random.default_rng(0)
     one, other = features(random_descriptors(rng, 1)), features(random_descriptors(rng, 1))
     assert match_features(one, other).tolist() == [[0, 0]]
-
-
-def test_a_gate_that_is_shut_lets_nothing_through() -> None:
-    a = features(random_descriptors(np.random.default_rng(0), 20))
-    assert len(match_features(a, a, gate=lambda rows: np.zeros((rows.stop - rows.start, 20), np.bool_))) == 0
 
 
 def test_descriptors_of_zeros_do_no_harm() -> None:

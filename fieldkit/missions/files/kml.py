@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+from fieldkit.documents.xml_tree import escaped
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.missions.files.xml_tree import escaped
 from fieldkit.missions.mission import GeoPoint, Mission, Shot
 
 _VIEW_M = 1.0

@@ -16,6 +16,7 @@ from fieldkit.planning.score.matchability import Matchability, expected_matches,
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.plots import Plot
+from fieldkit.reconstruction.stereo_quality import StereoQuality
 from fieldkit.runtime.kernels import fast_kernel, kernel
 
 _STEPS = 4096
@@ -25,40 +26,21 @@ _PICTURED = 150
 
 
 @dataclass(frozen=True)
-class ScoreSettings:
-    """Every constant of `GeometricScore`.
+class ScoreSettings(StereoQuality):
+    """Every constant of `GeometricScore`: those of `StereoQuality` and how views are counted.
 
-    What is from elsewhere says where. How incidence, resolution and the angle's far side enter was chosen among a dozen
-    ways by 25 evaluations of rings, arcs, chains and clumps about tuning-1 and tuning-2: all milder than in the
-    prototype, whose stereo was simpler. On 20 random sets about each of tuning-1, 2 and 3, which had no part in that,
-    the distance had Spearman correlations of 0.69, 0.81 and 0.76 with draft values (0.75, 0.68 and 0.62 with fine).
+    On 20 random sets about each of tuning-1, 2 and 3, which had no part in the choice of how the former enter, the
+    distance had Spearman correlations of 0.69, 0.81 and 0.76 with draft values (0.75, 0.68 and 0.62 with fine).
     Footprints in the noise and a visibility in which stems hide their far sides came later: 0.93 and 0.66 with the
     standard values of the 100 and 47 sets of two searches about tuning-1 and tuning-2, where it had 0.83 and 0.62
     before the latter.
 
     Attributes:
-        best_angle_deg: θ₀ between two rays at which a pair is worth most: 12° in the prototype and for dense stereo's
-            choice of sources (`dense.settings.Settings`).
-        tail_deg: over which a pair's worth falls to 1/e on the far side, as guided matches fall on real plants (219,
-            153, 73 and 56 above chance at 18, 27, 36 and 46° on basil_rig). A pair is worth (θ/θ₀ · e^(1 − θ/θ₀)) to
-            the power of θ₀ / tail.
-        facing: |n·v| up to which a surface is too steep, and from which it is as good as seen squarely.
-        pixel_m: footprint of a pixel at which resolution has halved what a pair is worth.
-        width: of dense stereo's views in pixels, which footprints are counted in (`standard`).
         agreeing: views whose depths must be right at a point.
-        error_px: of a match, for the noise of depths.
-        cap_m: of every distance, as in the objective's rule (`Rule`).
         neighbors: nearest points that stand in for one that is missing.
     """
 
-    best_angle_deg: float = 12.0
-    tail_deg: float = 20.0
-    facing: tuple[float, float] = (0.1, 0.5)
-    pixel_m: float = 0.008
-    width: int = 750
     agreeing: int = 2
-    error_px: float = 0.5
-    cap_m: float = 0.10
     neighbors: int = 24
 
 
@@ -174,13 +156,11 @@ class GeometricScore:
     def _look(self, cameras: Cameras) -> list[_View]:
         camera = self.problem.camera
         focal = camera.fx * self.settings.width / camera.width
-        steep, square = self.settings.facing
         pictured = in_picture(self._around, cameras, camera)
         views = []
         for sight, row in zip(look(self.surface, cameras, camera), pictured, strict=True):
             footprint = sight.distance_m / focal
-            incidence = np.clip((sight.facing - steep) / (square - steep), 0.0, 1.0)
-            quality = sight.seen * incidence / (1.0 + (footprint / self.settings.pixel_m) ** 2)
+            quality = self.settings.of_views(sight.seen, sight.facing, footprint)
             points = np.column_stack([sight.rays, quality, footprint]).astype(np.float32)
             views.append(_View(points, row))
         return views
@@ -188,8 +168,7 @@ class GeometricScore:
 
 def _pair_worth(settings: ScoreSettings) -> Array:
     """What a pair is worth by the sine of half its angle, in steps from 0 to 1 and one beyond."""
-    ratio = np.degrees(2.0 * np.arcsin(np.linspace(0.0, 1.0, _STEPS + 1))) / settings.best_angle_deg
-    worth: Array = (ratio * np.exp(1.0 - ratio)) ** (settings.best_angle_deg / settings.tail_deg)
+    worth = settings.of_angles(np.degrees(2.0 * np.arcsin(np.linspace(0.0, 1.0, _STEPS + 1))))
     return np.append(worth, worth[-1])
 
 

@@ -125,7 +125,7 @@ def test_whatever_matters_is_part_of_the_key(tmp_path, change):
     elif change == "seed":
         seed = 7
     else:
-        volume = volume.expanded(0.001)
+        volume = volume.grown(0.001)
     scene[0] = View(first.name, image, first.intrinsics, pose, mask)
     assert compute() == 2 * before
 

@@ -13,7 +13,9 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
+from fieldkit.documents.xml_tree import XmlError, escaped, parse_local
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.missions.autopilots.dji.models import DjiModel, dji_model
@@ -22,7 +24,6 @@ from fieldkit.missions.files.archive import read_members, zip_bytes
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
 from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark
 from fieldkit.missions.files.route import RoutePoint, route_points
-from fieldkit.missions.files.xml_tree import Element, XmlError, escaped, parse
 from fieldkit.missions.mission import GeoPoint, Home, Mission
 from fieldkit.missions.plan_site.vehicle import Vehicle
 
@@ -30,6 +31,8 @@ TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
 _MOST_WAYPOINTS = 200
 """Not in the documentation, whose index goes to 65535: what DJI's apps are said to take."""
 _LEAST_TAKEOFF_M = 1.2
+_PARAMETERS = "actionActuatorFuncParam"
+_PITCH_TURNS = f"{_PARAMETERS}/gimbalPitchRotateEnable"
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
 
 
@@ -192,18 +195,18 @@ def read_wpml(path: Path) -> ReadMission:
     if WAYLINES not in members:
         raise MetadataError(f"holds no {WAYLINES}: it is no DJI mission", path=path, remedy=_REMEDY)
     try:
-        root = parse(members[WAYLINES])
+        root = parse_local(members[WAYLINES])
     except XmlError as error:
         raise MetadataError(f"{WAYLINES}: {error}", path=path, remedy=_REMEDY) from error
-    folders = list(root.all("Folder"))
+    folders = list(root.iter("Folder"))
     if not folders:
         raise MetadataError(f"{WAYLINES} has no Folder with a wayline", path=path, remedy=_REMEDY)
     remarks: list[Remark] = []
     stops: list[ReadStop] = []
     for folder in folders:
-        mode = folder.value("executeHeightMode") or "relativeToStartPoint"
+        mode = folder.findtext("executeHeightMode") or "relativeToStartPoint"
         base = {"relativeToStartPoint": "home", "WGS84": "ellipsoid"}.get(mode, "ground")
-        for placemark in folder.all("Placemark"):
+        for placemark in folder.iter("Placemark"):
             if len(stops) >= MAX_ITEMS:
                 raise MetadataError(f"has more than {MAX_ITEMS} waypoints", path=path, remedy=_REMEDY)
             stops.append(_read_placemark(path, placemark, len(stops), base, remarks))
@@ -213,7 +216,7 @@ def read_wpml(path: Path) -> ReadMission:
 
 
 def _read_home(root: Element) -> Home | None:
-    text = root.value("Document", "missionConfig", "takeOffRefPoint")
+    text = root.findtext("Document/missionConfig/takeOffRefPoint")
     values = [number(part) for part in (text or "").split(",")]
     if len(values) < 2 or values[0] is None or values[1] is None or abs(values[0]) > 90 or abs(values[1]) > 180:
         return None
@@ -221,23 +224,18 @@ def _read_home(root: Element) -> Home | None:
 
 
 def _read_placemark(path: Path, placemark: Element, index: int, base: str, remarks: list[Remark]) -> ReadStop:
-    parts = [number(p) for p in (placemark.value("Point", "coordinates") or "").split(",")]
-    height = number(placemark.value("executeHeight") or placemark.value("height") or "")
+    parts = [number(p) for p in (placemark.findtext("Point/coordinates") or "").split(",")]
+    height = number(placemark.findtext("executeHeight") or placemark.findtext("height") or "")
     if len(parts) < 2 or parts[0] is None or parts[1] is None or height is None:
         raise MetadataError(f"waypoint {index} has no coordinates and height", path=path, remedy=_REMEDY)
     yaw: float | None = None
-    heading = placemark.child("waypointHeadingParam")
-    if heading is not None and heading.value("waypointHeadingMode") == "smoothTransition":
-        yaw = number(heading.value("waypointHeadingAngle") or "")
-    pitch: float | None = None
-    gimbal = placemark.child("waypointGimbalHeadingParam")
-    if gimbal is not None:
-        pitch = number(gimbal.value("waypointGimbalPitchAngle") or "")
-    turn = placemark.value("waypointTurnParam", "waypointTurnMode") or ""
+    if placemark.findtext("waypointHeadingParam/waypointHeadingMode") == "smoothTransition":
+        yaw = number(placemark.findtext("waypointHeadingParam/waypointHeadingAngle", ""))
+    pitch = number(placemark.findtext("waypointGimbalHeadingParam/waypointGimbalPitchAngle", ""))
+    turn = placemark.findtext("waypointTurnParam/waypointTurnMode", "")
     stop = _Stop(yaw, pitch)
-    for group in placemark.children:
-        if group.name == "actionGroup":
-            _read_actions(group, index, stop, remarks)
+    for group in placemark.findall("actionGroup"):
+        _read_actions(group, index, stop, remarks)
     return ReadStop(
         index,
         GeoPoint(parts[1], parts[0], height),
@@ -249,7 +247,7 @@ def _read_placemark(path: Path, placemark: Element, index: int, base: str, remar
         before_s=stop.before,
         after_s=stop.after,
         photographs=stop.photographs,
-        speed_mps=number(placemark.value("waypointSpeed") or ""),
+        speed_mps=number(placemark.findtext("waypointSpeed", "")),
     )
 
 
@@ -264,13 +262,10 @@ class _Stop:
 
 
 def _read_actions(group: Element, index: int, stop: _Stop, remarks: list[Remark]) -> None:
-    trigger = group.value("actionTrigger", "actionTriggerType") or ""
-    one_by_one = group.value("actionGroupMode") == "sequence"
-    for action in group.children:
-        if action.name != "action":
-            continue
-        function = action.value("actionActuatorFunc") or ""
-        values = action.child("actionActuatorFuncParam") or Element("")
+    trigger = group.findtext("actionTrigger/actionTriggerType", "")
+    one_by_one = group.findtext("actionGroupMode") == "sequence"
+    for action in group.findall("action"):
+        function = action.findtext("actionActuatorFunc", "")
         if trigger != "reachPoint":
             if function in ("takePhoto", "orientedShoot"):
                 message = f"photographs are triggered by {trigger or 'nothing'}, on the way: they are not counted"
@@ -282,11 +277,12 @@ def _read_actions(group: Element, index: int, stop: _Stop, remarks: list[Remark]
                 stop.photographs += 1
                 stop.after = 0.0
             case "rotateYaw" if not stop.photographs:
-                stop.yaw, stop.before = number(values.value("aircraftHeading") or ""), 0.0
-            case "gimbalRotate" if not stop.photographs and values.value("gimbalPitchRotateEnable") == "1":
-                stop.pitch, stop.before = number(values.value("gimbalPitchRotateAngle") or ""), 0.0
+                stop.yaw, stop.before = number(action.findtext(f"{_PARAMETERS}/aircraftHeading", "")), 0.0
+            case "gimbalRotate" if not stop.photographs and action.findtext(_PITCH_TURNS) == "1":
+                stop.pitch, stop.before = number(action.findtext(f"{_PARAMETERS}/gimbalPitchRotateAngle", "")), 0.0
             case "hover":
-                seconds = max(number(values.value("hoverTime") or "") or 0.0, 0.0) if one_by_one else 0.0
+                hover = number(action.findtext(f"{_PARAMETERS}/hoverTime", "")) or 0.0
+                seconds = max(hover, 0.0) if one_by_one else 0.0
                 if stop.photographs:
                     stop.after += seconds
                 else:
