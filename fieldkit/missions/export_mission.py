@@ -1,7 +1,8 @@
-"""`fieldkit export-mission` as a function: mission files, their route as GeoJSON, and a picture."""
+"""`fieldkit export-mission` as a function: mission files, their record, their route as GeoJSON, and a picture."""
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import re
 from collections.abc import Container, Mapping
@@ -14,6 +15,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
 from fieldkit.missions.export import Routed, route_plan
+from fieldkit.missions.export_record import mission_record
 from fieldkit.missions.files import FORMATS, mission_bytes
 from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.site import Site
@@ -21,8 +23,10 @@ from fieldkit.missions.plan_site.site_file import load_plots, load_site, with_pl
 from fieldkit.missions.plan_site.site_obstacles import site_obstacles
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
-from fieldkit.results.plan import Plans
-from fieldkit.results.plan_file import load_plan, plan_bytes
+from fieldkit.results.mission import FlownPlan
+from fieldkit.results.mission_file import record_bytes, record_path
+from fieldkit.results.plan import Plan, Plans
+from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +35,7 @@ class ExportedMission:
 
     Attributes:
         routed: the flights.
-        files: mission files first, one per flight in order; then their routes, fitted plans, the picture.
+        files: mission files first, one per flight in order; then mission.json, routes, fitted plans, the picture.
         plans: by plot, files of plans that are its own.
     """
 
@@ -59,6 +63,7 @@ def export_mission(
     """Write a plan as missions that a vehicle flies over every plot of a site.
 
     Everything is computed before anything is written. Several flights are numbered: mission-1.plan, mission-2.plan …
+    Beside them mission.json (`fieldkit.results.mission`) says what is flown: NAME.mission.json for another name.
 
     Args:
         plan: plan.json, its folder, or a plan; or each plot's own plan by its name.
@@ -100,6 +105,8 @@ def export_mission(
     names = _names(output, len(routed.flights))
     for file, each in zip(names, routed.flights, strict=True):
         contents[file] = mission_bytes(format, each.mission, profile)
+    record = record_path(output)
+    contents[record] = b""  # its place in the order; it describes all others
     for file, each in zip(names, routed.flights, strict=True) if route else ():
         contents[file.with_suffix(".geojson")] = mission_bytes("geojson", each.mission, profile)
     written: dict[str, Path] = {}
@@ -108,6 +115,12 @@ def export_mission(
         contents[written[plot]] = plan_bytes(flown)
     if picture:
         contents[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
+    flown_plans = _flown_plans(plan, loaded, place, routed, written)
+    others = {file.name: data for file, data in contents.items() if file != record}
+    named = None if isinstance(vehicle, Vehicle) else Path(vehicle).name
+    contents[record] = record_bytes(
+        mission_record(routed, place, profile, named, [file.name for file in names], flown_plans, others)
+    )
     if not overwrite:
         for file in contents:
             if file.exists():
@@ -132,6 +145,28 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
         outlines, near=_of_first_plot(routed), near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
     )  # fmt: skip
     return png(figure)
+
+
+def _flown_plans(
+    given: Path | Plans, loaded: Plans, site: Site, routed: Routed, written: Mapping[str, Path]
+) -> dict[str, FlownPlan]:
+    """By plot, the plan that is flown there: a file that was given as its bytes are, others as they are written."""
+    found = {
+        plot: _flown_plan(plan_bytes(own), written[plot].name if plot in written else None)
+        for plot, own in routed.own.items()
+    }
+    if isinstance(given, Path):
+        file = given / PLAN_FILE if given.is_dir() else given
+        one = _flown_plan(file.read_bytes(), file.name)
+    elif isinstance(loaded, Plan):
+        one = _flown_plan(plan_bytes(loaded), None)
+    else:
+        return found
+    return {plot.name: one for plot in site.plots} | found
+
+
+def _flown_plan(data: bytes, name: str | None) -> FlownPlan:
+    return FlownPlan(name=name, sha256=hashlib.sha256(data).hexdigest())
 
 
 def _of_first_plot(routed: Routed) -> int:
