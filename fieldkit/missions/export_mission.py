@@ -87,6 +87,34 @@ def export_mission(
         MissionError: see `route_plan`; or the vehicle's dialect or the format does not take the mission.
         StorageError: the place is full or not writable.
     """
+    output = mission_path(output, format)
+    loaded = load_plan(plan) if isinstance(plan, Path) else plan
+    profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    place = site if isinstance(site, Site) else load_site(site, plots)
+    if isinstance(site, Site) and plots is not None:
+        place = with_plots(site, load_plots(plots))
+    routed = route_plan(loaded, profile, place, fit=fit, adjust=adjust, seed=seed)
+    more: dict[Path, bytes] = {}
+    written: dict[str, Path] = {}
+    for plot, flown in routed.own.items() if plans else ():
+        written[plot] = _plan_file(output, plot, {record_path(output), *more})
+        more[written[plot]] = plan_bytes(flown)
+    if picture:
+        more[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
+    contents = mission_contents(
+        routed, profile, place, output, format, plans=_flown_plans(plan, loaded, place, routed, written), route=route,
+        profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name, more=more,
+    )  # fmt: skip
+    write_mission(contents, overwrite=overwrite)
+    return ExportedMission(routed, tuple(contents), written)
+
+
+def mission_path(output: Path, format: str) -> Path:  # noqa: A002
+    """The mission file of a format; its suffix may be left out.
+
+    Raises:
+        UsageError: no such format, or another format's suffix.
+    """
     if format not in FORMATS:
         raise UsageError(f"no such format: {format}", remedy=f"Choose one of {', '.join(FORMATS)}.")
     suffix = FORMATS[format][0]
@@ -94,40 +122,62 @@ def export_mission(
         raise UsageError(
             f"{format} missions are {suffix} files", path=output, remedy=f"Name it {output.with_suffix(suffix).name}."
         )
-    output = output.with_suffix(suffix)
-    loaded = load_plan(plan) if isinstance(plan, Path) else plan
-    profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    place = site if isinstance(site, Site) else load_site(site, plots)
-    if isinstance(site, Site) and plots is not None:
-        place = with_plots(site, load_plots(plots))
-    routed = route_plan(loaded, profile, place, fit=fit, adjust=adjust, seed=seed)
-    contents: dict[Path, bytes] = {}
+    return output.with_suffix(suffix)
+
+
+def mission_contents(
+    routed: Routed, vehicle: Vehicle, site: Site, output: Path, format: str, *, plans: Mapping[str, FlownPlan],  # noqa: A002
+    route: bool = True, profile: str | None = None, more: Mapping[Path, bytes] | None = None,
+) -> dict[Path, bytes]:  # fmt: skip
+    """What is written of flights: mission files, one per flight in order, mission.json, routes, and what is added.
+
+    Args:
+        routed: the flights.
+        vehicle: flies them.
+        site: that they are over.
+        output: see `mission_path`.
+        format: of the mission files.
+        plans: by plot, what is flown there.
+        route: with each flight's route as GeoJSON.
+        profile: the vehicle profile's name, or that of its file.
+        more: other files that are written beside them.
+
+    Raises:
+        MissionError: the vehicle's dialect or the format does not take a mission.
+    """
     names = _names(output, len(routed.flights))
-    for file, each in zip(names, routed.flights, strict=True):
-        contents[file] = mission_bytes(format, each.mission, profile)
-    record = record_path(output)
-    contents[record] = b""  # its place in the order; it describes all others
-    for file, each in zip(names, routed.flights, strict=True) if route else ():
-        contents[file.with_suffix(".geojson")] = mission_bytes("geojson", each.mission, profile)
-    written: dict[str, Path] = {}
-    for plot, flown in routed.own.items() if plans else ():
-        written[plot] = _plan_file(output, plot, contents)
-        contents[written[plot]] = plan_bytes(flown)
-    if picture:
-        contents[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
-    flown_plans = _flown_plans(plan, loaded, place, routed, written)
-    others = {file.name: data for file, data in contents.items() if file != record}
-    named = None if isinstance(vehicle, Vehicle) else Path(vehicle).name
-    contents[record] = record_bytes(
-        mission_record(routed, place, profile, named, [file.name for file in names], flown_plans, others)
-    )
-    if not overwrite:
-        for file in contents:
-            if file.exists():
-                raise UsageError("exists already", path=file, remedy="Give --overwrite to replace it, or another name.")
+    flown = [(file, each.mission) for file, each in zip(names, routed.flights, strict=True)]
+    missions = {file: mission_bytes(format, mission, vehicle) for file, mission in flown}
+    others = {
+        file.with_suffix(".geojson"): mission_bytes("geojson", mission, vehicle) for file, mission in flown if route
+    } | dict(more or {})
+    described = {file.name: content for file, content in (missions | others).items()}
+    record = mission_record(routed, site, vehicle, profile, [file.name for file in names], plans, described)
+    return {**missions, record_path(output): record_bytes(record), **others}
+
+
+def flown_plan(data: bytes, name: str | None = None) -> FlownPlan:
+    """A plan.json as a record names it.
+
+    Args:
+        data: the file's bytes.
+        name: its name, where it is a file.
+    """
+    return FlownPlan(name=name, sha256=hashlib.sha256(data).hexdigest())
+
+
+def write_mission(contents: Mapping[Path, bytes], *, overwrite: bool) -> None:
+    """Write files; none where one of them is there.
+
+    Raises:
+        UsageError: a file is there, and ``overwrite`` is not given.
+        StorageError: the place is full or not writable.
+    """
+    for file in () if overwrite else contents:
+        if file.exists():
+            raise UsageError("exists already", path=file, remedy="Give --overwrite to replace it, or another name.")
     for file, content in contents.items():
         write_atomic(file, content)
-    return ExportedMission(routed, tuple(contents), written)
 
 
 def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
@@ -152,21 +202,17 @@ def _flown_plans(
 ) -> dict[str, FlownPlan]:
     """By plot, the plan that is flown there: a file that was given as its bytes are, others as they are written."""
     found = {
-        plot: _flown_plan(plan_bytes(own), written[plot].name if plot in written else None)
+        plot: flown_plan(plan_bytes(own), written[plot].name if plot in written else None)
         for plot, own in routed.own.items()
     }
     if isinstance(given, Path):
         file = given / PLAN_FILE if given.is_dir() else given
-        one = _flown_plan(file.read_bytes(), file.name)
+        one = flown_plan(file.read_bytes(), file.name)
     elif isinstance(loaded, Plan):
-        one = _flown_plan(plan_bytes(loaded), None)
+        one = flown_plan(plan_bytes(loaded), None)
     else:
         return found
     return {plot.name: one for plot in site.plots} | found
-
-
-def _flown_plan(data: bytes, name: str | None) -> FlownPlan:
-    return FlownPlan(name=name, sha256=hashlib.sha256(data).hexdigest())
 
 
 def _of_first_plot(routed: Routed) -> int:
