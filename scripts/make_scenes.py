@@ -1,5 +1,5 @@
-"""Write sim/scenes (the paper's cases and test cases, the tuning scenes), the JSON schemas of scenes, plans and runs,
-and the tables of keys in sim/README.md.
+"""Write sim/scenes (the paper's cases and test cases, the tuning scenes), the JSON schemas of scenes, plans, missions
+and runs, and the tables of keys in sim/README.md.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Any
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.run.outcome import run_schemas
+from fieldkit.results.mission_file import mission_schema
 from fieldkit.results.plan_file import plan_schema
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.generator import new_scene, varied, without_plant
@@ -139,6 +140,7 @@ if __name__ == "__main__":
         print(FOLDER / f"{name}.toml")
     (ROOT / "docs" / "schemas" / "scene.schema.json").write_text(scene_schema(), encoding="utf-8")
     (ROOT / "docs" / "schemas" / "plan.schema.json").write_text(plan_schema(), encoding="utf-8")
+    (ROOT / "docs" / "schemas" / "mission.schema.json").write_text(mission_schema(), encoding="utf-8")
     for name, text in run_schemas().items():
         (ROOT / "docs" / "schemas" / name).write_text(text, encoding="utf-8")
     GUIDE.write_text(guide_with_tables(GUIDE.read_text(encoding="utf-8")), encoding="utf-8")

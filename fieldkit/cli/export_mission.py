@@ -55,9 +55,10 @@ def command(
     """Write a plan as missions that a vehicle flies over the plots of a site.
 
     Photographs have the plan's heading and gimbal pitch, each after standing still; legs keep clear of the plan's
-    plants, fences and obstacles; several flights are numbered where one battery does not do. Beside each mission its
-    route is written as GeoJSON, and one picture of all flights. Whatever is unsafe or out of reach is an error; where a
-    plot is sloping, larger or planted otherwise than the plan's, that is said.
+    plants, fences and obstacles; several flights are numbered where one battery does not do. Beside them mission.json
+    says what is flown where; each route is written as GeoJSON, and one picture of all flights is drawn. Whatever is
+    unsafe or out of reach is an error; where a plot is sloping, larger or planted otherwise than the plan's, that is
+    said.
 
     Examples:
         fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml -o mission.plan

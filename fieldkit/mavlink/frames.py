@@ -12,7 +12,6 @@ MAGIC_1 = 0xFE
 SIGNED = 0x01
 """MAVLINK_IFLAG_SIGNED, in the third byte of a MAVLink 2 frame."""
 SIGNATURE_BYTES = 13
-MAX_FRAME_BYTES = 280
 _HEADER_2 = 10
 _HEADER_1 = 6
 
@@ -47,11 +46,16 @@ def checksum(frame: bytes) -> int | None:
     return int(mavlink.x25crc(bytes(frame[1:end]) + bytes([definition.crc_extra])).crc)
 
 
-def intact(frame: bytes) -> bool:
-    """Whether the checksum is right. It cannot be told of messages that no dialect here has: they are not."""
+def checksum_right(frame: bytes) -> bool | None:
+    """Whether the checksum of a whole frame is right; None for messages that no dialect here has."""
     expected = checksum(frame)
     end = (_HEADER_1 if frame[0] == MAGIC_1 else _HEADER_2) + frame[1]
-    return expected is not None and bool(struct.unpack_from("<H", frame, end)[0] == expected)
+    return None if expected is None else bool(struct.unpack_from("<H", frame, end)[0] == expected)
+
+
+def intact(frame: bytes) -> bool:
+    """Whether the checksum is right. It cannot be told of messages that no dialect here has: they are not."""
+    return checksum_right(frame) is True
 
 
 def decode(frame: bytes) -> Message | None:

@@ -1,7 +1,8 @@
-"""`fieldkit export-mission` as a function: mission files, their route as GeoJSON, and a picture."""
+"""`fieldkit export-mission` as a function: mission files, their record, their route as GeoJSON, and a picture."""
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import re
 from collections.abc import Container, Mapping
@@ -14,6 +15,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
 from fieldkit.missions.export import Routed, route_plan
+from fieldkit.missions.export_record import mission_record
 from fieldkit.missions.files import FORMATS, mission_bytes
 from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.site import Site
@@ -21,8 +23,10 @@ from fieldkit.missions.plan_site.site_file import load_plots, load_site, with_pl
 from fieldkit.missions.plan_site.site_obstacles import site_obstacles
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
-from fieldkit.results.plan import Plans
-from fieldkit.results.plan_file import load_plan, plan_bytes
+from fieldkit.results.mission import FlownPlan
+from fieldkit.results.mission_file import record_bytes, record_path
+from fieldkit.results.plan import Plan, Plans
+from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +35,7 @@ class ExportedMission:
 
     Attributes:
         routed: the flights.
-        files: mission files first, one per flight in order; then their routes, fitted plans, the picture.
+        files: mission files first, one per flight in order; then mission.json, routes, fitted plans, the picture.
         plans: by plot, files of plans that are its own.
     """
 
@@ -59,6 +63,7 @@ def export_mission(
     """Write a plan as missions that a vehicle flies over every plot of a site.
 
     Everything is computed before anything is written. Several flights are numbered: mission-1.plan, mission-2.plan …
+    Beside them mission.json (`fieldkit.results.mission`) says what is flown: NAME.mission.json for another name.
 
     Args:
         plan: plan.json, its folder, or a plan; or each plot's own plan by its name.
@@ -82,6 +87,34 @@ def export_mission(
         MissionError: see `route_plan`; or the vehicle's dialect or the format does not take the mission.
         StorageError: the place is full or not writable.
     """
+    output = mission_path(output, format)
+    loaded = load_plan(plan) if isinstance(plan, Path) else plan
+    profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+    place = site if isinstance(site, Site) else load_site(site, plots)
+    if isinstance(site, Site) and plots is not None:
+        place = with_plots(site, load_plots(plots))
+    routed = route_plan(loaded, profile, place, fit=fit, adjust=adjust, seed=seed)
+    more: dict[Path, bytes] = {}
+    written: dict[str, Path] = {}
+    for plot, flown in routed.own.items() if plans else ():
+        written[plot] = _plan_file(output, plot, {record_path(output), *more})
+        more[written[plot]] = plan_bytes(flown)
+    if picture:
+        more[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
+    contents = mission_contents(
+        routed, profile, place, output, format, plans=_flown_plans(plan, loaded, place, routed, written), route=route,
+        profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name, more=more,
+    )  # fmt: skip
+    write_mission(contents, overwrite=overwrite)
+    return ExportedMission(routed, tuple(contents), written)
+
+
+def mission_path(output: Path, format: str) -> Path:  # noqa: A002
+    """The mission file of a format; its suffix may be left out.
+
+    Raises:
+        UsageError: no such format, or another format's suffix.
+    """
     if format not in FORMATS:
         raise UsageError(f"no such format: {format}", remedy=f"Choose one of {', '.join(FORMATS)}.")
     suffix = FORMATS[format][0]
@@ -89,32 +122,62 @@ def export_mission(
         raise UsageError(
             f"{format} missions are {suffix} files", path=output, remedy=f"Name it {output.with_suffix(suffix).name}."
         )
-    output = output.with_suffix(suffix)
-    loaded = load_plan(plan) if isinstance(plan, Path) else plan
-    profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    place = site if isinstance(site, Site) else load_site(site, plots)
-    if isinstance(site, Site) and plots is not None:
-        place = with_plots(site, load_plots(plots))
-    routed = route_plan(loaded, profile, place, fit=fit, adjust=adjust, seed=seed)
-    contents: dict[Path, bytes] = {}
+    return output.with_suffix(suffix)
+
+
+def mission_contents(
+    routed: Routed, vehicle: Vehicle, site: Site, output: Path, format: str, *, plans: Mapping[str, FlownPlan],  # noqa: A002
+    route: bool = True, profile: str | None = None, more: Mapping[Path, bytes] | None = None,
+) -> dict[Path, bytes]:  # fmt: skip
+    """What is written of flights: mission files, one per flight in order, mission.json, routes, and what is added.
+
+    Args:
+        routed: the flights.
+        vehicle: flies them.
+        site: that they are over.
+        output: see `mission_path`.
+        format: of the mission files.
+        plans: by plot, what is flown there.
+        route: with each flight's route as GeoJSON.
+        profile: the vehicle profile's name, or that of its file.
+        more: other files that are written beside them.
+
+    Raises:
+        MissionError: the vehicle's dialect or the format does not take a mission.
+    """
     names = _names(output, len(routed.flights))
-    for file, each in zip(names, routed.flights, strict=True):
-        contents[file] = mission_bytes(format, each.mission, profile)
-    for file, each in zip(names, routed.flights, strict=True) if route else ():
-        contents[file.with_suffix(".geojson")] = mission_bytes("geojson", each.mission, profile)
-    written: dict[str, Path] = {}
-    for plot, flown in routed.own.items() if plans else ():
-        written[plot] = _plan_file(output, plot, contents)
-        contents[written[plot]] = plan_bytes(flown)
-    if picture:
-        contents[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
-    if not overwrite:
-        for file in contents:
-            if file.exists():
-                raise UsageError("exists already", path=file, remedy="Give --overwrite to replace it, or another name.")
+    flown = [(file, each.mission) for file, each in zip(names, routed.flights, strict=True)]
+    missions = {file: mission_bytes(format, mission, vehicle) for file, mission in flown}
+    others = {
+        file.with_suffix(".geojson"): mission_bytes("geojson", mission, vehicle) for file, mission in flown if route
+    } | dict(more or {})
+    described = {file.name: content for file, content in (missions | others).items()}
+    record = mission_record(routed, site, vehicle, profile, [file.name for file in names], plans, described)
+    return {**missions, record_path(output): record_bytes(record), **others}
+
+
+def flown_plan(data: bytes, name: str | None = None) -> FlownPlan:
+    """A plan.json as a record names it.
+
+    Args:
+        data: the file's bytes.
+        name: its name, where it is a file.
+    """
+    return FlownPlan(name=name, sha256=hashlib.sha256(data).hexdigest())
+
+
+def write_mission(contents: Mapping[Path, bytes], *, overwrite: bool) -> None:
+    """Write files; none where one of them is there.
+
+    Raises:
+        UsageError: a file is there, and ``overwrite`` is not given.
+        StorageError: the place is full or not writable.
+    """
+    for file in () if overwrite else contents:
+        if file.exists():
+            raise UsageError("exists already", path=file, remedy="Give --overwrite to replace it, or another name.")
     for file, content in contents.items():
         write_atomic(file, content)
-    return ExportedMission(routed, tuple(contents), written)
 
 
 def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
@@ -132,6 +195,24 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
         outlines, near=_of_first_plot(routed), near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
     )  # fmt: skip
     return png(figure)
+
+
+def _flown_plans(
+    given: Path | Plans, loaded: Plans, site: Site, routed: Routed, written: Mapping[str, Path]
+) -> dict[str, FlownPlan]:
+    """By plot, the plan that is flown there: a file that was given as its bytes are, others as they are written."""
+    found = {
+        plot: flown_plan(plan_bytes(own), written[plot].name if plot in written else None)
+        for plot, own in routed.own.items()
+    }
+    if isinstance(given, Path):
+        file = given / PLAN_FILE if given.is_dir() else given
+        one = flown_plan(file.read_bytes(), file.name)
+    elif isinstance(loaded, Plan):
+        one = flown_plan(plan_bytes(loaded), None)
+    else:
+        return found
+    return {plot.name: one for plot in site.plots} | found
 
 
 def _of_first_plot(routed: Routed) -> int:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from fieldkit.errors import MetadataError
 from fieldkit.mavlink.dialect import mavlink
-from fieldkit.mavlink.frames import Message, decode, message_id
+from fieldkit.mavlink.frames import Message
+from fieldkit.mavlink.tlog import read_frames
 from fieldkit.runtime.shipped import shipped_folder
-from fieldkit.standin.tlog import read_frames
 
 _ANSWERS = frozenset({
     mavlink.MAVLINK_MSG_ID_MISSION_REQUEST, mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
@@ -76,8 +76,8 @@ def read_recording(path: Path) -> Recording:
     """
     frames = list(read_frames(path))
     for frame in frames:
-        if message_id(frame.data) == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
-            message = decode(frame.data)
+        if frame.kind == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            message = frame.message
             if message is not None and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
                 system, component = frame.system, frame.component
                 break
@@ -94,11 +94,11 @@ def read_recording(path: Path) -> Recording:
             step = frame.time_s - last_s
             now_s += step if 0.0 <= step <= _MAX_GAP_S else 0.0
         last_s = frame.time_s
-        kind = message_id(frame.data)
+        kind = frame.kind
         if kind not in _ANSWERS:
             telemetry.append(Telemetry(now_s, kind, frame.data))
             continue
-        message = decode(frame.data)
+        message = frame.message
         if message is None:
             continue
         if kind == mavlink.MAVLINK_MSG_ID_PARAM_VALUE:

@@ -29,7 +29,7 @@ def test_exported_and_checked(plan: Path, tmp_path: Path, capsys: pytest.Capture
     assert main(export(plan, "-o", str(mission), "--json")) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["stations"] == told["photographs"] == 5
-    assert told["files"] == [str(tmp_path / f"mission.{suffix}") for suffix in ("plan", "geojson", "png")]
+    assert told["files"] == [str(tmp_path / f"mission.{suffix}") for suffix in ("plan", "json", "geojson", "png")]
     assert told["nearest_plant_m"] > 0.4
     assert told["length_m"] > 20
     assert told["time_s"] == sum(flight["time_s"] for flight in told["flights"])

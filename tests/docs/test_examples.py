@@ -24,7 +24,7 @@ SCRIPTS = sorted(path.stem for path in EXAMPLES.glob("*.py") if path.stem != "sm
 QUICK = {
     "change_plan": r"(\d: .*m, heading .*, pitch  -34°\n){8}4 stations, all at 1\.25 m\n",
     "check_mission": r"may be flown\n(heading \d+°, pitch -34°, [\d.]+ s .*\n){3}its camera .*\nwarning: .*\n",
-    "export_mission": r"(mission(-\d)?\.(plan|geojson): [\d,]+ bytes\n)+\d flights over 12 plots\n",
+    "export_mission": r"(mission(-\d)?\.(plan|json|geojson): [\d,]+ bytes\n)+\d flights over 12 plots\n",
     "geotag_photographs": r"13 triggers\n12 of 12 photographs .* 40\.\d s fast\nimage,x_m,y_m,z_m.*\n",
 }
 SLOW = {

@@ -74,7 +74,7 @@ def test_what_is_written_passes_its_check_against_the_plan(
 ) -> None:
     plan, field, profile = planned(height_m=2.0, plants=False), site(), load_vehicle(vehicle)
     done = export_mission(plan, vehicle, field, tmp_path / "mission", format=form, picture=False, adjust=True)
-    assert [file.name for file in done.files] == [f"mission{suffix}", "mission.geojson"]
+    assert [file.name for file in done.files] == [f"mission{suffix}", "mission.json", "mission.geojson"]
     read = read_mission(done.files[0])
     shots = tuple(stop for each in done.routed.flights for stop in each.mission.stops if isinstance(stop, Shot))
     report = check_mission(

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from fieldkit.mavlink.dialect import mavlink
+from fieldkit.mavlink.tlog import read_messages
 from fieldkit.missions.autopilots.ardupilot.accepting import in_centimetres
 from fieldkit.missions.autopilots.ardupilot.modes import AUTO
 from fieldkit.standin import autopilot_model
 from fieldkit.standin.autopilot_state import Autopilot
-from fieldkit.standin.tlog import read_messages
 
 T0 = 1781000000.0
 ANSWERS = {

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from fieldkit.errors import MetadataError
 from fieldkit.mavlink.dialect import mavlink
 from fieldkit.mavlink.frames import Splitter, decode, frame_length, intact
+from fieldkit.mavlink.tlog import LogReader, read_frames, read_messages
 from fieldkit.standin.recording import read_recording
-from fieldkit.standin.tlog import read_frames, read_messages
 
 
 def test_every_frame_is_read(sitl: Path) -> None:
@@ -133,3 +133,37 @@ def test_a_stream_is_cut_wherever_it_arrives(sitl: Path) -> None:
     damaged[12] ^= 1
     assert not intact(bytes(damaged))
     assert frame_length(frames[3]) == len(frames[3])
+
+
+@pytest.mark.parametrize("count", [1, 3, 40])
+def test_frames_of_kinds_that_no_dialect_has_are_no_damage(sitl: Path, count: int) -> None:
+    frames = list(read_frames(sitl / "probe_items.tlog"))[:30]
+    parts = [struct.pack(">Q", round(frame.time_s * 1e6)) + frame.data for frame in frames]
+    unknown = bytes(8) + b"\xfd\x04\x00\x00\x00\x01\x01\xee\xee\xee" + b"abcd" + b"\x12\x34"
+    for place in (10, 30):
+        data = b"".join([*parts[:place], *([unknown] * count), *parts[place:]])
+        reader = LogReader(data)
+        assert [frame.data for frame in reader] == [frame.data for frame in frames]
+        assert (reader.frames, reader.skipped) == (30 + count, 0)
+
+
+def test_noise_after_a_frame_of_an_unknown_kind_takes_nothing_with_it(sitl: Path) -> None:
+    frames = list(read_frames(sitl / "probe_items.tlog"))[:30]
+    parts = [struct.pack(">Q", round(frame.time_s * 1e6)) + frame.data for frame in frames]
+    parts.insert(10, bytes(8) + b"\xfd\xf0\x00\x00\x00\x01\x01\xee\xee\xee" + bytes(20))  # says that it is longer
+    reader = LogReader(b"".join(parts))
+    assert [frame.data for frame in reader] == [frame.data for frame in frames]
+    assert reader.skipped == 38
+
+
+def test_damage_costs_no_frame_but_those_it_lies_in(sitl: Path) -> None:
+    whole = (sitl / "hold0.tlog").read_bytes()
+    begin, end = 300_000, 300_200
+    data = whole[:begin] + b"\xfe\xfd" * 100 + whole[end:]
+    kept, at = [], 0
+    for frame in LogReader(whole):
+        after = at + 8 + len(frame.data)
+        if after <= begin or at >= end:
+            kept.append(frame.data)
+        at = after
+    assert [frame.data for frame in LogReader(data)] == kept

@@ -14,7 +14,6 @@ import numpy as np
 
 from fieldkit.captures.flight_logs.assembly import Event, complete, missing_numbers
 from fieldkit.captures.flight_logs.commanded import MissionRecord
-from fieldkit.captures.flight_logs.frames import FrameReader
 from fieldkit.captures.flight_logs.model import Clock, FlightLog, Place, Series, Track
 from fieldkit.captures.flight_logs.values import (
     as_attitude,
@@ -25,6 +24,7 @@ from fieldkit.captures.flight_logs.values import (
     gimbal_yaw_frame,
 )
 from fieldkit.errors import MetadataError
+from fieldkit.mavlink.tlog import LogReader
 
 _TRIGGERS = {180: "CAMERA_FEEDBACK", 263: "CAMERA_IMAGE_CAPTURED", 112: "CAMERA_TRIGGER"}
 """The first of these that a log holds is used: ArduPilot's, that of MAVLink cameras and PX4, the bare trigger."""
@@ -49,10 +49,12 @@ def read_tlog(data: bytes, path: Path) -> FlightLog:
     Raises:
         MetadataError: there is no MAVLink in it.
     """
-    reader = FrameReader(data, _IDS.keys())
+    reader = LogReader(data)
     by_name: dict[str, list[Stamped]] = {name: [] for name in _IDS.values()}
-    for stamp, message in reader:
-        by_name[message.get_type()].append((stamp, message))
+    for frame in reader:
+        name = _IDS.get(frame.kind)
+        if name is not None and (message := frame.message) is not None:
+            by_name[name].append((frame.time_s, message))
     if not reader.frames or not any(by_name.values()):
         raise MetadataError("holds no MAVLink messages of a flight", path=path, remedy=_REMEDY)
     remarks = []

@@ -22,7 +22,8 @@ from fieldkit.present.sections.parts import (
     Unreadable,
 )
 from fieldkit.present.sections.plausible import check_plausible
-from fieldkit.present.sections.route import read_route
+from fieldkit.results.mission import MissionFlight, MissionRecord
+from fieldkit.results.mission_file import load_mission, records_in
 from fieldkit.results.plan_file import PLAN_FILE, load_plan
 from fieldkit.results.report_files import (
     EVALUATION_FILE,
@@ -42,7 +43,9 @@ _REMEDY = (
 )
 _MOST_FOLDERS = 5000
 _RESULT_FILES = (REFERENCE_FILE, EVALUATION_FILE, PLAN_FILE, SETTINGS_FILE, CAMPAIGN_FILE)
-_MISSION_SUFFIXES = (".plan", ".waypoints", ".kmz", ".csv", ".kml")
+_EARLIER = "was exported by an earlier version of fieldkit, which wrote no mission.json"
+_MOST_MISSIONS = 100
+_ROUTE_BEGINS = b'"kind": "home"'  # the first feature of a route as GeoJSON
 _Part = TypeVar("_Part")
 
 
@@ -52,7 +55,8 @@ def collect(path: Path) -> Results:
     What is damaged is told in the results, as long as there is something else to show.
 
     Args:
-        path: the folder; or a file of a result (reference.json …, a mission or its route), which stands for its result.
+        path: the folder; or a file of a result (reference.json …, mission.json, a mission), which stands for its
+            result.
 
     Raises:
         MetadataError: nothing of fieldkit's is there, or all of it is damaged.
@@ -67,8 +71,8 @@ def collect(path: Path) -> Results:
             reader.read_folder(folder)
     elif path.name in _RESULT_FILES:
         reader.read_folder(path.parent, only=path.name)
-    elif path.with_suffix(".geojson").is_file():
-        reader.read_mission(path.with_suffix(".geojson"))
+    else:
+        reader.read_missions(path.parent, only=path.name)
     results = reader.results()
     if not results.count:
         if reader.first_error is not None:
@@ -92,6 +96,15 @@ def _folders(root: Path) -> Iterator[Path]:
         level = below
 
 
+def _is_route(file: Path) -> bool:
+    """Whether a GeoJSON file is the route of a mission."""
+    try:
+        with file.open("rb") as opened:
+            return _ROUTE_BEGINS in opened.read(4096)
+    except OSError:
+        return False
+
+
 def _subfolders(folder: Path) -> list[Path]:
     try:
         with os.scandir(folder) as entries:
@@ -108,6 +121,7 @@ class _Reader:
         self.root = root
         self.parts: list[Any] = []
         self.unreadable: list[Unreadable] = []
+        self.earlier: list[str] = []
         self.first_error: FieldkitError | None = None
 
     def results(self) -> Results:
@@ -118,7 +132,7 @@ class _Reader:
 
         return Results(
             self.root, of(ReferencePart), of(PlanPart), of(MissionPart), of(EvaluationPart), of(CampaignPart),
-            tuple(self.unreadable),
+            tuple(self.unreadable), tuple(self.earlier),
         )  # fmt: skip
 
     def read_folder(self, folder: Path, only: str = "") -> None:
@@ -136,20 +150,43 @@ class _Reader:
         if held and only in ("", *held) and not (folder / CAMPAIGN_FILE).is_file():
             self._try(folder / held[0], lambda: self._plan(folder))
         if not only:
-            for route in sorted(folder.glob("*.geojson"))[:100]:
-                self.read_mission(route)
+            self.read_missions(folder)
 
-    def read_mission(self, file: Path) -> None:
-        """A route, where the file is one."""
+    def read_missions(self, folder: Path, only: str = "") -> None:
+        """The flights of a folder's missions, or those that a file is of."""
+        described: set[str] = set()
+        damaged = len(self.unreadable)
+        for file in records_in(folder)[:_MOST_MISSIONS]:
 
-        def read() -> MissionPart | None:
-            route = read_route(file)
-            if route is None:
-                return None
-            beside = next((b.name for s in _MISSION_SUFFIXES if (b := file.with_suffix(s)).is_file()), "")
-            return MissionPart(file, self._name(file), beside, route, file_sha256(file))
+            def read(file: Path = file) -> list[MissionPart]:
+                record = load_mission(file)
+                check_plausible(record.model_dump(), file)
+                names = {file.name, *(entry.name for entry in record.files)}
+                described.update(names)
+                if only and only not in names:
+                    return []
+                parts = [self._flight(file, record, flight) for flight in record.flights]
+                return [part for part in parts if part.flight.file == only] or parts
 
-        self._try(file, read)
+            self._try(file, read)
+        if len(self.unreadable) > damaged:
+            return  # it may be theirs, whatever else lies here
+        for route in sorted(folder.glob("*.geojson"))[:_MOST_MISSIONS]:
+            wanted = not only or Path(only).stem == route.stem
+            if wanted and route.name not in described and _is_route(route):
+                self.earlier.append(self._name(route))
+                self.first_error = self.first_error or MetadataError(
+                    _EARLIER, path=route, remedy="Export it again with `fieldkit export-mission`."
+                )
+
+    def _flight(self, file: Path, record: MissionRecord, flight: MissionFlight) -> MissionPart:
+        entry = next(entry for entry in record.files if entry.name == flight.file)
+        beside = file.parent / flight.file
+        there = beside.is_file()
+        changed = there and file_sha256(beside) != entry.sha256
+        return MissionPart(
+            file, self._name(file), flight.file if there else "", changed, record, flight, file_sha256(file)
+        )  # fmt: skip
 
     def _try(self, file: Path, read: Callable[[], Any]) -> None:
         try:
@@ -164,8 +201,7 @@ class _Reader:
             self.first_error = self.first_error or problem
             self.unreadable.append(Unreadable(self._name(file), problem.message, problem.remedy))
             return
-        if part is not None:
-            self.parts.append(part)
+        self.parts += part if isinstance(part, list) else [part]
 
     def _name(self, path: Path) -> str:
         if path == self.root or not path.is_relative_to(self.root):

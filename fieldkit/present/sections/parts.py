@@ -9,8 +9,8 @@ from fieldkit.campaign import Campaign
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.run.outcome import Outcome
 from fieldkit.planning.settings import SearchSettings
-from fieldkit.present.sections.route import Route
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
+from fieldkit.results.mission import MissionFlight, MissionRecord
 from fieldkit.results.plan import Plan
 
 
@@ -57,20 +57,24 @@ class PlanPart:
 
 @dataclass(frozen=True)
 class MissionPart:
-    """A mission's route.
+    """A flight of a mission.
 
     Attributes:
-        file: absolute, the GeoJSON file.
+        file: absolute, mission.json.
         name: relative to the report's folder.
-        mission_file: name of the mission beside it that a vehicle takes; empty where there is none.
-        route: read from it.
-        sha256: of the GeoJSON file.
+        mission_file: name of what the vehicle takes; empty where it does not lie beside mission.json.
+        changed: whether that file is not the one that was exported.
+        record: mission.json.
+        flight: of it.
+        sha256: of mission.json.
     """
 
     file: Path
     name: str
     mission_file: str
-    route: Route
+    changed: bool
+    record: MissionRecord
+    flight: MissionFlight
     sha256: str
 
 
@@ -129,6 +133,7 @@ class Results:
         root: absolute.
         references, plans, missions, evaluations, campaigns: found.
         unreadable: found and damaged.
+        earlier: names of missions without a mission.json, which earlier versions of fieldkit did not write.
     """
 
     root: Path
@@ -138,6 +143,7 @@ class Results:
     evaluations: tuple[EvaluationPart, ...] = ()
     campaigns: tuple[CampaignPart, ...] = ()
     unreadable: tuple[Unreadable, ...] = ()
+    earlier: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from fieldkit.missions.export_record import geo_points, site_frame
 from fieldkit.planning.run.outcome import best_so_far, models_of, weights_of
 from fieldkit.present.content import (
     Block,
@@ -48,29 +49,32 @@ def plan_section(part: PlanPart, anchor: str, view: View | None, note: str) -> S
 
 def mission_section(part: MissionPart, anchor: str, view: View | None) -> Section:
     """A mission's way over the plots."""
-    route = part.route
-    heights = [station.position_m[2] for station in route.stations]
+    flight = part.flight
+    stations = flight.stations
     figures = [
-        KeyFigure("photographs", f"{len(route.stations)}"),
-        KeyFigure("plots", f"{len(route.plots)}"),
-        KeyFigure("length of the way", f"{route.length_m:,.0f} m", "from take-off to landing"),
+        KeyFigure("photographs", f"{len(stations)}"),
+        KeyFigure("plots", f"{len(flight.plots)}"),
+        KeyFigure("length of the way", f"{flight.length_m:,.0f} m", "from take-off to landing"),
     ]
-    if heights:
+    if stations:
+        heights = [station.height_m for station in stations]
         figures.append(KeyFigure("heights of photographs", f"{min(heights):.1f} to {max(heights):.1f} m", "above home"))
     columns = (
         Column("photograph"), Column("plot"), Column("station", True), Column("east of home, m", True),
         Column("north of home, m", True), Column("height above home, m", True),
         Column("yaw, °", True), Column("pitch, °", True),
     )  # fmt: skip
+    shown = stations[:MOST_ROWS]
+    positions = site_frame(part.record).points(geo_points(shown)).tolist()
     rows = tuple(
-        (f"{number}", s.plot or None, f"{s.station}" if s.station >= 0 else None, *(metres(v) for v in s.position_m),
-         decimal(s.yaw_deg % 360.0, 1), decimal(s.pitch_deg, 1))
-        for number, s in enumerate(route.stations[:MOST_ROWS], 1)
+        (f"{number}", s.plot, f"{s.station}", *(metres(v) for v in position), decimal(s.yaw_deg % 360.0, 1),
+         decimal(s.pitch_deg, 1))
+        for number, (s, position) in enumerate(zip(shown, positions, strict=True), 1)
     )  # fmt: skip
-    note = "" if len(route.stations) <= MOST_ROWS else f"The first {MOST_ROWS} of {len(route.stations)}."
+    note = "" if len(stations) <= MOST_ROWS else f"The first {MOST_ROWS} of {len(stations)}."
     table = Table("Photographs in the order they are flown", columns, rows, note)
     blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *([view] if view is not None else []))
-    blocks += (table,) if len(rows) <= 14 else (Details(f"All {len(route.stations)} photographs", (table,)),)
+    blocks += (table,) if len(rows) <= 14 else (Details(f"All {len(stations)} photographs", (table,)),)
     return Section(anchor, f"Mission: {part.mission_file or part.name}", blocks)
 
 

@@ -59,7 +59,7 @@ def _inputs(results: Results) -> Table:
         seed = p.settings.seed if p.settings is not None else None
         file = "plan.json" if p.plan is not None else "search.json"
         rows.append((f"{p.name}/{file}", version, None if seed is None else str(seed), _source(p), p.sha256 or None))
-    rows += [(m.name, None, None, None, m.sha256) for m in results.missions]
+    rows += dict.fromkeys((m.name, m.record.fieldkit, None, None, m.sha256) for m in results.missions)
     for e in results.evaluations:
         against = e.report.reference_sha256
         made = f"“{e.report.source}”, {f'reference {_short(against)}' if against else 'no reference'}"

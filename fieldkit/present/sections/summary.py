@@ -30,4 +30,13 @@ def summarise(results: Results) -> tuple[Statement, ...]:
         Statement("problem", f"{each.name} is damaged and not shown: {each.message}.", each.remedy)
         for each in results.unreadable
     ]
+    statements += [
+        Statement(
+            "note",
+            f"{name} was exported by an earlier version of fieldkit, which wrote no mission.json: its way is not "
+            "shown, only what the plan says.",
+            "To see it, export the mission again.",
+        )
+        for name in results.earlier
+    ]
     return tuple(statements)

@@ -95,11 +95,16 @@ def _pace(part: PlanPart) -> float:
 
 def mission_statement(part: MissionPart) -> Statement:
     """What a mission does."""
-    route = part.route
-    over = count(len(route.plots), "plot")
+    flight = part.flight
+    over = count(len(flight.plots), "plot")
+    advice = ""
+    if not part.mission_file:
+        advice = "Only its record is here; the file that the vehicle takes is not beside it."
+    elif part.changed:
+        advice = f"{part.mission_file} was changed since it was exported; this is of the file as it was."
     return Statement(
-        "fact",
-        f"The mission “{route.name}” takes {count(len(route.stations), 'photograph')} over {over} on a way of "
-        f"{route.length_m:,.0f} m.",
-        "" if part.mission_file else "Only its route is here; the file that the vehicle takes is not beside it.",
+        "note" if part.changed else "fact",
+        f"The mission “{flight.name}” takes {count(len(flight.stations), 'photograph')} over {over} on a way of "
+        f"{flight.length_m:,.0f} m.",
+        advice,
     )

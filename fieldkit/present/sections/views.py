@@ -14,12 +14,10 @@ from fieldkit.errors import CloudError, FieldkitError
 from fieldkit.evaluation.figures import source_frame
 from fieldkit.files import file_beside
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.export_record import geo_points, plot_frame, site_frame, way
 from fieldkit.present.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
 from fieldkit.present.html.text import length
 from fieldkit.present.sections.parts import EvaluationPart, MissionPart, PlanPart, ReferencePart, Results
-from fieldkit.present.sections.plot_placement import placed_plots
-from fieldkit.present.sections.route import Route
 from fieldkit.results.evaluation import CameraEntry, EvaluationReport, ImageEntry, PlotEvaluation, ReferenceReport
 from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import check_file
@@ -145,37 +143,43 @@ def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
     return layers, note
 
 
-def _mission_plants(route: Route, results: Results) -> list[PointLayer]:
+def _mission_plants(part: MissionPart, results: Results) -> list[PointLayer]:
     """The plants of the plots that one of the plans is flown on."""
-    for part in results.plans:
-        plots = () if part.plan is None else placed_plots(route, part.plan)
-        if part.plan is None or not plots:
+    home, flown = site_frame(part.record), part.flight.plots
+    for plan in results.plans:
+        plots = [plot for plot in part.record.plots if plot.name in flown and plot.plan.sha256 == plan.sha256]
+        if plan.plan is None or not plots:
             continue
         found = []
-        for layer in _plan_plants(part.plan, results)[0]:
-            shown = plots[: max(1, _MOST_PLANTS // max(1, len(layer.points)))]
-            points = np.concatenate([plot.place(layer.points) for plot in shown])
-            colors = None if layer.colors is None else np.tile(layer.colors, (len(shown), 1))
-            found.append(replace(layer, points=points, colors=colors))
+        for layer in _plan_plants(plan.plan, results)[0]:
+            frames = [plot_frame(plot) for plot in plots[: max(1, _MOST_PLANTS // max(1, len(layer.points)))]]
+            points = np.concatenate([home.to_local(*frame.to_geodetic(layer.points)) for frame in frames])
+            colors = None if layer.colors is None else np.tile(layer.colors, (len(frames), 1))
+            found.append(replace(layer, points=points.astype(np.float32), colors=colors))
         return found
     return []
 
 
 def mission_view(part: MissionPart, results: Results) -> ViewerScene:
     """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
-    route = part.route
-    camera = next((p.plan.camera for p in results.plans if p.plan is not None and p.plan.camera is not None), None)
-    half = _HALF_VIEW if camera is None else _half_view(camera.intrinsics)
-    poses = [Pose.from_yaw_pitch(s.position_m, s.yaw_deg, s.pitch_deg) for s in route.stations]
-    labels = [f"{s.plot}, station {s.station}" if s.plot else f"station {s.station}" for s in route.stations]
-    lines = [LineLayer("Way", (route.way.astype(np.float32),), _WAY)]
-    for name, outlines, color in (("Fence", route.fences, _FENCE), ("No-fly zones", route.zones, _ZONE)):
-        if outlines:
-            closed = [np.pad(ring, ((0, 0), (0, 1))).astype(np.float32) for ring in outlines]
+    record, flight = part.record, part.flight
+    frame = site_frame(record)
+    positions = frame.points(geo_points(flight.stations))
+    poses = [
+        Pose.from_yaw_pitch(position, s.yaw_deg, s.pitch_deg)
+        for position, s in zip(positions, flight.stations, strict=True)
+    ]
+    labels = [f"{s.plot}, station {s.station}" for s in flight.stations]
+    lines = [LineLayer("Way", (frame.points(way(record, flight)).astype(np.float32),), _WAY)]
+    for name, rings, color in (("Fence", record.inside, _FENCE), ("No-fly zones", record.outside, _ZONE)):
+        if rings:
+            closed = [
+                np.pad(np.array(frame.outline((*ring, ring[0]))), ((0, 0), (0, 1))).astype(np.float32) for ring in rings
+            ]
             lines.append(LineLayer(name, closed, color))
-    frusta = FrustumLayer("Photographs", poses, labels, *half, _PLANNED)
-    plants = _mission_plants(route, results)
-    return ViewerScene(f"{route.name}: the way and its photographs", plants, (frusta,), lines)
+    frusta = FrustumLayer("Photographs", poses, labels, *_half_view(record.vehicle.camera.intrinsics), _PLANNED)
+    plants = _mission_plants(part, results)
+    return ViewerScene(f"{flight.name}: the way and its photographs", plants, (frusta,), lines)
 
 
 def within_budget(scenes: Sequence[ViewerScene], most_points: int) -> list[ViewerScene]:
@@ -277,22 +281,26 @@ def _plans_on(reference: ReferencePart, results: Results) -> list[PlanPart]:
 def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
     """The ways of missions in the plot frame of a georeferenced reference, as far as they come near it.
 
-    Mission heights are above home; where home's height above sea level, or the reference's datum, is not known, there
-    is no way to place them.
+    Mission heights are above home; where home's height above the reference's datum is not known, there is no way to
+    place them.
     """
     frame = source_frame(report.metric_source, report.frame)
-    if frame.origin is None or frame.origin.datum != "sea level":
+    if frame.origin is None:
         return []
     layers = []
     for mission in results.missions:
-        route = mission.route
-        if route.home_amsl_m is None:
+        home = mission.record.home
+        height = {"sea level": home.amsl_m, "ellipsoid": home.ellipsoid_m}.get(frame.origin.datum)
+        if height is None:
             continue
-        home = LocalFrame(*route.home, route.home_amsl_m, "sea level")
-        local = frame.origin.to_local(*home.to_geodetic(route.way))
-        way = frame.from_source.apply(local).astype(np.float32)
-        if np.linalg.norm(way, axis=1).min() < _NEAR_M:
-            layers.append(LineLayer(f"Way of {mission.mission_file or mission.name}", [way], _WAY, shown=False))
+        places = way(mission.record, mission.flight)
+        local = frame.origin.to_local(
+            [place.latitude_deg for place in places], [place.longitude_deg for place in places],
+            [height + place.height_m for place in places],
+        )  # fmt: skip
+        line = frame.from_source.apply(local).astype(np.float32)
+        if np.linalg.norm(line, axis=1).min() < _NEAR_M:
+            layers.append(LineLayer(f"Way of {mission.mission_file or mission.name}", [line], _WAY, shown=False))
     return layers
 
 

@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fieldkit.captures.flight_logs import achieved_pose, match, read_flight_log
-from fieldkit.captures.flight_logs.frames import FrameReader
 from fieldkit.captures.flight_logs.matching import Stamp
 from fieldkit.errors import MetadataError
+from fieldkit.mavlink.tlog import LogReader
 from tests.captures.flight_logs.recordings import recording
 from tests.captures.flight_logs.test_px4_logs import flight
 from tests.captures.flight_logs.ulog_file import write_ulog
@@ -135,8 +135,7 @@ def test_a_log_that_is_cut_short_is_read_up_to_there(tmp_path: Path) -> None:
 def test_lost_trigger_messages_are_told(tmp_path: Path) -> None:
     """The frames of the fifth and sixth trigger are taken out, as a radio link loses them."""
     data = recording("mount_then_yaw.tlog").read_bytes()
-    reader = FrameReader(data, frozenset({180}))
-    frames = [bytes(m.get_msgbuf()) for _, m in reader]
+    frames = [frame.data for frame in LogReader(data) if frame.kind == 180]
     for frame in frames[4:6]:
         at = data.index(frame)
         data = data[: at - 8] + data[at + len(frame) :]

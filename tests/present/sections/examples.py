@@ -124,12 +124,12 @@ def write_run(folder: Path, reference: Path | None = None, *, name: str = "dense
 
 
 def write_mission(folder: Path, plots: Path | None = None) -> Path:
-    """A mission's folder; its route."""
+    """A mission's folder; its mission.json."""
     folder.mkdir(parents=True)
     done = export_mission(
         planned(5), "ardupilot-pitch", SITES / "example.toml", folder / "field.plan", plots=plots, picture=False
     )
-    return next(file for file in done.files if file.suffix == ".geojson")
+    return next(file for file in done.files if file.suffix == ".json")
 
 
 def write_campaign(

@@ -12,10 +12,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import FieldkitError, MetadataError
+from fieldkit.missions.export_mission import export_mission
+from fieldkit.missions.export_record import geo_points, site_frame, way
+from fieldkit.missions.plan_site.placement import PlotFrame, SiteFrame
+from fieldkit.missions.plan_site.site_file import load_site
+from fieldkit.present.report import write_report
 from fieldkit.present.sections.collect import collect
 from fieldkit.present.sections.photographs import find_photographs, thumbnails
-from fieldkit.present.sections.route import read_route
-from tests.missions.test_export import SITES
+from fieldkit.present.sections.summary import summarise
+from fieldkit.present.sections.summary_plan import mission_statement
+from fieldkit.present.sections.views import mission_view
+from fieldkit.results.plan_file import save_plan
+from tests.missions.test_export import SITES, VEHICLE, planned
 from tests.present.sections.examples import (
     write_campaign,
     write_evaluation,
@@ -26,13 +34,15 @@ from tests.present.sections.examples import (
     write_run,
 )
 
+HILLSIDE = SITES / "hillside.geojson"
+
 
 def test_everything_in_a_folder_is_found_and_what_is_damaged_is_told(tmp_path: Path) -> None:
     write_everything(tmp_path)
     found = collect(tmp_path)
     assert [part.name for part in found.references] == ["reference"]
     assert [part.name for part in found.plans] == ["plan"]  # not the campaign's own
-    assert [(part.name, part.mission_file) for part in found.missions] == [("mission/field.geojson", "field.plan")]
+    assert [(part.name, part.mission_file) for part in found.missions] == [("mission/field.mission.json", "field.plan")]
     assert [part.name for part in found.evaluations] == ["scores"]
     assert [part.campaign.name for part in found.campaigns] == ["maize 2026"]
     assert [each.name for each in found.unreadable] == ["broken/evaluation.json"]
@@ -101,49 +111,122 @@ def test_a_single_damaged_result_is_its_own_error(tmp_path: Path) -> None:
     assert caught.value.path == tmp_path / "reference.json"
 
 
-class TestRoute:
+class TestMissions:
     def test_it_is_the_missions(self, tmp_path: Path) -> None:
-        file = write_mission(tmp_path / "mission")
-        route = read_route(file)
-        assert route is not None
-        assert len(route.stations) == 5
-        assert route.plots == ("plot",)
-        assert sorted(station.station for station in route.stations) == [0, 1, 2, 3, 4]
+        write_mission(tmp_path / "mission")
+        (part,) = collect(tmp_path).missions
+        stations = part.flight.stations
+        assert len(stations) == 5
+        assert part.flight.plots == ("plot",)
+        assert sorted(station.station for station in stations) == [0, 1, 2, 3, 4]
         # The plot lies 0.0001° north of home: 11.1 m; stations stand 1.3 m about its middle, 1.2 m above its ground.
-        east, north, up = np.array([station.position_m for station in route.stations]).T
+        frame = site_frame(part.record)
+        east, north, up = frame.points(geo_points(stations)).T
         assert np.hypot(east, north - 11.12) == pytest.approx(1.3, abs=0.02)
         assert up == pytest.approx(1.2, abs=0.01)
-        assert 25 < route.length_m < 60
-        assert len(route.fences) == 1
-        assert len(route.zones) >= 1
-        assert tuple(route.way[0]) == (0.0, 0.0, 0.0)
+        assert 25 < part.flight.length_m < 60
+        assert len(part.record.inside) == 1
+        assert len(part.record.outside) >= 1
+        corners = frame.points(way(part.record, part.flight))
+        assert tuple(corners[0]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+        legs = np.linalg.norm(np.diff(corners[1:], axis=0), axis=1)
+        assert legs.sum() == pytest.approx(part.flight.length_m, abs=0.01)
 
-    def test_other_geojson_is_none(self) -> None:
-        assert read_route(SITES / "plots.geojson") is None
+    def test_a_flight_by_its_files_name_and_all_by_the_records(self, tmp_path: Path) -> None:
+        battery = VEHICLE.battery.model_copy(update={"endurance_s": 320.0})
+        vehicle, plots = VEHICLE.model_copy(update={"battery": battery}), SITES / "plots.geojson"
+        done = export_mission(
+            planned(5), vehicle, SITES / "example.toml", tmp_path / "field.plan", plots=plots, picture=False
+        )
+        flights = len(done.routed.flights)
+        assert flights > 1
+        for name, count in (("field-2.plan", 1), ("field.mission.json", flights), ("field-1.geojson", flights)):
+            found = collect(tmp_path / name).missions
+            assert len(found) == count
+        assert [part.mission_file for part in collect(tmp_path / "field-2.plan").missions] == ["field-2.plan"]
+        assert len(collect(tmp_path).missions) == flights
+
+    def test_a_mission_that_was_changed_or_is_gone_is_told(self, tmp_path: Path) -> None:
+        write_mission(tmp_path / "mission")
+        file = tmp_path / "mission" / "field.plan"
+        file.write_text(file.read_text() + " ")
+        (part,) = collect(tmp_path).missions
+        assert part.changed
+        assert "was changed since" in mission_statement(part).advice
+        file.unlink()
+        (part,) = collect(tmp_path).missions
+        assert (part.changed, part.mission_file) == (False, "")
+        assert "Only its record is here" in mission_statement(part).advice
+
+    def test_a_mission_of_an_earlier_version_is_told_beside_its_plan(self, tmp_path: Path) -> None:
+        write_mission(tmp_path / "mission").unlink()
+        with pytest.raises(MetadataError, match="exported by an earlier version"):
+            collect(tmp_path)
+        with pytest.raises(MetadataError, match="exported by an earlier version"):
+            collect(tmp_path / "mission" / "field.plan")
+        write_run(tmp_path / "plan")
+        found = collect(tmp_path)
+        assert (len(found.plans), found.missions, found.unreadable) == (1, (), ())
+        assert found.earlier == ("mission/field.geojson",)
+        told = [statement.text for statement in summarise(found)]
+        assert "was exported by an earlier version of fieldkit" in told[-1]
+        write_report(tmp_path, tmp_path / "report.html", points=1000)
+        assert "was exported by an earlier version" in (tmp_path / "report.html").read_text()
+
+    def test_other_geojson_is_none(self, tmp_path: Path) -> None:
+        (tmp_path / "plots.geojson").write_bytes((SITES / "plots.geojson").read_bytes())
+        with pytest.raises(MetadataError, match="holds no result"):
+            collect(tmp_path)
+
+    def test_plants_stand_where_their_plan_is_flown(self, tmp_path: Path) -> None:
+        (tmp_path / "plan").mkdir()
+        save_plan(tmp_path / "plan" / "plan.json", planned(5, height_m=2.0))
+        export_mission(
+            tmp_path / "plan", "ardupilot-pitch", SITES / "example.toml", tmp_path / "mission", plots=HILLSIDE,
+            picture=False, route=False,
+        )  # fmt: skip
+        results = collect(tmp_path)
+        (part,), (plan,) = results.missions, results.plans
+        (layer,) = mission_view(part, results).points
+        assert plan.plan is not None
+        assert plan.plan.plants is not None
+        field = load_site(SITES / "example.toml", HILLSIDE)
+        wanted = np.concatenate([
+            SiteFrame(field.home).to_local(*PlotFrame.of(field, plot).to_geodetic(plan.plan.plants.points_m))
+            for plot in field.plots
+        ])  # fmt: skip
+        np.testing.assert_allclose(layer.points, wanted, atol=1e-3)
+        save_plan(tmp_path / "plan" / "plan.json", planned(7))  # another one
+        results = collect(tmp_path)
+        assert mission_view(results.missions[0], results).points == []
 
     @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(st.data())
-    def test_damaged_features_are_errors_for_people(self, tmp_path: Path, data: st.DataObject) -> None:
-        file = tmp_path / "mission" / "field.geojson"
+    def test_damaged_fields_are_errors_for_people(self, tmp_path: Path, data: st.DataObject) -> None:
+        file = tmp_path / "mission" / "field.mission.json"
         if not file.exists():
             write_mission(tmp_path / "mission")
         document = json.loads(file.read_text())
-        feature = data.draw(st.sampled_from(document["features"]))
         junk: st.SearchStrategy[Any] = st.sampled_from([None, [], {}, "x", 1e400, -1e300, 200, True, [[]], [1, "a"]])
-        target = data.draw(st.sampled_from(["coordinates", "properties", "geometry", *feature["properties"]]))
-        if target == "coordinates":
-            feature["geometry"][target] = data.draw(junk)
-        elif target in ("properties", "geometry"):
-            feature[target] = data.draw(junk)
-        else:
-            feature["properties"][target] = data.draw(junk)
-        changed = tmp_path / "changed.geojson"
+        target = document
+        while True:
+            key = data.draw(st.sampled_from(sorted(target) if isinstance(target, dict) else range(len(target))))
+            inner = target[key]
+            if not isinstance(inner, dict | list) or not inner or data.draw(st.booleans()):
+                break
+            target = inner
+        target[key] = data.draw(junk)
+        changed = tmp_path / "changed" / "mission.json"
+        changed.parent.mkdir(exist_ok=True)
         changed.write_text(json.dumps(document))
         try:
-            route = read_route(changed)
-        except FieldkitError:
+            results = collect(changed)
+        except FieldkitError as error:
+            assert error.remedy  # noqa: PT017
             return
-        assert route is None or np.isfinite(route.way).all()
+        for part in results.missions:
+            (line, *_) = mission_view(part, results).lines
+            assert all(np.isfinite(each).all() for each in line.lines)
 
 
 class TestPhotographs:

@@ -12,20 +12,22 @@ import pytest
 import fieldkit
 from fieldkit.clouds import PointIndex, read_cloud
 from fieldkit.errors import MetadataError, StorageError, UsageError
+from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.present.report import write_report
 from fieldkit.present.sections.collect import collect
-from fieldkit.present.sections.parts import MissionPart, PlanPart, Results
-from fieldkit.present.sections.route import Route
+from fieldkit.present.sections.parts import PlanPart, Results
 from fieldkit.present.sections.summary import summarise
 from fieldkit.present.sections.terms import MEANINGS, terms
 from fieldkit.present.sections.views import plan_view, plot_view, points_of, within_budget
 from fieldkit.results.evaluation import EvaluationReport, PlantEntry, PlotEvaluation, PredictionEntry
+from fieldkit.results.mission import MissionHome, MissionPlace
 from tests.present.page_checks import checked
 from tests.present.sections.examples import (
     HOSTILE,
     SHOWN,
     write_evaluation,
     write_everything,
+    write_mission,
     write_photographs,
     write_reference,
     write_run,
@@ -242,13 +244,20 @@ class TestViews:
 
     def test_a_missions_way_lies_where_the_reference_is_on_the_earth(self, scored: Results) -> None:
         # The example's source frame has its origin at 50.6° N 6.98° E, 70 m; the plot frame lies 1.2 m above it.
-        way = np.array([[0.0, 0.0, 0.0], [10.0, -4.0, 5.0]])
-        route = Route("field", (50.6, 6.98), 70.0, (), way, (), ())
+        write_mission(scored.root / "mission")
+        (mission,) = collect(scored.root).missions
         for home_amsl, distance, shown in ((70.0, 0.0, 1), (None, 0.0, 0), (70.0, 0.01, 0)):
-            moved = replace(route, home_amsl_m=home_amsl, home=(50.6 + distance, 6.98))
-            mission = MissionPart(scored.root / "m.geojson", "m.geojson", "m.plan", moved, "")
+            frame = LocalFrame(50.6 + distance, 6.98, 70.0)
+            latitude, longitude, altitude = (float(value[0]) for value in frame.to_geodetic([10.0, -4.0, 5.0]))
+            end = MissionPlace(latitude_deg=latitude, longitude_deg=longitude, height_m=altitude - 70.0)
+            home = MissionHome(latitude_deg=50.6 + distance, longitude_deg=6.98, amsl_m=home_amsl)
+            moved = replace(
+                mission, record=mission.record.model_copy(update={"home": home}),
+                flight=mission.flight.model_copy(update={"stops": (), "landing": end}), mission_file="m.plan",
+            )  # fmt: skip
+            way = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, mission.flight.takeoff_m], [10.0, -4.0, 5.0]])
             part = scored.evaluations[0]
-            scene, _ = plot_view(part, part.report.plots[0], replace(scored, missions=(mission,)))
+            scene, _ = plot_view(part, part.report.plots[0], replace(scored, missions=(moved,)))
             assert scene is not None
             ways = [layer for layer in scene.lines if layer.name == "Way of m.plan"]
             assert len(ways) == shown

@@ -1,0 +1,138 @@
+"""mission.json of an export, and the frames that it holds."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit import __version__
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.export import Routed, RoutedFlight
+from fieldkit.missions.mission import Fence, GeoPoint, Shot, Via
+from fieldkit.missions.plan_site.placement import PlotFrame, SiteFrame
+from fieldkit.missions.plan_site.site import Site, SiteHome
+from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.results.evaluation import FileEntry, OriginEntry
+from fieldkit.results.mission import (
+    FlownPlan,
+    MissionFlight,
+    MissionHome,
+    MissionPlace,
+    MissionPlot,
+    MissionRecord,
+    MissionStation,
+    MissionVehicle,
+    MissionVia,
+)
+
+Array = NDArray[np.float64]
+
+
+def mission_record(
+    routed: Routed, site: Site, vehicle: Vehicle, profile: str | None, names: Sequence[str],
+    plans: Mapping[str, FlownPlan], contents: Mapping[str, bytes],
+) -> MissionRecord:  # fmt: skip
+    """What is exported, as other programs and fieldkit's own reports read it.
+
+    Args:
+        routed: the flights.
+        site: that they are over.
+        vehicle: that flies them.
+        profile: its name, or that of its file.
+        names: of the mission files, one per flight.
+        plans: by plot, what is flown there.
+        contents: of all files that are written, by name.
+    """
+    mission = routed.flights[0].mission
+    fence = mission.fence or Fence()
+    home = site.home
+    return MissionRecord(
+        fieldkit=__version__,
+        name=site.name,
+        home=MissionHome(**home.model_dump()),
+        vehicle=MissionVehicle(
+            profile=profile,
+            title=vehicle.title,
+            dialect=vehicle.dialect,
+            autopilot=vehicle.autopilot,
+            camera=vehicle.camera,
+        ),
+        speed_mps=mission.speed_mps,
+        settle_s=mission.settle_s,
+        exposure_s=mission.exposure_s,
+        plots=tuple(_plot(site, PlotFrame.of(site, plot), plot.name, plans[plot.name]) for plot in site.plots),
+        flights=tuple(_flight(each, name) for each, name in zip(routed.flights, names, strict=True)),
+        inside=fence.inside,
+        outside=fence.outside,
+        ceiling_m=fence.ceiling_m,
+        rally=tuple(_place(place) for place in mission.rally),
+        files=tuple(
+            FileEntry(name=name, bytes=len(data), sha256=hashlib.sha256(data).hexdigest())
+            for name, data in contents.items()
+        ),
+    )
+
+
+def site_frame(record: MissionRecord) -> SiteFrame:
+    """Metres east and north of home, and above it."""
+    return SiteFrame(SiteHome(**record.home.model_dump()))
+
+
+def plot_frame(plot: MissionPlot) -> PlotFrame:
+    """The frame of a plot's plan."""
+    return PlotFrame(LocalFrame(**plot.origin.model_dump()), plot.ground_m, plot.row_heading_deg, plot.gradient)
+
+
+def geo_points(places: Iterable[MissionPlace]) -> tuple[GeoPoint, ...]:
+    """Places as missions have them."""
+    return tuple(GeoPoint(place.latitude_deg, place.longitude_deg, place.height_m) for place in places)
+
+
+def way(record: MissionRecord, flight: MissionFlight) -> tuple[GeoPoint, ...]:
+    """Corners of a flight's way: home, above it, the stops, the landing place."""
+    home = record.home
+    begin = tuple(GeoPoint(home.latitude_deg, home.longitude_deg, height) for height in (0.0, flight.takeoff_m))
+    return (*begin, *geo_points((*flight.stops, flight.landing)))
+
+
+def _plot(site: Site, frame: PlotFrame, name: str, plan: FlownPlan) -> MissionPlot:
+    home = site.home
+    datum: Literal["ellipsoid", "sea level", "unknown"] = (
+        "ellipsoid" if home.ellipsoid_m is not None else "sea level" if home.amsl_m is not None else "unknown"
+    )
+    tangent = frame.tangent
+    origin = OriginEntry(
+        latitude_deg=tangent.latitude_deg, longitude_deg=tangent.longitude_deg, altitude_m=tangent.altitude_m,
+        datum=datum,
+    )  # fmt: skip
+    return MissionPlot(
+        name=name, origin=origin, ground_m=frame.ground_m, row_heading_deg=frame.row_heading_deg,
+        gradient=frame.gradient, plan=plan,
+    )  # fmt: skip
+
+
+def _flight(each: RoutedFlight, file: str) -> MissionFlight:
+    mission, flight = each.mission, each.flight
+    return MissionFlight(
+        name=mission.name, file=file, takeoff_m=mission.takeoff_m, stops=tuple(_stop(stop) for stop in mission.stops),
+        landing=_place(mission.landing), length_m=flight.length_m, time_s=flight.time.total_s,
+        battery=flight.time.battery,
+    )  # fmt: skip
+
+
+def _stop(stop: Shot | Via) -> MissionStation | MissionVia:
+    place = stop.place
+    if isinstance(stop, Via):
+        return MissionVia(latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m)
+    return MissionStation(
+        latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m, plot=stop.plot,
+        station=stop.station, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg,
+    )  # fmt: skip
+
+
+def _place(place: GeoPoint) -> MissionPlace:
+    return MissionPlace(latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m)

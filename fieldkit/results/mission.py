@@ -1,0 +1,184 @@
+"""What mission.json holds: an export before any autopilot's dialect. Units are in the keys: _m, _deg, _s, _mps.
+
+Places are WGS 84. Heights are above home along the plumb line, as autopilots count them; only home and the origins of
+plots say theirs above a datum.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.results.evaluation import FileEntry, OriginEntry, Sha256
+from fieldkit.results.plan import Length, PlanCamera, Strict
+
+FARTHEST_M = 100_000.0
+"""From home; no battery lasts that long."""
+
+Latitude = Annotated[float, Field(ge=-90, le=90)]
+Longitude = Annotated[float, Field(ge=-180, le=180)]
+Height = Annotated[float, Field(ge=-20_000, le=20_000)]
+Slope = Annotated[float, Field(ge=-10, le=10)]
+Ring = Annotated[tuple[tuple[Latitude, Longitude], ...], Field(min_length=3)]
+"""Corners (latitude, longitude), the last not the first again."""
+
+
+class MissionHome(Strict):
+    """Where the vehicle takes off; the zero of all heights."""
+
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    amsl_m: Height | None = None
+    """Above mean sea level; null where nobody said."""
+    ellipsoid_m: Height | None = None
+    """Above the WGS 84 ellipsoid; null where nobody said."""
+
+
+class MissionVehicle(Strict):
+    """What flies, as its profile says."""
+
+    profile: str | None = None
+    """Its name, or that of its file."""
+    title: str
+    dialect: str
+    autopilot: str
+    camera: PlanCamera
+
+
+class FlownPlan(Strict):
+    """A plan.json by the SHA-256 of its bytes."""
+
+    name: str | None = None
+    """Of the file; null where the plan was not given as one."""
+    sha256: Sha256
+
+
+class MissionPlot(Strict):
+    """A plot's frame: x along the row, y to its left, z upright above the plot's ground."""
+
+    name: str
+    origin: OriginEntry
+    """Of the frame, on the ground; where home says no height, it is above home and of unknown datum."""
+    ground_m: Height
+    """Of the origin above home."""
+    row_heading_deg: Annotated[float, Field(ge=-360, le=360)]
+    """Compass heading of x."""
+    gradient: tuple[Slope, Slope]
+    """Rise of the ground per metre along x and y."""
+    plan: FlownPlan
+    """Whose stations are flown here."""
+
+
+class MissionPlace(Strict):
+    """A place, height above home."""
+
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    height_m: Height
+
+
+class MissionStation(MissionPlace):
+    """A stop for one photograph; the place is the camera's."""
+
+    kind: Literal["station"] = "station"
+    plot: str
+    station: Annotated[int, Field(ge=0)]
+    """Number in the plot's plan, from 0."""
+    yaw_deg: Annotated[float, Field(ge=-360, le=360)]
+    """True heading of the optical axis, clockwise from north."""
+    pitch_deg: Annotated[float, Field(ge=-90, le=90)]
+    """Of the gimbal: 0 at the horizon, −90 straight down."""
+
+
+class MissionVia(MissionPlace):
+    """A place that is flown through so that a leg stays clear."""
+
+    kind: Literal["via"] = "via"
+
+
+class MissionFlight(Strict):
+    """From take-off to landing. Legs lead from above home to every stop in turn and to the landing place."""
+
+    name: str
+    """For people."""
+    file: Annotated[str, Field(pattern=r"^[^/\\\x00]+$")]
+    """Of ``files``: what the vehicle is given."""
+    takeoff_m: Height
+    """Height above home at which the first leg begins."""
+    stops: tuple[Annotated[MissionStation | MissionVia, Field(discriminator="kind")], ...]
+    """In the order they are flown."""
+    landing: MissionPlace
+    """Where it lands, at the height from which it descends."""
+    length_m: Length
+    """Of all legs."""
+    time_s: Length
+    """In the air, as estimated."""
+    battery: Length
+    """Share of a battery's usable time."""
+
+    @property
+    def stations(self) -> tuple[MissionStation, ...]:
+        """The stops with a photograph."""
+        return tuple(stop for stop in self.stops if isinstance(stop, MissionStation))
+
+    @property
+    def plots(self) -> tuple[str, ...]:
+        """Names, in the order they are flown."""
+        return tuple(dict.fromkeys(station.plot for station in self.stations))
+
+
+class MissionRecord(Strict):
+    """mission.json: what `export-mission` wrote."""
+
+    kind: Literal["mission"] = "mission"
+    version: Literal[1] = 1
+    fieldkit: str
+    """Version that wrote it."""
+    name: str
+    """Of the site."""
+    home: MissionHome
+    vehicle: MissionVehicle
+    speed_mps: Length
+    """Horizontal, between stops."""
+    settle_s: Length
+    """Standing still before the shutter."""
+    exposure_s: Length
+    """Standing still after it."""
+    plots: Annotated[tuple[MissionPlot, ...], Field(min_length=1)]
+    """In the site's order."""
+    flights: Annotated[tuple[MissionFlight, ...], Field(min_length=1)]
+    """In the order they are flown."""
+    inside: tuple[Ring, ...] = ()
+    """The vehicle stays in one of these, where there are any."""
+    outside: tuple[Ring, ...] = ()
+    """It keeps out of these."""
+    ceiling_m: Height | None = None
+    """Nothing is flown higher."""
+    rally: tuple[MissionPlace, ...] = ()
+    """Places to return to in an emergency."""
+    files: tuple[FileEntry, ...]
+    """All that was written beside this one."""
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        plots, files = {plot.name for plot in self.plots}, {entry.name for entry in self.files}
+        if len(plots) < len(self.plots):
+            raise ValueError("two plots have one name")
+        for flight in self.flights:
+            if flight.file not in files:
+                raise ValueError(f"{flight.file} is a flight's, and files does not name it")
+            for station in flight.stations:
+                if station.plot not in plots:
+                    raise ValueError(f"a photograph is of {station.plot}, which is none of the plots")
+        corners: list[tuple[float, float]] = [corner for ring in (*self.inside, *self.outside) for corner in ring]
+        corners += [(plot.origin.latitude_deg, plot.origin.longitude_deg) for plot in self.plots]
+        places = [place for flight in self.flights for place in (*flight.stops, flight.landing)]
+        corners += [(place.latitude_deg, place.longitude_deg) for place in (*places, *self.rally)]
+        table = np.array(corners)
+        away = LocalFrame(self.home.latitude_deg, self.home.longitude_deg).to_local(table[:, 0], table[:, 1], 0.0)
+        if np.abs(away).max() > FARTHEST_M:
+            raise ValueError(f"a place is farther than {FARTHEST_M / 1000:g} km from home")
+        return self

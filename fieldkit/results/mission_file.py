@@ -1,0 +1,52 @@
+"""Reading and writing mission.json, and its JSON Schema."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fieldkit.documents.json_file import read_json_object, schema_text, validated
+from fieldkit.errors import MetadataError
+from fieldkit.results.mission import MissionRecord
+
+MISSION_FILE = "mission.json"
+_MAX_BYTES = 128 << 20
+_AGAIN = "Give the mission.json that `fieldkit export-mission` wrote beside the mission, or export it again."
+
+
+def record_path(mission: Path) -> Path:
+    """Of the record beside a mission: mission.json for mission.plan, field.mission.json for field.plan."""
+    return mission.with_name(MISSION_FILE if mission.stem == "mission" else f"{mission.stem}.{MISSION_FILE}")
+
+
+def records_in(folder: Path) -> list[Path]:
+    """The records that lie in a folder, by name."""
+    return sorted(file for pattern in (MISSION_FILE, f"*.{MISSION_FILE}") for file in folder.glob(pattern))
+
+
+def record_bytes(record: MissionRecord) -> bytes:
+    """A record as JSON, UTF-8, indented."""
+    return (record.model_dump_json(indent=1) + "\n").encode("utf-8")
+
+
+def load_mission(file: Path) -> MissionRecord:
+    """Read mission.json.
+
+    Raises:
+        MetadataError: it is missing, not JSON, no mission's, of another version, or a field is wrong.
+    """
+    document = read_json_object(file, _AGAIN, noun="mission", max_bytes=_MAX_BYTES)
+    if document.get("kind") != "mission":
+        raise MetadataError(
+            f'is not the record of a mission: its "kind" is {document.get("kind")!r}', path=file, remedy=_AGAIN
+        )
+    version = document.get("version")
+    if version != 1 or isinstance(version, bool):
+        newer = isinstance(version, int) and version > 1
+        remedy = "Install the fieldkit that wrote it, or a newer one." if newer else _AGAIN
+        raise MetadataError(f"has version {version!r} of the format; this fieldkit reads 1", path=file, remedy=remedy)
+    return validated(MissionRecord, document, file, _AGAIN)
+
+
+def mission_schema() -> str:
+    """JSON Schema (2020-12) of mission.json, as text that ends in a newline."""
+    return schema_text(MissionRecord.model_json_schema(mode="validation"))

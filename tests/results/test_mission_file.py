@@ -1,0 +1,143 @@
+"""mission.json on disk."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fieldkit.errors import MetadataError
+from fieldkit.missions.export_mission import ExportedMission, export_mission
+from fieldkit.missions.export_record import geo_points, plot_frame, site_frame
+from fieldkit.missions.plan_site.placement import PlotFrame, SiteFrame
+from fieldkit.missions.plan_site.site_file import load_site
+from fieldkit.results.mission import FlownPlan, MissionRecord
+from fieldkit.results.mission_file import load_mission, mission_schema, record_bytes, record_path, records_in
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import load_plan, save_plan
+from fieldkit.results.report_files import file_sha256
+from tests.missions.test_export import SITES, VEHICLE, planned
+
+PLOTS = SITES / "plots.geojson"
+PLAN = planned(5, height_m=1.6)
+
+
+def exported(folder: Path, plan: Path | Plan = PLAN, **more: Any) -> ExportedMission:
+    options = {"plots": PLOTS, "picture": False, **more}
+    return export_mission(plan, VEHICLE, SITES / "example.toml", folder / "field.plan", **options)
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> MissionRecord:
+    folder = tmp_path_factory.mktemp("mission")
+    exported(folder)
+    return load_mission(folder / "field.mission.json")
+
+
+def test_it_holds_what_was_exported(tmp_path: Path) -> None:
+    done = exported(tmp_path)
+    found = load_mission(tmp_path / "field.mission.json")
+    for flight, each in zip(found.flights, done.routed.flights, strict=True):
+        mission = each.mission
+        assert geo_points(flight.stations) == tuple(shot.place for shot in mission.shots)
+        assert [(s.plot, s.station, s.yaw_deg, s.pitch_deg) for s in flight.stations] == [
+            (s.plot, s.station, s.yaw_deg, s.pitch_deg) for s in mission.shots
+        ]
+        assert geo_points(flight.stops) == tuple(stop.place for stop in mission.stops)
+        assert geo_points([flight.landing]) == (mission.landing,)
+        assert flight.plots == each.flight.plots
+    for entry in found.files:
+        assert (file_sha256(tmp_path / entry.name), (tmp_path / entry.name).stat().st_size) == (
+            entry.sha256, entry.bytes
+        )  # fmt: skip
+    assert {entry.name for entry in found.files} == {file.name for file in done.files} - {"field.mission.json"}
+    assert MissionRecord.model_validate_json(record_bytes(found)) == found
+
+
+def test_frames_are_the_sites_own_to_the_last_digit(tmp_path: Path) -> None:
+    exported(tmp_path, planned(5, height_m=2.0), plots=SITES / "hillside.geojson")
+    found, site = (
+        load_mission(tmp_path / "field.mission.json"),
+        load_site(SITES / "example.toml", SITES / "hillside.geojson"),
+    )
+    points = np.array([[0.3, -0.2, 0.8], [-0.5, 0.1, 0.0]])
+    for entry, plot in zip(found.plots, site.plots, strict=True):
+        ours, theirs = plot_frame(entry).to_geodetic(points), PlotFrame.of(site, plot).to_geodetic(points)
+        np.testing.assert_array_equal(ours, theirs)
+        np.testing.assert_array_equal(site_frame(found).to_local(*ours), SiteFrame(site.home).to_local(*theirs))
+
+
+def test_plans_are_named_by_the_hash_of_their_file(tmp_path: Path) -> None:
+    save_plan(tmp_path / "plan.json", PLAN)
+    site = load_site(SITES / "example.toml")
+    (plot,) = site.plots
+    tall = plot.model_copy(update={"name": "tall", "latitude_deg": plot.latitude_deg + 1e-4, "plant_height_m": 1.2})
+    site = site.model_copy(update={"plots": (plot, tall)})
+
+    def plans(name: str, plan: Path | Plan, **more: Any) -> list[FlownPlan]:
+        export_mission(plan, VEHICLE, site, tmp_path / name / "mission.plan", picture=False, **more)
+        return [plot.plan for plot in load_mission(tmp_path / name / "mission.json").plots]
+
+    sha256 = file_sha256(tmp_path / "plan.json")
+    fitted = plans("a", tmp_path / "plan.json", fit=True)
+    assert [plan.name for plan in fitted] == ["plan.json", "mission-tall.json"]
+    assert [plan.sha256 for plan in fitted] == [sha256, file_sha256(tmp_path / "a" / "mission-tall.json")]
+    assert plans("b", tmp_path) == [FlownPlan(name="plan.json", sha256=sha256)] * 2
+    assert plans("c", load_plan(tmp_path)) == [FlownPlan(sha256=sha256)] * 2
+
+
+def test_names_keep_missions_of_one_folder_apart(tmp_path: Path) -> None:
+    assert record_path(tmp_path / "mission.plan").name == "mission.json"
+    assert record_path(tmp_path / "plan.waypoints").name == "plan.mission.json"
+    for name in ("mission.json", "a.mission.json", "a-mission.json", "plan.json", "mission.geojson"):
+        (tmp_path / name).touch()
+    assert [file.name for file in records_in(tmp_path)] == ["a.mission.json", "mission.json"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"kind": "plan"}, "is not the record of a mission"),
+        ({"version": 2}, "version 2"),
+        ({"version": True}, "version True"),
+        ({"colour": 1}, "colour: "),
+        ({"flights": []}, "flights: "),
+        ({"files": []}, "field.plan is a flight's, and files does not name it"),
+        ({"home": {"latitude_deg": 10.0, "longitude_deg": 6.0}}, "farther than 100 km from home"),
+        ({"speed_mps": "2"}, "speed_mps: "),
+    ],
+)
+def test_errors(tmp_path: Path, record: MissionRecord, change: dict[str, Any], message: str) -> None:
+    file = tmp_path / "mission.json"
+    file.write_text(json.dumps(json.loads(record_bytes(record)) | change))
+    with pytest.raises(MetadataError, match=message) as caught:
+        load_mission(file)
+    assert caught.value.path == file
+    assert caught.value.remedy
+
+
+def test_plots_that_are_not_there_or_twice(tmp_path: Path, record: MissionRecord) -> None:
+    document = json.loads(record_bytes(record))
+    for plots, message in (
+        (document["plots"][1:], "none of the plots"), (document["plots"][:1] + document["plots"], "one name")
+    ):  # fmt: skip
+        (tmp_path / "mission.json").write_text(json.dumps(document | {"plots": plots}))
+        with pytest.raises(MetadataError, match=message):
+            load_mission(tmp_path / "mission.json")
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b"\xff", b"[" * 100_000])
+def test_not_json(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "mission.json").write_bytes(content)
+    with pytest.raises(MetadataError):
+        load_mission(tmp_path / "mission.json")
+    with pytest.raises(MetadataError, match="no such file"):
+        load_mission(tmp_path / "other.json")
+
+
+def test_the_schema_is_the_one_in_the_documentation() -> None:
+    file = Path(__file__).parents[2] / "docs" / "schemas" / "mission.schema.json"
+    assert file.read_text() == mission_schema()
