@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -19,7 +18,7 @@ import psutil
 
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.season_plots import DATES, STATIONS, Flown, make_campaign, photograph
-from fieldkit.campaign.table import TABLE_FILE
+from fieldkit.campaign.visit_folders import read_visits
 from fieldkit.clouds import read_cloud, score
 from fieldkit.errors import ReconstructionError
 from fieldkit.runtime.parallel import map_parallel
@@ -142,16 +141,7 @@ def _memory(pid: int) -> int:
 
 
 def _rows(campaign: Path) -> dict[tuple[str, str], Mapping[str, Any]]:
-    if not (campaign / TABLE_FILE).is_file():
-        return {}
-    connection = sqlite3.connect(f"file:{campaign / TABLE_FILE}?mode=ro", uri=True, timeout=30.0)
-    try:
-        connection.row_factory = sqlite3.Row
-        return {(row["plot"], row["date"]): dict(row) for row in connection.execute("SELECT * FROM visits")}
-    except sqlite3.OperationalError:  # the table is being made
-        return {}
-    finally:
-        connection.close()
+    return {visit.key: visit.row() for visit in read_visits(campaign)}
 
 
 def _against_truth(campaign: Path, each: Flown) -> float | None:

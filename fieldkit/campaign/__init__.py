@@ -1,7 +1,28 @@
-"""A campaign: one plan over many plots and dates, and the table of their scores."""
+"""A campaign: one plan over many plots and dates, and what came of each.
+
+A *visit* is a plot on a date. It is kept once, as visit.json (`fieldkit.results.visit.Visit`) in visits/PLOT/DATE
+beside its evaluation; tables, ranks and exports are made of these files.
+
+| Question | File |
+| --- | --- |
+| What does campaign.toml say? | campaign_file.py |
+| How is a campaign's folder made? | create.py |
+| How is it read, with plots, plan and visits? | reading.py |
+| Where is a visit kept, and how is it read? | visit_folders.py; names of folders: folder_names.py |
+| What does `fieldkit evaluate` do in a campaign? | run.py; one run at a time: lock.py |
+| Which plot and date is a photograph of? | sorting.py; by its geotag: layout.py; by its time: dates_and_passes.py |
+| How is a visit resumed, what is computed again? | resuming.py |
+| What does a worker do with a visit? | evaluate_visit.py; how it is watched: workers.py |
+| In which frame is a visit reconstructed? | visit_frame.py |
+| Which fieldkit computed a visit? | engine.py; versions of its stages: fieldkit/reconstruction/versions.py |
+| Which plot is better, and what changed? | ranking.py; as `campaign show` says it: overview.py |
+| How does it leave for other programs? | export.py (CSV, GeoJSON, GeoPackage); sqlite_table.py (campaign.sqlite) |
+| What is flown next? | next_visit.py |
+| How are campaigns of an earlier fieldkit read? | earlier_formats.py |
+"""
 
 from fieldkit.campaign.campaign_file import CAMPAIGN_FILE
-from fieldkit.campaign.folder import Campaign, CampaignPlot, find_campaign, read_campaign, visit_plots
-from fieldkit.campaign.visit import Visit
+from fieldkit.campaign.reading import Campaign, CampaignPlot, find_campaign, read_campaign, visit_plots
+from fieldkit.results.visit import Visit
 
 __all__ = ["CAMPAIGN_FILE", "Campaign", "CampaignPlot", "Visit", "find_campaign", "read_campaign", "visit_plots"]

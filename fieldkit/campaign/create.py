@@ -17,7 +17,7 @@ from fieldkit.campaign.campaign_file import (
     ReferenceTable,
     campaign_text,
 )
-from fieldkit.campaign.folder import Campaign, plots_file_of, read_campaign
+from fieldkit.campaign.reading import Campaign, plots_file_of, read_campaign
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.versioned_toml import read_versioned, sentence
 from fieldkit.errors import MetadataError, UsageError

@@ -19,18 +19,19 @@ from typing import Any, Literal
 import numpy as np
 import shapely
 
-from fieldkit.campaign.folder import Campaign, CampaignPlot
 from fieldkit.campaign.ranking import ranking
-from fieldkit.campaign.visit import Visit
+from fieldkit.campaign.reading import Campaign, CampaignPlot
 from fieldkit.errors import StorageError, UsageError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.present.spreadsheets.plots import csv_cell
 from fieldkit.results.evaluation import distance_key
+from fieldkit.results.visit import ROW, Visit
 
 Format = Literal["csv", "geojson", "gpkg"]
 SUFFIXES: Mapping[str, Format] = {".csv": "csv", ".geojson": "geojson", ".json": "geojson", ".gpkg": "gpkg"}
 VISITS_LAYER, PLOTS_LAYER = "visits", "plots"
 _LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m", "height_m", "cover", "hull_m3")
+_TEXTS = ("captures", "folder", "error")
 _COUNTS = ("images", "registered", "right", "rank", "visits")
 
 Values = dict[str, Any]
@@ -101,11 +102,10 @@ def plot_rows(campaign: Campaign) -> list[Values]:
 def campaign_csv(campaign: Campaign) -> str:
     """The visits as CSV: UTF-8, commas, decimal points, empty where there is no value."""
     rows = visit_rows(campaign)
-    distances = [distance_key(d) for d in campaign.evaluation.distances_m]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     # The columns are the same without a row.
-    writer.writerow(_row(Visit("", ""), None, None, distances))
+    writer.writerow(_columns(campaign))
     for row in rows:
         writer.writerow([csv_cell(value) for value in row.values()])
     return text.getvalue()
@@ -140,12 +140,10 @@ def campaign_geopackage(campaign: Campaign) -> bytes:
             "GeoPackages need the extra 'geo'", remedy="pip install 'fieldkit[geo]', or export CSV or GeoJSON."
         )
     shapes = {plot.id: _geometry(plot) for plot in campaign.plots}
-    distances = [distance_key(d) for d in campaign.evaluation.distances_m]
-    visit_columns = list(_row(Visit("", ""), None, None, distances))
     plot_columns = list(plot_rows(replace(campaign, visits=()))[0])
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         file = Path(folder) / "campaign.gpkg"
-        _write_layer(file, VISITS_LAYER, visit_rows(campaign), visit_columns, shapes, append=False)
+        _write_layer(file, VISITS_LAYER, visit_rows(campaign), _columns(campaign), shapes, append=False)
         _write_layer(file, PLOTS_LAYER, plot_rows(campaign), plot_columns, shapes, append=True)
         return file.read_bytes()
 
@@ -205,31 +203,23 @@ def _text(value: str) -> str:
 
 
 def _row(visit: Visit, plot: CampaignPlot | None, rank: int | None, distances: Sequence[str]) -> Values:
-    return {
-        "plot": visit.plot,
-        "date": visit.date,
-        **_place(plot),
-        "rank": rank,
-        "images": visit.images,
-        "registered": visit.registered,
-        "right": visit.right,
-        "pose_rms_m": visit.pose_rms_m,
-        "chamfer_m": visit.chamfer_m,
-        "accuracy_m": visit.accuracy_m,
-        "completeness_m": visit.completeness_m,
-        **{f"f_score_{distance}": visit.f_score.get(distance) for distance in distances},
-        "predicted_chamfer_m": visit.predicted_chamfer_m,
-        "predicted_low_m": visit.predicted_low_m,
-        "predicted_high_m": visit.predicted_high_m,
-        "height_m": visit.height_m,
-        "cover": visit.cover,
-        "hull_m3": visit.hull_m3,
-        "cpu_s": visit.cpu_s,
-        "captures": _text(visit.captures),
-        "folder": visit.folder,
-        "error": _text(visit.error),
-        "notes": _text("; ".join(visit.notes)),
-    }
+    """The visit's own row with its plot's place and rank, F-scores a column each, and texts last."""
+    row = visit.row()
+    texts = {name: _text(row[name]) for name in _TEXTS} | {"notes": _text("; ".join(visit.notes))}
+    scores = {f"f_score_{distance}": visit.f_score.get(distance) for distance in distances}
+    result: Values = {"plot": visit.plot, "date": visit.date, **_place(plot), "rank": rank}
+    for name in ROW:
+        if name == "f_score":
+            result |= scores
+        elif name not in (*_TEXTS, "notes", "fieldkit"):
+            result[name] = row[name]
+    return result | texts
+
+
+def _columns(campaign: Campaign) -> list[str]:
+    """The keys of every row of `visit_rows`; they are the same without a visit."""
+    distances = [distance_key(d) for d in campaign.evaluation.distances_m]
+    return list(_row(Visit(plot="", date="0001-01-01"), None, None, distances))
 
 
 def _place(plot: CampaignPlot | None) -> Values:

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from fieldkit.campaign.folder import CampaignPlot
+from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Photo
 from fieldkit.captures.priors import GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.geometry.geodesy import LocalFrame

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.campaign.folder import PLANS_FOLDER, Campaign, plan_file_name
+from fieldkit.campaign.reading import PLANS_FOLDER, Campaign, plan_file_name
 from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MissionError, UsageError

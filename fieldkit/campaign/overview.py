@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from fieldkit.campaign.folder import Campaign
+import fieldkit
+from fieldkit.campaign.engine import changed_stages, is_current
 from fieldkit.campaign.ranking import Drift, Ranked, drift, measured_noise_m, ranking, score_of
-from fieldkit.campaign.visit import Visit
+from fieldkit.campaign.reading import Campaign
 from fieldkit.present.style import format_length, table
+from fieldkit.results.visit import Visit
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -19,6 +21,7 @@ _FIGURES = {
     "hull_m3": "hull",
 }  # fmt: skip
 _MANY_DATES = 12
+_NAMED = 5
 
 
 def campaign_object(campaign: Campaign) -> dict[str, Any]:
@@ -38,7 +41,7 @@ def campaign_object(campaign: Campaign) -> dict[str, Any]:
         "vanished": list(campaign.vanished),
         "missing": {date: missing(campaign, date) for date in campaign.dates},
         "noise_m": measured_noise_m(campaign.plan),
-        "visits": [asdict(visit) | {"notes": list(visit.notes)} for visit in campaign.visits],
+        "visits": [visit.row() | {"current": is_current(visit)} for visit in campaign.visits],
         "ranking": {
             date: [_ranked(entry) for entry in ranking(campaign.visits, campaign.plan, date)] for date in campaign.dates
         },
@@ -76,6 +79,27 @@ def remarks(campaign: Campaign) -> Iterator[str]:
         yield "How much measured distances scatter is not known: the plan says no spread of its repeats."
     if any(visit.chamfer_m is None and visit.predicted_chamfer_m is not None for visit in campaign.visits):
         yield "≈ is a prediction from figures that need no reference; its interval holds nine in ten plots."
+    yield from _computed_by(campaign)
+
+
+def _computed_by(campaign: Campaign) -> Iterator[str]:
+    """Which fieldkit computed the visits, a sentence for each; those whose figures are another engine's are marked."""
+    groups: dict[tuple[str, tuple[str, ...] | None], list[Visit]] = {}
+    for visit in campaign.visits:
+        groups.setdefault((visit.fieldkit, changed_stages(visit)), []).append(visit)
+    for (version, changed), visits in groups.items():
+        count = "1 visit" if len(visits) == 1 else f"{len(visits)} visits"
+        by = f"computed by fieldkit {version}" if version else "computed by an unknown fieldkit"
+        if changed == ():
+            yield f"{count} {by}."
+            continue
+        named = ", ".join(f"{visit.plot} {visit.date}" for visit in visits[:_NAMED])
+        more = f" and {len(visits) - _NAMED} more" if len(visits) > _NAMED else ""
+        why = f"by another version of {', '.join(changed)}" if changed else "by unknown versions of its stages"
+        yield (
+            f"† {count} {by}, {why} ({named}{more}). Figures of this fieldkit, {fieldkit.__version__}, may differ: "
+            "`fieldkit evaluate` computes anew the visits whose photographs it is given."
+        )
 
 
 def _grid(campaign: Campaign) -> Table:
@@ -91,13 +115,14 @@ def _grid(campaign: Campaign) -> Table:
 def _cell(visit: Visit | None, campaign: Campaign) -> str:
     if visit is None:
         return "–"
+    mark = "" if is_current(visit) else " †"
     if visit.error:
-        return "failed"
+        return f"failed{mark}"
     score = score_of(visit, campaign.plan)
     counts = f"{visit.right}/{visit.images}"
     if score is None:
-        return counts
-    return f"{'≈ ' if score.predicted else ''}{format_length(score.value_m)} ({counts})"
+        return counts + mark
+    return f"{'≈ ' if score.predicted else ''}{format_length(score.value_m)} ({counts}){mark}"
 
 
 def _ranking_table(campaign: Campaign, date: str) -> Table:

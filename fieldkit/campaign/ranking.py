@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
-from fieldkit.campaign.visit import Visit
 from fieldkit.results.plan import Plan
+from fieldkit.results.visit import Visit
 
 _NINE_IN_TEN = 1.645
 DRIFTING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover", "hull_m3")

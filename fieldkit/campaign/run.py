@@ -1,41 +1,33 @@
-"""fieldkit evaluate in a campaign: photographs in, rows of its table out. Goes on where a former run was stopped."""
+"""fieldkit evaluate in a campaign: photographs in, visits out. How it goes on where it was stopped: resuming.py."""
 
 from __future__ import annotations
 
-import fcntl
 import os
-import shutil
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fieldkit.cache import StageCache
-from fieldkit.campaign.campaign_file import CAMPAIGN_FILE
-from fieldkit.campaign.folder import VISITS_FOLDER, Campaign, read_campaign
+from fieldkit.campaign.evaluate_visit import VisitJob, VisitResult, evaluate_visit, failed_visit
 from fieldkit.campaign.lock import campaign_lock
-from fieldkit.campaign.names import folder_name
+from fieldkit.campaign.reading import Campaign, read_campaign
+from fieldkit.campaign.resuming import earlier_photographs, sweep, unchanged, visit_inputs
 from fieldkit.campaign.sorting import Shot, Sorting, sort_photographs
-from fieldkit.campaign.table import TABLE_FILE, Row, Table
-from fieldkit.campaign.visit import Visit
-from fieldkit.campaign.visiting import (
-    VisitJob,
-    VisitResult,
-    evaluate_visit,
-    read_record,
-    visit_inputs,
-)
+from fieldkit.campaign.sqlite_table import write_table
+from fieldkit.campaign.visit_folders import Visits, adopt_earlier_visits, keep_visit
 from fieldkit.captures import Finding
-from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs, photographs_at
+from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.files import check_writable
 from fieldkit.present.style import format_length
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.runtime.parallel import each_in_workers
+from fieldkit.results.visit import VISITS_FOLDER, Visit
 from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.worker import Outcome
 
-_RESULTS = (EVALUATION_FILE, REFERENCE_FILE, CAMPAIGN_FILE)
+_RESULTS = (EVALUATION_FILE, REFERENCE_FILE)
 _OUTER_FOLDERS = 2  # names above the searched folder that may say plot and date
 _SHOWN = 8
 
@@ -79,8 +71,9 @@ def evaluate_campaign(
     """Sort photographs into a campaign's plots and dates, and evaluate every visit that is new or changed.
 
     A visit is a plot on a date. Its photographs add up: those that an earlier run found, and that are still where they
-    were, count together with new ones (a re-flight). Its row says what it was made from, so that nothing is computed
-    twice, and what changed is computed again. A run that is killed leaves whole visits only.
+    were, count together with new ones (a re-flight). It says what it was made from, so that nothing is computed twice,
+    and what changed is computed again. A run that is killed leaves whole visits only. At its end the table
+    campaign.sqlite is made of all visits.
 
     Args:
         folder: of the campaign.
@@ -99,32 +92,34 @@ def evaluate_campaign(
     """
     folder = read_campaign(folder).folder
     check_writable(folder)
-    with campaign_lock(folder, wait=wait, note=progress.note), Table(folder / TABLE_FILE) as table:
+    with campaign_lock(folder, wait=wait, note=progress.note):
+        sweep(folder)
+        adopted = adopt_earlier_visits(folder)
         campaign = read_campaign(folder)
-        _sweep(folder / VISITS_FOLDER)
-        rows = {(row.visit.plot, row.visit.date): row for row in table.rows()}
-        for row in _lost_rows(campaign, rows):
-            table.put(row)
-            rows[row.visit.plot, row.visit.date] = row
-        found, sorting = _sorted(campaign, captures, progress)
+        visits = {visit.key: visit for visit in campaign.visits}
+        found, sorting = _sorted(campaign, captures, visits, progress)
         _say(campaign, sorting, found, progress)
         jobs = _jobs(campaign, captures, found, sorting, cache)
-        kept = [] if overwrite else _unchanged(folder, jobs, rows, table)
-        same = {(visit.plot, visit.date) for visit in kept}
+        kept = [] if overwrite else unchanged(jobs, visits)
+        same = {visit.key for visit in kept}
         todo = [job for job in jobs if (job.plot.id, job.date) not in same]
         evaluated: list[Visit] = []
         try:
             with progress.stage("Visits", len(jobs)) as advance, closing(_evaluate(todo, workers)) as results:
                 advance(len(kept))
-                for row in results:
-                    table.put(row)
-                    evaluated.append(row.visit)
-                    progress.note(f"{row.visit.plot} {row.visit.date}: {_sentence(row.visit)}")
+                for visit in results:
+                    if not visit.folder:
+                        keep_visit(folder, visit)
+                    evaluated.append(visit)
+                    progress.note(f"{visit.plot} {visit.date}: {_sentence(visit)}")
                     advance(1)
         finally:
-            _sweep(folder / VISITS_FOLDER)  # of workers that were stopped in the middle
+            sweep(folder)  # of workers that were stopped in the middle
+        campaign = read_campaign(folder)
+        if adopted:  # else an earlier fieldkit's table is still the only place of a visit
+            write_table(folder, campaign.visits)
     return CampaignRun(
-        read_campaign(folder),
+        campaign,
         len(found.photos),
         tuple(evaluated),
         tuple(kept),
@@ -133,39 +128,36 @@ def evaluate_campaign(
     )
 
 
-def _evaluate(todo: Sequence[VisitJob], workers: int) -> Generator[Row, None, None]:
-    """The rows of visits as they are done; those whose worker died are tried once more, one at a time."""
+def _evaluate(todo: Sequence[VisitJob], workers: int) -> Generator[Visit, None, None]:
+    """Visits as they are done; those whose worker died are tried once more, one at a time."""
     again: list[VisitJob] = []
     with closing(each_in_workers(evaluate_visit, todo, workers=workers)) as results:
         for number, outcome in results:
             if outcome.result is None and workers > 1:
                 again.append(todo[number])
             else:
-                yield _row(todo[number], outcome)
+                yield _visit(todo[number], outcome)
     with closing(each_in_workers(evaluate_visit, again, workers=1)) as results:
         for number, outcome in results:
-            yield _row(again[number], outcome)
+            yield _visit(again[number], outcome)
 
 
-def _row(job: VisitJob, outcome: Outcome[VisitResult]) -> Row:
+def _visit(job: VisitJob, outcome: Outcome[VisitResult]) -> Visit:
     result = outcome.result
     if result is None:
-        visit = Visit(
-            job.plot.id, job.date, captures=job.captures, images=len(job.photos), error=outcome.failure, notes=job.notes
-        )
-        return Row(visit, "")
+        return failed_visit(job, outcome.failure)
     if result.storage is not None:
         message, path, remedy = result.storage
         raise StorageError(message, path=path, remedy=remedy)
-    return Row(result.visit, result.inputs)
+    return result.visit
 
 
-def _sorted(campaign: Campaign, captures: Path, progress: Progress) -> tuple[FoundPhotos, Sorting]:
+def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progress) -> tuple[FoundPhotos, Sorting]:
     """The photographs below ``captures``, and where they belong, together with those of earlier runs."""
-    visits = (campaign.folder / VISITS_FOLDER).resolve()
+    own = (campaign.folder / VISITS_FOLDER).resolve()
 
     def skip(folder: Path) -> bool:
-        return any((folder / name).is_file() for name in _RESULTS[:2]) or folder.resolve() == visits
+        return any((folder / name).is_file() for name in _RESULTS) or folder.resolve() == own
 
     found = find_photographs(captures, skip=skip, progress=progress)
     if not found.photos:
@@ -176,7 +168,8 @@ def _sorted(campaign: Campaign, captures: Path, progress: Progress) -> tuple[Fou
     outer = _outer(campaign.folder, captures)
     shots = [Shot(each.place, each.photo, (*outer, *each.folders)) for each in found.photos]
     sorting = sort_photographs(shots, campaign.plots, campaign.plan)
-    earlier = _earlier(campaign, found, sorting)
+    keys = [(visit.plot, visit.date) for visit in sorting.visits]
+    earlier = earlier_photographs(campaign.folder, keys, visits, found.photos)
     if earlier:
         shots += [Shot(each.place, each.photo, belongs=belongs) for each, belongs in earlier]
         sorting = sort_photographs(shots, campaign.plots, campaign.plan)
@@ -196,22 +189,6 @@ def _outer(folder: Path, captures: Path) -> tuple[str, ...]:
     captures, folder = captures.resolve(), folder.resolve()
     parts = captures.relative_to(folder).parts if captures.is_relative_to(folder) else captures.parts
     return tuple(parts[-_OUTER_FOLDERS:])
-
-
-def _earlier(campaign: Campaign, found: FoundPhotos, sorting: Sorting) -> list[tuple[FoundPhoto, tuple[str, str]]]:
-    """Photographs that earlier runs sorted into the same visits, and that are not among these."""
-    known = {each.photo.sha256 for each in found.photos}
-    result = []
-    for visit in sorting.visits:
-        record = read_record(campaign.folder / VISITS_FOLDER / folder_name(visit.plot) / visit.date)
-        if record is None:
-            continue
-        paths = [campaign.folder / path for sha256, path in record.photographs.items() if sha256 not in known]
-        for each in photographs_at(paths):
-            if each.photo.sha256 in record.photographs and each.photo.sha256 not in known:
-                known.add(each.photo.sha256)
-                result.append((each, (visit.plot, visit.date)))
-    return result
 
 
 def _jobs(
@@ -244,49 +221,6 @@ def _common(captures: Path, photos: Sequence[FoundPhoto]) -> str:
     shared = Path(os.path.commonpath([each.photo.path.parent for each in photos]))
     root = captures.absolute()
     return str(captures / shared.relative_to(root)) if shared.is_relative_to(root) else str(shared)
-
-
-def _unchanged(folder: Path, jobs: Sequence[VisitJob], rows: dict[tuple[str, str], Row], table: Table) -> list[Visit]:
-    """Visits that are done already: in the table or, where a run was killed before it came to that, in their folder."""
-    kept = []
-    for job in jobs:
-        place = folder / job.place
-        row = rows.get((job.plot.id, job.date))
-        if not job.inputs or not (place / EVALUATION_FILE).is_file():
-            continue
-        if row is not None and row.inputs == job.inputs:
-            kept.append(row.visit)
-            continue
-        record = read_record(place)
-        if record is not None and record.inputs == job.inputs:
-            table.put(Row(record.visit, record.inputs))
-            kept.append(record.visit)
-    return kept
-
-
-def _lost_rows(campaign: Campaign, rows: dict[tuple[str, str], Row]) -> Iterator[Row]:
-    """Rows of visits whose folders are there and whose rows are not."""
-    places = {row.visit.folder for row in rows.values()}
-    for place in sorted((campaign.folder / VISITS_FOLDER).glob("*/*/")):
-        if f"{VISITS_FOLDER}/{place.parent.name}/{place.name}" in places:
-            continue
-        record = read_record(place)
-        if record is None or (record.visit.plot, record.visit.date) in rows:
-            continue
-        if folder_name(record.visit.plot) == place.parent.name and record.visit.date == place.name:
-            yield Row(record.visit, record.inputs)
-
-
-def _sweep(visits: Path) -> None:
-    """Remove what killed runs left behind; a folder whose maker lives is locked and stays."""
-    for place in visits.glob("*/.*.partial"):
-        with suppress(OSError):
-            descriptor = os.open(place, os.O_RDONLY)
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(place, ignore_errors=True)
-            finally:
-                os.close(descriptor)
 
 
 def _say(campaign: Campaign, sorting: Sorting, found: FoundPhotos, progress: Progress) -> None:

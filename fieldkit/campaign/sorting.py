@@ -17,9 +17,9 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from fieldkit.campaign.folder import CampaignPlot
+from fieldkit.campaign.dates_and_passes import best_pass, days, folder_date
 from fieldkit.campaign.layout import FieldLayout, tag_accuracy_m
-from fieldkit.campaign.passes import best_pass, days, folder_date
+from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Finding, Photo
 from fieldkit.results.plan import Plan
 

@@ -47,7 +47,7 @@ def command(
         fieldkit campaign show, fieldkit report
     """
     from fieldkit.campaign.export import export_campaign
-    from fieldkit.campaign.folder import campaign_folder, read_campaign
+    from fieldkit.campaign.reading import campaign_folder, read_campaign
 
     campaign = read_campaign(campaign_folder(folder))
     written = export_campaign(campaign, output, format_=None if format_ is None else format_.value, overwrite=overwrite)

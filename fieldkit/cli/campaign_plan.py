@@ -64,8 +64,8 @@ def command(
         fieldkit evaluate, fieldkit export-mission
     """
     day = _day(date)
-    from fieldkit.campaign.folder import campaign_folder, read_campaign
     from fieldkit.campaign.next_visit import plan_next_visit
+    from fieldkit.campaign.reading import campaign_folder, read_campaign
     from fieldkit.runtime.threads import limit_threads
 
     limit_threads(1)

@@ -34,8 +34,8 @@ def command(
     See Also:
         fieldkit evaluate, fieldkit campaign export, fieldkit report
     """
-    from fieldkit.campaign.folder import campaign_folder, read_campaign
     from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
+    from fieldkit.campaign.reading import campaign_folder, read_campaign
 
     campaign = read_campaign(campaign_folder(folder))
     if as_json:

@@ -179,7 +179,7 @@ def _in_campaign(
     wait: bool, overwrite: bool, as_json: bool,
 ) -> int:  # fmt: skip
     """Evaluate the photographs' visits in a campaign."""
-    from fieldkit.campaign.folder import find_campaign
+    from fieldkit.campaign.reading import find_campaign
 
     folder = campaign or find_campaign(Path.cwd())
     if folder is None:
@@ -205,8 +205,8 @@ def _in_campaign(
         emit_json(
             {
                 "campaign": folder, "photographs": done.photographs,
-                "evaluated": [asdict(visit) for visit in done.evaluated],
-                "kept": [asdict(visit) for visit in done.kept],
+                "evaluated": [visit.row() for visit in done.evaluated],
+                "kept": [visit.row() for visit in done.kept],
                 "failed": done.failed, "left_out": [asdict(finding) for finding in done.left_out],
                 "findings": [asdict(finding) for finding in done.findings], "vanished": list(done.campaign.vanished),
             }

@@ -35,6 +35,7 @@ from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
 from fieldkit.reconstruction.sparse import Mapped, map_capture
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reconstruction.stages import load_quality
+from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.progress import Progress
 
 _MIN_DENSE_VIEWS = 2
@@ -42,7 +43,6 @@ _STEEP_DEG = 8.0
 """Fields that are worked by machines are rarely steeper than 15 %."""
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
 Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
-_VIEWS_VERSION = 1  # part of the views' keys: raised when preparing them changes its results
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +302,7 @@ class _Dense:
         # Where a calibration is held, the same photograph gives the same view in every capture it is part of.
         source = self.sparse.intrinsics_source[self.sparse.capture.group_of(photo.name).key]
         kept = mask != "file" and source in _CALIBRATIONS
-        key = digest("view", _VIEWS_VERSION, photo.sha256, intrinsics, fidelity, mask)
+        key = digest("view", STAGES["views"], photo.sha256, intrinsics, fidelity, mask)
         arrays = self.cache.get("views", key) if kept else None
         if arrays is not None:
             camera = view_camera(intrinsics, photo.width, photo.height, fidelity)

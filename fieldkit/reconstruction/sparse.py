@@ -26,9 +26,9 @@ from fieldkit.reconstruction.rough_poses import contradict, rough_from_model, ro
 from fieldkit.reconstruction.settings import LEAST_POSITIONS, ReconstructionSettings, mapping_methods
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep_matches, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView
+from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.progress import Progress
 
-_MAPPING_VERSION = 10
 _MAX_BLIND_NEIGHBOURS = 40
 _NEAR_NEIGHBOURS = 12
 _FEW_FEATURES = 50
@@ -160,7 +160,7 @@ class _Run:
     def blind_models(self, method: str, pairs: Pairs) -> list[pycolmap.Reconstruction]:
         fixed = self.cameras.all_fixed
         key = digest(
-            "blind", _MAPPING_VERSION, method, [f.key for f in self.keyed], self.names, self.cameras.cameras,
+            "blind", STAGES["mapping"], method, [f.key for f in self.keyed], self.names, self.cameras.cameras,
             self.cameras.camera_of, fixed, self.settings.verification, self.cameras.known, self.settings.seed,
             sorted(pairs),
         )  # fmt: skip
@@ -296,7 +296,7 @@ class _Run:
         converging = region_of_interest([prior.pose for prior in priors]) is not None
         fixed = self.cameras.all_fixed or (self.cameras.known and not converging)
         key = digest(
-            "prior", _MAPPING_VERSION, [f.key for f in keyed], names, self.cameras.cameras, camera_of, fixed,
+            "prior", STAGES["mapping"], [f.key for f in keyed], names, self.cameras.cameras, camera_of, fixed,
             [(p.pose.rotation, p.pose.center, p.position_sigma, p.angle_sigma_deg) for p in priors],
             self.settings.prior, self.settings.seed, *([self.region] if self.region is not None else []),
         )  # fmt: skip

@@ -17,13 +17,9 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.reconstruction.features import Features, FeatureSettings, extract_features
 from fieldkit.reconstruction.matching import match_features
 from fieldkit.reconstruction.verification import TwoView, VerificationSettings, verify_pair
+from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.parallel import map_parallel
 
-# Part of the keys: raised when the code behind a stage changes its results.
-_FEATURES_VERSION = 1
-_PAIRS_VERSION = 1
-_GUIDED_VERSION = 1
-_QUALITY_VERSION = 1
 RATIO = 0.8
 """Lowe's ratio of blind matching."""
 
@@ -62,7 +58,7 @@ def _withheld(found: KeyedFeatures, kept: float, draw: int) -> KeyedFeatures:
 
 
 def _features_key(photo: Photo, settings: FeatureSettings) -> str:
-    return digest("features", _FEATURES_VERSION, photo.sha256, settings)
+    return digest("features", STAGES["features"], photo.sha256, settings)
 
 
 def _kept_features(photo: Photo, settings: FeatureSettings, cache: StageCache) -> KeyedFeatures | None:
@@ -117,7 +113,7 @@ def _verified(
     cache = StageCache(cache_root)
     # The intrinsics matter only where an essential matrix is estimated.
     cameras = (task.camera_a, task.camera_b) if calibrated else None
-    key = digest("pair", _PAIRS_VERSION, task.a.key, task.b.key, cameras, settings, RATIO, calibrated, seed)
+    key = digest("pair", STAGES["pairs"], task.a.key, task.b.key, cameras, settings, RATIO, calibrated, seed)
     kept = cache.get("pairs", key)
     if kept is not None:
         return TwoView(**{**kept, "config": int(kept["config"])}), True  # type: ignore[arg-type]
@@ -137,7 +133,7 @@ def _verified(
 
 def _matches(task: _PairTask, cache: StageCache) -> NDArray[np.uint32]:
     """Putative matches; kept apart from their verification, which is done again once a camera is calibrated."""
-    key = digest("matches", _PAIRS_VERSION, task.a.key, task.b.key, RATIO)
+    key = digest("matches", STAGES["pairs"], task.a.key, task.b.key, RATIO)
     kept = cache.get("matches", key)
     if kept is not None:
         return kept["matches"]
@@ -175,7 +171,7 @@ def keep_matches(
         inputs: everything the matches depend on beside the two images' features.
         compute: the matches.
     """
-    key = digest("guided", _GUIDED_VERSION, features[i].key, features[j].key, inputs)
+    key = digest("guided", STAGES["guided"], features[i].key, features[j].key, inputs)
     kept = cache.get("guided", key)
     if kept is not None:
         return kept["matches"]
@@ -190,7 +186,7 @@ def load_quality(capture: Capture, cache: StageCache) -> dict[str, Quality]:
     def measure(photo: Photo) -> Quality:
         if find_mask(photo.path) is not None:
             return measure_photo(photo)
-        key = digest("quality", _QUALITY_VERSION, photo.sha256)
+        key = digest("quality", STAGES["quality"], photo.sha256)
         kept = cache.get("quality", key)
         if kept is None:
             found = measure_photo(photo)

@@ -1,4 +1,4 @@
-"""Reading and writing reference.json and evaluation.json, and their JSON Schema."""
+"""Reading and writing reference.json and evaluation.json, and the JSON Schema of all results but plans."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, FileEntry, ReferenceReport
+from fieldkit.results.visit import Visit
 
 REFERENCE_FILE = "reference.json"
 EVALUATION_FILE = "evaluation.json"
@@ -22,6 +23,7 @@ SCHEMA_FILES: dict[str, type[BaseModel]] = {
     "reference.schema.json": ReferenceReport,
     "evaluation.schema.json": EvaluationReport,
     "comparison.schema.json": ComparisonReport,
+    "visit.schema.json": Visit,
 }
 
 _MAX_BYTES = 256 << 20

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.campaign.create import CampaignSources, init_campaign
-from fieldkit.campaign.folder import CampaignPlot
+from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.campaign.sorting import Shot
 from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.geometry import Intrinsics, Pose

@@ -21,10 +21,10 @@ from fieldkit.campaign import Campaign, Visit, find_campaign, read_campaign
 from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, campaign_text, read_campaign_file
 from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
 from fieldkit.campaign.export import campaign_csv, export_campaign
+from fieldkit.campaign.folder_names import folder_name
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
 from fieldkit.campaign.ranking import drift, ranking
-from fieldkit.campaign.table import Row, Table
-from fieldkit.campaign.visiting import folder_name
+from fieldkit.campaign.visit_folders import keep_visit
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.results.plan_file import plan_from_poses
 from tests.campaign.examples import PLAN, STATIONS, campaign_folder, field, plots_geojson
@@ -34,7 +34,7 @@ EVIL = "=HYPERLINK(0)</script><b>"
 
 
 def visit(plot: str, date: str, chamfer: float | None = None, **more: object) -> Visit:
-    return Visit(plot, date, chamfer_m=chamfer, images=8, right=8, registered=8, **more)  # type: ignore[arg-type]
+    return Visit(plot=plot, date=date, chamfer_m=chamfer, images=8, right=8, registered=8, **more)  # type: ignore[arg-type]
 
 
 VISITS = (
@@ -42,15 +42,14 @@ VISITS = (
     visit("r1c2", "2026-06-18", 0.0105),
     visit("r2c1", "2026-06-18", None, predicted_chamfer_m=0.02, predicted_low_m=0.015, predicted_high_m=0.03),
     visit("r1c1", "2026-06-25", 0.020, height_m=0.7),
-    Visit("r2c2", "2026-06-25", error=EVIL, notes=(EVIL,), captures=EVIL),
+    Visit(plot="r2c2", date="2026-06-25", error=EVIL, notes=(EVIL,), captures=EVIL),
 )
 
 
 def campaign(tmp_path: Path, visits: tuple[Visit, ...] = VISITS) -> Campaign:
     folder = campaign_folder(tmp_path, FIELD)
-    with Table(folder / "campaign.sqlite") as table:
-        for each in visits:
-            table.put(Row(each, "x"))
+    for each in visits:
+        assert keep_visit(folder, each)
     return read_campaign(folder)
 
 

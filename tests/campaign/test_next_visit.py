@@ -11,7 +11,7 @@ import pytest
 
 from fieldkit.campaign import Campaign, Visit, read_campaign
 from fieldkit.campaign.next_visit import grown, next_plans, plan_next_visit
-from fieldkit.campaign.table import Row, Table
+from fieldkit.campaign.visit_folders import keep_visit
 from fieldkit.cli.main import main
 from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
@@ -47,11 +47,10 @@ def season(tmp_path: Path, visited: Sequence[str] = ("r1c1", "r1c2")) -> Campaig
     folder = campaign_folder(tmp_path, FIELD, PLAN.model_copy(update={"envelope": ENVELOPE}))
     site = folder / "site.toml"
     site.write_text(site.read_text().replace("latitude_deg = 52.296\n", "latitude_deg = 52.2957\n"))  # beside the plots
-    with Table(folder / "campaign.sqlite") as table:
-        for plot in visited:
-            evaluation_folder(folder / "visits" / plot / DATES[0], {plot: row()}, None)
-            table.put(Row(Visit(plot, DATES[0], folder=f"visits/{plot}/{DATES[0]}", images=8, right=8), "x"))
-            table.put(Row(Visit(plot, DATES[1], error="too dark"), "y"))
+    for plot in visited:
+        evaluation_folder(folder / "visits" / plot / DATES[0], {plot: row()}, None)
+        keep_visit(folder, Visit(plot=plot, date=DATES[0], folder=f"visits/{plot}/{DATES[0]}", images=8, right=8))
+        keep_visit(folder, Visit(plot=plot, date=DATES[1], error="too dark"))
     return read_campaign(folder)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.campaign import Visit, read_campaign
-from fieldkit.campaign.table import Row, Table
+from fieldkit.campaign.visit_folders import keep_visit
 from fieldkit.cli.main import main
 from tests.campaign.examples import campaign_folder, field
 
@@ -55,8 +55,7 @@ def test_show_and_export_find_the_campaign_about_the_folder(
     place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = campaign_folder(place, FIELD)
-    with Table(folder / "campaign.sqlite") as table:
-        table.put(Row(Visit("r1c1", "2026-06-18", chamfer_m=0.01, notes=("[bold]",)), "x"))
+    keep_visit(folder, Visit(plot="r1c1", date="2026-06-18", chamfer_m=0.01, notes=("[bold]",)))
     for arguments in (["show"], ["export", "-o", "out.csv"]):
         assert answer(capsys, "campaign", *arguments, code=2)["error"]["message"] == "which campaign?"
     (folder / "deep").mkdir()

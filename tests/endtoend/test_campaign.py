@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.campaign import read_campaign, visit_plots
-from fieldkit.campaign.table import read_rows
+from fieldkit.campaign.visit_folders import read_visits
 from fieldkit.evaluation.adherence import flown_noise
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
@@ -105,8 +105,10 @@ def test_plots_with_and_without_reference(line: CommandLine, season: Path, small
     assert 0.0 < position_m < 0.02  # the photographs were taken at the stations
     assert 0.0 < angle_deg < 2.0
     # Again: nothing is computed, not even what failed. A lost table comes back from the folders.
+    table = (season / "campaign.sqlite").read_bytes()
     (season / "campaign.sqlite").unlink()
     evaluated, kept, _ = evaluate(line)
+    assert (season / "campaign.sqlite").read_bytes() == table
     assert (evaluated, len(kept)) == ([], 3)
     assert {visit.plot: visit for visit in read_campaign(season).visits} == visits
     assert contents(line.folder / "captures") == before
@@ -160,7 +162,7 @@ def test_killed_twice_and_resumed(line: CommandLine, season: Path, small_plot: P
     stamps: dict[Path, int] = {}
     for rows in (1, 2):
         process = line.start("evaluate", "captures", "--campaign", "season", "--workers", "1")
-        assert wait_until(process, lambda rows=rows: len(read_rows(season / "campaign.sqlite")) >= rows)  # type: ignore[misc]
+        assert wait_until(process, lambda rows=rows: len(read_visits(season)) >= rows)  # type: ignore[misc]
         process.kill()
         assert finish(process).code == -signal.SIGKILL
         done = {path: path.stat().st_mtime_ns for path in season.glob("visits/*/*/evaluation.json")}
@@ -185,4 +187,4 @@ def test_messages(line: CommandLine, season: Path, small_plot: Path) -> None:
     none = line.run("evaluate", "captures", "--campaign", "season", "--json")
     assert none.code == 3
     assert "no usable photographs" in none.error["message"]
-    assert read_rows(season / "campaign.sqlite") == []
+    assert read_visits(season) == []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -220,7 +219,7 @@ class _Reader:
 
     def _campaign(self, folder: Path) -> CampaignPart:
         campaign = read_campaign(folder)
-        check_plausible([asdict(visit) for visit in campaign.visits], folder / CAMPAIGN_FILE)
+        check_plausible([visit.row() for visit in campaign.visits], folder / CAMPAIGN_FILE)
         return CampaignPart(folder, self._name(folder), campaign, file_sha256(folder / CAMPAIGN_FILE))
 
     def _plan(self, folder: Path) -> PlanPart:

@@ -17,12 +17,12 @@ from fieldkit.reconstruction.dense.rays import Active, active_pixels
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
+from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.parallel import map_threads
 from fieldkit.runtime.progress import Progress
 
-VERSION = 5
-"""Part of every cache key; to be raised when the method changes its result."""
 STAGE = "depth"
+_VERSION = STAGES["depth"]
 _KEPT = 32
 
 
@@ -79,14 +79,23 @@ def compute_planes(
     levels = _levels(views, settings)
     steps = sum(1 + _passes(settings, level) for level in range(levels + 1))
     keys = [
-        digest(VERSION, "photographs", contents[i], [contents[j] for j in sources[i]], volume, seed, matching, levels)
+        digest(
+            STAGES["depth"],
+            "photographs",
+            contents[i],
+            [contents[j] for j in sources[i]],
+            volume,
+            seed,
+            matching,
+            levels,
+        )
         for i in count
     ]
     results: list[Planes] = []
     with progress.stage("depth maps", steps * len(views)) as advance:
         for level in range(levels, -1, -1):
             if results:
-                keys = [digest(VERSION, "finer", key) for key in keys]
+                keys = [digest(_VERSION, "finer", key) for key in keys]
 
             def first(i: int, level: int = level, coarser: list[Planes] = results) -> Planes:
                 near = [views[j] for j in sources[i]]
@@ -95,7 +104,7 @@ def compute_planes(
 
             results = map_threads(_cached(cache, keys, first), count, workers=workers, advance=advance)
             for number in range(1, 1 + _passes(settings, level)):
-                keys = [digest(VERSION, "geometry", keys[i], [keys[j] for j in sources[i]]) for i in count]
+                keys = [digest(_VERSION, "geometry", keys[i], [keys[j] for j in sources[i]]) for i in count]
 
                 def later(i: int, level: int = level, number: int = number, before: list[Planes] = results) -> Planes:
                     near = [(views[j], before[j]) for j in sources[i]]

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from fieldkit.campaign import Visit
 from fieldkit.campaign.create import CampaignSources, init_campaign
-from fieldkit.campaign.table import TABLE_FILE, Row, Table
-from fieldkit.campaign.visit import Visit
+from fieldkit.campaign.visit_folders import keep_visit
 from fieldkit.clouds import Cloud, score, write_cloud
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
@@ -140,25 +140,24 @@ def write_campaign(
     sources = CampaignSources(folder.parent / "campaign-plan.json", SITES / "example.toml", SITES / "plots.geojson")
     campaign = init_campaign(folder, sources, name=name)
     (folder.parent / "campaign-plan.json").unlink()
-    with Table(folder / TABLE_FILE) as table:
-        for day, date in enumerate(dates):
-            for k, plot in enumerate(campaign.plots):
-                value = 0.008 + 0.001 * k + 0.002 * day
+    for day, date in enumerate(dates):
+        for k, plot in enumerate(campaign.plots):
+            value = 0.008 + 0.001 * k + 0.002 * day
+            visit = Visit(
+                plot=plot.id, date=date, captures="captures", folder=f"visits/{date}/{plot.id}", images=13,
+                registered=13, right=13 if k else 11, pose_rms_m=0.02, chamfer_m=value, accuracy_m=value / 3,
+                completeness_m=2 * value / 3, f_score={"0.005": 0.6, "0.010": 0.9 - 0.02 * k},
+                height_m=0.6 + 0.2 * day, cover=0.3 + 0.05 * day, hull_m3=0.2, cpu_s=20.0,
+                notes=(HOSTILE,) if k == 2 else (),
+            )  # fmt: skip
+            if k == 7:
+                visit = Visit(plot=plot.id, date=date, images=9, error=f"the photographs fell apart {HOSTILE}")
+            elif k == 6:
                 visit = Visit(
-                    plot.id, date, captures="captures", folder=f"visits/{date}/{plot.id}", images=13, registered=13,
-                    right=13 if k else 11, pose_rms_m=0.02, chamfer_m=value, accuracy_m=value / 3,
-                    completeness_m=2 * value / 3, f_score={"0.005": 0.6, "0.010": 0.9 - 0.02 * k},
-                    height_m=0.6 + 0.2 * day, cover=0.3 + 0.05 * day, hull_m3=0.2, cpu_s=20.0,
-                    notes=(HOSTILE,) if k == 2 else (),
+                    plot=plot.id, date=date, images=13, registered=13, right=13, predicted_chamfer_m=0.011,
+                    predicted_low_m=0.008, predicted_high_m=0.016, height_m=0.7, cover=0.4, hull_m3=0.25,
                 )  # fmt: skip
-                if k == 7:
-                    visit = Visit(plot.id, date, images=9, error=f"the photographs fell apart {HOSTILE}")
-                elif k == 6:
-                    visit = Visit(
-                        plot.id, date, images=13, registered=13, right=13, predicted_chamfer_m=0.011,
-                        predicted_low_m=0.008, predicted_high_m=0.016, height_m=0.7, cover=0.4, hull_m3=0.25,
-                    )  # fmt: skip
-                table.put(Row(visit, "x"))
+            keep_visit(folder, visit)
 
 
 def write_photographs(folder: Path, count: int = 8, *, side: int = 320) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fieldkit.campaign.table import TABLE_FILE
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.present.report import write_report
 from fieldkit.present.sections.plausible import check_plausible
@@ -93,9 +91,8 @@ def test_changed_bytes(season: Path, tmp_path: Path, name: str, place: int, junk
 def test_a_campaign_with_values_that_no_fieldkit_wrote(tmp_path: Path) -> None:
     write_campaign(tmp_path / "campaign")
     for column, value in (("chamfer_m", 1e308), ("chamfer_m", "x"), ("date", HOSTILE), ("images", -5), ("notes", "{")):
-        with sqlite3.connect(tmp_path / "campaign" / TABLE_FILE) as database:
-            database.execute(f"UPDATE visits SET {column} = ? WHERE plot = 'maize-2' AND date < '2026-07'", [value])
-        database.close()
+        (file,) = tmp_path.glob("campaign/visits/maize-2/2026-06*/visit.json")
+        file.write_text(json.dumps(json.loads(file.read_text()) | {column: value}))
         try:
             write_report(tmp_path / "campaign", tmp_path / "r.html", overwrite=True)
         except FieldkitError as error:

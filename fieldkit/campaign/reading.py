@@ -1,4 +1,4 @@
-"""A campaign read from its folder: plan, site, plots and the rows of its table."""
+"""A campaign read from its folder: plan, site, plots and visits."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from fieldkit.campaign.campaign_file import (
     EvaluationTable,
     read_campaign_file,
 )
-from fieldkit.campaign.names import folder_name
-from fieldkit.campaign.table import TABLE_FILE, read_rows
-from fieldkit.campaign.visit import Visit
+from fieldkit.campaign.folder_names import folder_name
+from fieldkit.campaign.visit_folders import read_visits
 from fieldkit.documents.versioned_toml import read_versioned
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import file_beside
@@ -23,9 +22,10 @@ from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
-from fieldkit.results.report_files import load_evaluation_report
+from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_evaluation_report
+from fieldkit.results.visit import Visit
 
-VISITS_FOLDER, PLANS_FOLDER = "visits", "plans"
+PLANS_FOLDER = "plans"
 _REMEDY = "Make a campaign with `fieldkit campaign init`."
 _SITE_BYTES = 256 << 10
 
@@ -51,6 +51,15 @@ class CampaignPlot:
     reference: Path | None = None
     reference_sha256: str | None = None
 
+    def reference_sha256_now(self) -> str:
+        """The SHA-256 of the reference.json that is there; "" where there is none."""
+        if self.reference is None:
+            return ""
+        try:
+            return file_sha256(self.reference / REFERENCE_FILE)
+        except OSError:
+            return ""
+
 
 @dataclass(frozen=True)
 class Campaign:
@@ -62,7 +71,7 @@ class Campaign:
         plan: that is flown over every plot.
         site: home, fence and the plots as missions need them.
         plots: in the order of their file.
-        visits: rows of the table, by plot in that order (plots that are gone come last), then by date.
+        visits: by plot in that order (plots that are gone come last), then by date.
         evaluation: how every visit is evaluated.
         plan_file, vehicle_file, camera_file: in the folder; the latter two None where there is none.
     """
@@ -104,7 +113,7 @@ class Campaign:
 
     @property
     def dates(self) -> tuple[str, ...]:
-        """All dates of the table, ascending."""
+        """All dates with a visit, ascending."""
         return tuple(sorted({visit.date for visit in self.visits}))
 
     @property
@@ -135,8 +144,7 @@ def read_campaign(folder: Path) -> Campaign:
     site = load_site(site_file, plots_file)
     plots = _plots(site, _shapes(site_file, plots_file), table, file)
     order = {plot.id: k for k, plot in enumerate(plots)}
-    visits = [row.visit for row in read_rows(folder / TABLE_FILE)]
-    visits.sort(key=lambda v: (order.get(v.plot, len(order)), v.plot, v.date))
+    visits = sorted(read_visits(folder), key=lambda v: (order.get(v.plot, len(order)), v.plot, v.date))
     return Campaign(
         name=table.name,
         folder=folder,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.campaign.placing import (
+from fieldkit.campaign.visit_frame import (
     Settling,
     on_stations,
     place_visit,

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.campaign.folder import CampaignPlot
+from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Capture
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume

@@ -1,0 +1,31 @@
+"""Which results a change of the engine invalidates: the version of every stage from a photograph to a score.
+
+A stage's version is raised when its code changes its results. It is part of the stage's keys in the cache, so that
+nothing computed before is taken for the new result, and of every visit's inputs in a campaign, so that its scores are
+computed again. Stages after the cloud are listed here, too, since a visit depends on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+STAGES: Mapping[str, int] = MappingProxyType(
+    {
+        "quality": 1,  # sharpness and exposure of a photograph
+        "features": 1,
+        "pairs": 1,  # blind matches and their verification
+        "guided": 1,  # matches between known poses
+        "mapping": 10,  # poses, intrinsics, sparse points
+        "frame": 1,  # plot frame, ground, volume of interest
+        "views": 1,  # undistorted photographs and masks
+        "depth": 5,  # dense stereo
+        "fusion": 1,  # depth maps into one cloud
+        "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
+        "scores": 1,  # refinement onto the reference, distances to it
+        "figures": 1,  # of plants, and what predictions are made from
+        "adherence": 1,  # of a flight to its plan
+        "visit": 1,  # where a campaign's visit is placed, and what is noted of it
+    }
+)
+"""Version by stage, in the order in which they run."""

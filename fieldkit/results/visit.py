@@ -1,0 +1,128 @@
+"""What visit.json holds: one plot on one date in a campaign. Units are in the keys: _m metres, _s seconds."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, Field
+
+from fieldkit.results.evaluation import ByDistance, Count, PlotEvaluation, Strict
+
+VISITS_FOLDER = "visits"
+
+
+def _is_a_date(text: str) -> str:
+    if date.fromisoformat(text).isoformat() != text:
+        raise ValueError("is not written like 2026-06-30")
+    return text
+
+
+def _is_a_path(text: str) -> str:
+    if "\0" in text:
+        raise ValueError("is no path")
+    return text
+
+
+def _is_below_visits(folder: str) -> str:
+    parts = _is_a_path(folder).split("/")
+    if folder and (parts[0] != VISITS_FOLDER or ".." in parts):
+        raise ValueError("leads out of the campaign's visits")
+    return folder
+
+
+class Visit(Strict):
+    """visit.json: what one capture of one plot came to.
+
+    What could not be given is null, and ``notes`` or ``error`` say why.
+    """
+
+    kind: Literal["visit"] = "visit"
+    version: Literal[2] = 2
+    plot: str
+    """Its id in the campaign's plots."""
+    date: Annotated[str, AfterValidator(_is_a_date)]
+    """Local date of the photographs, ISO 8601 (2026-06-30)."""
+    captures: str = ""
+    """The photographs' folder, as given."""
+    folder: Annotated[str, AfterValidator(_is_below_visits)] = ""
+    """Of the evaluation, relative to the campaign's; empty where there is none."""
+    images: Count = 0
+    """Photographs."""
+    registered: Count = 0
+    """Those with a pose."""
+    right: Count = 0
+    """Those whose pose counts."""
+    pose_rms_m: float | None = None
+    """Of reconstructed against known positions."""
+    chamfer_m: float | None = None
+    """Against the plot's own reference; so accuracy_m, completeness_m and f_score."""
+    accuracy_m: float | None = None
+    completeness_m: float | None = None
+    f_score: ByDistance = Field(default_factory=dict)
+    predicted_chamfer_m: float | None = None
+    """Where there is no reference; nine in ten plots lie between predicted_low_m and predicted_high_m."""
+    predicted_low_m: float | None = None
+    predicted_high_m: float | None = None
+    height_m: float | None = None
+    """Of the plants: 95 % of their points are lower."""
+    cover: float | None = None
+    """Share of the plot's ground that plants cover, seen from above."""
+    hull_m3: float | None = None
+    """Volume of the plants' hull."""
+    cpu_s: float = 0.0
+    """What the evaluation took."""
+    error: str = ""
+    """Why there is no score; empty otherwise."""
+    notes: tuple[str, ...] = ()
+    """What a person should know."""
+    fieldkit: str = ""
+    """Version that computed it; empty where an earlier one did not say."""
+    stages: dict[str, int] = Field(default_factory=dict)
+    """Versions of the stages it was computed by; empty where an earlier fieldkit did not say."""
+    inputs: str = ""
+    """Digest of all that the result depends on; empty where it is to be evaluated again."""
+    photographs: dict[str, Annotated[str, AfterValidator(_is_a_path)]] = Field(default_factory=dict)
+    """Paths, absolute or relative to the campaign's folder, by the photographs' SHA-256."""
+
+    @classmethod
+    def of_evaluation(cls, evaluation: PlotEvaluation, **own: Any) -> Self:
+        """A visit with the figures of its evaluation.
+
+        Args:
+            evaluation: of the plot.
+            own: the fields that no evaluation has.
+        """
+        prediction, plants = evaluation.prediction, evaluation.plants
+        return cls(
+            images=evaluation.images,
+            registered=evaluation.registered,
+            right=evaluation.right,
+            pose_rms_m=evaluation.pose_rms_m if evaluation.metric else None,
+            chamfer_m=evaluation.chamfer_m,
+            accuracy_m=evaluation.accuracy_m,
+            completeness_m=evaluation.completeness_m,
+            f_score=evaluation.f_score or {},
+            predicted_chamfer_m=None if prediction is None else prediction.chamfer_m,
+            predicted_low_m=None if prediction is None else prediction.low_m,
+            predicted_high_m=None if prediction is None else prediction.high_m,
+            height_m=None if plants is None else plants.height_m,
+            cover=None if plants is None else plants.cover,
+            hull_m3=None if plants is None else plants.hull_m3,
+            error="" if evaluation.error is None else evaluation.error.message,
+            **own,
+        )
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Plot and date: a campaign has one visit of each."""
+        return self.plot, self.date
+
+    def row(self) -> dict[str, Any]:
+        """What people see of it, as plain values by name."""
+        return self.model_dump(mode="json", exclude=_UNSEEN)
+
+
+_UNSEEN = {"kind", "version", "stages", "inputs", "photographs"}
+ROW = tuple(name for name in Visit.model_fields if name not in _UNSEEN)
+"""The keys of `Visit.row`, in order."""

@@ -1,0 +1,64 @@
+"""Reading and writing visit.json."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from fieldkit.documents.json_file import read_json_object, validated
+from fieldkit.errors import MetadataError
+from fieldkit.files import write_atomic
+from fieldkit.results.visit import Visit
+
+VISIT_FILE = "visit.json"
+_VERSION = Visit.model_fields["version"].default
+_MAX_BYTES = 8 << 20
+_REMEDY = "Move it away, and run `fieldkit evaluate` on the photographs again."
+
+
+def save_visit(folder: Path, visit: Visit) -> None:
+    """Write visit.json (UTF-8, indented) into a visit's folder, which is made where it is missing.
+
+    Raises:
+        StorageError: the place is full or not writable; an older file is left as it was.
+    """
+    write_atomic(folder / VISIT_FILE, visit.model_dump_json(indent=2) + "\n")
+
+
+def visit_document(folder: Path) -> dict[str, Any]:
+    """The object in a folder's visit.json, of whatever version.
+
+    Raises:
+        MetadataError: it is missing, not JSON, or no visit.
+    """
+    file = folder / VISIT_FILE
+    document = read_json_object(file, _REMEDY, noun="visit", max_bytes=_MAX_BYTES)
+    if document.get("kind") != "visit":
+        raise MetadataError(f'is not a visit: its "kind" is {document.get("kind")!r}', path=file, remedy=_REMEDY)
+    return document
+
+
+def visit_of_document(document: dict[str, Any], folder: Path) -> Visit:
+    """The visit that `visit_document` read.
+
+    Raises:
+        MetadataError: it is of another version, or a field is wrong.
+    """
+    file = folder / VISIT_FILE
+    version = document.get("version")
+    if version != _VERSION or isinstance(version, bool):
+        newer = isinstance(version, int) and version > _VERSION
+        raise MetadataError(
+            f"has version {version!r} of the format; this fieldkit reads {_VERSION}", path=file,
+            remedy="Install the fieldkit that wrote it, or a newer one." if newer else _REMEDY,
+        )  # fmt: skip
+    return validated(Visit, document, file, _REMEDY)
+
+
+def load_visit(folder: Path) -> Visit:
+    """The visit of a folder.
+
+    Raises:
+        MetadataError: as `visit_document` and `visit_of_document`.
+    """
+    return visit_of_document(visit_document(folder), folder)

@@ -1,0 +1,104 @@
+"""What makes a visit be computed again, and how visits of another engine are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import pytest
+
+from fieldkit.campaign import Visit, read_campaign
+from fieldkit.campaign.campaign_file import EvaluationTable
+from fieldkit.campaign.engine import changed_stages, is_current, stage_versions
+from fieldkit.campaign.evaluate_visit import VisitJob
+from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
+from fieldkit.campaign.resuming import unchanged, visit_inputs
+from fieldkit.campaign.visit_folders import keep_visit
+from fieldkit.captures.selection import FoundPhoto
+from fieldkit.reconstruction.versions import STAGES
+from tests.campaign.examples import PLAN, campaign_folder, field, flown
+
+FIELD = field(1, 2)
+DATE = "2026-06-18"
+
+
+def job(folder: Path) -> VisitJob:
+    """Eight photographs that nobody took."""
+    named = [(shot.photo, shot.place.rpartition("/")[2]) for shot in flown(FIELD[0])]
+    photos = tuple(FoundPhoto(replace(photo, path=folder / name, name=name), name, {}) for photo, name in named)
+    made = VisitJob(FIELD[0], DATE, photos, "DCIM", (), folder, PLAN, EvaluationTable(), None, None)
+    return replace(made, inputs=visit_inputs(made))
+
+
+def raised(monkeypatch: pytest.MonkeyPatch, stage: str) -> None:
+    changed = MappingProxyType({**STAGES, stage: STAGES[stage] + 1})
+    monkeypatch.setattr("fieldkit.campaign.engine.STAGES", changed)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_another_version_of_any_stage_is_another_visit(
+    stage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = job(tmp_path)
+    visit = Visit(plot=FIELD[0].id, date=DATE, folder=before.place, inputs=before.inputs, stages=stage_versions())
+    (tmp_path / before.place).mkdir(parents=True)
+    (tmp_path / before.place / "evaluation.json").touch()
+    assert unchanged([before], {visit.key: visit}) == [visit]
+    assert is_current(visit)
+    raised(monkeypatch, stage)
+    after = job(tmp_path)
+    assert after.inputs != before.inputs
+    assert unchanged([after], {visit.key: visit}) == []
+    assert changed_stages(visit) == (stage,)
+
+
+def test_another_fit_of_the_prediction_is_another_visit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = job(tmp_path)
+    versions = stage_versions()
+    monkeypatch.setattr("fieldkit.campaign.resuming.stage_versions", lambda: versions | {"prediction": 99})
+    assert job(tmp_path).inputs != before.inputs
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"date": "2026-06-19"}, {"captures": "elsewhere"}, {"notes": ("x",)}, {"cache": Path("cache")},
+        {"evaluation": EvaluationTable(seed=1)}, {"plan": PLAN.model_copy(update={"row_heading_deg": 3.0})},
+        {"plot": replace(FIELD[0], row_heading_deg=1.0)}, {"plot": replace(FIELD[0], reference_sha256="0" * 64)},
+    ],
+)  # fmt: skip
+def test_what_a_result_depends_on(change: dict[str, object], tmp_path: Path) -> None:
+    made = job(tmp_path)
+    same = visit_inputs(replace(made, **change)) == made.inputs  # type: ignore[arg-type]
+    assert same == (not change.keys() & {"evaluation", "plan", "plot"})
+    fewer = visit_inputs(replace(made, photos=made.photos[1:]))
+    assert fewer != made.inputs
+
+
+def test_a_visit_without_inputs_or_evaluation_is_tried_again(tmp_path: Path) -> None:
+    made = job(tmp_path)
+    visit = Visit(plot=FIELD[0].id, date=DATE, folder=made.place, inputs=made.inputs)
+    assert unchanged([made], {visit.key: visit}) == []  # its evaluation is gone
+    nothing = visit.model_copy(update={"inputs": ""})
+    assert unchanged([replace(made, inputs="")], {visit.key: nothing}) == []
+
+
+def test_show_says_which_fieldkit_computed_what(tmp_path: Path) -> None:
+    folder = campaign_folder(tmp_path, FIELD)
+    now, old = stage_versions(), stage_versions() | {"plants": 0}
+    keep_visit(folder, Visit(plot="r1c1", date=DATE, chamfer_m=0.01, fieldkit="1.2", stages=now))
+    keep_visit(folder, Visit(plot="r1c2", date=DATE, chamfer_m=0.01, fieldkit="1.1", stages=old))
+    keep_visit(folder, Visit(plot="r1c1", date="2026-06-25", error="dark"))
+    made = read_campaign(folder)
+    said = list(remarks(made))
+    assert "1 visit computed by fieldkit 1.2." in said
+    assert any(s.startswith("† 1 visit computed by fieldkit 1.1, by another version of plants (r1c2 ") for s in said)
+    assert any(s.startswith("† 1 visit computed by an unknown fieldkit, by unknown ") for s in said)
+    grid = next(campaign_tables(made))
+    assert [list(column.cells) for column in grid.columns][1:] == [
+        ["10.0 mm (0/0)", "10.0 mm (0/0) †"],
+        ["failed †", "–"],
+    ]
+    shown = [(visit["fieldkit"], visit["current"]) for visit in campaign_object(made)["visits"]]
+    assert shown == [("1.2", True), ("", False), ("1.1", False)]

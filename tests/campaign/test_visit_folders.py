@@ -1,0 +1,157 @@
+"""Visits in their folders, and the table that is made of them."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import subprocess
+import sys
+import textwrap
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.campaign import Visit
+from fieldkit.campaign.earlier_formats import read_earlier_table
+from fieldkit.campaign.sqlite_table import write_table
+from fieldkit.campaign.visit_folders import keep_visit, read_visits
+from fieldkit.errors import CaptureError, MetadataError, StorageError
+from fieldkit.evaluation.conversion import failed_plot
+from fieldkit.results.evaluation import PlantEntry, PredictionEntry
+from fieldkit.results.visit import ROW
+from fieldkit.results.visit_file import load_visit, visit_of_document
+from tests.campaign.test_earlier_formats import FAILED, FULL
+
+
+def test_visits_come_back_and_replace_each_other(tmp_path: Path) -> None:
+    assert read_visits(tmp_path) == []
+    assert not list(tmp_path.iterdir())
+    slashed = FAILED.model_copy(update={"plot": "a/b"})
+    for visit in (FULL, FAILED, slashed):
+        assert keep_visit(tmp_path, visit)
+    assert read_visits(tmp_path) == [slashed, FULL, FAILED]
+    later = FAILED.model_copy(update={"inputs": "later"})
+    assert keep_visit(tmp_path, later)
+    assert read_visits(tmp_path) == [slashed, FULL, later]
+    assert [path.name for path in (tmp_path / "visits" / "a%2Fb" / FAILED.date).iterdir()] == ["visit.json"]
+
+
+def test_copies_and_what_killed_runs_left_are_no_visits(tmp_path: Path) -> None:
+    keep_visit(tmp_path, FULL)
+    text = (tmp_path / FULL.folder / "visit.json").read_text()
+    for name in (f"{FULL.date} copy", f".{FULL.date}.0123456789ab.partial"):
+        place = tmp_path / "visits" / FULL.plot / name
+        place.mkdir()
+        (place / "visit.json").write_text(text)
+    assert read_visits(tmp_path) == [FULL]
+
+
+def test_somebodys_other_work_is_left_alone(tmp_path: Path) -> None:
+    place = tmp_path / FULL.folder
+    place.mkdir(parents=True)
+    assert keep_visit(tmp_path, FULL)  # empty
+    (place / "visit.json").rename(place / "notes.txt")
+    assert not keep_visit(tmp_path, FULL)
+    (place / "evaluation.json").touch()
+    assert keep_visit(tmp_path, FULL)
+
+
+@given(st.text(max_size=20), st.floats(allow_nan=False, allow_infinity=False), st.lists(st.text(max_size=9)))
+def test_values_round_trip(text: str, number: float, notes: list[str]) -> None:
+    visit = Visit(
+        plot="p", date="2026-01-01", captures=text, height_m=number, notes=tuple(notes), f_score={"0.010": 0.5}
+    )
+    assert visit_of_document(json.loads(visit.model_dump_json()), Path("x")) == visit
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"date": "soon"}, {"date": "20260618"}, {"chamfer_m": float("nan")}, {"chamfer_m": "x"}, {"images": -1},
+        {"images": 1.5}, {"folder": "/etc"}, {"folder": "visits/../../etc"}, {"notes": [1]}, {"f_score": "[["},
+        {"plot": 7}, {"cpu_s": None}, {"photographs": {"ab": "a\0b"}}, {"colour": "green"}, {"version": 3},
+        {"kind": "row"},
+    ],
+)  # fmt: skip
+def test_values_that_nobody_wrote(change: dict[str, object], tmp_path: Path) -> None:
+    keep_visit(tmp_path, FULL)
+    file = tmp_path / FULL.folder / "visit.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | change))
+    for read in (lambda: load_visit(file.parent), lambda: read_visits(tmp_path)):
+        with pytest.raises(MetadataError) as caught:
+            read()
+        assert caught.value.path == file
+        assert caught.value.remedy
+
+
+def test_a_place_that_cannot_be_written(unwritable: Path) -> None:
+    with pytest.raises(StorageError):
+        keep_visit(unwritable, FULL)
+    with pytest.raises(StorageError):
+        write_table(unwritable, [FULL])
+
+
+def test_the_table_is_made_of_the_visits(tmp_path: Path) -> None:
+    write_table(tmp_path, [FULL, FAILED])
+    write_table(tmp_path, [FULL, FAILED])
+    assert [path.name for path in tmp_path.iterdir()] == ["campaign.sqlite"]  # one file, to be copied at any time
+    assert read_earlier_table(tmp_path) == []  # nothing is only there
+    with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as database:
+        database.row_factory = sqlite3.Row
+        rows = [dict(row) for row in database.execute("SELECT * FROM visits ORDER BY date")]
+    assert tuple(rows[0]) == ROW
+    assert rows[0] == FULL.row() | {"f_score": '{"0.010": 0.9}', "notes": '["one", "two ü"]'}
+    assert rows[1]["error"] == FAILED.error
+    assert rows[1]["chamfer_m"] is None
+
+
+def test_a_visit_has_the_figures_of_its_evaluation() -> None:
+    figures = {
+        "images": 9, "registered": 8, "right": 7, "pose_rms_m": 0.1, "chamfer_m": 0.2, "accuracy_m": 0.3,
+        "completeness_m": 0.4, "f_score": {"0.010": 0.5},
+    }  # fmt: skip
+    plants = PlantEntry(height_m=0.6, height_max_m=0.7, cover=0.8, covered_m2=1, area_m2=2, hull_m3=0.9, voxel_m=0.01,
+                        cell_m=0.01, stray=0)  # fmt: skip
+    prediction = PredictionEntry(chamfer_m=0.11, low_m=0.12, high_m=0.13, reason="", model=1)
+    failed = failed_plot("p", CaptureError("too dark", path=Path("x"), remedy=""), seconds=1, cpu_seconds=2)
+    plot = failed.model_copy(update={**figures, "metric": True, "plants": plants, "prediction": prediction})
+    row = Visit.of_evaluation(plot, plot="p", date="2026-06-18").row()
+    assert {name: row[name] for name in figures} == figures
+    assert [row[f"predicted_{name}_m"] for name in ("chamfer", "low", "high")] == [0.11, 0.12, 0.13]
+    assert (row["height_m"], row["cover"], row["hull_m3"]) == (0.6, 0.8, 0.9)
+    assert "too dark" in row["error"]
+    unscaled = Visit.of_evaluation(plot.model_copy(update={"metric": False}), plot="p", date="2026-06-18")
+    assert unscaled.pose_rms_m is None
+
+
+@pytest.mark.slow
+def test_killed_while_writing(tmp_path: Path) -> None:
+    """Whatever was kept before the kill is there, and more can be kept."""
+    script = textwrap.dedent("""
+        import sys
+        from pathlib import Path
+        from fieldkit.campaign import Visit
+        from fieldkit.campaign.visit_folders import keep_visit
+        for k in range(100_000):
+            plot = f"{sys.argv[2]}-{k % 50}"
+            keep_visit(Path(sys.argv[1]), Visit(plot=plot, date="2026-01-01", captures="x" * 2000, images=k))
+            print(k, flush=True)
+    """)
+    for seconds in (0.1, 0.3, 0.2):
+        command = [sys.executable, "-c", script, str(tmp_path), str(seconds)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert process.stdout is not None
+        said = process.stdout.readline()
+        try:
+            process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            process.kill()
+        said += process.stdout.read()
+        process.wait()
+        process.stdout.close()
+        last = int(said.split()[-1])
+        newest = max(visit.images for visit in read_visits(tmp_path) if visit.plot.startswith(f"{seconds}-"))
+        assert newest in (last, last + 1)
