@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.evaluation.pose_table import Poses, pose_entry
-from fieldkit.evaluation.stations import PoseArray, match_stations
+from fieldkit.evaluation.pose_table import Poses, pose_array, pose_entry
 from fieldkit.geometry import Pose
+from fieldkit.geometry.stations import associate
 from fieldkit.missions.autopilots.execution import Execution
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.reading import read_mission
@@ -82,11 +82,7 @@ class FlownMission:
             }
             entries.append(entry.model_copy(update=known))
         names = list(stations)
-        pairs, _ = match_stations(_array(entries), _array([stations[name] for name in names]))
+        pairs = associate(pose_array(entries), pose_array(stations.values())).station_of
         if not pairs:
             return {}, "the mission takes no photograph near the plan's stations"
         return {names[b]: entries[a] for a, b in pairs.items()}, ""
-
-
-def _array(poses: list[PoseEntry]) -> PoseArray:
-    return PoseArray.of([(p.position_m, p.yaw_deg, p.pitch_deg) for p in poses])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.captures import Capture
 from fieldkit.evaluation.figures import clean_text
-from fieldkit.evaluation.stations import PoseArray, match_stations
 from fieldkit.geometry import Pose
 from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
 from fieldkit.results.evaluation import (
     AchievedSource,
@@ -52,6 +52,11 @@ def pose_entry(position: ArrayLike, rotation: NDArray[np.float64] | None) -> Pos
         return PoseEntry(position_m=(x, y, z), yaw_deg=None, pitch_deg=None)
     yaw, pitch = _yaw_pitch(rotation)
     return PoseEntry(position_m=(x, y, z), yaw_deg=yaw, pitch_deg=pitch)
+
+
+def pose_array(poses: Iterable[PoseEntry]) -> PoseArray:
+    """As arrays, in their order."""
+    return PoseArray.of([(pose.position_m, pose.yaw_deg, pose.pitch_deg) for pose in poses])
 
 
 def station_names(plan: Plan) -> list[str]:
@@ -228,8 +233,8 @@ def _assign(station_of: dict[str, str], stations: Poses, poses: Poses) -> None:
         # Those that an earlier source has assigned say how far this one lies beside the plan.
         apart = [np.subtract(poses[n].position_m, stations[station_of[n]].position_m) for n in both]
         shift = np.median(np.array(apart, dtype=np.float64), axis=0)
-    pairs, _ = match_stations(_array(poses, left), _array(stations, free), shift_m=shift)
-    station_of.update({left[a]: free[b] for a, b in sorted(pairs.items())})
+    found = associate(pose_array(poses[n] for n in left), pose_array(stations[n] for n in free), offset_m=shift)
+    station_of.update({left[a]: free[b] for a, b in found.station_of.items()})
 
 
 def _shift(
@@ -273,10 +278,6 @@ def _yaw_pitch(rotation: NDArray[np.float64]) -> tuple[float, float]:
         right = rotation[0]
         yaw = float(np.degrees(np.arctan2(-right[1], right[0])))
     return float(wrapped_deg(yaw)), float(pitch)
-
-
-def _array(poses: Poses, names: Sequence[str]) -> PoseArray:
-    return PoseArray.of([(poses[n].position_m, poses[n].yaw_deg, poses[n].pitch_deg) for n in names])
 
 
 def _somewhere(row: PhotographPosesEntry) -> bool:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.missions.autopilots.execution import Execution, Photograph, distance
 from fieldkit.missions.findings import Deviation, Finding, error, warning
 from fieldkit.missions.mission import GeoPoint, Home, Shot
@@ -22,10 +24,6 @@ _SLACK_DEG = 1e-3
 OFF_M, OFF_DEG = 0.25, 5.0
 """From the plan: an error beyond these."""
 _NEAR_M, _NEAR_DEG = 0.05, 1.0
-_SEARCH_M = 3.0
-_NEIGHBOURS = 12
-_METRES_PER_DEGREE = 0.1
-"""When photographs are matched to stations: places of one station's neighbours may be the same."""
 
 
 def photograph_findings(
@@ -111,9 +109,10 @@ def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterato
 
 
 def deviations(photographs: Sequence[Photograph], planned: Sequence[Shot], home: Home) -> tuple[Deviation, ...]:
-    """Photographs matched to the plan's stations, nearest first, each at most once and within 3 m."""
-    from scipy.spatial import cKDTree
+    """Photographs matched to the plan's stations, each at most once and within 3 m, whatever way they look.
 
+    A mission's poses are commanded, so nothing that they have in common is taken out.
+    """
     usable = [
         shot for shot in photographs
         if not shot.never and shot.place is not None and math.isfinite(shot.place.height_m)
@@ -121,23 +120,25 @@ def deviations(photographs: Sequence[Photograph], planned: Sequence[Shot], home:
     if not usable or not planned:
         return ()
     frame = LocalFrame(home.latitude_deg, home.longitude_deg)
-    taken = _local(frame, [shot.place for shot in usable if shot.place is not None])
-    wanted = _local(frame, [shot.place for shot in planned])
-    near, index = cKDTree(wanted).query(taken, k=min(_NEIGHBOURS, len(wanted)), distance_upper_bound=_SEARCH_M)
-    near, index = near.reshape(len(taken), -1), index.reshape(len(taken), -1)
-    pairs = []
-    for a, b in np.argwhere(np.isfinite(near)):
-        found = _deviation(usable[a], planned[int(index[a, b])], float(near[a, b]))
-        turn = abs(found.heading_deg or 0.0) + abs(found.pitch_deg or 0.0)
-        pairs.append((found.metres + _METRES_PER_DEGREE * turn, int(a), int(index[a, b]), found))
-    used_a: set[int] = set()
-    used_b: set[int] = set()
-    matched = []
-    for _, a, b, found in sorted(pairs, key=lambda pair: pair[:3]):
-        if a not in used_a and b not in used_b:
-            used_a.add(a)
-            used_b.add(b)
-            matched.append(found)
+    taken = PoseArray(
+        _local(frame, [shot.place for shot in usable if shot.place is not None]),
+        np.array([np.nan if shot.heading_deg is None else shot.heading_deg for shot in usable]),
+        np.array([np.nan if shot.pitch_deg is None else shot.pitch_deg for shot in usable]),
+    )
+    wanted = PoseArray(
+        _local(frame, [shot.place for shot in planned]),
+        np.array([shot.yaw_deg for shot in planned]),
+        np.array([shot.pitch_deg for shot in planned]),
+    )
+    pairs = dict(associate(taken, wanted, offset_m=np.zeros(3)).station_of)
+    # One that looks elsewhere belongs to the station at its place all the same: that it does is what is to be said.
+    left_a = [a for a in range(len(usable)) if a not in pairs]
+    left_b = sorted(set(range(len(planned))) - set(pairs.values()))
+    blind = replace(taken[left_a], yaws=np.full(len(left_a), np.nan), pitches=np.full(len(left_a), np.nan))
+    turned_away = associate(blind, wanted[left_b], offset_m=np.zeros(3)).station_of
+    pairs |= {left_a[a]: left_b[b] for a, b in turned_away.items()}
+    apart = {a: float(np.linalg.norm(taken.positions[a] - wanted.positions[b])) for a, b in pairs.items()}
+    matched = [_deviation(usable[a], planned[b], apart[a]) for a, b in pairs.items()]
     return tuple(sorted(matched, key=lambda found: found.station))
 
 

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from fieldkit.captures.flight_logs.achieved import AchievedPose, FixedMount, achieved_pose
 from fieldkit.captures.flight_logs.model import Trigger
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import LocalFrame
-
-REACH_M = 3.0
-"""A trigger farther than this from a planned pose does not belong to it, headings weighed in: photographs that come
-late are up to 1.8 m off, and those in passing up to 62°."""
-_METRES_PER_DEGREE = 1.0 / 30.0
-"""Weight of the heading: stations on a ring of 13 differ by 28° and 1.2 m."""
+from fieldkit.geometry.stations import PoseArray, associate
 
 
 @dataclass(frozen=True)
@@ -92,67 +87,63 @@ def adherence(
     *,
     datum: str = "home",
     mount: FixedMount | None = None,
-    reach_m: float = REACH_M,
 ) -> Adherence:
-    """Assign triggers to planned poses and compare them.
+    """Assign triggers to planned poses (`fieldkit.geometry.stations.associate`) and compare them.
 
-    The assignment is the one with the least sum of distances and headings (Hungarian method), so it does not depend on
-    order; a pair that costs more than ``reach_m`` is none.
+    An error that all photographs have in common does not change which belongs to which; it is part of each one's error.
 
     Args:
         planned: poses, with distinct names.
         triggers: of one flight.
         datum: of the planned heights: "home", "amsl", or "none" where they are not to be compared.
         mount: of a camera without a gimbal.
-        reach_m: see `REACH_M`.
     """
     if not planned or not triggers:
         return Adherence((), tuple(p.name for p in planned), tuple(range(len(triggers))))
     frame = LocalFrame(planned[0].latitude_deg, planned[0].longitude_deg)
     poses = [achieved_pose(trigger, mount) for trigger in triggers]
-    wanted = frame.to_local(*np.array([(p.latitude_deg, p.longitude_deg, 0.0) for p in planned]).T)[:, :2]
-    heights = [_height(p, datum) for p in poses]
-    places = np.full((len(poses), 2), np.nan)
-    for k, pose in enumerate(poses):
-        if pose.place is not None:
-            places[k] = frame.to_local(pose.place.latitude_deg, pose.place.longitude_deg, 0.0)[0, :2]
-    up = np.array([np.nan if h is None else h for h in heights])[:, None] - np.array([p.height_m for p in planned])
-    apart = places[:, None, :] - wanted[None, :, :]
-    yaws = np.array([np.nan if p.yaw_deg is None else p.yaw_deg for p in poses])
-    turn = wrapped_deg(yaws[:, None] - np.array([p.yaw_deg for p in planned]))
-    distance = np.sqrt((apart**2).sum(axis=2) + np.nan_to_num(up) ** 2)
-    cost = distance + np.abs(np.nan_to_num(turn)) * _METRES_PER_DEGREE
-    # Leaving a pose and a trigger alone costs the reach, so that one of each does not shift all the others.
-    worth = np.where(np.isfinite(cost), np.minimum(cost - reach_m, 0.0), 0.0)
-    pairs = {int(b): int(a) for a, b in zip(*linear_sum_assignment(worth), strict=True) if worth[a, b] < 0.0}
+    stations = PoseArray.of(
+        [(_local(frame, p.latitude_deg, p.longitude_deg, p.height_m), p.yaw_deg, p.pitch_deg) for p in planned]
+    )
+    taken = PoseArray.of([(_place(frame, pose, datum), pose.yaw_deg, pose.pitch_deg) for pose in poses])
+    trigger_of = {b: a for a, b in associate(taken, stations).station_of.items()}
     errors = []
-    for b, a in sorted(pairs.items()):
-        pitch = poses[a].pitch_deg
+    for b, a in sorted(trigger_of.items()):
+        east, north, up = taken.positions[a] - stations.positions[b]
         errors.append(
             PoseError(
                 station=planned[b].name,
                 trigger=a,
-                east_m=float(apart[a, b, 0]),
-                north_m=float(apart[a, b, 1]),
-                up_m=_number(up[a, b]),
-                yaw_deg=_number(turn[a, b]),
-                pitch_deg=None if pitch is None else pitch - planned[b].pitch_deg,
+                east_m=float(east),
+                north_m=float(north),
+                up_m=_number(up),
+                yaw_deg=_number(wrapped_deg(taken.yaws[a] - stations.yaws[b])),
+                pitch_deg=_number(taken.pitches[a] - stations.pitches[b]),
                 speed_mps=triggers[a].speed_mps,
                 turning_dps=triggers[a].turning_dps,
             )
         )
-    used = set(pairs.values())
+    used = set(trigger_of.values())
     return Adherence(
         tuple(errors),
-        tuple(p.name for b, p in enumerate(planned) if b not in pairs),
+        tuple(p.name for b, p in enumerate(planned) if b not in trigger_of),
         tuple(a for a in range(len(triggers)) if a not in used),
     )
 
 
-def _height(pose: AchievedPose, datum: str) -> float | None:
-    if pose.place is None or datum == "none":
-        return None
-    return pose.place.above_home_m if datum == "home" else pose.place.amsl_m
+def _local(frame: LocalFrame, latitude_deg: float, longitude_deg: float, height_m: float) -> tuple[float, float, float]:
+    """East and north of the frame; the height as it is, whatever its datum."""
+    east, north, _ = frame.to_local(latitude_deg, longitude_deg, 0.0)[0]
+    return float(east), float(north), height_m
+
+
+def _place(frame: LocalFrame, pose: AchievedPose, datum: str) -> tuple[float, float, float]:
+    """As the planned poses' places; NaN where not known."""
+    place = pose.place
+    if place is None:
+        return math.nan, math.nan, math.nan
+    height = {"home": place.above_home_m, "amsl": place.amsl_m}.get(datum)
+    return _local(frame, place.latitude_deg, place.longitude_deg, math.nan if height is None else height)
 
 
 def _number(value: float) -> float | None:

@@ -17,12 +17,13 @@ from fieldkit.evaluation.field_check.consistency import Consistency, check_tags
 from fieldkit.evaluation.field_check.guided_ties import with_guided_ties
 from fieldkit.evaluation.field_check.model import CheckFinding, CheckReport, CheckSettings
 from fieldkit.evaluation.field_check.pictures import PictureVerdict, judge_pictures, load_pictures
-from fieldkit.evaluation.field_check.placement import REACH_M, Placed, costs_to_stations, place_tags
+from fieldkit.evaluation.field_check.placement import Placed, place_tags
 from fieldkit.evaluation.field_check.pose_graph import TagPrior
 from fieldkit.evaluation.field_check.ties import TieGraph, find_ties
 from fieldkit.evaluation.field_check.verdicts import Evidence, believed_poses, judge, tag_pose
 from fieldkit.evaluation.plots import find_plots
 from fieldkit.geometry import Pose
+from fieldkit.geometry.stations import REACH_M
 from fieldkit.missions.plan_site.site import Site, SitePlot
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.results.plan import Plan
@@ -174,7 +175,7 @@ class Run:
         placed = place_tags(capture, self.plan, site, plot)
         with self.progress.stage("Sharpness and exposure", len(capture.photos)) as advance:
             pictures = load_pictures(capture.photos, cache=self.cache, workers=self.workers, advance=advance)
-        positions = [p if np.isfinite(p).all() else None for p in placed.tags.positions]
+        positions = [p if np.isfinite(p).all() else None for p in placed.tags.poses.positions]
         graph = find_ties(
             capture, self.settings, cache=self.cache, workers=self.workers, progress=self.progress,
             fallback=None if self.plan.camera is None else self.plan.camera.intrinsics, positions=positions,
@@ -210,16 +211,16 @@ def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSet
     tags, sigma = placed.tags, max(_PRIOR_M, placed.scatter_m)
     priors = {k: TagPrior(tag_pose(placed, k, plan), sigma, _PRIOR_DEG) for k in placed.station_of}
     for k in range(len(tags.names)):
-        if k not in priors and np.isfinite(tags.positions[k]).all() and np.isfinite(tags.yaws[k]):
+        if k not in priors and np.isfinite(tags.poses.positions[k]).all() and np.isfinite(tags.poses.yaws[k]):
             # An extra photograph: its tags may be right or wrong, like any other's.
             priors[k] = TagPrior(_free_pose(placed, k), sigma, _PRIOR_DEG)
-    doubts = dict.fromkeys(priors, REACH_M) | costs_to_stations(placed, plan)
+    doubts = dict.fromkeys(priors, REACH_M) | dict(placed.costs_m)
     return check_tags(priors, graph, settings, doubts)
 
 
 def _free_pose(placed: Placed, k: int) -> Pose:
     tags = placed.tags
-    return Pose.from_yaw_pitch(tags.positions[k], float(tags.yaws[k]), float(tags.pitches[k]))
+    return Pose.from_yaw_pitch(tags.poses.positions[k], float(tags.poses.yaws[k]), float(tags.poses.pitches[k]))
 
 
 def _of_capture(capture: Capture) -> list[CheckFinding]:
@@ -268,7 +269,7 @@ def _unchecked(placed: Placed, graph: TieGraph, consistency: Consistency) -> lis
         said.append(
             "Nothing says how the photographs' positions lie to the plan: they were turned and shifted to fit it."
         )
-    if not np.isfinite(placed.tags.yaws).any():
+    if not np.isfinite(placed.tags.poses.yaws).any():
         said.append("The photographs have no angles, so headings were checked by matches only.")
     if placed.scatter_m > _COARSE_SCATTER_M:
         said.append(

@@ -157,10 +157,10 @@ def _poses(evidence: Evidence, shown: Mapping[int, int | None]) -> dict[int, Pos
 def tag_pose(placed: Placed, k: int, plan: Plan) -> Pose:
     """The pose that a photograph's tags say; without angles it is turned as its station is."""
     tags, station = placed.tags, plan.stations[placed.station_of[k]]
-    yaw, pitch = float(tags.yaws[k]), float(tags.pitches[k])
+    yaw, pitch = float(tags.poses.yaws[k]), float(tags.poses.pitches[k])
     if not np.isfinite(yaw):
         yaw, pitch = station.yaw_deg, station.pitch_deg
-    return Pose.from_yaw_pitch(tags.positions[k], yaw, pitch)
+    return Pose.from_yaw_pitch(tags.poses.positions[k], yaw, pitch)
 
 
 def believed_poses(
@@ -227,10 +227,10 @@ def _deviation(evidence: Evidence, station: int, k: int, shown: Mapping[int, int
     if placed.station_of.get(k) != station:
         return _Deviation(None, None, "", settings.position_m, settings.angle_deg)
     tags = placed.tags
-    distance = float(np.linalg.norm(tags.positions[k] - np.array(wanted.position_m)))
+    distance = float(np.linalg.norm(tags.poses.positions[k] - np.array(wanted.position_m)))
     turn = None
-    if np.isfinite(tags.yaws[k]):
-        turn = axis_turn_deg(float(tags.yaws[k]), float(tags.pitches[k]), wanted.yaw_deg, wanted.pitch_deg)
+    if np.isfinite(tags.poses.yaws[k]):
+        turn = axis_turn_deg(float(tags.poses.yaws[k]), float(tags.poses.pitches[k]), wanted.yaw_deg, wanted.pitch_deg)
     limit = max(settings.position_m, _SCATTER_SIGMAS * placed.scatter_m)
     return _Deviation(distance, turn, "tags", limit, settings.angle_deg)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.evaluation.stations import PoseArray, match_stations
+from fieldkit.geometry.stations import PoseArray, associate
 
 
 def ring(count: int, radius: float = 1.5) -> PoseArray:
@@ -37,9 +37,9 @@ def test_any_order_and_offset(seed: int, shift: tuple[float, float, float], lost
         stations.yaws[order] + rng.normal(0, 1, len(order)),
         stations.pitches[order],
     )
-    pairs, found = match_stations(photographs, stations)
-    assert pairs == dict(enumerate(order.tolist()))
-    assert found == pytest.approx(shift, abs=0.06)
+    found = associate(photographs, stations)
+    assert found.station_of == dict(enumerate(order.tolist()))
+    assert found.offset_m == pytest.approx(shift, abs=0.06)
 
 
 def _unknown(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -49,23 +49,23 @@ def _unknown(count: int) -> tuple[np.ndarray, np.ndarray]:
 def test_another_plot_is_none_of_this_plan() -> None:
     stations = ring(7)
     elsewhere = PoseArray(stations.positions + np.array([0.0, 14.0, 0.0]), stations.yaws, stations.pitches)
-    pairs, shift = match_stations(elsewhere, stations)
-    assert pairs == {}
-    assert np.isnan(shift).all()
-    assert match_stations(PoseArray.of([]), stations)[0] == {}
+    found = associate(elsewhere, stations)
+    assert found.station_of == {}
+    assert np.isnan(found.offset_m).all()
+    assert associate(PoseArray.of([]), stations).station_of == {}
 
 
 def test_a_displaced_photograph_belongs_to_no_station() -> None:
     stations = ring(7)
     positions = stations.positions + np.array([0.4, 0.0, 0.0])
     positions[2] += np.array([0.0, 0.0, 5.0])
-    pairs, shift = match_stations(PoseArray(positions, stations.yaws, stations.pitches), stations)
-    assert pairs == {k: k for k in range(7) if k != 2}
-    assert shift == pytest.approx([0.4, 0.0, 0.0])
+    found = associate(PoseArray(positions, stations.yaws, stations.pitches), stations)
+    assert found.station_of == {k: k for k in range(7) if k != 2}
+    assert found.offset_m == pytest.approx([0.4, 0.0, 0.0])
 
 
 def test_a_known_offset_is_kept_to() -> None:
     stations = ring(5)
-    pairs, shift = match_stations(stations, PoseArray.of([((1.5, 0.0, 1.4), None, None)]), shift_m=np.zeros(3))
-    assert pairs == {0: 0}
-    assert shift == pytest.approx(np.zeros(3))
+    found = associate(stations, PoseArray.of([((1.5, 0.0, 1.4), None, None)]), offset_m=np.zeros(3))
+    assert found.station_of == {0: 0}
+    assert found.offset_m == pytest.approx(np.zeros(3))
