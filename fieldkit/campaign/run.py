@@ -22,8 +22,8 @@ from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.files import check_writable
 from fieldkit.present.style import format_length
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
-from fieldkit.runtime.parallel import each_in_workers
 from fieldkit.results.visit import VISITS_FOLDER, Visit
+from fieldkit.runtime.parallel import each_in_workers
 from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.worker import Outcome
 
