@@ -21,6 +21,7 @@ from fieldkit.captures.folder import PHOTO_SUFFIXES
 from fieldkit.captures.model import Finding
 from fieldkit.captures.tables import parse_number, read_text
 from fieldkit.errors import MetadataError
+from fieldkit.geometry.geodesy import look_swapped, on_earth
 
 _LAYOUT = "name x y [z [yaw pitch roll [horizontal_accuracy vertical_accuracy]]]"
 _HEADER_REMEDY = "The first line names the projection: EPSG:4326, WGS84 UTM 33N or a PROJ string."
@@ -184,9 +185,9 @@ def _as_arrays(values: tuple[NDArray[np.float64], ...]) -> tuple[NDArray[np.floa
 
 def _check_degrees(entry: _RawRow, path: Path | None) -> None:
     latitude, longitude = entry.row.latitude_deg, entry.row.longitude_deg
-    if np.isfinite([latitude, longitude]).all() and abs(latitude) <= 90.0 and abs(longitude) <= 180.0:
+    if on_earth(latitude, longitude):
         return
-    swapped = abs(longitude) <= 90.0 and abs(latitude) <= 180.0
+    swapped = look_swapped(latitude, longitude)
     raise MetadataError(
         f"line {entry.line}: {entry.row.image} lies at longitude {longitude:.6g}, latitude {latitude:.6g}",
         path=path,

@@ -15,6 +15,7 @@ SEMI_MAJOR_M = 6378137.0
 FLATTENING = 1.0 / 298.257223563
 """WGS 84 ellipsoid (NGA.STND.0036, EPSG:7030)."""
 
+_MEAN_RADIUS_M = 6_371_000.0
 _SEMI_MINOR_M = SEMI_MAJOR_M * (1.0 - FLATTENING)
 _E2 = FLATTENING * (2.0 - FLATTENING)
 _EP2 = _E2 / (1.0 - _E2)
@@ -36,6 +37,35 @@ def geodetic_to_ecef(latitude_deg: ArrayLike, longitude_deg: ArrayLike, altitude
         ),
         axis=1,
     )
+
+
+def on_earth(latitude_deg: float, longitude_deg: float) -> bool:
+    """Whether two numbers are a latitude within ±90° and a longitude within ±180°."""
+    return abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0
+
+
+def great_circle_m(
+    latitude_deg: ArrayLike, longitude_deg: ArrayLike, from_latitude_deg: float, from_longitude_deg: float
+) -> NDArray[np.float64]:
+    """Distances (n,) metres from a place along the ground, good to half a percent however far."""
+    ends = geodetic_to_ecef(latitude_deg, longitude_deg, 0.0)
+    chords = np.linalg.norm(ends - geodetic_to_ecef(from_latitude_deg, from_longitude_deg, 0.0), axis=1)
+    return np.asarray(2.0 * _MEAN_RADIUS_M * np.arcsin(np.minimum(chords / (2.0 * _MEAN_RADIUS_M), 1.0)))
+
+
+def look_swapped(
+    latitude_deg: float, longitude_deg: float, near: tuple[float, float] | None = None, within_m: float = 0.0
+) -> bool:
+    """Whether coordinates that cannot be right would be so with latitude and longitude swapped.
+
+    Args:
+        latitude_deg, longitude_deg: of no place on Earth, or of one that is too far away.
+        near: latitude and longitude of the place that it should lie near; None where any place on Earth would do.
+        within_m: how near.
+    """
+    if not on_earth(longitude_deg, latitude_deg):
+        return False
+    return near is None or float(great_circle_m(longitude_deg, latitude_deg, *near)[0]) <= within_m
 
 
 def ecef_to_geodetic(points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

@@ -140,7 +140,7 @@ def associate(
             _settled(these, stations, candidate, rounds=_ROUNDS, turned=turned)
             for candidate in _candidates(these, stations, most_offset_m)
         ]
-        best = min(found, key=lambda each: round(_price(each), 9), default=Association())
+        best = min(found, key=lambda each: round(_price(each), 9))
     return Association(
         {int(placed[a]): b for a, b in best.station_of.items()},
         {int(placed[a]): cost for a, cost in best.costs_m.items()},

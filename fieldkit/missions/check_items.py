@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from fieldkit.geometry.geodesy import great_circle_m, look_swapped, on_earth
 from fieldkit.missions.autopilots.acceptance import dropped, refusal
-from fieldkit.missions.autopilots.execution import distance
 from fieldkit.missions.autopilots.flight import GOING, LANDINGS, TAKEOFFS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding, error, warning
@@ -120,7 +120,7 @@ def place_findings(read: ReadMission, origin: Home | None) -> Iterator[Finding]:
     if home is None:
         return
     if origin is not None and read.home is not None:
-        away = distance(_ground(origin), _ground(read.home))[0]
+        away = _away_m(read.home, origin)
         if away > FAR_M:
             yield error(
                 "other-home", f"the file's home is {away / 1000:.1f} km from the site's{_swapped(read.home, home)}"
@@ -134,25 +134,23 @@ def place_findings(read: ReadMission, origin: Home | None) -> Iterator[Finding]:
     ]
     places += [(stop.number, stop.place) for stop in read.stops]
     for number, place in places:
-        if not (abs(place.latitude_deg) <= 90.0 and abs(place.longitude_deg) <= 180.0):
-            swapped = _swapped(place, home)
-            code = "lat-lon-swapped" if swapped else "far-from-home"
-            yield error(code, f"its place is none on Earth{swapped}", number)
+        if not on_earth(place.latitude_deg, place.longitude_deg):
+            where = "its place is none on Earth"
+        elif (away := _away_m(place, home)) > FAR_M:
+            where = f"its place is {away / 1000:.0f} km from home"
+        else:
             continue
-        away = distance(_ground(home), place)[0]
-        if away > FAR_M:
-            swapped = _swapped(place, home)
-            code = "lat-lon-swapped" if swapped else "far-from-home"
-            yield error(code, f"its place is {away / 1000:.0f} km from home{swapped}", number)
+        swapped = _swapped(place, home)
+        yield error("lat-lon-swapped" if swapped else "far-from-home", f"{where}{swapped}", number)
 
 
 def _swapped(place: GeoPoint | Home, home: Home) -> str:
     """Words that say so where the place is near home once latitude and longitude are swapped."""
-    if not (abs(place.longitude_deg) <= 90.0 and abs(place.latitude_deg) <= 180.0):
-        return ""
-    away = distance(_ground(home), GeoPoint(place.longitude_deg, place.latitude_deg, 0.0))[0]
-    return ": latitude and longitude are swapped" if away < FAR_M else ""
+    near = (home.latitude_deg, home.longitude_deg)
+    swapped = look_swapped(place.latitude_deg, place.longitude_deg, near, FAR_M)
+    return ": latitude and longitude are swapped" if swapped else ""
 
 
-def _ground(home: Home) -> GeoPoint:
-    return GeoPoint(home.latitude_deg, home.longitude_deg, 0.0)
+def _away_m(place: GeoPoint | Home, home: Home) -> float:
+    found = great_circle_m(place.latitude_deg, place.longitude_deg, home.latitude_deg, home.longitude_deg)
+    return float(found[0])

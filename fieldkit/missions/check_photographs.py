@@ -19,7 +19,6 @@ from fieldkit.missions.routing.motion import turn_deg
 LEAST_SETTLE_S = 0.5
 """Below it a photograph counts as not settled at all; less than the profile's time is a warning."""
 _SLACK_S = 0.05
-_SLACK_DEG = 1e-3
 
 OFF_M, OFF_DEG = 0.25, 5.0
 """From the plan: an error beyond these."""
@@ -93,12 +92,10 @@ def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterato
         yield error("no-heading", "nothing turns the camera to a heading: it is the autopilot's own", *where)
     if shot.pitch_deg is None:
         yield error("no-pitch", "nothing turns the gimbal before it", *where)
-    else:
-        low, high = vehicle.mount.pitch_deg
-        # ArduPilot's gimbal manager cuts to whole degrees, towards the horizon: within the mount all the same.
-        if not low - _SLACK_DEG <= shot.pitch_deg <= high + _SLACK_DEG:
-            message = f"pitch {shot.pitch_deg:.1f}° is beyond the mount ({low:g}° to {high:g}°)"
-            yield error("pitch-limit", message, *where)
+    # ArduPilot's gimbal manager cuts to whole degrees, towards the horizon: within the mount all the same.
+    elif not vehicle.mount.reaches(shot.pitch_deg):
+        message = f"pitch {shot.pitch_deg:.1f}° is beyond the mount ({vehicle.mount.range_text})"
+        yield error("pitch-limit", message, *where)
     if shot.place is None:
         yield error("no-place", "where it is taken cannot be said", *where)
     elif shot.place.height_m - (ground_m or 0.0) < vehicle.min_height_m - 1e-3:

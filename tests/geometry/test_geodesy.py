@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.geometry.geodesy import LocalFrame, ecef_to_geodetic, geodetic_to_ecef, utm_epsg
+from fieldkit.geometry.geodesy import (
+    LocalFrame,
+    ecef_to_geodetic,
+    geodetic_to_ecef,
+    great_circle_m,
+    look_swapped,
+    on_earth,
+    utm_epsg,
+)
 
 latitudes = st.one_of(st.floats(-90, 90), st.sampled_from([-90.0, 90.0, 0.0, 89.999999, -89.999999]))
 longitudes = st.one_of(st.floats(-180, 180), st.sampled_from([-180.0, 180.0, 0.0, 179.9999999]))
@@ -144,3 +152,20 @@ def test_impossible_origins_are_refused(values: tuple[float, float, float]) -> N
 def test_unknown_datum_is_refused() -> None:
     with pytest.raises(ValueError, match="datum"):
         LocalFrame(0.0, 0.0, 0.0, "AMSL")
+
+
+def test_swapped_coordinates_are_told_apart_from_wrong_ones() -> None:
+    assert look_swapped(100.0, 20.0)
+    assert not look_swapped(100.0, 200.0)
+    home = (50.9, 6.4)
+    assert look_swapped(6.4001, 50.9, home, 5000.0)
+    assert not look_swapped(6.4001, 50.9, (50.9, 7.4), 5000.0)
+    assert not look_swapped(float("nan"), 50.9, home, 5000.0)
+    assert not on_earth(float("inf"), 0.0)
+
+
+def test_distances_along_the_ground_also_to_the_other_side_of_the_earth() -> None:
+    """A tangent plane would say that a place's antipode is near."""
+    found = great_circle_m([50.91, 50.9, -50.9], [6.4, 6.41, -173.6], 50.9, 6.4)
+    assert found[:2] == pytest.approx([1112.6, 703.2], rel=1e-3)
+    assert found[2] == pytest.approx(np.pi * 6.371e6, rel=0.05)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fieldkit.captures.flight_logs.model import Attitude, Gimbal, Place, Series, Track, Trigger
-from fieldkit.captures.flight_logs.values import as_attitude, as_place
+from fieldkit.captures.flight_logs.values import as_attitude, as_gimbal, as_place
 from fieldkit.geometry.angles import wrapped_deg
 
 _GIMBAL_REACH_S = 2.0
@@ -101,9 +101,10 @@ def _gimbal(track: Track, time_s: float) -> Gimbal | None:
     row = series.at(time_s, _GIMBAL_REACH_S)
     if row is not None and _rate(series, time_s) > _FASTEST_GIMBAL_DPS:
         row = series.values[int(np.searchsorted(series.times_s, time_s))]
-    if row is None or abs(row[1]) > 180.0:
+    if row is None:
         return None
-    return Gimbal(float(row[0]), float(row[1]), float(row[2]), "vehicle" if in_vehicle else "north")
+    roll, pitch, yaw = row.tolist()
+    return as_gimbal(roll, pitch, yaw, "vehicle" if in_vehicle else "north", "reported")
 
 
 def _turning(track: Track, time_s: float) -> float | None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fieldkit.captures.flight_logs.model import Gimbal
+from fieldkit.captures.flight_logs.values import as_gimbal
 
 _MOUNT_CONTROL, _PITCHYAW = 205, 1000
 _ROI = (195, 197, 201)
@@ -101,11 +102,9 @@ def _is_shutter(step: Step) -> bool:
 
 def _commanded(step: Step) -> Gimbal | None:
     pitch = step.params[0]
-    if not math.isfinite(pitch) or abs(pitch) > 180.0:
-        return None
     if step.command == _MOUNT_CONTROL:
         # On a pitch mount param 3 turns the vehicle, on a pan mount the camera: either way it is not added here.
-        return Gimbal(0.0, pitch, 0.0, "vehicle", "commanded")
+        return as_gimbal(0.0, pitch, 0.0, "vehicle", "commanded")
     yaw = step.params[1] if math.isfinite(step.params[1]) else 0.0
     lock = int(step.params[4]) & _YAW_LOCK
-    return Gimbal(0.0, pitch, yaw, "north" if lock else "vehicle", "commanded")
+    return as_gimbal(0.0, pitch, yaw, "north" if lock else "vehicle", "commanded")

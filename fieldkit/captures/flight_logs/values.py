@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldkit.captures.flight_logs.model import Attitude, Place, YawFrame
+from fieldkit.captures.flight_logs.model import Attitude, Gimbal, Place, YawFrame
+from fieldkit.geometry.geodesy import on_earth
 
 _YAW_LOCK, _YAW_VEHICLE, _YAW_NORTH = 16, 32, 64
 GPS_EPOCH_S = 315964800.0
@@ -22,9 +24,7 @@ def as_place(
     latitude_deg: float, longitude_deg: float, amsl_m: float | None, above_home_m: float | None
 ) -> Place | None:
     """A place, or None for (0, 0) (no fix) and for what is not on Earth; heights beyond 100 km are dropped."""
-    if not (math.isfinite(latitude_deg) and math.isfinite(longitude_deg)):
-        return None
-    if abs(latitude_deg) > 90.0 or abs(longitude_deg) > 180.0 or (latitude_deg == 0.0 and longitude_deg == 0.0):
+    if not on_earth(latitude_deg, longitude_deg) or (latitude_deg == 0.0 and longitude_deg == 0.0):
         return None
     return Place(float(latitude_deg), float(longitude_deg), _height(amsl_m), _height(above_home_m))
 
@@ -34,6 +34,15 @@ def as_attitude(roll_deg: float, pitch_deg: float, yaw_deg: float) -> Attitude |
     if not all(math.isfinite(a) and abs(a) <= 720.0 for a in (roll_deg, pitch_deg, yaw_deg)):
         return None
     return Attitude(float(roll_deg), float(pitch_deg), float(yaw_deg) % 360.0)
+
+
+def as_gimbal(
+    roll_deg: float, pitch_deg: float, yaw_deg: float, frame: YawFrame, source: Literal["reported", "commanded"]
+) -> Gimbal | None:
+    """Where a gimbal points, or None where its pitch is no angle."""
+    if not (math.isfinite(pitch_deg) and abs(pitch_deg) <= 180.0):
+        return None
+    return Gimbal(float(roll_deg), float(pitch_deg), float(yaw_deg), frame, source)
 
 
 def as_utc(seconds: float) -> float | None:

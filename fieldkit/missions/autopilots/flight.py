@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.ardupilot.accepting import kept_params
 from fieldkit.missions.autopilots.execution import Execution, Photograph, Track, Turning, aim, along, offset
 from fieldkit.missions.items import Command, MissionItem, plain_frame
@@ -203,7 +204,7 @@ class Flight:
             if here is None:
                 return None
             latitude, longitude = here.latitude_deg, here.longitude_deg
-        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
+        if not on_earth(latitude, longitude):
             return None
         height = self._height(item.frame, altitude)
         if altitude == 0.0 and here is not None and item.command not in (*LANDINGS, *TAKEOFFS):

@@ -17,6 +17,7 @@ _RELATIVE_M = (-100.0, 1000.0)
 _AMSL_M = (-500.0, 9000.0)
 _LONGEST_WAIT_S = 3600.0
 _FASTEST_MPS = 50.0
+_GIMBAL_DEG = {"pitch": (-90.0, 90.0), "roll": (-180.0, 180.0), "yaw": (-180.0, 360.0)}
 
 # A take-off or landing at 0/0 is one at the present place; so is item 0's where home is not known yet.
 _HERE = frozenset({Command.NAV_TAKEOFF, Command.NAV_LAND})
@@ -111,16 +112,22 @@ def _yaw(item: MissionItem) -> str | None:
 
 def _mount(item: MissionItem) -> str | None:
     pitch, roll, yaw = item.params[:3]
-    if not (-90.0 <= pitch <= 90.0 and -180.0 <= roll <= 180.0 and -180.0 <= yaw <= 360.0):
-        return f"a gimbal cannot turn to pitch {pitch:g}°, roll {roll:g}°, yaw {yaw:g}°"
+    problem = _gimbal(pitch=pitch, roll=roll, yaw=yaw)
+    if problem is not None:
+        return problem
     return None if item.params[6] == 2.0 else "the mount's mode must be 2 (targeting): another one turns it away"
 
 
 def _pitchyaw(item: MissionItem) -> str | None:
     pitch, yaw = item.params[:2]
-    if not (-90.0 <= pitch <= 90.0 and -180.0 <= yaw <= 360.0):
-        return f"a gimbal cannot turn to pitch {pitch:g}°, yaw {yaw:g}°"
-    return None
+    return _gimbal(pitch=pitch, yaw=yaw)
+
+
+def _gimbal(**angles: float) -> str | None:
+    """Of any gimbal; the vehicle's own limits are its mount's (`fieldkit.missions.plan_site.vehicle.Mount`)."""
+    if all(_GIMBAL_DEG[name][0] <= angle <= _GIMBAL_DEG[name][1] for name, angle in angles.items()):
+        return None
+    return f"a gimbal cannot turn to {', '.join(f'{name} {angle:g}°' for name, angle in angles.items())}"
 
 
 def _capture(item: MissionItem) -> str | None:

@@ -14,23 +14,23 @@ from fieldkit.missions.routing.motion import leg, turn_seconds
 LEAST_EXPOSURE_S = 0.5
 """Stood still after the shutter command at least: a delay of 0 is none, and command and shutter take their time."""
 
-_TOLERANCE_DEG = 1e-6
-
 
 def check_shot(shot: Shot, vehicle: Vehicle) -> None:
-    """Refuse a photograph that the vehicle cannot take.
+    """Refuse a photograph to whose heading and pitch the vehicle cannot turn.
+
+    A mission does not say how high the ground below a photograph is: `fieldkit.missions.plan_site.reach` checks the
+    height above it, before there is a mission.
 
     Raises:
-        MissionError: its pitch is beyond the mount, it is too low, or an angle is not finite.
+        MissionError: its pitch is beyond the mount, or an angle is not finite.
     """
-    low, high = vehicle.mount.pitch_deg
+    mount = vehicle.mount
     if not (math.isfinite(shot.yaw_deg) and math.isfinite(shot.pitch_deg)):
         raise MissionError(f"{shot.name}: its heading or pitch is not a number", remedy="Make the plan again.")
-    if not low - _TOLERANCE_DEG <= shot.pitch_deg <= high + _TOLERANCE_DEG:
-        nearest = min(max(shot.pitch_deg, low), high)
+    if not mount.reaches(shot.pitch_deg):
         raise MissionError(
-            f"{shot.name}: pitch {shot.pitch_deg:.1f}° is beyond the mount of {vehicle.title} ({low:g}° to {high:g}°); "
-            f"the nearest is {nearest:g}°",
+            f"{shot.name}: pitch {shot.pitch_deg:.1f}° is beyond the mount of {vehicle.title} ({mount.range_text}); "
+            f"the nearest is {mount.nearest_deg(shot.pitch_deg):g}°",
             remedy="Give --adjust to take the nearest pose, or plan within these limits.",
         )
 

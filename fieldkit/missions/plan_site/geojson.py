@@ -12,6 +12,7 @@ from typing import Any, Literal, NoReturn
 
 from fieldkit.documents.json_file import read_json_object
 from fieldkit.errors import MetadataError
+from fieldkit.geometry.geodesy import look_swapped, on_earth
 from fieldkit.missions.files.limits import json_number
 
 MAX_BYTES = 16 << 20
@@ -132,8 +133,8 @@ class _Reader:
         longitude, latitude = values[0], values[1]
         assert longitude is not None
         assert latitude is not None
-        if abs(latitude) > 90.0 or abs(longitude) > 180.0:
-            if abs(latitude) <= 180.0 and abs(longitude) <= 90.0:
+        if not on_earth(latitude, longitude):
+            if look_swapped(latitude, longitude):
                 self._fail(
                     f"{where}: latitude {latitude:g} is beyond 90; longitude and latitude look swapped",
                     remedy=_SWAPPED,

@@ -24,7 +24,6 @@ from fieldkit.missions.plan_site.placement import SiteFrame, grounds_m
 from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.vehicle import Vehicle
 
-TOLERANCE_DEG = 1e-6
 TOLERANCE_M = 1e-4
 """Rounding, not leeway: files hold heights to 0.1 mm."""
 
@@ -153,12 +152,12 @@ def _problem(shot: Shot, ground_m: float, vehicle: Vehicle) -> Unreachable | Non
     above = shot.place.height_m - ground_m
     if not all(math.isfinite(value) for value in (shot.pitch_deg, shot.yaw_deg, above)):
         raise MissionError(f"{shot.name}: its pose is not a number", remedy="Make the plan again.")
-    low, high = vehicle.mount.pitch_deg
+    mount = vehicle.mount
     pitch, limits, sentences = shot.pitch_deg, list[Limit](), []
-    if not low - TOLERANCE_DEG <= pitch <= high + TOLERANCE_DEG:
-        pitch = min(max(pitch, low), high)
+    if not mount.reaches(pitch):
+        pitch = mount.nearest_deg(pitch)
         limits.append("pitch")
-        reach = f"is fixed at {low:g}°" if vehicle.mount.kind == "fixed" else f"reaches {low:g}° to {high:g}°"
+        reach = f"is fixed at {pitch:g}°" if mount.kind == "fixed" else f"reaches {mount.range_text}"
         sentences.append(f"pitch {shot.pitch_deg:.4g}°, but the mount of {vehicle.title} {reach}")
     if above < vehicle.min_height_m - TOLERANCE_M:
         limits.append("height")

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from fieldkit.documents.versioned_toml import read_versioned, sentence, validated_toml
 from fieldkit.errors import MetadataError
 from fieldkit.files import file_beside
-from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
+from fieldkit.geometry.geodesy import LocalFrame, great_circle_m, look_swapped
 from fieldkit.missions.plan_site.geojson import Feature, read_features
 from fieldkit.missions.plan_site.plot_shapes import heading_near, plot_shape
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
@@ -25,7 +25,6 @@ from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
 _MAX_BYTES = 256 << 10
-_EARTH_M = 6_371_000.0
 _REMEDY = "missions/README.md lists the keys of a site file."
 _PLOTS_REMEDY = "missions/README.md says what a plots file holds."
 _ORDER = "A site file gives the latitude first, GeoJSON the longitude."
@@ -246,21 +245,18 @@ def _check_places(home: SiteHome, places: Sequence[tuple[str, float, float]], pa
     """Refuse places too far from home; where they would be near it with their coordinates swapped, say so."""
     if not places:
         return
-    origin = geodetic_to_ecef(home.latitude_deg, home.longitude_deg, 0.0)
+    origin = (home.latitude_deg, home.longitude_deg)
     latitudes, longitudes = (np.array([place[k] for place in places], dtype=np.float64) for k in (1, 2))
-    chords = np.linalg.norm(geodetic_to_ecef(latitudes, longitudes, 0.0) - origin, axis=1)
-    away = 2.0 * _EARTH_M * np.arcsin(np.minimum(chords / (2.0 * _EARTH_M), 1.0))
+    away = great_circle_m(latitudes, longitudes, *origin)
     if (away <= FARTHEST_M).all():
         return
     first = int(np.argmax(away > FARTHEST_M))
     name, latitude, longitude = places[first]
     message = f"{name} lies {away[first] / 1000:,.0f} km from home"
     remedy = "Check its coordinates and home's."
-    if abs(longitude) <= 90.0:
-        swapped = float(np.linalg.norm(geodetic_to_ecef(longitude, latitude, 0.0) - origin))
-        if swapped <= FARTHEST_M:
-            message += ": its latitude and longitude look swapped"
-            remedy = _ORDER
+    if look_swapped(latitude, longitude, origin, FARTHEST_M):
+        message += ": its latitude and longitude look swapped"
+        remedy = _ORDER
     raise MetadataError(message, path=path, remedy=remedy)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, on_earth
 
 STEEPEST_PERCENT = 100.0
 """45°: no field is as steep, so that degrees or heights that are mixed up are found."""
@@ -108,7 +108,7 @@ def with_plane(values: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError(f"{key} follows from ground_points; leave one of the two out")
     latitude: Any = found.get("latitude_deg")
     longitude: Any = found.get("longitude_deg")
-    if not _is_number(latitude) or not _is_number(longitude) or abs(latitude) > 90.0 or abs(longitude) > 180.0:
+    if not _is_number(latitude) or not _is_number(longitude) or not on_earth(latitude, longitude):
         return found  # what is wrong with the origin is said by the plot
     if not isinstance(points, list | tuple) or not all(_is_ground_point(point) for point in points):
         raise ValueError("ground_points should be three of [latitude, longitude, height in metres]")
@@ -126,8 +126,7 @@ def _is_ground_point(point: Any) -> bool:
         isinstance(point, list | tuple)
         and len(point) == _POINTS
         and all(_is_number(value) for value in point)
-        and abs(point[0]) <= 90.0
-        and abs(point[1]) <= 180.0
+        and on_earth(point[0], point[1])
         and abs(point[2]) <= 10_000.0
     )
 

@@ -14,6 +14,10 @@ NotNegative = Annotated[float, Field(ge=0, le=1e6)]
 Pitch = Annotated[float, Field(ge=-90, le=90)]
 
 
+_ROUNDING_DEG = 1e-3
+"""Of angles in files, no leeway."""
+
+
 class Mount(Strict):
     """What turns the camera."""
 
@@ -31,6 +35,22 @@ class Mount(Strict):
         if self.kind == "fixed" and self.pitch_deg[0] != self.pitch_deg[1]:
             raise ValueError("a fixed mount has one pitch: give it twice")
         return self
+
+    def reaches(self, pitch_deg: float) -> bool:
+        """Whether it turns to a pitch."""
+        low, high = self.pitch_deg
+        return low - _ROUNDING_DEG <= pitch_deg <= high + _ROUNDING_DEG
+
+    def nearest_deg(self, pitch_deg: float) -> float:
+        """The pitch nearest to one that it turns to."""
+        low, high = self.pitch_deg
+        return min(max(pitch_deg, low), high)
+
+    @property
+    def range_text(self) -> str:
+        """For people: "-90° to 30°"."""
+        low, high = self.pitch_deg
+        return f"{low:g}° to {high:g}°"
 
 
 class Trigger(Strict):

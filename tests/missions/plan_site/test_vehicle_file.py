@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +14,15 @@ import pytest
 from pydantic import BaseModel
 
 from benchmarks.fuzzing import Target, fuzz
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, MissionError
+from fieldkit.missions.autopilots.execution import Execution, Photograph
+from fieldkit.missions.autopilots.stops import check_shot
+from fieldkit.missions.check_photographs import photograph_findings
+from fieldkit.missions.mission import GeoPoint, Shot
 from fieldkit.missions.plan_site.vehicle import Battery, Mount, Speeds, Trigger, Vehicle
 from fieldkit.missions.plan_site.vehicle_file import find_vehicle, load_vehicle, vehicle_names, vehicles_folder
 from fieldkit.results.plan import PlanCamera
+from tests.missions.vehicles import vehicle as copter
 
 ROOT = Path(__file__).parents[3]
 README = (ROOT / "missions" / "README.md").read_text(encoding="utf-8")
@@ -151,3 +158,20 @@ def test_changed_at_random(tmp_path: Path) -> None:
     assert not found.written
     assert found.hangs == 0
     assert found.refused > 100
+
+
+def test_every_check_of_a_pitch_asks_the_mount() -> None:
+    """The plan's poses, the writers and the check of a mission agree at the limits, rounding of files included."""
+    for pitch, reached in ((30.0, True), (30.0005, True), (30.01, False), (-90.0, True), (-90.01, False)):
+        mount = copter().mount
+        assert mount.reaches(pitch) == reached
+        assert mount.reaches(mount.nearest_deg(pitch))
+        shot = Shot(GeoPoint(50.865, 6.4473, 2.0), 0.0, pitch, "p", 0)
+        taken = Photograph(0, 0, shot.place, 0.0, pitch, 0, settled_s=9.0, after_s=9.0)
+        flown = Execution((taken,), (), 0.0, (), "land", True)
+        codes = {finding.code for finding in photograph_findings(flown, copter(), {}, {})}
+        assert codes == (set() if reached else {"pitch-limit"})
+        with nullcontext() if reached else pytest.raises(MissionError, match="beyond the mount"):
+            check_shot(shot, copter())
+    with pytest.raises(MissionError, match="not a number"):
+        check_shot(replace(shot, yaw_deg=float("nan")), copter())
