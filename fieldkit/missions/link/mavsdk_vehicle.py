@@ -50,6 +50,9 @@ class MavsdkVehicle:
         signer: of a signed link, or None.
         reply_timeout_s: after which a lost answer is asked for again. In uploads it is the vehicle that asks, once a
             second; MAVSDK waits four of its time-outs for that, so they are made four times as long there.
+
+    Raises:
+        LinkError: the MAVSDK that is installed does not let time-outs be set.
     """
 
     def __init__(self, wire: Wire, *, signer: Signer | None = None, reply_timeout_s: float = 0.5) -> None:
@@ -65,6 +68,11 @@ class MavsdkVehicle:
         mavsdk.log_subscribe(_silent)  # MAVSDK writes to stdout otherwise
         configuration = mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION)
         self._mavsdk = mavsdk.Mavsdk(configuration)
+        try:
+            self._set_timeout = _timeout_setter(self._mavsdk)
+        except LinkError:
+            self._mavsdk.destroy()
+            raise
         self._reply_s = reply_timeout_s
         self._mavsdk.subscribe_raw_bytes_to_be_sent(self._send)
         self._mavsdk.add_any_connection("raw://")
@@ -120,7 +128,7 @@ class MavsdkVehicle:
             LinkError: the link broke.
         """
         self.listener.begin_upload()
-        _set_timeout(self._mavsdk, _UPLOAD_FACTOR * self._reply_s)
+        self._set_timeout(_UPLOAD_FACTOR * self._reply_s)
         begin = self._mission.upload_geofence_async if kind is Kind.FENCE else self._mission.upload_mission_async
         listed = [self._item(number, item, kind) for number, item in enumerate(items)]
         self._transfer(lambda done: begin(listed, done), on_time, self._mission.cancel_mission_upload)
@@ -133,7 +141,7 @@ class MavsdkVehicle:
             LinkError: the link broke.
         """
         raw = self._mission
-        _set_timeout(self._mavsdk, self._reply_s)
+        self._set_timeout(self._reply_s)
         begin = raw.download_geofence_async if kind is Kind.FENCE else raw.download_mission_async
         found: list[Any] = []
 
@@ -160,7 +168,7 @@ class MavsdkVehicle:
             LinkError: the link broke.
         """
         self.listener.begin_upload()
-        _set_timeout(self._mavsdk, _UPLOAD_FACTOR * self._reply_s)
+        self._set_timeout(_UPLOAD_FACTOR * self._reply_s)
         self._transfer(self._mission.clear_mission_async, on_time, self._mission.cancel_mission_upload)
 
     def command(self, number: int, *params: float, timeout_s: float = 3.0) -> int | None:
@@ -276,10 +284,21 @@ def _silent(*_: Any) -> bool:
     return True
 
 
-def _set_timeout(instance: Any, seconds: float) -> None:
-    # The C library has it, MAVSDK 4.1's Python API does not.
-    function = getattr(instance._lib, "mavsdk_set_timeout_s", None)
-    if function is not None:
-        function.argtypes = [ctypes.c_void_p, ctypes.c_double]
-        function.restype = None
-        function(instance._handle, seconds)
+def _timeout_setter(instance: Any) -> Callable[[float], None]:
+    """Sets after how many seconds MAVSDK takes an answer for lost.
+
+    The C library has a function for it, MAVSDK 4.1's Python API does not pass it on.
+
+    Raises:
+        LinkError: this MAVSDK does not have it.
+    """
+    try:
+        function, handle = instance._lib.mavsdk_set_timeout_s, instance._handle
+    except AttributeError as error:
+        raise LinkError(
+            "the MAVSDK that is installed does not let its time-outs be set, and with its own an upload fails where a "
+            "packet is lost; nothing was sent",
+            remedy="Install another one: pip install 'mavsdk==4.1.0'.",
+        ) from error
+    function.argtypes, function.restype = [ctypes.c_void_p, ctypes.c_double], None
+    return lambda seconds: function(handle, seconds)

@@ -12,7 +12,9 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import mavsdk
 import pytest
 
 from fieldkit.errors import LinkError, MissionError
@@ -122,6 +124,33 @@ def test_nobody_there(flown: tuple[MissionItem, ...]) -> None:
     with pytest.raises(LinkError, match=r"no vehicle was heard in 0\.3 s") as caught:
         upload_mission(flown, "udpin://127.0.0.1:0", patience=Patience(connect_s=0.3))
     assert caught.value.exit_code == 6
+
+
+def test_a_mavsdk_whose_time_outs_cannot_be_set_is_refused_before_anything_is_sent(
+    recording: Recording, flown: tuple[MissionItem, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Library:
+        """MAVSDK's, less the function that its Python API does not name."""
+
+        def __init__(self, whole: Any) -> None:
+            self._whole = whole
+
+        def __getattr__(self, name: str) -> Any:
+            if name == "mavsdk_set_timeout_s":
+                raise AttributeError(name)
+            return getattr(self._whole, name)
+
+    class Another(mavsdk.Mavsdk):  # type: ignore[misc]
+        def __init__(self, configuration: Any) -> None:
+            super().__init__(configuration)
+            self._lib = Library(self._lib)
+
+    monkeypatch.setattr(mavsdk, "Mavsdk", Another)
+    with standing(recording) as vehicle:
+        with pytest.raises(LinkError, match="does not let its time-outs be set") as caught:
+            upload_mission(flown, vehicle.url, patience=PATIENCE)
+        assert vehicle.autopilot.items == ()
+    assert "pip install" in caught.value.remedy
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=SLOW), pytest.param(2, marks=SLOW)])
