@@ -21,9 +21,9 @@ from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.flyable import flight_noise
-from fieldkit.planning.run.open_problem import described, open_problem
 from fieldkit.planning.run.outcome import plants_of
 from fieldkit.planning.run.request import search_settings
+from fieldkit.planning.run.run_setup import plan_envelope, set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
@@ -130,10 +130,10 @@ def older(description: SceneDescription) -> SceneDescription:
 def _campaign_plan(scene: str, progress: Progress) -> Plan:
     settings = search_settings(scene=Path(scene), cameras=_CAMERAS, method="score")
     with tempfile.TemporaryDirectory() as folder:
-        problem = open_problem(settings, Path(folder), cache=StageCache(None), progress=progress).problem
+        problem = set_up_run(settings, Path(folder), cache=StageCache(None), progress=progress).problem
     cameras = ScoreOptimum(problem, settings.weights).choose(2)[0].cameras
     return plan_from_poses(
-        cameras.poses(), problem.camera, envelope=described(problem.envelope), plants=plants_of(problem)
+        cameras.poses(), problem.camera, envelope=plan_envelope(problem.envelope), plants=plants_of(problem)
     )
 
 

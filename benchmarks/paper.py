@@ -20,8 +20,7 @@ from fieldkit.clouds import DepthError
 from fieldkit.files import write_atomic
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import Mapping as SfmMapping
-from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
+from fieldkit.planning.objective.objective import MappingName, Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.run.request import KIND_PLOTS
@@ -53,7 +52,7 @@ _CARRIED = ("circle", "bosfm", "field", f"field{OF_A_KIND}", _KIND)
 _QUICK = ("circle", "field", _KIND)
 _REPEATS = 2
 _CAMERAS = 10
-_MAPPING: SfmMapping = "prior"
+_MAPPING: MappingName = "prior"
 _FIDELITY: FidelityName = "standard"
 NEW_PLANTS, _FLOWN, _PLANNED = 3, range(8001, 8011), range(8101, 8111)
 """Plants and seeds of plots that plans are flown over and of those they are made on."""

@@ -21,7 +21,7 @@ from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.rule import Rule, value_m
 from fieldkit.planning.objective.simulated import Proxy
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
@@ -233,9 +233,9 @@ def slope_ways(
     return rows
 
 
-def _problem(proxy: Proxy, count: int, slope: Gradient) -> Problem:
+def _problem(proxy: Proxy, count: int, slope: Gradient) -> PlanningProblem:
     envelope = Envelope.around(Cloud(proxy.plot.points), proxy.volume, ground=(*slope, 0.0))
-    return Problem(count, envelope, proxy.camera, (proxy.plot,))
+    return PlanningProblem(count, envelope, proxy.camera, (proxy.plot,))
 
 
 def reuse_table(scored: Mapping[str, Sequence[Evaluation]]) -> ResultTable:

@@ -24,11 +24,11 @@ from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import Mapping as SfmMapping
+from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.run.folder import read_log, read_settings, searched
-from fieldkit.planning.run.open_problem import open_problem
 from fieldkit.planning.run.outcome import PLAN_PICTURE
 from fieldkit.planning.run.request import KIND_PLOTS
+from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.present.pictures.curves import png
 from fieldkit.present.pictures.search import draw_regret
 from fieldkit.results.plan import PlanSource
@@ -83,7 +83,7 @@ class PlannerOptions:
     evaluations: int = 100
     seeds: int = 3
     cameras: int = 10
-    mapping: SfmMapping = "prior"
+    mapping: MappingName = "prior"
     fidelity: FidelityName = "standard"
     workers: int = 2
     methods: tuple[str, ...] = ()
@@ -188,7 +188,7 @@ def _surrogate(options: PlannerOptions, progress: Progress) -> StudyResult:
             folder = options.runs / run_name(
                 place, options.cameras, options.mapping, options.fidelity, "field", ran.seed
             )
-            problem = open_problem(read_settings(folder), folder, cache=options.cache, progress=progress).problem
+            problem = set_up_run(read_settings(folder), folder, cache=options.cache, progress=progress).problem
             results = [entry.result for entry in searched(read_log(folder))]
             with progress.stage(f"Models of {folder.name}"):
                 found[folder.name] = foretell_all(problem, results)
@@ -218,7 +218,7 @@ def _ablation(options: PlannerOptions, progress: Progress) -> StudyResult:
         place = Place.scene(scene)
         settings = place.settings(cameras=options.cameras, method="field")
         with tempfile.TemporaryDirectory() as folder:
-            problem = open_problem(settings, Path(folder), cache=options.cache, progress=progress).problem
+            problem = set_up_run(settings, Path(folder), cache=options.cache, progress=progress).problem
         makers = {name: make for name, make in variants().items() if not options.methods or name in options.methods}
         found[place.name] = {}
         for name, make in makers.items():

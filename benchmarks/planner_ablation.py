@@ -17,7 +17,7 @@ from fieldkit.planning.methods.bosfm import Bosfm
 from fieldkit.planning.methods.circle import CircleSearch
 from fieldkit.planning.methods.field import Field, FieldSettings
 from fieldkit.planning.methods.random import Random
-from fieldkit.planning.problem import Judge, Method, Problem, Result, lowest
+from fieldkit.planning.problem import Judge, Method, PlanningProblem, Result, lowest
 from fieldkit.planning.score.geometric import GeometricScore, ScoreSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.surrogate.sets import FEATURES, SetEmbedding
@@ -43,7 +43,7 @@ class StandIn:
         seed: of the random function.
     """
 
-    def __init__(self, problem: Problem, seed: int) -> None:
+    def __init__(self, problem: PlanningProblem, seed: int) -> None:
         self._score = GeometricScore(problem, settings=_OTHER, points=_POINTS)
         self._embedding = SetEmbedding(problem)
         rng = np.random.default_rng([seed, _STREAM])
@@ -75,7 +75,7 @@ class Ended:
     stopped: int
 
 
-def variants() -> dict[str, Callable[[Problem, int], Method]]:
+def variants() -> dict[str, Callable[[PlanningProblem, int], Method]]:
     """The field method first, then with one setting changed, then what else there is."""
     settings = {
         "field": FieldSettings(),
@@ -84,7 +84,9 @@ def variants() -> dict[str, Callable[[Problem, int], Method]]:
         "noise of 1 % at least": FieldSettings(noise=0.01),
         "noise of 10 % at least": FieldSettings(noise=0.1),
     }
-    made: dict[str, Callable[[Problem, int], Method]] = {name: partial(_field, each) for name, each in settings.items()}
+    made: dict[str, Callable[[PlanningProblem, int], Method]] = {
+        name: partial(_field, each) for name, each in settings.items()
+    }
     return made | {
         "random": Random,
         "circle-aim": partial(CircleSearch, aim=True),
@@ -93,7 +95,7 @@ def variants() -> dict[str, Callable[[Problem, int], Method]]:
     }
 
 
-def search(problem: Problem, method: Method, evaluations: int, seed: int) -> Ended:
+def search(problem: PlanningProblem, method: Method, evaluations: int, seed: int) -> Ended:
     """Run a method on the stand-in.
 
     Args:
@@ -122,7 +124,7 @@ def search(problem: Problem, method: Method, evaluations: int, seed: int) -> End
     return Ended(value, half, stopped_m, count)
 
 
-def _field(settings: FieldSettings, problem: Problem, seed: int) -> Method:
+def _field(settings: FieldSettings, problem: PlanningProblem, seed: int) -> Method:
     return Field(problem, settings, seed)
 
 

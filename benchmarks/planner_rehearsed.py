@@ -14,7 +14,7 @@ from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective
 from fieldkit.planning.objective.recorded import RecordedSource, Rehearsal
 from fieldkit.planning.run.folder import read_settings
-from fieldkit.planning.run.open_problem import open_problem
+from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Progress
 
@@ -38,7 +38,7 @@ def rehearsed_table(
         cache: of stages.
         progress: told of stages.
     """
-    opened = open_problem(read_settings(run), run, cache=cache, progress=progress)
+    opened = set_up_run(read_settings(run), run, cache=cache, progress=progress)
     objective = opened.objective.on(0)
     source = objective.source
     assert isinstance(source, RecordedSource)

@@ -14,13 +14,13 @@ from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import Mapping
+from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.run.flyable import flight_noise
 from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, LogEntry, read_log, read_settings, searched
-from fieldkit.planning.run.open_problem import describe_sources
 from fieldkit.planning.run.outcome import Outcome, best_so_far, read_outcome
 from fieldkit.planning.run.plan_views import plan_views, resume_plan
 from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_CONFIRMED
+from fieldkit.planning.run.run_setup import describe_sources
 from fieldkit.planning.settings import GivenPlot, NoiseSettings, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import PlanSource
@@ -150,7 +150,7 @@ def name_of(planned: Contender | SearchSettings) -> str:
     return f"{planned.method}{OF_A_KIND}" if planned.plots > 1 else planned.method
 
 
-def run_name(place: Place, cameras: int, mapping: Mapping, fidelity: FidelityName, method: str, seed: int) -> str:
+def run_name(place: Place, cameras: int, mapping: MappingName, fidelity: FidelityName, method: str, seed: int) -> str:
     """Of a run's folder."""
     return f"{place.name}-{cameras}-{mapping}-{fidelity}-{method}-{seed}"
 
@@ -161,7 +161,7 @@ def run_all(
     folder: Path,
     *,
     cameras: int,
-    mapping: Mapping,
+    mapping: MappingName,
     fidelity: FidelityName,
     confirm_fidelity: FidelityName,
     repeats: int,

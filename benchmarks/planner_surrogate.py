@@ -11,9 +11,9 @@ from gpytorch.means import ConstantMean  # type: ignore[import-untyped]
 from scipy.stats import spearmanr
 
 from benchmarks.result import Cell, ResultTable
+from fieldkit.planning.methods.encoded_space import EncodedSpace
 from fieldkit.planning.methods.field import Field, FieldSettings
-from fieldkit.planning.methods.space import CameraSpace
-from fieldkit.planning.problem import Problem, Result
+from fieldkit.planning.problem import PlanningProblem, Result
 from fieldkit.planning.space.cameras import Array
 from fieldkit.planning.surrogate.ensemble import fit_ensemble
 from fieldkit.planning.surrogate.fit import moments
@@ -39,7 +39,7 @@ class Foretold:
     density: float
 
 
-def variants(problem: Problem) -> dict[str, Fit]:
+def variants(problem: PlanningProblem) -> dict[str, Fit]:
     """The field method's surrogate first, then others that differ in one thing, then the paper's."""
     settings = {
         "field": FieldSettings(),
@@ -50,9 +50,9 @@ def variants(problem: Problem) -> dict[str, Fit]:
     fields = {name: Field(problem, each) for name, each in settings.items()}
     return {name: _field(field) for name, field in fields.items()} | {
         "no geometric score": _without_score(fields["field"]),
-        "paper's kernels on ln(value), cameras in order": _ensemble(CameraSpace(problem), 0.0),
-        "the same with noise of 5 % at least": _ensemble(CameraSpace(problem), 0.05),
-        "the same, cameras sorted by azimuth": _ensemble(CameraSpace(problem, cylindrical=True), 0.05),
+        "paper's kernels on ln(value), cameras in order": _ensemble(EncodedSpace(problem), 0.0),
+        "the same with noise of 5 % at least": _ensemble(EncodedSpace(problem), 0.05),
+        "the same, cameras sorted by azimuth": _ensemble(EncodedSpace(problem, cylindrical=True), 0.05),
     }
 
 
@@ -76,7 +76,7 @@ def foretell(results: Sequence[Result], fit: Fit) -> Foretold:
     return Foretold(float(rmse), float(rank), float(density))
 
 
-def foretell_all(problem: Problem, results: Sequence[Result]) -> dict[str, Foretold]:
+def foretell_all(problem: PlanningProblem, results: Sequence[Result]) -> dict[str, Foretold]:
     """Every model's figures on one run; see `foretell`."""
     return {name: foretell(results, fit) for name, fit in variants(problem).items()}
 
@@ -112,7 +112,7 @@ def _without_score(field: Field) -> Fit:
     return fit
 
 
-def _ensemble(space: CameraSpace, noise: float) -> Fit:
+def _ensemble(space: EncodedSpace, noise: float) -> Fit:
     def fit(known: Sequence[Result], ahead: Sequence[Result]) -> tuple[Array, Array]:
         x, inputs = (np.array([space.encode(r.trial.cameras) for r in group]) for group in (known, ahead))
         ensemble = fit_ensemble(x, _logarithms(known), 0, least_noise=noise)

@@ -12,12 +12,12 @@ from benchmarks.planner_runs import Place, Ran, confirmed_m, figures, mean_of
 from benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
 from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import Mapping
+from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.problem import Trial
 from fieldkit.planning.run.executor import ProcessExecutor
 from fieldkit.planning.run.folder import SETTINGS_FILE, create_run, open_run
 from fieldkit.planning.run.loop import Finalist, evaluate_again, nobody
-from fieldkit.planning.run.open_problem import open_problem
+from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Progress
 
@@ -46,7 +46,7 @@ class Carried:
 
 
 def carry(
-    plans: Sequence[Ran], origin: str, place: Place, folder: Path, *, cameras: int, mapping: Mapping,
+    plans: Sequence[Ran], origin: str, place: Place, folder: Path, *, cameras: int, mapping: MappingName,
     fidelity: FidelityName, repeats: int, workers: int, cache: StageCache, progress: Progress,
 ) -> list[Carried]:  # fmt: skip
     """Plans evaluated at ``fine`` on another plot, with nothing optimised there.
@@ -72,13 +72,13 @@ def carry(
     )  # fmt: skip
     opened = open_run(output) if (output / SETTINGS_FILE).is_file() else create_run(output, settings)
     with opened as run, progress.stage(output.name):
-        plannable = open_problem(settings, run.path, cache=cache, progress=progress, workers=workers)
+        setup = set_up_run(settings, run.path, cache=cache, progress=progress, workers=workers)
         trials, moved = [], {}
         for number, plan in enumerate(plans):
-            there = plannable.problem.nearest(plan.cameras)
+            there = setup.problem.nearest(plan.cameras)
             moved[number] = float(np.linalg.norm(there.positions - plan.cameras.positions, axis=1).max())
             trials.append(Trial(number, there, f"{plan.method}-{plan.seed}"))
-        with ProcessExecutor(plannable.objective, workers=workers) as executor:
+        with ProcessExecutor(setup.objective, workers=workers) as executor:
             found = evaluate_again(executor, run, trials, watch=nobody)
     by_number = {each.trial.number: each for each in found}
     return [_carried(plan, by_number[number], moved[number]) for number, plan in enumerate(plans)]

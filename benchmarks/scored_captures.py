@@ -25,7 +25,7 @@ from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
 from fieldkit.files import write_atomic
 from fieldkit.planning.objective.simulated import Proxy
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.families import families
@@ -142,7 +142,7 @@ def cameras_of(design: Design, proxy: Proxy) -> Cameras:
     envelope = Envelope.around(Cloud(proxy.plot.points), proxy.volume)
     if design.kind == "random":
         return envelope.sample(design.cameras, int(rng.integers(1 << 30)))
-    problem = Problem(design.cameras, envelope, proxy.camera, (proxy.plot,))
+    problem = PlanningProblem(design.cameras, envelope, proxy.camera, (proxy.plot,))
     if design.kind == "circle":
         return problem.nearest(Cameras.from_poses(ring_about(design.cameras)(proxy.scene, proxy.camera)))
     family = next(f for f in families(problem) if f.name == design.kind)

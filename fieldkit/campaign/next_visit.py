@@ -19,11 +19,11 @@ from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.planning.methods.geometric import Effort, optimise
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.flyable import vehicle_envelope
-from fieldkit.planning.run.open_problem import described
 from fieldkit.planning.run.outcome import plants_of
-from fieldkit.planning.score.expected import WEIGHTS, Expected
+from fieldkit.planning.run.run_setup import plan_envelope
+from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from fieldkit.planning.settings import EnvelopeSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
@@ -152,10 +152,10 @@ def plan_for_plants(
     """
     problem = _problem(plan, vehicle, plants)
     weights = WEIGHTS if plan.method is None or plan.method.weights is None else plan.method.weights
-    expected = Expected(problem)
+    cost_model = CostModel(problem)
 
     def cost(cameras: Cameras) -> float:
-        return expected.value_m(cameras, weights, None)
+        return cost_model.expected_m(cameras, weights, None)
 
     carried = problem.nearest(Cameras.from_poses(station.pose for station in plan.stations))
     found = [
@@ -167,7 +167,7 @@ def plan_for_plants(
     made = plan.model_copy(
         update={
             "stations": plan_from_poses(best.poses()).stations,
-            "envelope": described(problem.envelope),
+            "envelope": plan_envelope(problem.envelope),
             "plants": plants_of(problem),
             "source": PlanSource(kind="captures", name=name),
             "method": method,
@@ -176,7 +176,7 @@ def plan_for_plants(
     return made, cost(carried)
 
 
-def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud) -> Problem:
+def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud) -> PlanningProblem:
     assert plan.camera is not None
     limits = _limits(plan) if vehicle is None else EnvelopeSettings(**vehicle_envelope(vehicle, {}))
     volume = Volume.around(plants.points, margin_m=_MARGIN_M)
@@ -185,7 +185,7 @@ def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud) -> Problem:
         pitch_deg=limits.pitch_deg, separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
     camera = plan.camera.intrinsics.without_distortion()
-    return Problem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
+    return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
 
 
 def _limits(plan: Plan) -> EnvelopeSettings:

@@ -30,10 +30,10 @@ from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.plan_site.vehicle_file import missions_folder
 from fieldkit.planning.methods.circle import expected_circle
-from fieldkit.planning.run.open_problem import open_problem
 from fieldkit.planning.run.outcome import Outcome
 from fieldkit.planning.run.plan_views import plan_views
 from fieldkit.planning.run.request import search_settings
+from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.present.report import REPORT_FILE, write_report
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.plan import Plan
@@ -182,7 +182,7 @@ def _plan(
     with progress.stage("Plan", _FINALISTS * _REPEATS) as advance:
         outcome = plan_views(output, settings, cache=cache, workers=workers, watch=lambda _: advance(1))
     with progress.stage("The best circle"):
-        problem = open_problem(settings, output, cache=cache, progress=Silent()).problem
+        problem = set_up_run(settings, output, cache=cache, progress=Silent()).problem
         circle = expected_circle(problem).poses()
     return load_plan(output), outcome, circle
 

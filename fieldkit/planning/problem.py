@@ -24,7 +24,7 @@ _SAMPLE_STREAM = 31
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class PlanningProblem:
     """Which cameras are looked for, and what is known of the plot without taking photographs.
 
     Attributes:

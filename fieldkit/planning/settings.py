@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from fieldkit.planning.objective.fidelity import FidelityName
-from fieldkit.planning.objective.objective import Mapping
-from fieldkit.planning.score.expected import WEIGHTS
+from fieldkit.planning.objective.objective import MappingName
+from fieldkit.planning.score.cost_model import WEIGHTS
 from fieldkit.results.plan import Count, Length, PlanCamera, PlanSource, Strict
 
 Preset = Literal["field", "paper"]
@@ -130,7 +130,7 @@ class SearchSettings(Strict):
     """Of the search. Draft costs two fifths less, and what it finds best among good sets is not."""
     confirm_fidelity: FidelityName = "fine"
     """Of the confirmations."""
-    mapping: Mapping = "prior"
+    mapping: MappingName = "prior"
     refine: bool = False
     """Move each cloud onto the reference, and scale it, by ICP before it is scored."""
     finalists: Annotated[int, Field(ge=1)] = 3

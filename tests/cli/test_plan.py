@@ -14,8 +14,8 @@ from fieldkit.captures import read_capture
 from fieldkit.cli.live_plan import Status, sparkline
 from fieldkit.cli.main import main
 from fieldkit.planning.run.folder import create_run, open_run, read_log
-from fieldkit.planning.run.open_problem import open_problem
 from fieldkit.planning.run.outcome import read_outcome
+from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.settings import NoiseSettings
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.plan import PlanSource
@@ -177,7 +177,7 @@ def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(
     def cannot(*_: object, **__: object) -> None:
         raise RenderingError("there is no OpenGL", remedy="Install it.")
 
-    monkeypatch.setattr("fieldkit.planning.run.open_problem.Renderer", cannot)
+    monkeypatch.setattr("fieldkit.planning.run.run_setup.Renderer", cannot)
     (tmp_path / "tiny.toml").write_text(TINY)
     run = tmp_path / "run"
     asked = ["plan", "--scene", str(tmp_path / "tiny.toml"), "-n", "4", "--method", "score", "-o", str(run)]
@@ -205,7 +205,7 @@ def test_photographs_are_chosen_resumed_and_extended(tmp_path: Path, capsys: pyt
     assert [json.loads(line)["number"] for line in told.err.splitlines() if line.startswith("{")][:2] == [0, 1]
     assert {"method", "cameras", "chamfer_m", "evaluations", "failed_evaluations", "seconds"} <= first.keys()
     with open_run(tmp_path / "run") as begun:
-        problem = open_problem(begun.settings, begun.path, cache=StageCache(None), progress=Silent()).problem
+        problem = set_up_run(begun.settings, begun.path, cache=StageCache(None), progress=Silent()).problem
     assert problem.exact
     assert main([*begin, "--workers", "1"]) == 2
     assert "exists" in capsys.readouterr().err

@@ -13,7 +13,7 @@ from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
@@ -25,7 +25,7 @@ CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
 BEST = np.array([0.9, -0.8, 1.4])
 
 
-def bowl_problem(count: int = 4, views: int = 0) -> Problem:
+def bowl_problem(count: int = 4, views: int = 0) -> PlanningProblem:
     """Some points as plants, and an envelope about them; with ``views`` a recorded ring of so many."""
     points = np.random.default_rng(3).uniform(VOLUME.lower, VOLUME.upper, (400, 3))
     normals = np.tile(np.array([0.0, 0.0, 1.0], dtype=np.float32), (400, 1))
@@ -36,7 +36,7 @@ def bowl_problem(count: int = 4, views: int = 0) -> Problem:
         turn = 2 * np.pi * np.arange(views) / views
         centers = np.stack([1.5 * np.cos(turn), 1.5 * np.sin(turn), np.full(views, 1.0)], axis=1)
         ring = Cameras.aimed(centers, (0.0, 0.0, 0.4))
-    return Problem(count, envelope, CAMERA, (Plot(plants, points),), ring)
+    return PlanningProblem(count, envelope, CAMERA, (Plot(plants, points),), ring)
 
 
 class Bowl(Objective):

@@ -6,7 +6,7 @@ import numpy as np
 
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
@@ -32,18 +32,18 @@ def leaves(count: int = 8, seed: int = 0) -> Cloud:
     return Cloud(np.vstack(points), None, np.vstack(normals).astype(np.float32))
 
 
-def problem(count: int = 6, *, normals: bool = True) -> Problem:
+def problem(count: int = 6, *, normals: bool = True) -> PlanningProblem:
     """N cameras about `leaves`, in the default envelope."""
     plants = leaves()
     target = Volume.around(plants.points, margin_m=0.03)
     reference = plants if normals else Cloud(plants.points)
-    return Problem(count, Envelope.around(plants, target), CAMERA, (Plot(reference, plants.points),))
+    return PlanningProblem(count, Envelope.around(plants, target), CAMERA, (Plot(reference, plants.points),))
 
 
-def recorded(count: int = 6, views: int = 40) -> Problem:
+def recorded(count: int = 6, views: int = 40) -> PlanningProblem:
     """The same plot with views on a ring at 1.5 m, all the way round."""
     plot = problem(count)
-    return Problem(count, plot.envelope, CAMERA, plot.plots, around(360.0 * np.arange(views) / views))
+    return PlanningProblem(count, plot.envelope, CAMERA, plot.plots, around(360.0 * np.arange(views) / views))
 
 
 def around(azimuth_deg: np.ndarray, radius_m: float = 1.5, height_m: float = 1.2) -> Cameras:

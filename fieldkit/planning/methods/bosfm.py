@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from fieldkit.planning.methods.encoded_space import EncodedSpace
 from fieldkit.planning.methods.random import sample_seed
-from fieldkit.planning.methods.space import CameraSpace
-from fieldkit.planning.problem import Problem, Result, Trial
-from fieldkit.planning.score.expected import LEAST_M, NOISE
+from fieldkit.planning.problem import PlanningProblem, Result, Trial
+from fieldkit.planning.score.cost_model import LEAST_M, NOISE
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.surrogate.acquisition import suggest
 
@@ -42,7 +42,7 @@ class Bosfm:
         ValueError: no initial trial.
     """
 
-    problem: Problem
+    problem: PlanningProblem
     initial: int = 50
     seed: int = 0
     tuned: bool = False
@@ -56,8 +56,8 @@ class Bosfm:
         return "bosfm-tuned" if self.tuned else "bosfm"
 
     @cached_property
-    def _space(self) -> CameraSpace:
-        return CameraSpace(self.problem, cylindrical=self.tuned)
+    def _space(self) -> EncodedSpace:
+        return EncodedSpace(self.problem, cylindrical=self.tuned)
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         tried = [result.trial.cameras for result in results] + [trial.cameras for trial in pending]

@@ -7,8 +7,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from fieldkit.planning.methods.staged import Stage, StagedSearch, finer_grid
-from fieldkit.planning.problem import Problem
-from fieldkit.planning.score.expected import WEIGHTS, Expected
+from fieldkit.planning.problem import PlanningProblem
+from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles
 
@@ -16,11 +16,11 @@ _GRID = 5
 _AIMS = 4
 
 
-def expected_circle(problem: Problem) -> Cameras:
+def expected_circle(problem: PlanningProblem) -> Cameras:
     """The circle of the same grid of which the geometric score expects most, without a photograph."""
-    expected = Expected(problem)
+    cost_model = CostModel(problem)
     sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, _GRID, _GRID)]
-    return min(sets, key=lambda cameras: expected.value_m(cameras, WEIGHTS, None))
+    return min(sets, key=lambda cameras: cost_model.expected_m(cameras, WEIGHTS, None))
 
 
 class CircleSearch(StagedSearch[Circle]):
@@ -35,7 +35,7 @@ class CircleSearch(StagedSearch[Circle]):
         aim: whether the height looked at is searched too.
     """
 
-    def __init__(self, problem: Problem, seed: int = 0, *, aim: bool = False) -> None:
+    def __init__(self, problem: PlanningProblem, seed: int = 0, *, aim: bool = False) -> None:
         radii, altitudes, _ = problem.ranges
         # Heights evenly over the range, without the middle, which the grid has.
         every = [circle.aim_m for circle in circles(problem, 1, 1, _AIMS + 1)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array, eye_array, hstack
 
-from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.visibility import Surface, look
 from fieldkit.planning.space.cameras import Array, Cameras
 
@@ -72,7 +72,7 @@ class MaximumCoverage:
 
     name = "mcp"
 
-    def __init__(self, problem: Problem, seed: int = 0, *, seconds: float = _SECONDS) -> None:
+    def __init__(self, problem: PlanningProblem, seed: int = 0, *, seconds: float = _SECONDS) -> None:
         self._problem, self._seconds = problem, seconds
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
@@ -118,7 +118,7 @@ class MaximumCoverage:
         return np.unique(self._candidates.positions, axis=0, return_inverse=True)[1].reshape(-1)
 
 
-def lattice_views(problem: Problem, positions: int = _POSITIONS) -> Cameras:
+def lattice_views(problem: PlanningProblem, positions: int = _POSITIONS) -> Cameras:
     """Candidate cameras at the feasible points of a lattice, the finest one with at most so many; two aims at each.
 
     The lattice's step is never below the envelope's separation, so that any choice of places is feasible. Pitches are
@@ -200,7 +200,7 @@ def exact_cover(
     return Cover(tuple(int(k) for k in chosen), covered, bound, found.status == 0, taken)
 
 
-def _lattice(problem: Problem, step: float) -> Array:
+def _lattice(problem: PlanningProblem, step: float) -> Array:
     envelope = problem.envelope
     axes = []
     for low, high in (envelope.x_m, envelope.y_m, envelope.height_m):

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from fieldkit.planning.methods.field_candidates import Candidate, Candidates, Turn
-from fieldkit.planning.problem import Gain, Problem, Result, Trial, lowest
-from fieldkit.planning.score.expected import CERTAINTY, DOUBT, LEAST_M, NOISE, WEIGHTS, Expected, Weights, fit_slopes
+from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
+from fieldkit.planning.score.cost_model import CERTAINTY, DOUBT, LEAST_M, NOISE, WEIGHTS, CostModel, Weights, fit_slopes
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.surrogate.fit import moments
 from fieldkit.planning.surrogate.sets import FEATURES, NO_PLOT, TERMS, ScoreMean, SetEmbedding, SetSurrogate, fit_sets
@@ -67,7 +67,7 @@ class Field:
         weights: what a metre of the score's terms gap, noise and tie adds to the value, before there are results.
     """
 
-    problem: Problem
+    problem: PlanningProblem
     settings: FieldSettings = FieldSettings()
     seed: int = 0
     weights: Weights = WEIGHTS
@@ -77,8 +77,8 @@ class Field:
         return "field"
 
     @cached_property
-    def _expected(self) -> Expected:
-        return Expected(self.problem, self.settings.certainty)
+    def _cost_model(self) -> CostModel:
+        return CostModel(self.problem, self.settings.certainty)
 
     @property
     def _noise(self) -> float:
@@ -91,14 +91,14 @@ class Field:
 
     @cached_property
     def _candidates(self) -> Candidates:
-        return Candidates(self.problem, self._expected, self.weights, self.settings.initial)
+        return Candidates(self.problem, self._cost_model, self.weights, self.settings.initial)
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
         turn = Turn(
             number,
             {r.trial.cameras for r in results} | {t.cameras for t in pending},
-            self._expected.registration(results) if self.problem.blind else None,
+            self._cost_model.registration(results) if self.problem.blind else None,
             np.random.default_rng([self.seed, _STREAM, number]),
         )
         measured = self._usable(results, number)
@@ -123,7 +123,7 @@ class Field:
         values = learnt.log_improvements(inputs, pending, turn.number)
         gain = None
         if turn.registration is not None:
-            whole = self._expected.whole(sets, turn.registration)
+            whole = self._cost_model.whole(sets, turn.registration)
             values = values + np.log(whole)
             notes["whole"] = float(whole[int(np.argmax(values))])
         elif turn.anywhere:
@@ -182,7 +182,7 @@ class Field:
         """See `Arbiter.expect_m`: by the surrogate, for which a confirmation is a result like any other."""
         measured = self._usable(results, len(results))
         if not measured:
-            return [self._expected.value_m(cameras, self.weights, None) for cameras in sets]
+            return [self._cost_model.expected_m(cameras, self.weights, None) for cameras in sets]
         mean, _ = moments(self.learn(measured).model, self.inputs(sets))
         return [float(value) for value in np.exp(-mean)]
 
@@ -205,8 +205,8 @@ class Field:
         On the plots given, else in the mean of the problem's.
         """
         if plots is None:
-            terms, numbers = [self._expected.terms(cameras) for cameras in sets], [NO_PLOT] * len(sets)
+            terms, numbers = [self._cost_model.terms(cameras) for cameras in sets], [NO_PLOT] * len(sets)
         else:
-            terms = [self._expected.terms(cameras, plot) for cameras, plot in zip(sets, plots, strict=True)]
+            terms = [self._cost_model.terms(cameras, plot) for cameras, plot in zip(sets, plots, strict=True)]
             numbers = [float(plot) for plot in plots]
         return np.hstack([self._embedding(sets), terms, np.array(numbers)[:, None]])

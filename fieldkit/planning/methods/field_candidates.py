@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from fieldkit.planning.methods.geometric import Effort, optimise
 from fieldkit.planning.methods.moves import near
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
-from fieldkit.planning.problem import Problem, Trial
-from fieldkit.planning.score.expected import Expected, Weights
+from fieldkit.planning.problem import PlanningProblem, Trial
+from fieldkit.planning.score.cost_model import CostModel, Weights
 from fieldkit.planning.score.registration import Registration
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import Circle, circles, families
@@ -67,13 +67,13 @@ class Candidates:
 
     Attributes:
         problem: what is looked for.
-        expected: the geometric score's expectations.
+        cost_model: what the geometric score leads to expect.
         weights: of its terms, before there are results.
         initial: trials before the surrogate.
     """
 
-    problem: Problem
-    expected: Expected
+    problem: PlanningProblem
+    cost_model: CostModel
     weights: Weights
     initial: int
 
@@ -82,7 +82,7 @@ class Candidates:
         for choices in (self._known_to_be_good(turn), self._members(2 * _MEMBERS, turn, turn.number)):
             new = turn.new(choices)
             if new:
-                return min(new, key=lambda c: self.expected.value_m(c.cameras, self.weights, turn.registration))
+                return min(new, key=lambda c: self.cost_model.expected_m(c.cameras, self.weights, turn.registration))
         for attempt in range(_RANDOM_DRAWS):
             cameras = self.problem.sample(int(turn.rng.integers(2**31)) + attempt)
             if cameras not in turn.known:
@@ -142,7 +142,7 @@ class Candidates:
         """The largest prior mean, looked for about a set, else anywhere: the score taken at its word."""
 
         def cost(cameras: Cameras) -> float:
-            return self.expected.value_m(cameras, slopes, turn.registration)
+            return self.cost_model.expected_m(cameras, slopes, turn.registration)
 
         effort, known = (_EVERYWHERE, []) if about is None else (_NEARBY, [about.cameras])
         cameras = optimise(self.problem, cost, int(turn.rng.integers(2**31)), effort, known)

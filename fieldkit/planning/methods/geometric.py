@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import qmc
 
-from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.visibility import PerCamera, Surface, look
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import families
@@ -49,7 +49,7 @@ class Triangulation:
         problem: what is planned.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: PlanningProblem) -> None:
         surface, camera = Surface.of(problem.plots[0], _POINTS), problem.camera
         self._views = PerCamera(lambda cameras: look(surface, cameras, camera))
         self._focal = 0.5 * (camera.fx + camera.fy)
@@ -73,7 +73,9 @@ class GeometricOptimum:
         effort: of it.
     """
 
-    def __init__(self, name: str, problem: Problem, cost: Cost, seed: int = 0, *, effort: Effort | None = None) -> None:
+    def __init__(
+        self, name: str, problem: PlanningProblem, cost: Cost, seed: int = 0, *, effort: Effort | None = None
+    ) -> None:
         self._name, self._problem, self._cost, self._seed, self._effort = name, problem, cost, seed, effort
 
     @property
@@ -89,7 +91,7 @@ class GeometricOptimum:
 
 
 def optimise(
-    problem: Problem, cost: Cost, seed: int, effort: Effort | None = None, known: Sequence[Cameras] = ()
+    problem: PlanningProblem, cost: Cost, seed: int, effort: Effort | None = None, known: Sequence[Cameras] = ()
 ) -> Cameras:
     """A feasible set of small cost, by a search of the whole space; the same for the same seed.
 
@@ -109,7 +111,7 @@ def optimise(
 
 
 def _designs(
-    problem: Problem, cost: Cost, effort: Effort, rng: np.random.Generator
+    problem: PlanningProblem, cost: Cost, effort: Effort, rng: np.random.Generator
 ) -> list[tuple[float, int, Cameras]]:
     """Cost, number and cameras of the best ``effort.starts`` designs, one of each kind at most."""
     starts: list[tuple[float, int, Cameras]] = []
@@ -127,7 +129,7 @@ def _designs(
 
 
 def _refined(
-    problem: Problem, cost: Cost, cameras: Cameras, value: float, rng: np.random.Generator, moves: int
+    problem: PlanningProblem, cost: Cost, cameras: Cameras, value: float, rng: np.random.Generator, moves: int
 ) -> tuple[float, Cameras]:
     for k in range(moves):
         step = 0.5 * 0.02 ** (k / max(moves - 1, 1))
@@ -137,7 +139,7 @@ def _refined(
     return value, cameras
 
 
-def _moved(problem: Problem, cameras: Cameras, rng: np.random.Generator, step_m: float) -> Cameras:
+def _moved(problem: PlanningProblem, cameras: Cameras, rng: np.random.Generator, step_m: float) -> Cameras:
     """One camera elsewhere: by about so many metres, and turned as much as seen from the plot's distance."""
     z = cameras.vector().reshape(len(cameras), -1).copy()
     if problem.views is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fieldkit.planning.methods.staged import Stage, StagedSearch, finer_grid
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import placed
 
@@ -31,7 +31,7 @@ class Cap:
     def __str__(self) -> str:
         return f"hemisphere of {self.distance_m:.2f} m without its lowest {self.left_out:.0%}"
 
-    def cameras(self, problem: Problem) -> Cameras:
+    def cameras(self, problem: PlanningProblem) -> Cameras:
         """Not made feasible."""
         middle = float(problem.center[2] - problem.envelope.ground_m(problem.center[None])[0])
         low, high = problem.envelope.height_m
@@ -59,7 +59,7 @@ class Hemisphere(StagedSearch[Cap]):
         seed: not used; there is no chance in it.
     """
 
-    def __init__(self, problem: Problem, seed: int = 0) -> None:
+    def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:
         (near, widest), (_, top), _ = problem.ranges
         distances = (near, float(np.hypot(widest, top)))
         first = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Array, Cameras
 
 _TOGETHER = 0.25
@@ -14,7 +14,7 @@ _FLAT = 0.5
 _SHARES = (1.0, 0.5, 0.25, 0.125)
 
 
-def near(cameras: Cameras, problem: Problem, size_m: float, rng: np.random.Generator) -> Cameras:
+def near(cameras: Cameras, problem: PlanningProblem, size_m: float, rng: np.random.Generator) -> Cameras:
     """A random feasible set near ``cameras``.
 
     Three times out of four one to three cameras go their own ways; else all of them go farther out or nearer, up or
@@ -43,7 +43,7 @@ def near(cameras: Cameras, problem: Problem, size_m: float, rng: np.random.Gener
     return problem.nearest(found)
 
 
-def _moved(cameras: Cameras, problem: Problem, moved: NDArray[np.int64], steps: Array, aims: Array) -> Cameras:
+def _moved(cameras: Cameras, problem: PlanningProblem, moved: NDArray[np.int64], steps: Array, aims: Array) -> Cameras:
     """Cameras ``moved`` (m,) by steps (m, 3) around, outwards and upwards, and by aims (m, 3) of what they look at."""
     positions, targets = cameras.positions[moved], looked_at(cameras, problem)[moved]
     offsets = positions[:, :2] - problem.center[:2]
@@ -63,7 +63,7 @@ def _moved(cameras: Cameras, problem: Problem, moved: NDArray[np.int64], steps: 
     return Cameras.from_vector(everything.reshape(-1))
 
 
-def looked_at(cameras: Cameras, problem: Problem) -> Array:
+def looked_at(cameras: Cameras, problem: PlanningProblem) -> Array:
     """(n, 3) the points of the optical axes that are nearest to the plot's middle, at least 0.2 m away."""
     along = np.sum((problem.center - cameras.positions) * cameras.forward, axis=1)
     points: Array = cameras.positions + np.maximum(along, 0.2)[:, None] * cameras.forward

@@ -7,21 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Result, Trial
 
 _STREAM = 41
 
 
 @dataclass(frozen=True, eq=False)
 class Random:
-    """Trial k is `Problem.sample` of the seed and k, whatever is known.
+    """Trial k is `PlanningProblem.sample` of the seed and k, whatever is known.
 
     Attributes:
         problem: what is looked for.
         seed: of all trials.
     """
 
-    problem: Problem
+    problem: PlanningProblem
     seed: int = 0
 
     @property
@@ -33,5 +33,5 @@ class Random:
 
 
 def sample_seed(seed: int, *parts: int) -> int:
-    """A seed for `Problem.sample`, of a method's seed and of a trial's number and what else tells draws apart."""
+    """A seed for `PlanningProblem.sample`: of a method's, a trial's number and what else tells draws apart."""
     return int(np.random.SeedSequence([seed, _STREAM, *parts]).generate_state(1, np.uint64)[0])

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fieldkit.errors import UsageError
-from fieldkit.planning.problem import Chooser, Method, Problem
+from fieldkit.planning.problem import Chooser, Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 
 
-def make_method(problem: Problem, settings: SearchSettings) -> Method | Chooser:
+def make_method(problem: PlanningProblem, settings: SearchSettings) -> Method | Chooser:
     """The method that a run's settings name.
 
     Raises:
@@ -20,81 +20,81 @@ def make_method(problem: Problem, settings: SearchSettings) -> Method | Chooser:
     return _MAKERS[settings.method](problem, settings)
 
 
-def _field(problem: Problem, settings: SearchSettings) -> Method:
+def _field(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.field import Field, FieldSettings
 
     chosen = FieldSettings() if settings.initial is None else FieldSettings(initial=settings.initial)
     return Field(problem, chosen, settings.seed, settings.weights)
 
 
-def _bosfm(problem: Problem, settings: SearchSettings) -> Method:
+def _bosfm(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.bosfm import Bosfm
 
     return Bosfm(problem, settings.initial or 50, settings.seed, settings.method == "bosfm-tuned")
 
 
-def _circle(problem: Problem, settings: SearchSettings) -> Method:
+def _circle(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.circle import CircleSearch
 
     return CircleSearch(problem, settings.seed, aim=settings.method == "circle-aim")
 
 
-def _coverage(problem: Problem, settings: SearchSettings) -> Method:
+def _coverage(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.coverage import MaximumCoverage
 
     return MaximumCoverage(problem, settings.seed)
 
 
-def _geometric(problem: Problem, settings: SearchSettings) -> Method:
+def _geometric(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.geometric import GeometricOptimum, Triangulation
 
     return GeometricOptimum(settings.method, problem, Triangulation(problem), settings.seed)
 
 
-def _score(problem: Problem, settings: SearchSettings) -> Chooser:
+def _score(problem: PlanningProblem, settings: SearchSettings) -> Chooser:
     from fieldkit.planning.methods.score import ScoreOptimum
 
     return ScoreOptimum(problem, settings.weights, settings.seed)
 
 
-def _smith(problem: Problem, settings: SearchSettings) -> Method:
+def _smith(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.geometric import GeometricOptimum
     from fieldkit.planning.methods.smith import Reconstructability
 
     return GeometricOptimum(settings.method, problem, Reconstructability(problem), settings.seed)
 
 
-def _two_rings(problem: Problem, settings: SearchSettings) -> Method:
+def _two_rings(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.two_rings import TwoRings
 
     return TwoRings(problem, settings.seed)
 
 
-def _hemisphere(problem: Problem, settings: SearchSettings) -> Method:
+def _hemisphere(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.hemisphere import Hemisphere
 
     return Hemisphere(problem, settings.seed)
 
 
-def _random(problem: Problem, settings: SearchSettings) -> Method:
+def _random(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.random import Random
 
     return Random(problem, settings.seed)
 
 
-def _uniform(problem: Problem, settings: SearchSettings) -> Method:
+def _uniform(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.subsets import Uniform
 
     return Uniform(problem, settings.seed)
 
 
-def _match_graph(problem: Problem, settings: SearchSettings) -> Method:
+def _match_graph(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.subsets import MatchGraph
 
     return MatchGraph(problem, settings.seed)
 
 
-_MAKERS: dict[str, Callable[[Problem, SearchSettings], Method | Chooser]] = {
+_MAKERS: dict[str, Callable[[PlanningProblem, SearchSettings], Method | Chooser]] = {
     "field": _field,
     "bosfm": _bosfm,
     "bosfm-tuned": _bosfm,

@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from fieldkit.planning.methods.geometric import Effort, optimise
-from fieldkit.planning.problem import Problem, Result, Trial
-from fieldkit.planning.score.expected import WEIGHTS, Expected, Weights
+from fieldkit.planning.problem import PlanningProblem, Result, Trial
+from fieldkit.planning.score.cost_model import WEIGHTS, CostModel, Weights
 from fieldkit.planning.score.registration import Registration
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.parallel import map_parallel
@@ -21,7 +21,7 @@ class ScoreOptimum:
     """Minimises the weighted sum of `GeometricScore`'s terms, searched for from one start for each set.
 
     Two optima whose expected values are equal can differ by half in truth, so several are for evaluations to choose
-    from. Where mapping is blind, sets that are less likely to register are expected to cost more (`Expected`).
+    from. Where mapping is blind, sets that are less likely to register are expected to cost more (`CostModel`).
 
     Args:
         problem: what is planned.
@@ -33,7 +33,7 @@ class ScoreOptimum:
     name = "score"
 
     def __init__(
-        self, problem: Problem, weights: Weights = WEIGHTS, seed: int = 0, *, effort: Effort | None = None
+        self, problem: PlanningProblem, weights: Weights = WEIGHTS, seed: int = 0, *, effort: Effort | None = None
     ) -> None:
         self._problem, self._weights, self._seed, self._effort = problem, weights, seed, effort
 
@@ -54,14 +54,14 @@ class ScoreOptimum:
 
 
 def _optimum(
-    problem: Problem, weights: Weights, seed: int, effort: Effort | None, number: int
+    problem: PlanningProblem, weights: Weights, seed: int, effort: Effort | None, number: int
 ) -> tuple[Cameras, float]:
     """The set that the start of a number leads to, and what is expected of it."""
-    expected = Expected(problem)
+    cost_model = CostModel(problem)
     registration = Registration.learn([], []) if problem.blind else None
 
     def cost(cameras: Cameras) -> float:
-        return expected.value_m(cameras, weights, registration)
+        return cost_model.expected_m(cameras, weights, registration)
 
     start = int(np.random.SeedSequence([seed, _STREAM, number]).generate_state(1, np.uint64)[0])
     cameras = problem.nearest(optimise(problem, cost, start, effort))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.score.visibility import PerCamera, Surface, look
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.ranges import fill_distance_m
@@ -34,7 +34,7 @@ class Reconstructability:
         problem: what is planned.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: PlanningProblem) -> None:
         self._surface, self._camera = Surface.of(problem.plots[0], _POINTS), problem.camera
         self._farthest_m = 2.0 * fill_distance_m(problem.envelope, problem.camera)
         self._views = PerCamera(self._look)

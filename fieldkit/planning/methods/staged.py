@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
-from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.space.cameras import Cameras
 
 
@@ -16,7 +16,7 @@ class Design(Protocol):
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
-    def cameras(self, problem: Problem) -> Cameras:
+    def cameras(self, problem: PlanningProblem) -> Cameras:
         """Not made feasible."""
         ...
 
@@ -48,7 +48,7 @@ class StagedSearch(Generic[D]):
         stages: of designs to come.
     """
 
-    def __init__(self, name: str, problem: Problem, first: Sequence[D], stages: Sequence[Stage[D]]) -> None:
+    def __init__(self, name: str, problem: PlanningProblem, first: Sequence[D], stages: Sequence[Stage[D]]) -> None:
         self._name, self._problem, self._designs, self._stages = name, problem, first, stages
 
     @property

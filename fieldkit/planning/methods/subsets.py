@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.errors import UsageError
-from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.matchability import Matchability, expected_matches
 from fieldkit.planning.score.visibility import in_picture
 from fieldkit.planning.space.cameras import Array, Cameras
@@ -30,7 +30,7 @@ class Uniform:
 
     name = "uniform"
 
-    def __init__(self, problem: Problem, seed: int = 0) -> None:
+    def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:
         self._views, self._count = _recorded(problem, self.name), problem.count
         self._problem = problem
 
@@ -65,7 +65,7 @@ class MatchGraph:
 
     name = "match-graph"
 
-    def __init__(self, problem: Problem, seed: int = 0) -> None:
+    def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:
         self._views, self._count = _recorded(problem, self.name), problem.count
         matches = problem.plots[0].matches
         if matches is None:
@@ -111,7 +111,7 @@ def greedy_by_matches(matches: Array, count: int, tie: float) -> NDArray[np.int6
     return np.array(chosen, dtype=np.int64)
 
 
-def _recorded(problem: Problem, name: str) -> Cameras:
+def _recorded(problem: PlanningProblem, name: str) -> Cameras:
     if problem.views is None:
         raise UsageError(
             f"the method {name} chooses among photographs that were taken",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fieldkit.planning.methods.staged import AROUND, Stage, StagedSearch
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.families import placed
 
@@ -38,7 +38,7 @@ class Rings:
         lower, upper = (f"{self.lower_radius_m:.2f}", f"{self.upper_radius_m:.2f}")
         return f"rings {lower} m at {self.lower_altitude_m:.2f} m and {upper} m at {self.upper_altitude_m:.2f} m"
 
-    def cameras(self, problem: Problem) -> Cameras:
+    def cameras(self, problem: PlanningProblem) -> Cameras:
         """Not made feasible; the upper circle is turned by half a step against the lower one."""
         upper = problem.count // 2
         lower = problem.count - upper
@@ -62,7 +62,7 @@ class TwoRings(StagedSearch[Rings]):
         seed: not used; there is no chance in it.
     """
 
-    def __init__(self, problem: Problem, seed: int = 0) -> None:
+    def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:
         radii, (low, high), (lowest, highest) = problem.ranges
         middle, band = 0.5 * (lowest + highest), high - low
         grid = np.linspace(*radii, _GRID).tolist()

@@ -13,7 +13,7 @@ from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.planning.objective.fidelity import FIDELITIES, FidelityName
 from fieldkit.planning.objective.rule import Rule, value_m
-from fieldkit.planning.objective.source import PhotoSource, Shot
+from fieldkit.planning.objective.source import PhotoSet, PhotoSource
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.pipeline import reconstruct
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
@@ -22,7 +22,7 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.runtime.progress import Silent
 
-Mapping = Literal["prior", "incremental", "global"]
+MappingName = Literal["prior", "incremental", "global"]
 _LEAST_CAMERAS = 2
 
 
@@ -43,7 +43,7 @@ class ObjectiveSettings:
     """
 
     fidelity: FidelityName = "standard"
-    mapping: Mapping = "prior"
+    mapping: MappingName = "prior"
     rule: Rule = field(default_factory=Rule)
     min_agreeing_views: int = 2
     bands_px: tuple[float, ...] | None = None
@@ -137,9 +137,9 @@ class Objective:
         timer = StageTimer(Silent())
         chosen = FIDELITIES[fidelity or self.settings.fidelity]
         noise_seed = self.seed if seed is None else seed
-        with self.source.photograph(cameras, chosen, noise_seed, timer) as shot:
+        with self.source.photograph(cameras, chosen, noise_seed, timer) as photos:
             wanted = ReconstructionSettings(
-                features=shot.features,
+                features=photos.features,
                 mapping=self.settings.mapping,
                 fidelity=chosen.dense,
                 backend="cpu",
@@ -151,23 +151,23 @@ class Objective:
             )
             try:
                 found = reconstruct(
-                    shot.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot,
+                    photos.capture, wanted, cache=self.source.cache, progress=timer, known_plot=self.source.plot,
                     reach_m=REFERENCE_REACH_M if self.settings.refine else 0.0,
                 )  # fmt: skip
             except ReconstructionError as error:
                 mapped = _Mapped(error.registered, error.right, error.models)
-                return self._scored(shot, Cloud.empty(), mapped, error.message, timer), Cloud.empty()
+                return self._scored(photos, Cloud.empty(), mapped, error.message, timer), Cloud.empty()
         sparse = found.sparse
         mapped = _Mapped(sparse.registered, sparse.right, len(sparse.model_sizes))
         plants = self._refined(found, timer) if self.settings.refine else found.plants
-        return self._scored(shot, plants, mapped, "", timer), plants
+        return self._scored(photos, plants, mapped, "", timer), plants
 
     def _refined(self, found: Reconstruction, timer: StageTimer) -> Cloud:
         with timer.stage("Refining"):
             motion, _ = icp_onto_reference(found.plants, self.source.reference.cloud, with_scale=True)
             return found.moved_plants(motion)
 
-    def _scored(self, shot: Shot, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
+    def _scored(self, photos: PhotoSet, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:
         value, score = self.settings.rule.worst_m, None
         if len(cloud):
             with timer.stage("Scoring"):
@@ -180,13 +180,13 @@ class Objective:
             accuracy_m=None if score is None else score.chamfer.accuracy_m,
             completeness_m=None if score is None else score.chamfer.completeness_m,
             f_scores={d: 0.0 if score is None else score.f_scores[d].f_score for d in DISTANCES_M},
-            images=len(shot.views),
+            images=len(photos.views),
             registered=mapped.registered,
             right=mapped.right,
             models=mapped.models,
             points=len(cloud),
             cloud_digest=digest(cloud.points),
-            views=shot.views,
+            views=photos.views,
             failure=failure,
             times=tuple(StageCost(t.name, t.cpu_s, t.wall_s) for t in timer.times({})),
         )

@@ -18,7 +18,7 @@ from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.planning.objective.fidelity import Fidelity
-from fieldkit.planning.objective.source import Shot
+from fieldkit.planning.objective.source import PhotoSet
 from fieldkit.planning.space.assignment import assign
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.reconstruction.features import FeatureSettings
@@ -193,13 +193,13 @@ class RecordedSource:
         return assign(cameras, self.cameras(), self.distance_m)
 
     @contextmanager
-    def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[Shot]:
+    def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[PhotoSet]:
         """The recorded photographs that stand for the cameras, each with its own commanded pose."""
         rehearsal = self._rehearsal
         chosen = self.project(cameras.turned(self.middle, -rehearsal.turn_deg) if rehearsal.turn_deg else cameras)
         # A match needs both of its features.
         features = FeatureSettings(kept=float(np.sqrt(rehearsal.kept)), draw=rehearsal.draw)
-        yield Shot(self._subset(chosen, seed), tuple(self.views[int(k)].name for k in chosen), features)
+        yield PhotoSet(self._subset(chosen, seed), tuple(self.views[int(k)].name for k in chosen), features)
 
     def _subset(self, chosen: Array | NDArray[np.int64], seed: int) -> Capture:
         # In the set's order and with noise by the view's own number: the same views in another order are the same.

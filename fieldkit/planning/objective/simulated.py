@@ -19,7 +19,7 @@ from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Similarity
 from fieldkit.planning.objective.fidelity import Fidelity
-from fieldkit.planning.objective.source import Shot
+from fieldkit.planning.objective.source import PhotoSet
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import LOWEST_M, Plot, above_soil, check_plants, of_interest
 from fieldkit.reconstruction.known_poses import SourceFrame
@@ -201,7 +201,7 @@ class SimulatedSource:
             self._drawings = KeptDrawings() if self.sway is None else draw
 
     @contextmanager
-    def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[Shot]:
+    def photograph(self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress) -> Iterator[PhotoSet]:
         """JPEGs in a temporary folder, with the commanded poses and the camera beside them."""
         self.prepare()
         assert self._renderer is not None
@@ -220,7 +220,7 @@ class SimulatedSource:
                 )  # fmt: skip
             with progress.stage("Reading photographs"):
                 capture = read_capture(folder)
-            yield Shot(capture, capture.names, fidelity.features)
+            yield PhotoSet(capture, capture.names, fidelity.features)
 
     def forget_drawings(self) -> None:
         """Draw everything anew."""

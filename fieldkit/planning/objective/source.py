@@ -17,7 +17,7 @@ from fieldkit.runtime.progress import Progress
 
 
 @dataclass(frozen=True)
-class Shot:
+class PhotoSet:
     """The photographs of a set of cameras.
 
     Attributes:
@@ -62,7 +62,7 @@ class PhotoSource(Protocol):
 
     def photograph(
         self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress
-    ) -> AbstractContextManager[Shot]:
+    ) -> AbstractContextManager[PhotoSet]:
         """The photographs, which are there while the context is open.
 
         Raises:

@@ -9,8 +9,8 @@ import numpy as np
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.run.folder import read_log, read_settings, searched
-from fieldkit.planning.run.open_problem import open_problem
-from fieldkit.planning.score.expected import DOUBT, LEAST_M, NOISE, WEIGHTS, Expected, Weights, fit_slopes
+from fieldkit.planning.run.run_setup import set_up_run
+from fieldkit.planning.score.cost_model import DOUBT, LEAST_M, NOISE, WEIGHTS, CostModel, Weights, fit_slopes
 from fieldkit.runtime.progress import Silent
 
 LEAST = 8
@@ -49,9 +49,9 @@ def weights_of_run(run: Path) -> Weights:
             f"weights take {LEAST} evaluations of a search, and this run has {len(results)}", path=run,
             remedy="Give a longer run, or numbers: --weights GAP,NOISE,TIE.",
         )  # fmt: skip
-    problem = open_problem(settings, run, cache=StageCache(None), progress=Silent()).problem
-    expected = Expected(problem)
-    terms = np.array([expected.terms(result.trial.cameras, result.trial.plot) for result in results])
+    problem = set_up_run(settings, run, cache=StageCache(None), progress=Silent()).problem
+    cost_model = CostModel(problem)
+    terms = np.array([cost_model.terms(result.trial.cameras, result.trial.plot) for result in results])
     y = -np.log(np.maximum([result.value_m for result in results], LEAST_M))
     slopes, _ = fit_slopes(terms, y, WEIGHTS, doubt=DOUBT, noise=NOISE)
     if not slopes.any():

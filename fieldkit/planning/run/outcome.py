@@ -12,10 +12,10 @@ from pydantic import BaseModel
 from fieldkit.documents.json_file import read_json_object, schema_text, validated
 from fieldkit.files import write_atomic
 from fieldkit.planning.methods.registry import USING_WEIGHTS
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run.loop import Ending, Finalist, Stopped
-from fieldkit.planning.run.open_problem import Plannable
+from fieldkit.planning.run.run_setup import RunSetup
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.present.pictures.curves import png
 from fieldkit.present.pictures.plants_apart import draw_plants_apart
@@ -98,14 +98,14 @@ def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
 
 
 def write_outcome(
-    run: RunFolder, plannable: Plannable, confirmed: Sequence[Finalist], ending: Ending,
+    run: RunFolder, setup: RunSetup, confirmed: Sequence[Finalist], ending: Ending,
     *, choice_s: tuple[float, float] = (0.0, 0.0),
 ) -> Outcome:  # fmt: skip
     """Write everything a finished run gives; plan.json last, so that where it is the rest is, too.
 
     Args:
         run: of the folder.
-        plannable: of the plan.
+        setup: of the plan.
         confirmed: the finalists, the best first.
         ending: how the search ended.
         choice_s: seconds and CPU seconds of a method that chose without a search.
@@ -146,8 +146,8 @@ def write_outcome(
             )
             for f in confirmed
         ),
-        photographs=tuple(plannable.photographs[k] for k in plannable.problem.numbers(chosen.trial.cameras))
-        if plannable.photographs
+        photographs=tuple(setup.photographs[k] for k in setup.problem.numbers(chosen.trial.cameras))
+        if setup.photographs
         else (),
     )
     write_atomic(run.path / OUTCOME_FILE, outcome.model_dump_json(indent=2) + "\n")
@@ -160,16 +160,16 @@ def write_outcome(
     cameras = chosen.trial.cameras
     like = "" if settings.plots == 1 else "plots like "
     title = f"{like}{settings.source.name}: {settings.cameras} cameras, {_worth(outcome)}"
-    views = plannable.problem.views
+    views = setup.problem.views
     figure = draw_plan(
-        title, cameras.positions, cameras.forward, plannable.problem.reference,
+        title, cameras.positions, cameras.forward, setup.problem.reference,
         None if views is None else views.positions,
     )  # fmt: skip
     write_atomic(run.path / PLAN_PICTURE, png(figure))
-    for number, (name, plants, apart) in enumerate(plannable.apart):
+    for number, (name, plants, apart) in enumerate(setup.apart):
         picture = PLANTS_PICTURE if not number else PLANTS_PICTURE.replace(".", f"-{number + 1}.")
         write_atomic(run.path / picture, png(draw_plants_apart(name, plants, apart)))
-    save_plan(run.path / PLAN_FILE, _plan(run, plannable, chosen, outcome))
+    save_plan(run.path / PLAN_FILE, _plan(run, setup, chosen, outcome))
     return outcome
 
 
@@ -224,19 +224,19 @@ def weights_of(entry: LogEntry) -> dict[str, float]:
     return {name: float(weight) for name, weight in weights.items() if isinstance(weight, int | float)}
 
 
-def plants_of(problem: Problem) -> PlanPlants:
+def plants_of(problem: PlanningProblem) -> PlanPlants:
     """The plants within the flight box and half a metre about it, as plan.json holds them."""
     envelope = problem.envelope
     return envelope.plan_plants(envelope.plants if len(envelope.plants) else problem.reference.points)
 
 
-def _plan(run: RunFolder, plannable: Plannable, chosen: Finalist, outcome: Outcome) -> Plan:
+def _plan(run: RunFolder, setup: RunSetup, chosen: Finalist, outcome: Outcome) -> Plan:
     settings = run.settings
     return plan_from_poses(
         chosen.trial.cameras.poses(),
-        plannable.problem.camera,
-        envelope=plannable.envelope,
-        plants=plants_of(plannable.problem),
+        setup.problem.camera,
+        envelope=setup.envelope,
+        plants=plants_of(setup.problem),
         source=settings.source,
         method=PlanMethod(
             name=settings.method,

@@ -16,9 +16,9 @@ from fieldkit.planning.problem import Chooser
 from fieldkit.planning.run.executor import Evaluator, Executor, ProcessExecutor
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluate_again, nobody, ranked, search
-from fieldkit.planning.run.open_problem import Plannable, open_problem
 from fieldkit.planning.run.outcome import Outcome, write_outcome
 from fieldkit.planning.run.recalling import Recalling
+from fieldkit.planning.run.run_setup import RunSetup, set_up_run
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.runtime.usage import processor_seconds
@@ -76,7 +76,7 @@ def resume_plan(
 
     Args:
         output: the run's folder.
-        settings: to go on with, its own where None; only what `run_settings.CHANGEABLE` names may differ, and where
+        settings: to go on with, its own where None; only what `settings.CHANGEABLE` names may differ, and where
             things lie.
         cache, workers, scheduler, progress, watch, known: as `plan_views`.
 
@@ -101,15 +101,15 @@ def _planned(
     known: Sequence[LogEntry],
 ) -> Outcome:  # fmt: skip
     settings = run.settings
-    plannable = open_problem(
+    setup = set_up_run(
         settings, run.path, cache=cache, progress=progress, workers=workers,
         count_matches=settings.method in USING_MATCHES,
     )  # fmt: skip
-    method = make_method(plannable.problem, settings)
+    method = make_method(setup.problem, settings)
     if isinstance(method, Chooser):
-        return _chosen(method, run, plannable, workers, scheduler, progress, watch, known)
+        return _chosen(method, run, setup, workers, scheduler, progress, watch, known)
     budget = settings.time_budget_s
-    with _executor(plannable.objective, workers, scheduler, known, settings) as executor:
+    with _executor(setup.objective, workers, scheduler, known, settings) as executor:
         ending = search(
             method, executor, run, out_of_time=lambda s: budget is not None and s >= budget, watch=watch
         )  # fmt: skip
@@ -119,11 +119,11 @@ def _planned(
             "no evaluation succeeded", path=run.path,
             remedy="evaluations.jsonl says why each failed; `fieldkit doctor` looks at this machine.",
         )  # fmt: skip
-    return write_outcome(run, plannable, confirmed, ending)
+    return write_outcome(run, setup, confirmed, ending)
 
 
 def _chosen(
-    method: Chooser, run: RunFolder, plannable: Plannable, workers: int, scheduler: str, progress: Progress,
+    method: Chooser, run: RunFolder, setup: RunSetup, workers: int, scheduler: str, progress: Progress,
     watch: Watch, known: Sequence[LogEntry],
 ) -> Outcome:  # fmt: skip
     """The best of several sets by their confirmations; where there is none, the one of which most is expected."""
@@ -131,7 +131,7 @@ def _chosen(
     confirming = settings.repeats > 0
     if confirming and not scheduler:  # its workers may be able to render
         try:
-            plannable.check_renderer()
+            setup.check_renderer()
         except RenderingError as error:
             progress.note(f"the plan is not confirmed: {error.message}. {error.remedy}")
             confirming = False
@@ -141,9 +141,9 @@ def _chosen(
     cost = (time.monotonic() - begun, processor_seconds() - cpu)
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
-        with _executor(plannable.objective, workers, scheduler, known, settings) as executor:
+        with _executor(setup.objective, workers, scheduler, known, settings) as executor:
             confirmed = ranked(method, run, evaluate_again(executor, run, trials, watch=watch))
-    return write_outcome(run, plannable, confirmed, Ending("exhausted"), choice_s=cost)
+    return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_s=cost)
 
 
 @contextmanager

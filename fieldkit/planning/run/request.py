@@ -15,7 +15,7 @@ from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.planning.methods.registry import FOR_A_KIND, USING_WEIGHTS
 from fieldkit.planning.run.flyable import flight_noise, read_vehicle, vehicle_envelope
-from fieldkit.planning.run.open_problem import describe_sources
+from fieldkit.planning.run.run_setup import describe_sources
 from fieldkit.planning.settings import (
     CHANGEABLE,
     EnvelopeSettings,
@@ -100,18 +100,18 @@ def search_settings(
     Example:
         >>> settings = search_settings(scene=Path("case-1"), cameras=10, evaluations=60)
     """
-    asked = PlanRequest(
+    request = PlanRequest(
         more, noise or {}, envelope or {}, _paths(scene), _paths(reference), captures, _paths(images), vehicle, camera,
         purpose,
     )  # fmt: skip
-    return new_settings(asked, workers, deterministic=deterministic)
+    return new_settings(request, workers, deterministic=deterministic)
 
 
-def new_settings(asked: PlanRequest, workers: int, *, deterministic: bool) -> SearchSettings:
+def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> SearchSettings:
     """The settings of a new run.
 
     Args:
-        asked: what was given.
+        request: what was given.
         workers: that will evaluate.
         deterministic: see `lag_for`.
 
@@ -119,18 +119,18 @@ def new_settings(asked: PlanRequest, workers: int, *, deterministic: bool) -> Se
         UsageError: they contradict themselves, or leave the vehicle's limits.
         InputError: what is to be planned on, the vehicle or the camera cannot be used.
     """
-    (source, path), *others = describe_sources(asked.scenes, asked.references, asked.captures)
-    given = _given(asked.settings)
-    envelope = _given(asked.envelope)
+    (source, path), *others = describe_sources(request.scenes, request.references, request.captures)
+    given = _given(request.settings)
+    envelope = _given(request.envelope)
     method = given.get("method") or _PRESETS[given.get("preset", "field")]["method"]
-    if _chooses(asked, given, source.kind):
+    if _chooses(request, given, source.kind):
         given |= {"method": (method := KIND_METHOD)}
-    plots = _plots(asked.purpose, given.get("plots"), method, 1 + len(others))
-    vehicle = None if asked.vehicle is None else read_vehicle(asked.vehicle)
+    plots = _plots(request.purpose, given.get("plots"), method, 1 + len(others))
+    vehicle = None if request.vehicle is None else read_vehicle(request.vehicle)
     # Recorded photographs were taken where they were.
     missed = {} if plots == 1 or source.kind == "captures" else flight_noise(None if vehicle is None else vehicle[0])
     try:
-        noise = NoiseSettings(**(missed | _given(asked.noise)))
+        noise = NoiseSettings(**(missed | _given(request.noise)))
     except ValidationError as error:
         raise _refused(error) from error
     values: dict[str, Any] = {
@@ -141,13 +141,13 @@ def new_settings(asked: PlanRequest, workers: int, *, deterministic: bool) -> Se
         "lag": lag_for(workers, deterministic=deterministic),
     }
     if source.kind == "captures":
-        if asked.vehicle is None:  # with one they say which views count as its own
+        if request.vehicle is None:  # with one they say which views count as its own
             _refuse_limits(envelope)
-        if asked.references:
-            values["reference_path"] = str(asked.references[0].resolve())
+        if request.references:
+            values["reference_path"] = str(request.references[0].resolve())
         if plots == 1 and unchanging(source, noise):
             values["repeats"] = 1
-    images = _images(asked, source)
+    images = _images(request, source)
     values["images_path"] = images[0]
     values["others"] = tuple(
         GivenPlot(source=each, path=str(place), images_path=its)
@@ -158,10 +158,10 @@ def new_settings(asked: PlanRequest, workers: int, *, deterministic: bool) -> Se
         envelope = vehicle_envelope(profile, envelope)
         if source.kind != "captures":
             values["camera"] = profile.camera
-    if asked.camera is not None:
+    if request.camera is not None:
         if source.kind == "captures":
             raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
-        values["camera"] = _camera(asked.camera)
+        values["camera"] = _camera(request.camera)
     if plots > 1 and noise.pose_m:
         values["refine"] = True  # else luck in where a cloud lies would count for more than where cameras stand
     if plots > 1 and source.kind == "captures":
@@ -180,25 +180,25 @@ def new_settings(asked: PlanRequest, workers: int, *, deterministic: bool) -> Se
         raise _refused(error) from error
 
 
-def _chooses(asked: PlanRequest, given: Mapping[str, Any], source: str) -> bool:
+def _chooses(request: PlanRequest, given: Mapping[str, Any], source: str) -> bool:
     """Whether a plan for a kind is made without a search: no method is asked for, and nothing that only one has."""
     searched = {"method", "preset", *_OF_SEARCHES} & given.keys()
-    return source != "captures" and asked.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
+    return source != "captures" and request.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
 
 
-def _images(asked: PlanRequest, source: PlanSource) -> tuple[str | None, ...]:
+def _images(request: PlanRequest, source: PlanSource) -> tuple[str | None, ...]:
     """Where the photographs of each given plot are; None where a proxy is made without."""
-    count = max(1, len(asked.scenes), len(asked.references) if source.kind == "reference" else 1)
-    if not asked.images:
+    count = max(1, len(request.scenes), len(request.references) if source.kind == "reference" else 1)
+    if not request.images:
         return (None,) * count
     if source.kind != "reference":
         raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
-    if len(asked.images) != count:
+    if len(request.images) != count:
         raise UsageError(
-            f"--images is given {len(asked.images)} times for {count} references",
+            f"--images is given {len(request.images)} times for {count} references",
             remedy="Give it once for each --reference, in the same order.",
         )
-    return tuple(str(images.resolve()) for images in asked.images)
+    return tuple(str(images.resolve()) for images in request.images)
 
 
 def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> int:
@@ -223,32 +223,32 @@ def _refused(error: ValidationError) -> UsageError:
     return UsageError(first_problem(error), remedy="`fieldkit plan --help` explains the options.")
 
 
-def resumed_settings(settings: SearchSettings, asked: PlanRequest) -> SearchSettings:
+def resumed_settings(settings: SearchSettings, request: PlanRequest) -> SearchSettings:
     """The settings to go on with: the run's own, with what may change.
 
     Raises:
         UsageError: something else was asked for than what the run began with.
     """
-    given = _given(asked.settings)
-    if asked.purpose is not None and (asked.purpose == "kind") != (settings.plots > 1):
-        given["plots"] = 1 if asked.purpose == "this-plot" else KIND_PLOTS
+    given = _given(request.settings)
+    if request.purpose is not None and (request.purpose == "kind") != (settings.plots > 1):
+        given["plots"] = 1 if request.purpose == "this-plot" else KIND_PLOTS
     fixed = {key: value for key, value in given.items() if key not in CHANGEABLE and getattr(settings, key) != value}
-    for own, wished in ((settings.noise, asked.noise), (settings.envelope, asked.envelope)):
+    for own, wished in ((settings.noise, request.noise), (settings.envelope, request.envelope)):
         fixed |= {key: value for key, value in _given(wished).items() if getattr(own, key) != value}
-    if asked.vehicle is not None:
-        _, vehicle = read_vehicle(asked.vehicle)
+    if request.vehicle is not None:
+        _, vehicle = read_vehicle(request.vehicle)
         if settings.vehicle is None or settings.vehicle.sha256 != vehicle.sha256:
             fixed["vehicle"] = vehicle.name if settings.vehicle is None else f"{vehicle.name} as it is now"
-    if asked.camera is not None and _camera(asked.camera) != settings.camera:
-        fixed["camera"] = asked.camera.name
+    if request.camera is not None and _camera(request.camera) != settings.camera:
+        fixed["camera"] = request.camera.name
     if fixed:
         key, value = next(iter(fixed.items()))
         raise UsageError(
             f"this run did not begin with {key} = {value}",
             remedy="Leave it out to go on with this run, or start another one in another folder.",
         )
-    if any((asked.scenes, asked.references, asked.captures, asked.images)):
-        settings = _moved(settings, describe_sources(asked.scenes, asked.references, asked.captures))
+    if any((request.scenes, request.references, request.captures, request.images)):
+        settings = _moved(settings, describe_sources(request.scenes, request.references, request.captures))
     changed = {key: value for key, value in given.items() if key in CHANGEABLE}
     if "evaluations" in changed:  # a run that had converged goes on
         changed.setdefault("at_least", changed["evaluations"])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.score.matchability import Matchability, expected_matches, looseness_m
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Array, Cameras
@@ -108,7 +108,7 @@ class GeometricScore:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: PlanningProblem,
         matchability: Matchability | None = None,
         settings: ScoreSettings | None = None,
         *,
@@ -172,7 +172,7 @@ def _pair_worth(settings: ScoreSettings) -> Array:
     return np.append(worth, worth[-1])
 
 
-def _plot_points(problem: Problem, surface: Surface) -> Array:
+def _plot_points(problem: PlanningProblem, surface: Surface) -> Array:
     """(t, 3) about as many points on the ground, to 0.3 m beyond the plants, as on the plants: what pictures share."""
     low, high = np.array(problem.envelope.target.lower), np.array(problem.envelope.target.upper)
     axes = [np.linspace(low[k] - _AROUND_M, high[k] + _AROUND_M, _GRID) for k in (0, 1)]

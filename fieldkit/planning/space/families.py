@@ -1,7 +1,7 @@
 """Structured sets of cameras: N of them by a handful of numbers instead of five each.
 
 Every camera of a family looks at one point above the plot's middle. A family's parameters are a point of the unit cube,
-so that they can be searched; `Problem.nearest` makes what they decode to feasible.
+so that they can be searched; `PlanningProblem.nearest` makes what they decode to feasible.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.ranges import NARROWEST, reach_m
 
@@ -91,7 +91,7 @@ class Circle:
     def __str__(self) -> str:
         return f"circle {self.radius_m:.2f} m at {self.altitude_m:.2f} m, aim {self.aim_m:.2f} m"
 
-    def cameras(self, problem: Problem) -> Cameras:
+    def cameras(self, problem: PlanningProblem) -> Cameras:
         """Not made feasible."""
         azimuth = self.phase_deg + 360.0 * np.arange(problem.count) / problem.count
         radius, altitude = np.full(problem.count, self.radius_m), np.full(problem.count, self.altitude_m)
@@ -99,14 +99,14 @@ class Circle:
 
 
 def circles(
-    problem: Problem, altitudes: int = 5, radii: int = 5, aims: int = 1, *, inner: bool = False
+    problem: PlanningProblem, altitudes: int = 5, radii: int = 5, aims: int = 1, *, inner: bool = False
 ) -> tuple[Circle, ...]:
     """A grid of circles: radii change fastest, then altitudes, then aims.
 
     Args:
         problem: of N cameras.
-        altitudes, radii, aims: how many of each, spread evenly over `Problem.ranges`, its ends included; a single one
-            is the middle.
+        altitudes, radii, aims: how many of each, spread evenly over `PlanningProblem.ranges`, its ends included; a
+            single one is the middle.
         inner: the ends are half a step farther out: what few circles stand for best.
     """
     ranges = problem.ranges
@@ -118,7 +118,7 @@ def circles(
     )
 
 
-def families(problem: Problem) -> tuple[Family, ...]:
+def families(problem: PlanningProblem) -> tuple[Family, ...]:
     """All families for a problem's N, plot, camera and envelope.
 
     Radii lie between 0.3 of the envelope's reach and all of it, altitudes in the height band above the ground below
@@ -188,7 +188,7 @@ def families(problem: Problem) -> tuple[Family, ...]:
     )  # fmt: skip
 
 
-def family(problem: Problem, name: str) -> Family:
+def family(problem: PlanningProblem, name: str) -> Family:
     """The family of a name.
 
     Raises:
@@ -197,7 +197,7 @@ def family(problem: Problem, name: str) -> Family:
     return {found.name: found for found in families(problem)}[name]
 
 
-def placed(problem: Problem, azimuth_deg: Array, radius_m: Array, altitude_m: Array, aim_m: float) -> Cameras:
+def placed(problem: PlanningProblem, azimuth_deg: Array, radius_m: Array, altitude_m: Array, aim_m: float) -> Cameras:
     """Cameras about a plot's middle that look at one point above it; not made feasible.
 
     Args:

@@ -25,7 +25,7 @@ _KEPT = 6
 _STARTS, _ITERATIONS = 2, 30
 
 
-class Space(Protocol):
+class SearchSpace(Protocol):
     """A feasible set within the unit cube, as the search sees it."""
 
     def sample(self, count: int, rng: np.random.Generator) -> Array:
@@ -62,7 +62,7 @@ class Suggestion:
 def suggest(
     x: Array,
     y: Array,
-    space: Space,
+    space: SearchSpace,
     rng: np.random.Generator,
     *,
     pending: Array | None = None,
@@ -101,7 +101,7 @@ def suggest(
 
 
 def _maximise(
-    acquisition: LogExpectedImprovement, x: Array, y: Array, space: Space, rng: np.random.Generator, known: Array
+    acquisition: LogExpectedImprovement, x: Array, y: Array, space: SearchSpace, rng: np.random.Generator, known: Array
 ) -> tuple[Array | None, tuple[str, ...]]:
     """The feasible point (d,) of the largest expected improvement that was found and is not known, and remarks.
 

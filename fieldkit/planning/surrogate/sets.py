@@ -15,8 +15,8 @@ from botorch.utils.sampling import manual_seed
 from gpytorch.priors import LogNormalPrior  # type: ignore[import-untyped]
 from torch import Tensor
 
-from fieldkit.planning.problem import Gain, Problem, Trial
-from fieldkit.planning.score.expected import LEAST_M
+from fieldkit.planning.problem import Gain, PlanningProblem, Trial
+from fieldkit.planning.score.cost_model import LEAST_M
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.surrogate.fit import above, fit, moments, noise_model
 from fieldkit.runtime.threads import one_torch_thread
@@ -50,7 +50,7 @@ class SetEmbedding:
         reach: length scale of κ, in D: 0.35 of it is a turn of 20° about the plot.
     """
 
-    def __init__(self, problem: Problem, reach: float = REACH) -> None:
+    def __init__(self, problem: PlanningProblem, reach: float = REACH) -> None:
         envelope = problem.envelope
         half = 0.5 * np.array([np.ptp(envelope.x_m), np.ptp(envelope.y_m)])
         self.distance_m = float(half.mean()) if problem.views is None else problem.distance_m

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.bosfm import Bosfm
+from fieldkit.planning.methods.encoded_space import EncodedSpace
 from fieldkit.planning.methods.random import Random
-from fieldkit.planning.methods.space import CameraSpace
-from fieldkit.planning.problem import Problem, Result, Trial
+from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
@@ -37,10 +37,10 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"fieldkit.planning.surrogate.{name}", value)
 
 
-def problem(count: int, envelope: Envelope = FLAT, views: int = 0) -> Problem:
+def problem(count: int, envelope: Envelope = FLAT, views: int = 0) -> PlanningProblem:
     recorded = envelope.sample(views, 77) if views else None
     cloud = Cloud(envelope.plants)
-    return Problem(count, envelope, Intrinsics.pinhole(640, 480, 560.0), (Plot(cloud, cloud.points),), recorded)
+    return PlanningProblem(count, envelope, Intrinsics.pinhole(640, 480, 560.0), (Plot(cloud, cloud.points),), recorded)
 
 
 def cost(cameras: Cameras) -> float:
@@ -67,7 +67,7 @@ def run(method: Bosfm | Random, count: int) -> list[Result]:
     st.booleans(),
 )
 @settings(max_examples=12)
-def test_every_proposal_is_feasible(plot: Problem, seed: int, known: int, waiting: int, tuned: bool) -> None:
+def test_every_proposal_is_feasible(plot: PlanningProblem, seed: int, known: int, waiting: int, tuned: bool) -> None:
     method = Bosfm(plot, QUICK, seed, tuned)
     trials = [Trial(k, plot.sample(seed + k), "given") for k in range(known + waiting)]
     results = [Result(trial, cost(trial.cameras)) for trial in trials[:known]]
@@ -164,7 +164,7 @@ def test_a_recorded_set_is_gone_through_once() -> None:
 def test_the_best_untried_recorded_set_is_chosen() -> None:
     # Of 20 sets 14 are known; the model, which sees all of them, expects most of one of the other six.
     plot = problem(3, views=6)
-    space = CameraSpace(plot)
+    space = EncodedSpace(plot)
     sets = [plot.views.select(index) for index in space.subsets(20)]
     order = np.random.default_rng(0).permutation(20)
     results = [Result(Trial(int(k), sets[k], "given"), cost(sets[k])) for k in order[:14]]
@@ -184,7 +184,7 @@ def test_it_is_better_than_random(tuned: bool) -> None:
 
 
 def test_codes_of_recorded_sets_do_not_know_the_order() -> None:
-    space = CameraSpace(problem(4, views=9))
+    space = EncodedSpace(problem(4, views=9))
     views = space.problem.views
     assert views is not None
     code = space.encode(views.select([7, 1, 3, 0]))
@@ -195,14 +195,14 @@ def test_codes_of_recorded_sets_do_not_know_the_order() -> None:
         assert space.problem.contains(chosen)
         kept = {row.tobytes() for row in chosen.positions} & {row.tobytes() for row in space.cameras(code).positions}
         assert 1 <= len(kept) <= 3
-    few = CameraSpace(problem(4, views=6))
+    few = EncodedSpace(problem(4, views=6))
     assert len(few.sample(3, np.random.default_rng(0))) == math.comb(6, 4)
 
 
 def test_tuned_codes_do_not_know_the_cameras_order() -> None:
     plot = problem(4)
     cameras = plot.sample(3)
-    tuned, literal = CameraSpace(plot, cylindrical=True), CameraSpace(plot)
+    tuned, literal = EncodedSpace(plot, cylindrical=True), EncodedSpace(plot)
     turned = cameras.select([2, 0, 3, 1])
     np.testing.assert_array_equal(tuned.encode(cameras), tuned.encode(turned))
     assert (literal.encode(cameras) != literal.encode(turned)).any()

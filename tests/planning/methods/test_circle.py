@@ -7,7 +7,7 @@ import pytest
 
 from fieldkit.planning.methods.circle import CircleSearch, expected_circle
 from fieldkit.planning.problem import Result, Trial
-from fieldkit.planning.score.expected import WEIGHTS, Expected
+from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(6)
@@ -68,8 +68,8 @@ def test_a_recorded_set_has_few_circles() -> None:
 
 
 def test_the_expected_circle_is_the_grids_best_by_the_score() -> None:
-    expected = Expected(PROBLEM)
+    cost_model = CostModel(PROBLEM)
     grid = [t.cameras for k in range(25) if (t := CircleSearch(PROBLEM).propose(k, (), ()))]
-    values = [expected.value_m(cameras, WEIGHTS, None) for cameras in grid]
+    values = [cost_model.expected_m(cameras, WEIGHTS, None) for cameras in grid]
     assert min(values) < 0.9 * max(values)
     assert expected_circle(PROBLEM) == grid[int(np.argmin(values))]

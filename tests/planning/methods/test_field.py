@@ -16,7 +16,7 @@ from fieldkit.planning.methods.moves import looked_at, near
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
-from fieldkit.planning.problem import Judge, Method, Problem, Result, Trial
+from fieldkit.planning.problem import Judge, Method, PlanningProblem, Result, Trial
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.score.matchability import connectivity
 from fieldkit.planning.space.cameras import Cameras
@@ -41,7 +41,9 @@ def bowl_m(cameras: Cameras) -> float:
     return Bowl().evaluate(cameras).value_m
 
 
-def run(method: Method, count: int, problem: Problem, value_m: Callable[[Cameras], float] = bowl_m) -> list[Result]:
+def run(
+    method: Method, count: int, problem: PlanningProblem, value_m: Callable[[Cameras], float] = bowl_m
+) -> list[Result]:
     results: list[Result] = []
     for number in range(count):
         trial = method.propose(number, results, [])
@@ -220,7 +222,7 @@ def test_a_small_recorded_set_is_tried_out_and_then_left() -> None:
     assert Field(problem, QUICK).propose(10, found, []) is None
 
 
-def lucky_place(problem: Problem) -> tuple[list[Result], list[Result]]:
+def lucky_place(problem: PlanningProblem) -> tuple[list[Result], list[Result]]:
     """A search, and one of its places tried again and again, with one lucky value."""
     found = run(Field(problem, QUICK), 8, problem)
     center = found[6].trial.cameras
@@ -299,7 +301,7 @@ def test_every_method_has_its_own_name(name: str) -> None:
     assert method.name == name
 
 
-def blind_results(method: Field, problem: Problem, count: int, least: float) -> list[Result]:
+def blind_results(method: Field, problem: PlanningProblem, count: int, least: float) -> list[Result]:
     """Of sets that register where their connectivity is at least so many matches."""
     score = GeometricScore(problem)
     results: list[Result] = []

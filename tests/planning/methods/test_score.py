@@ -8,7 +8,7 @@ import pytest
 
 from fieldkit.planning.methods.geometric import Effort
 from fieldkit.planning.methods.score import ScoreOptimum
-from fieldkit.planning.score.expected import CERTAINTY, WEIGHTS, Expected
+from fieldkit.planning.score.cost_model import CERTAINTY, WEIGHTS, CostModel
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(5)
@@ -20,11 +20,11 @@ def test_optima_are_ordered_and_repeatable() -> None:
     assert sorted(trial.number for trial in found) == [0, 1, 2]
     values = [trial.notes["expected_m"] for trial in found]
     assert values == sorted(values)
-    expected = Expected(PROBLEM)
+    cost_model = CostModel(PROBLEM)
     for trial in found:
         assert PROBLEM.contains(trial.cameras)
-        assert trial.notes["expected_m"] == expected.value_m(trial.cameras, WEIGHTS, None)
-    assert max(values) < min(expected.value_m(PROBLEM.sample(seed), WEIGHTS, None) for seed in range(10))
+        assert trial.notes["expected_m"] == cost_model.expected_m(trial.cameras, WEIGHTS, None)
+    assert max(values) < min(cost_model.expected_m(PROBLEM.sample(seed), WEIGHTS, None) for seed in range(10))
     elsewhere = ScoreOptimum(PROBLEM, seed=3, effort=SMALL).choose(3, workers=2)
     assert [(trial.number, trial.cameras) for trial in elsewhere] == [(trial.number, trial.cameras) for trial in found]
     (alone,) = ScoreOptimum(PROBLEM, seed=3, effort=SMALL).choose(1)
@@ -34,17 +34,17 @@ def test_optima_are_ordered_and_repeatable() -> None:
 def test_weights_say_what_is_optimal() -> None:
     (ties,) = ScoreOptimum(PROBLEM, (0.0, 0.0, 1.0), effort=SMALL).choose(1)
     (gaps,) = ScoreOptimum(PROBLEM, (1.0, 0.0, 0.0), effort=SMALL).choose(1)
-    expected = Expected(PROBLEM)
-    assert expected.value_m(ties.cameras, (0.0, 0.0, 1.0), None) == ties.notes["expected_m"]
-    assert ties.notes["expected_m"] < expected.value_m(gaps.cameras, (0.0, 0.0, 1.0), None)
+    cost_model = CostModel(PROBLEM)
+    assert cost_model.expected_m(ties.cameras, (0.0, 0.0, 1.0), None) == ties.notes["expected_m"]
+    assert ties.notes["expected_m"] < cost_model.expected_m(gaps.cameras, (0.0, 0.0, 1.0), None)
 
 
 def test_where_mapping_is_blind_what_may_not_register_is_expected_to_cost_more() -> None:
     plot = replace(PROBLEM, blind=True)
     (found,) = ScoreOptimum(plot, effort=SMALL).choose(1)
-    expected = Expected(plot)
-    likely = expected.whole([found.cameras], expected.registration(()))[0]
-    plain = expected.value_m(found.cameras, WEIGHTS, None)
+    cost_model = CostModel(plot)
+    likely = cost_model.whole([found.cameras], cost_model.registration(()))[0]
+    plain = cost_model.expected_m(found.cameras, WEIGHTS, None)
     assert found.notes["expected_m"] == pytest.approx(plain * likely**-CERTAINTY)
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from fieldkit.planning.methods.random import Random
 from fieldkit.planning.objective.objective import Objective
-from fieldkit.planning.problem import Gain, Problem, Result, Trial, lowest
+from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
 from fieldkit.planning.run.executor import Executor, ProcessExecutor, SerialExecutor
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run.loop import Ending, confirm, evaluate_again, search, worst_mean
@@ -28,7 +28,7 @@ from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 class Greedy:
     """Moves the best set it knows of by a little; keeps what it was told."""
 
-    problem: Problem
+    problem: PlanningProblem
     told: dict[int, tuple[list[int], list[int]]] = field(default_factory=dict)
     most: int = 1000
     converges: int = 1000

@@ -1,4 +1,4 @@
-"""What the geometric score leads to expect of a set: a weighted sum of its terms, and whether it registers."""
+"""The cost that the geometric score leads to expect of a set: a weighted sum of its terms, and whether it registers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 
-from fieldkit.planning.problem import Problem, Result
+from fieldkit.planning.problem import PlanningProblem, Result
 from fieldkit.planning.score.geometric import GeometricScore, Geometry
 from fieldkit.planning.score.matchability import connectivity
 from fieldkit.planning.score.registration import Registration
@@ -32,7 +32,7 @@ _REST_DOUBT = 1.0
 """Standard deviation of what no term of the score explains, as a share of the value."""
 
 
-class _Known(NamedTuple):
+class _Scored(NamedTuple):
     """What the score says of a set: its terms (plots, 3) in metres and, where mapping is blind, its views' connectivity
     on the plot where it is least.
     """
@@ -41,7 +41,7 @@ class _Known(NamedTuple):
     connectivity: float
 
 
-class Expected:
+class CostModel:
     """Expects values of sets on a problem's plots; terms and connectivity of a set that was asked for are kept.
 
     Of several plots the mean counts.
@@ -51,10 +51,10 @@ class Expected:
         certainty: by how much more a set is expected to cost per e-fold that it is less likely to register, as a share.
     """
 
-    def __init__(self, problem: Problem, certainty: float = CERTAINTY) -> None:
+    def __init__(self, problem: PlanningProblem, certainty: float = CERTAINTY) -> None:
         self._problem, self._certainty = problem, certainty
         self._scores = [GeometricScore(problem, plot=plot) for plot in problem.plots]
-        self._sets: dict[Cameras, _Known] = {}
+        self._sets: dict[Cameras, _Scored] = {}
         self._unmet: dict[int, GeometricScore] = {}
 
     def terms(self, cameras: Cameras, plot: int | None = None) -> Array:
@@ -77,7 +77,7 @@ class Expected:
             self._unmet[plot] = GeometricScore(self._problem, plot=self._problem.unmet[plot - len(self._scores)])
         return self._unmet[plot]
 
-    def value_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
+    def expected_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
         """The terms times ``slopes`` (3,), the dearer the less likely the set is to register; nothing is kept."""
         found = self._scored(cameras)
         expected = float(np.dot(found.terms_m.mean(axis=0), slopes))
@@ -95,15 +95,15 @@ class Expected:
         """(n,) probabilities that sets register whole."""
         return registration.probability([self._known(cameras).connectivity for cameras in sets])
 
-    def _known(self, cameras: Cameras) -> _Known:
+    def _known(self, cameras: Cameras) -> _Scored:
         if cameras not in self._sets:
             self._sets[cameras] = self._scored(cameras)
         return self._sets[cameras]
 
-    def _scored(self, cameras: Cameras) -> _Known:
+    def _scored(self, cameras: Cameras) -> _Scored:
         found = [score.score(cameras) for score in self._scores]
         connected = min(connectivity(each.matches) for each in found) if self._problem.blind else np.inf
-        return _Known(np.array([_terms_m(each) for each in found]), connected)
+        return _Scored(np.array([_terms_m(each) for each in found]), connected)
 
 
 def _terms_m(found: Geometry) -> Array:

@@ -8,8 +8,8 @@ import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
-from fieldkit.planning.run.open_problem import open_problem
 from fieldkit.planning.run.request import search_settings
+from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.runtime.progress import Silent
 
 
@@ -17,21 +17,21 @@ def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monk
     settings = search_settings(scene=Path("demo"), cameras=4)
     assert settings.path == "demo"  # on any machine
     monkeypatch.chdir(tmp_path)
-    plannable = open_problem(settings, tmp_path, cache=StageCache(None), progress=Silent())
-    assert plannable.problem.count == 4
-    assert len(plannable.problem.envelope.plants) > 100
-    assert plannable.problem.contains(plannable.problem.sample(0))
-    assert not plannable.problem.blind
-    assert not plannable.problem.exact  # photographs are taken anew at every seed
+    setup = set_up_run(settings, tmp_path, cache=StageCache(None), progress=Silent())
+    assert setup.problem.count == 4
+    assert len(setup.problem.envelope.plants) > 100
+    assert setup.problem.contains(setup.problem.sample(0))
+    assert not setup.problem.blind
+    assert not setup.problem.exact  # photographs are taken anew at every seed
     blind = search_settings(scene=Path("demo"), cameras=4, mapping="incremental")
-    assert open_problem(blind, tmp_path, cache=StageCache(None), progress=Silent()).problem.blind
+    assert set_up_run(blind, tmp_path, cache=StageCache(None), progress=Silent()).problem.blind
 
 
 def test_a_scene_that_is_no_longer_the_same_is_refused(tmp_path: Path) -> None:
     settings = search_settings(scene=Path("demo"), cameras=4)
     other = settings.model_copy(update={"path": "case-1"})
     with pytest.raises(UsageError, match="has changed"):
-        open_problem(other, tmp_path, cache=StageCache(None), progress=Silent())
+        set_up_run(other, tmp_path, cache=StageCache(None), progress=Silent())
     gone = settings.model_copy(update={"path": str(tmp_path / "gone.toml")})
     with pytest.raises(UsageError, match="gone"):
-        open_problem(gone, tmp_path, cache=StageCache(None), progress=Silent())
+        set_up_run(gone, tmp_path, cache=StageCache(None), progress=Silent())

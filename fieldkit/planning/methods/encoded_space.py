@@ -1,4 +1,4 @@
-"""The feasible sets of a problem as a `Space` for the acquisition."""
+"""The feasible sets of cameras, encoded as points of the unit cube: a `SearchSpace` for the acquisition."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.coding import Coding, CylindricalCoding
 
@@ -20,7 +20,7 @@ _SWAPS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class CameraSpace:
+class EncodedSpace:
     """Codes (5N,) of a problem's feasible sets.
 
     The codes of recorded sets list the views in their own order, so that one set has one code.
@@ -30,7 +30,7 @@ class CameraSpace:
         cylindrical: whether codes are those of `CylindricalCoding`.
     """
 
-    problem: Problem
+    problem: PlanningProblem
     cylindrical: bool = False
 
     @cached_property

@@ -23,7 +23,7 @@ from fieldkit.planning.objective.objective import ObjectiveSettings
 from fieldkit.planning.objective.plots_objective import PlotsObjective
 from fieldkit.planning.objective.recorded import EXACT, RecordedSource
 from fieldkit.planning.objective.recorded_kind import RecordedKind, RecordedPlots
-from fieldkit.planning.problem import Problem
+from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.executor import Evaluator
 from fieldkit.planning.run.flyable import check_views
 from fieldkit.planning.score.match_graph import match_graph
@@ -46,7 +46,7 @@ _TWO_ROUNDS_PX = (10.0, 3.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Plannable:
+class RunSetup:
     """All that a run needs.
 
     Attributes:
@@ -58,7 +58,7 @@ class Plannable:
         photographs: names of recorded ones, in the order of the problem's views; empty where they are rendered.
     """
 
-    problem: Problem
+    problem: PlanningProblem
     envelope: PlanEnvelope
     make_objective: Callable[[], Evaluator]
     photographs: tuple[str, ...] = ()
@@ -66,7 +66,7 @@ class Plannable:
 
     @cached_property
     def objective(self) -> Evaluator:
-        """Made when it is first asked for. Raises what `open_problem` raises."""
+        """Made when it is first asked for. Raises what `set_up_run` raises."""
         return self.make_objective()
 
     def check_renderer(self) -> None:
@@ -121,10 +121,10 @@ def sha256(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def open_problem(
+def set_up_run(
     settings: SearchSettings, folder: Path, *, cache: StageCache, progress: Progress, workers: int = 1,
     count_matches: bool = False,
-) -> Plannable:  # fmt: skip
+) -> RunSetup:  # fmt: skip
     """The problem and the objective of a run.
 
     Args:
@@ -166,12 +166,12 @@ def open_problem(
         height_m=limits.height_m, clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg,
         separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
-    problem = Problem(settings.cameras, envelope, camera, plots, blind=settings.blind, unmet=unmet)
+    problem = PlanningProblem(settings.cameras, envelope, camera, plots, blind=settings.blind, unmet=unmet)
     noise = _capture_noise(settings.noise, description.noise)
     source = partial(kind.source, noise=noise, wind_m=settings.noise.wind_m)
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
-    return Plannable(
-        problem, described(envelope),
+    return RunSetup(
+        problem, plan_envelope(envelope),
         lambda: PlotsObjective(partial(kind.proxy, camera=camera), source, wanted, seed=settings.seed),
         apart=apart,
     )  # fmt: skip
@@ -200,7 +200,7 @@ def _told_apart(apart: PlantsApart) -> str:
 
 def _recorded(
     settings: SearchSettings, folder: Path, cache: StageCache, progress: Progress, workers: int, count_matches: bool
-) -> Plannable:
+) -> RunSetup:
     images = Path(settings.path)
     place = folder / BUILT_REFERENCE
     if settings.reference_path is not None:
@@ -233,12 +233,12 @@ def _recorded(
     kind = RecordedKind(source, settings.seed)
     met, unmet = settings.plots, settings.repeats if settings.plots > 1 else 0
     plots = [kind.plot(number, matches) for number in range(met + unmet)]
-    problem = Problem(
+    problem = PlanningProblem(
         settings.cameras, envelope, _without_distortion(reference), tuple(plots[:met]), views=views,
         blind=settings.blind, exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
     )  # fmt: skip
     objective = partial(RecordedPlots, kind, wanted, seed=settings.seed)
-    return Plannable(problem, described(envelope), objective, tuple(view.name for view in source.views))
+    return RunSetup(problem, plan_envelope(envelope), objective, tuple(view.name for view in source.views))
 
 
 def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
@@ -282,7 +282,7 @@ def _without_distortion(reference: Reference) -> Intrinsics:
     return full.without_distortion()
 
 
-def described(envelope: Envelope) -> PlanEnvelope:
+def plan_envelope(envelope: Envelope) -> PlanEnvelope:
     """An envelope as plan.json tells it."""
     (x, y, z) = (envelope.x_m, envelope.y_m, envelope.height_m)
     return PlanEnvelope(
