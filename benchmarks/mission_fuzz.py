@@ -13,8 +13,8 @@ from benchmarks.mission_trips import random_mission
 from fieldkit.captures.flight_logs import read_flight_log
 from fieldkit.mavlink.tlog import read_messages
 from fieldkit.missions.check import check_mission
-from fieldkit.missions.files import FORMATS, mission_bytes
 from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.plan_site.site_file import load_plots, load_site
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle, missions_folder, vehicle_names

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.tsplib import OPTIMA, distances
 from fieldkit.missions.export import route_plan
-from fieldkit.missions.files import mission_bytes
+from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.missions.plan_site.vehicle import Vehicle

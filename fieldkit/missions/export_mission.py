@@ -16,7 +16,7 @@ from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
 from fieldkit.missions.export import Routed, route_plan
 from fieldkit.missions.export_record import mission_record
-from fieldkit.missions.files import FORMATS, mission_bytes
+from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.site_file import load_plots, load_site, with_plots

@@ -15,11 +15,11 @@ from fieldkit.cli.check_mission import command
 from fieldkit.errors import UsageError
 from fieldkit.missions.autopilots import render
 from fieldkit.missions.check import check_mission
-from fieldkit.missions.files import mission_bytes
 from fieldkit.missions.files.qgc_plan import plan_bytes
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import waypoints_bytes
+from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.findings import Report
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.missions.mission import Fence, GeoPoint, Home, Mission, Shot

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from fieldkit.errors import MetadataError, MissionError
-from fieldkit.missions.files import mission_bytes
 from fieldkit.missions.files.litchi import COLUMNS, read_litchi
 from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.writing import mission_bytes
 from tests.missions.vehicles import small_mission, vehicle
 
 DJI = vehicle("dji")

@@ -14,8 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from benchmarks.mission_trips import difference, mavsdk_importer
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.missions.autopilots import render
-from fieldkit.missions.files import FORMATS, mission_bytes
 from fieldkit.missions.files.qgc_plan import read_plan
+from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.items import Command, same_item
 from fieldkit.missions.mission import Fence, GeoPoint, Mission
 from tests.missions.random_missions import missions

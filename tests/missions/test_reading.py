@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.missions.check import check_mission
-from fieldkit.missions.files import mission_bytes
 from fieldkit.missions.files.archive import zip_bytes
 from fieldkit.missions.files.limits import MAX_BYTES, json_number, number
 from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.files.writing import mission_bytes
 from tests.missions.vehicles import small_mission, vehicle
 
 ARDUPILOT, DJI = vehicle(), vehicle("dji")

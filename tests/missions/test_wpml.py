@@ -14,7 +14,7 @@ import pytest
 from fieldkit.documents.xml_tree import parse_local
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.missions.autopilots.dji.wpml import TEMPLATE, WAYLINES, read_wpml
-from fieldkit.missions.files import mission_bytes
+from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.mission import Shot
 from tests.missions.vehicles import small_mission, vehicle
 

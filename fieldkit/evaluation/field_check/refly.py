@@ -9,7 +9,7 @@ from pathlib import Path
 from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
 from fieldkit.missions.export import Routed, route_plan
-from fieldkit.missions.files import FORMATS, mission_bytes
+from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.mission import Mission, Shot
 from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.site_file import load_site, with_plots
