@@ -20,7 +20,7 @@ from fieldkit.runtime.kernels import fast_kernel
 from fieldkit.scenes.sensor_noise import developed_with_noise, with_grain
 
 USUAL_GRAIN = 3.5
-"""Of consumer cameras: between the recorded rigs' (docs/decisions.md)."""
+"""Of consumer cameras: between the recorded rigs' (docs/experiments/scenes.md)."""
 _MAX_TAPS = 15
 _MIDDLE_GREY = 128.0
 

@@ -23,8 +23,9 @@ class Registration:
     """What is known of the connectivity that mapping asks for: P(whole | c) = 1 / (1 + (c₀ / c)^(1/w)).
 
     Both constants are unknown and their distribution, on a grid, is what results leave of a prior: c₀ is 23 matches
-    times or by e^½, w 0.2 to 0.45. These are from 65 sets about tuning-1 and tuning-2 (docs/decisions.md); how many
-    matches a plot's own photographs have is what results tell. While every set fails, c₀ rises above what was tried.
+    times or by e^½, w 0.2 to 0.45. These are from 65 sets about tuning-1 and tuning-2
+    (docs/experiments/score-and-planner.md); how many matches a plot's own photographs have is what results tell. While
+    every set fails, c₀ rises above what was tried.
 
     Attributes:
         thresholds: (g,) ln c₀ of the grid.
