@@ -1,0 +1,36 @@
+"""Options in groups: a command's parameters for Typer, and what the command is called with."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass
+from typing import Annotated
+
+import typer
+
+from fieldkit.cli.main import parser_of
+from fieldkit.cli.option_groups import grouped
+
+called: list[tuple[object, ...]] = []
+
+
+@dataclass(frozen=True)
+class Size:
+    """Of something."""
+
+    width: Annotated[int, typer.Option("--wide")] = 3
+    names: Annotated[list[str] | None, typer.Option("--name")] = None
+
+
+@grouped
+def command(first: Annotated[str, typer.Option("--first")], size: Size, last: bool = False) -> None:
+    """Do it."""
+    called.append((first, size, last))
+
+
+def test_fields_stand_in_the_group_s_place_and_come_back_as_the_group() -> None:
+    assert list(inspect.signature(command).parameters) == ["first", "width", "names", "last"]
+    assert command.__doc__ == "Do it."
+    parser_of(command).main(["--first", "a", "--wide", "5", "--name", "b", "--name", "c"], standalone_mode=False)
+    parser_of(command).main(["--first", "a", "--last"], standalone_mode=False)
+    assert called == [("a", Size(5, ["b", "c"]), False), ("a", Size(), True)]
