@@ -44,6 +44,17 @@ def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> d
     return document
 
 
+def check_version(document: dict[str, Any], known: int, file: Path, remedy: str) -> None:
+    """Raises MetadataError: the document of a file is of another version of its format than the one that is known."""
+    version = document.get("version")
+    if version != known or isinstance(version, bool):
+        if isinstance(version, int) and version > known:
+            remedy = "Install the fieldkit that wrote it, or a newer one."
+        raise MetadataError(
+            f"has version {version!r} of the format; this fieldkit reads {known}", path=file, remedy=remedy
+        )
+
+
 def validated(model: type[Model], document: dict[str, Any], file: Path, remedy: str) -> Model:
     """The document of a file as a model of pydantic's.
 

@@ -96,12 +96,16 @@ class Association:
 
 def pose_costs(a: PoseArray, b: PoseArray) -> Array:
     """Metres between poses, angles weighed in where both are known; shapes broadcast, NaN without a place."""
-    apart = a.positions - b.positions
-    up = np.nan_to_num(apart[..., 2])
     yaw = np.nan_to_num(wrapped_deg(a.yaws - b.yaws))
     pitch = np.nan_to_num(a.pitches - b.pitches)
-    costs: Array = np.sqrt(apart[..., 0] ** 2 + apart[..., 1] ** 2 + up**2)
-    return costs + (np.abs(yaw) + np.abs(pitch)) * METRES_PER_DEGREE
+    return _lengths(a.positions - b.positions) + (np.abs(yaw) + np.abs(pitch)) * METRES_PER_DEGREE
+
+
+def _lengths(apart: Array) -> Array:
+    """Of differences (…, 3); horizontal ones where no height is known."""
+    up = np.nan_to_num(apart[..., 2])
+    lengths: Array = np.sqrt(apart[..., 0] ** 2 + apart[..., 1] ** 2 + up**2)
+    return lengths
 
 
 def associate(
@@ -161,8 +165,7 @@ def _candidates(photographs: PoseArray, stations: PoseArray, most_offset_m: floa
     turns = pose_costs(_in_place(photographs)[:, None], _in_place(stations))
     prices = np.empty(len(offsets))
     for k, offset in enumerate(offsets):
-        up = np.nan_to_num(apart[..., 2] - offset[2])
-        costs = np.sqrt((apart[..., 0] - offset[0]) ** 2 + (apart[..., 1] - offset[1]) ** 2 + up**2) + turns
+        costs = _lengths(apart - offset) + turns
         prices[k] = np.minimum(costs.min(axis=1), REACH_M).mean() + _OFFSET_PRICE * np.hypot(offset[0], offset[1])
     chosen: list[Array] = []
     for offset in offsets[np.argsort(prices, kind="stable")]:

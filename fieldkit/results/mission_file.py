@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fieldkit.documents.json_file import read_json_object, schema_text, validated
+from fieldkit.documents.json_file import check_version, read_json_object, schema_text, validated
 from fieldkit.errors import MetadataError
 from fieldkit.results.mission import MissionRecord
 
@@ -39,11 +39,7 @@ def load_mission(file: Path) -> MissionRecord:
         raise MetadataError(
             f'is not the record of a mission: its "kind" is {document.get("kind")!r}', path=file, remedy=_AGAIN
         )
-    version = document.get("version")
-    if version != 1 or isinstance(version, bool):
-        newer = isinstance(version, int) and version > 1
-        remedy = "Install the fieldkit that wrote it, or a newer one." if newer else _AGAIN
-        raise MetadataError(f"has version {version!r} of the format; this fieldkit reads 1", path=file, remedy=remedy)
+    check_version(document, 1, file, _AGAIN)
     return validated(MissionRecord, document, file, _AGAIN)
 
 

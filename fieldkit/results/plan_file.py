@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit import __version__
-from fieldkit.documents.json_file import read_json_object, schema_text, validated
+from fieldkit.documents.json_file import check_version, read_json_object, schema_text, validated
 from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
@@ -64,11 +64,7 @@ def load_plan(path: Path) -> Plan:
     document = read_json_object(file, _AGAIN, noun="plan", max_bytes=_MAX_BYTES)
     if document.get("kind") != "plan":
         raise MetadataError(f'is not a plan: its "kind" is {document.get("kind")!r}', path=file, remedy=_AGAIN)
-    version = document.get("version")
-    if version != 1 or isinstance(version, bool):
-        newer = isinstance(version, int) and version > 1
-        remedy = "Install the fieldkit that wrote it, or a newer one." if newer else _AGAIN
-        raise MetadataError(f"has version {version!r} of the format; this fieldkit reads 1", path=file, remedy=remedy)
+    check_version(document, 1, file, _AGAIN)
     return validated(Plan, document, file, _AGAIN)
 
 

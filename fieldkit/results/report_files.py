@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from fieldkit.documents.json_file import read_json_object, schema_text
+from fieldkit.documents.json_file import check_version, read_json_object, schema_text
 from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.results.comparison import ComparisonReport
@@ -109,15 +109,7 @@ def _load(path: Path, name: str, model: type[_Report], kind: str) -> _Report:
     if found != kind:
         was = f'its "kind" is {found!r}' if "kind" in document else 'it has no "kind"'
         raise MetadataError(f"is not a fieldkit {kind}: {was}", path=file, remedy=again)
-    version = document.get("version")
-    known = model.model_fields["version"].default
-    if version != known or isinstance(version, bool):
-        remedy = again
-        if isinstance(version, int) and version > known:
-            remedy = "Install the fieldkit that wrote it, or a newer one."
-        raise MetadataError(
-            f"has version {version!r} of the format; this fieldkit reads {known}", path=file, remedy=remedy
-        )
+    check_version(document, model.model_fields["version"].default, file, again)
     try:
         # From text, so that arrays may become tuples while everything else stays strict.
         return model.model_validate_json(json.dumps(document))

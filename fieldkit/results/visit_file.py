@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from fieldkit.documents.json_file import read_json_object, validated
+from fieldkit.documents.json_file import check_version, read_json_object, validated
 from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.results.visit import Visit
@@ -45,13 +45,7 @@ def visit_of_document(document: dict[str, Any], folder: Path) -> Visit:
         MetadataError: it is of another version, or a field is wrong.
     """
     file = folder / VISIT_FILE
-    version = document.get("version")
-    if version != _VERSION or isinstance(version, bool):
-        newer = isinstance(version, int) and version > _VERSION
-        raise MetadataError(
-            f"has version {version!r} of the format; this fieldkit reads {_VERSION}", path=file,
-            remedy="Install the fieldkit that wrote it, or a newer one." if newer else _REMEDY,
-        )  # fmt: skip
+    check_version(document, _VERSION, file, _REMEDY)
     return validated(Visit, document, file, _REMEDY)
 
 
