@@ -118,7 +118,7 @@ def _tables(options: PaperOptions, progress: Progress) -> StudyResult:
     carried = {test: _carry(planned[case], case, Place.scene(test), options, progress) for test, case in
                options.tests.items()}  # fmt: skip
     optimised = {test: _run(Place.scene(test), baselines, options, progress) for test in options.tests}
-    rows_home = {case: _by_method(runs) for case, runs in planned.items()}
+    rows_home = {case: _at_home(runs, case, options, progress) for case, runs in planned.items()}
     rows_test = {
         test: {f"{name}, carried": plans for name, plans in _by_method(carried[test]).items()}
         | {f"{name}, optimised there": plans for name, plans in _by_method(optimised[test]).items()}
@@ -208,6 +208,14 @@ def _carry(plans: Sequence[Ran], origin: str, place: Place, options: PaperOption
         mapping=_MAPPING, fidelity=_FIDELITY, repeats=_REPEATS, workers=options.workers, cache=options.cache,
         progress=progress,
     )  # fmt: skip
+
+
+def _at_home(
+    plans: Sequence[Ran], case: str, options: PaperOptions, progress: Progress
+) -> dict[str, list[Ran | Carried]]:
+    """Plans by method; those for a kind, which were confirmed on other plots under noise, evaluated at home too."""
+    for_kind = _carry([p for p in plans if p.method.endswith(OF_A_KIND)], case, Place.scene(case), options, progress)
+    return {name: _by_method(for_kind).get(name, own) for name, own in _by_method(plans).items()}
 
 
 def _by_method(plans: Sequence[Ran] | Sequence[Carried]) -> dict[str, list[Ran | Carried]]:

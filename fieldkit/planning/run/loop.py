@@ -199,7 +199,8 @@ def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> lis
 def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch) -> list[Finalist]:
     """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
 
-    Where the plan is for plots of a kind, each repeat is on a plot of its own that no trial has met.
+    Where the plan is for plots of a kind, each repeat is on a plot of its own that no trial has met: the first on the
+    given plot, if the search took no photographs.
 
     Returns:
         The trials by value, the best first; as they are where the settings ask for no repeats.
@@ -210,10 +211,8 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
     settings = run.settings
     if not settings.repeats:
         return [Finalist(trial) for trial in chosen]
-    fresh = [
-        (_FRESH_SEEDS + settings.seed * settings.repeats + k, settings.plots + k if settings.plots > 1 else 0)
-        for k in range(settings.repeats)
-    ]
+    seeds = [_FRESH_SEEDS + settings.seed * settings.repeats + k for k in range(settings.repeats)]
+    fresh = list(zip(seeds, _plots_of_repeats(settings, bool(searched(run.entries))), strict=True))
     # By cameras, not by number: of plans carried from elsewhere, a number may mean another plan the next time.
     fidelity = settings.confirm_fidelity
     there = {
@@ -240,6 +239,15 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
         value = worst_mean(values, settings.noise.risk)
         confirmed.append((value, trial.number, Finalist(trial, entries, value, spread)))
     return [finalist for _, _, finalist in sorted(confirmed, key=lambda found: found[:2])]
+
+
+def _plots_of_repeats(settings: SearchSettings, evaluated: bool) -> list[int]:
+    """The plot that each repeat is on, where the search has ``evaluated`` trials or not."""
+    if settings.plots == 1:
+        return [0] * settings.repeats
+    unmet = list(range(settings.plots, settings.plots + settings.repeats))
+    # The given plot is the only real one of its kind.
+    return unmet if evaluated else [0, *unmet[:-1]]
 
 
 def worst_mean(values: Sequence[float], share: float) -> float:
