@@ -237,13 +237,9 @@ class MavsdkVehicle:
 
     def _pump(self) -> None:
         splitter = Splitter()
-        greeted = 0.0
         while not self._stopping.is_set():
             try:
                 data = self._wire.receive(_SLICE_S)
-                if time.monotonic() - greeted > 1.0:
-                    greeted = time.monotonic()
-                    self._greet()
             except LinkError as error:
                 self._broken = error
                 return
@@ -253,7 +249,7 @@ class MavsdkVehicle:
                     self._mavsdk.pass_received_raw_bytes(admitted)
 
     def _greet(self) -> None:
-        # A vehicle that waits for stations learns only so where this one is.
+        # A vehicle that waits for stations learns only so where this one is; MAVSDK itself says so once a second.
         self._send_message(
             mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
         )
