@@ -24,7 +24,7 @@ from fieldkit.campaign.ranking import ranking
 from fieldkit.campaign.visit import Visit
 from fieldkit.errors import StorageError, UsageError
 from fieldkit.files import check_writable, write_atomic
-from fieldkit.present.spreadsheets.plots import csv_cell
+from fieldkit.present.spreadsheets.csv_text import csv_cell
 from fieldkit.results.evaluation import distance_key
 
 Format = Literal["csv", "geojson", "gpkg"]

@@ -115,6 +115,8 @@ def command(
         one = plots[0] if len(plots) == 1 else {}
         emit_json({**one, "ok": all(r.ok for r in reports), "plots": plots, "files": files})
         return
+    from fieldkit.present.style import format_seconds
+
     show = console()
     for report in reports:
         for rows in check_tables(report):
@@ -123,7 +125,7 @@ def command(
             say(sentence)
         head = f"{report.name}: " if len(reports) > 1 else ""
         show.print(f"{head}{report.summary()}", markup=False, style="bold")
-        say(f"{report.seconds:.1f} s ({report.cpu_seconds:.1f} s of CPU).")
+        say(f"{format_seconds(report.seconds)} ({format_seconds(report.cpu_seconds)} of CPU).")
     for file in files:
         show.print(str(file), markup=False, soft_wrap=True)
 

@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import FieldkitError, MetadataError
-from fieldkit.present.sections.collect import collect
 from fieldkit.present.sections.photographs import find_photographs, thumbnails
+from fieldkit.present.sections.read_results import read_results
 from fieldkit.present.sections.route import read_route
 from tests.missions.test_export import SITES
 from tests.present.sections.examples import (
@@ -29,7 +29,7 @@ from tests.present.sections.examples import (
 
 def test_everything_in_a_folder_is_found_and_what_is_damaged_is_told(tmp_path: Path) -> None:
     write_everything(tmp_path)
-    found = collect(tmp_path)
+    found = read_results(tmp_path)
     assert [part.name for part in found.references] == ["reference"]
     assert [part.name for part in found.plans] == ["plan"]  # not the campaign's own
     assert [(part.name, part.mission_file) for part in found.missions] == [("mission/field.geojson", "field.plan")]
@@ -54,7 +54,7 @@ def test_a_result_of_its_own_by_folder_or_file(tmp_path: Path, file: bool) -> No
     }  # fmt: skip
     kinds = ("references", "evaluations", "plans", "missions", "campaigns")
     for (folder, name), kind in zip(files.items(), kinds, strict=True):
-        found = collect(tmp_path / folder / name if file else tmp_path / folder)
+        found = read_results(tmp_path / folder / name if file else tmp_path / folder)
         assert found.count == 1
         assert len(getattr(found, kind)) == 1
         assert not found.unreadable
@@ -66,7 +66,7 @@ def test_a_run_that_is_not_finished_has_trials_and_no_plan(tmp_path: Path) -> No
         (tmp_path / "run" / name).unlink()
     with (tmp_path / "run" / "evaluations.jsonl").open("a") as log:
         log.write('{"number": 40, "sta')  # being written
-    (part,) = collect(tmp_path / "run").plans
+    (part,) = read_results(tmp_path / "run").plans
     assert (part.plan, part.outcome, len(part.trials)) == (None, None, 40)
 
 
@@ -74,14 +74,14 @@ def test_three_levels_below_is_too_deep_and_hidden_folders_are_passed_over(tmp_p
     write_reference(tmp_path / "a" / "b" / "c")
     write_reference(tmp_path / ".d")
     with pytest.raises(MetadataError, match="holds no result"):
-        collect(tmp_path)
-    assert len(collect(tmp_path / "a").references) == 1
+        read_results(tmp_path)
+    assert len(read_results(tmp_path / "a").references) == 1
 
 
 def test_links_in_a_circle(tmp_path: Path) -> None:
     write_reference(tmp_path / "a")
     (tmp_path / "a" / "loop").symlink_to(tmp_path)
-    assert len(collect(tmp_path).references) == 1
+    assert len(read_results(tmp_path).references) == 1
 
 
 def test_nothing_of_ours(tmp_path: Path) -> None:
@@ -89,7 +89,7 @@ def test_nothing_of_ours(tmp_path: Path) -> None:
     (tmp_path / "plots.geojson").write_text((SITES / "plots.geojson").read_text())
     for path in (tmp_path, tmp_path / "notes.txt", tmp_path / "missing"):
         with pytest.raises(MetadataError) as caught:
-            collect(path)
+            read_results(path)
         assert caught.value.path == path
         assert caught.value.remedy
 
@@ -97,7 +97,7 @@ def test_nothing_of_ours(tmp_path: Path) -> None:
 def test_a_single_damaged_result_is_its_own_error(tmp_path: Path) -> None:
     (tmp_path / "reference.json").write_text("[]")
     with pytest.raises(MetadataError, match="not a JSON object") as caught:
-        collect(tmp_path)
+        read_results(tmp_path)
     assert caught.value.path == tmp_path / "reference.json"
 
 

@@ -1,0 +1,162 @@
+"""How a reconstruction went: its main figures, its photographs, its findings, the time it took."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from fieldkit.present.content import Cell, Column, Mark, Picture, Table
+from fieldkit.present.style import DASH, count, decimal, format_length, format_seconds, metres, millimetres, with_unit
+from fieldkit.results.evaluation import CameraEntry, FindingEntry, ImageEntry, ReconstructionEntry, ReferenceReport
+
+MOST_ROWS = 400
+"""Of a table about photographs, stations or plots; the files hold all."""
+
+_MOST_CAMERAS = 4
+
+
+def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
+    """The main figures of a reconstruction, as label and value."""
+    metric = report.metric
+    wrong = sum(image.registered and image.right is False for image in report.image_reports)
+    known = any(image.right is not None for image in report.image_reports)
+    share = f" ({100 * report.registered / report.images:.0f} %)" if report.images else ""
+    pairs = f"{report.pairs_verified:,} of {report.pairs_tried:,} pairs verified"
+    tracks = f"{report.observations:,} observations, track length {decimal(report.track_length) or DASH}"
+    rows = [
+        ("photographs registered", f"{report.registered} of {report.images}{share}"),
+        ("photographs used", f"{report.right}"),
+        ("registered but wrong", f"{wrong}" if known else "not known: no positions to compare with"),
+        ("models", f"{len(report.models)} ({', '.join(map(str, report.models)) or 'no'} photographs)"),
+        ("mapping", f"{report.method or DASH}, {pairs}"),
+        ("features per photograph", decimal(report.features_per_image, 0) or DASH),
+        ("sparse points", f"{report.sparse_points:,}, {tracks}"),
+        ("reprojection error", with_unit(decimal(report.reprojection_px), "px")),
+        ("scale and place from", _metric_source(report)),
+        *(("camera", camera) for camera in _cameras(report.cameras)),
+    ]
+    if report.frame is not None:
+        ground = report.frame.ground
+        tilt = "none found" if ground is None else f"{format_length(ground.rms_m, metric=metric)} RMS"
+        rows += [("ground plane", tilt), *(("doubt about the frame", note) for note in report.frame.notes)]
+    rows.append(("ground sampling distance", f"{format_length(report.gsd_m, metric=metric)} per pixel"))
+    if report.volume is not None:
+        edges = (high - low for low, high in zip(report.volume.lower_m, report.volume.upper_m, strict=True))
+        unit = "m" if metric else "units"
+        rows.append(("volume of interest", " × ".join(f"{edge:.2f}" for edge in edges) + f" {unit}"))
+    rows.append(("plants", _plants(report)))
+    if isinstance(report, ReferenceReport) and report.scene_points is not None:
+        rows.append(("scene", f"{report.scene_points:,} points"))
+    if report.dense is not None:
+        dense = f"{report.dense.fidelity} on {report.dense.backend}, plants by mask {report.dense.mask}"
+        rows.append(("dense stereo", dense))
+    return tuple(rows)
+
+
+def was_used(image: ImageEntry) -> bool:
+    """Whether a photograph is registered, and not known to be wrong."""
+    return image.registered and image.right is not False
+
+
+def photograph_table(
+    images: Sequence[ImageEntry], caption: str, *, metric: bool, pictures: Mapping[str, Picture] | None = None
+) -> Table:
+    """What became of photographs; those that were not used come first.
+
+    Args:
+        images: to tell of.
+        caption: of the table.
+        metric: whether lengths are metres.
+        pictures: of them by name.
+    """
+    known = any(image.position_residual_m is not None for image in images)
+    angles = any(image.angle_residual_deg is not None for image in images)
+    residual = millimetres if metric else lambda length: decimal(length, 4)
+    columns = [Column("photograph")]
+    columns += [Column("picture", detail=True)] if pictures else []
+    columns += [
+        Column("state", detail=True), Column("features", True), Column("points seen", True, detail=True),
+        Column("reprojection, px", True, detail=True),
+    ]  # fmt: skip
+    columns += [Column(f"position residual{', mm' * metric}", True, detail=True)] if known else []
+    columns += [Column("direction residual, °", True, detail=True)] if angles else []
+    columns += [Column(f"height{', m' * metric}", True, detail=True), Column("pitch, °", True, detail=True)]
+    why = any(image.reason for image in images)
+    columns += [Column("why")] if why else []
+    ordered = sorted(images, key=was_used)
+    rows = []
+    for image in ordered[:MOST_ROWS]:
+        row: list[Cell] = [image.name]
+        row += [pictures.get(image.name)] if pictures else []
+        row += [state(image), f"{image.features:,}", f"{image.observations:,}", decimal(image.reprojection_px)]
+        row += [residual(image.position_residual_m)] if known else []
+        row += [decimal(image.angle_residual_deg)] if angles else []
+        row += [None if image.center_m is None else metres(image.center_m[2]), decimal(image.pitch_deg, 1)]
+        row += [image.reason or None] if why else []
+        rows.append(tuple(row))
+    return Table(caption, tuple(columns), tuple(rows), first_of(MOST_ROWS, len(ordered)))
+
+
+def state(image: ImageEntry) -> Mark:
+    """Whether a photograph was used."""
+    if not image.registered:
+        return Mark("problem", "not registered")
+    return Mark("problem", "wrong pose") if image.right is False else Mark("good", "used")
+
+
+def stage_table(report: ReconstructionEntry) -> Table:
+    """The time that each stage took, and all of them."""
+    columns = (
+        Column("stage"), Column("items", True), Column("from cache", True), Column("time", True),
+        Column("CPU time", True),
+    )  # fmt: skip
+    rows = [
+        (t.name, f"{t.items:,}", f"{t.cached:,}", format_seconds(t.wall_s), format_seconds(t.cpu_s))
+        for t in report.times
+    ]
+    rows.append(("all", "", "", format_seconds(report.seconds), format_seconds(report.cpu_seconds)))
+    return Table("Time per stage", columns, tuple(rows))
+
+
+def finding_table(findings: Sequence[FindingEntry], most_names: int) -> Table:
+    """One row per finding; files with the same one share it, ``most_names`` of them by name."""
+    groups: dict[tuple[str, str, bool], list[str]] = {}
+    for finding in findings:
+        groups.setdefault((finding.code, finding.message, finding.left_out), []).append(finding.name)
+    rows = []
+    for (code, message, left_out), names in list(groups.items())[:MOST_ROWS]:
+        more = f" and {len(names) - most_names} more" if len(names) > most_names else ""
+        text = f"{', '.join(names[:most_names])}{more}: {'left out: ' if left_out else ''}{message}"
+        rows.append((code, f"{len(names):,}", text))
+    columns = (Column("finding"), Column("files", True), Column("what was found"))
+    return Table("Findings", columns, tuple(rows), first_of(MOST_ROWS, len(groups)))
+
+
+def first_of(most: int, rows: int) -> str:
+    """A note below a table that is cut; empty where it is not."""
+    return f"The first {most} of {rows}." if rows > most else ""
+
+
+def _metric_source(report: ReconstructionEntry) -> str:
+    source = f"{report.metric_source or DASH}" if report.metric else "nothing: lengths are not metres"
+    if report.pose_rms_m is None:
+        return source
+    bound = report.position_bound_m
+    right = "" if bound is None else f", right up to {format_length(bound, metric=report.metric)}"
+    return f"{source}, residuals {format_length(report.pose_rms_m, metric=report.metric)} RMS{right}"
+
+
+def _cameras(cameras: Sequence[CameraEntry]) -> list[str]:
+    found = [
+        f"{camera.model} {camera.width}×{camera.height}, f {camera.params[0]:.1f} px, {camera.source}, "
+        f"{count(camera.photos, 'photograph')} ({camera.key})"
+        for camera in cameras
+    ]
+    return found if len(found) <= _MOST_CAMERAS else [*found[: _MOST_CAMERAS - 1], f"and {len(found) - 3} more"]
+
+
+def _plants(report: ReconstructionEntry) -> str:
+    text = f"{report.points:,} points"
+    if report.points_per_plant_voxel is None:
+        return text
+    edge = format_length(report.plant_voxel_m, metric=report.metric)
+    return f"{text}, {report.points_per_plant_voxel:.1f} per {edge} voxel"
