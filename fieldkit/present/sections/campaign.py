@@ -9,7 +9,6 @@ from fieldkit.campaign import Campaign, Visit
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.present.content import (
     Block,
-    Cell,
     Charts,
     Column,
     Details,
@@ -24,8 +23,8 @@ from fieldkit.present.html.charts import LineChart, Series
 from fieldkit.present.html.plot_map import MappedPlot, PlotMap
 from fieldkit.present.sections.loaded_results import CampaignResult
 from fieldkit.present.style import decimal, format_length, metres, millimetres, percent
-from fieldkit.present.tables.reconstruction import MOST_ROWS, first_of
-from fieldkit.present.tables.scores import distances_of, interval, score_cells, score_columns
+from fieldkit.present.tables.scores import distances_of, interval, score_columns
+from fieldkit.present.tables.tabulated import tabulated
 
 _MOST_LINES = 200
 _FARTHEST_M = 200_000.0
@@ -107,37 +106,21 @@ def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
 def _table(date: str, visits: Sequence[Visit]) -> Table:
     """Plots of one date, the greatest distance first."""
     ordered = sorted(visits, key=lambda v: (not v.error, -(score_of(v) or 0.0), v.plot))
-    distances = distances_of(visits)
+    distances = distances_of(visit.f_score for visit in visits)
     distances = [d for d in distances if d in ("0.005", "0.010")] or distances[:1]
-    columns = [Column("plot"), Column("state"), Column("photographs used", True)]
-    groups = {
-        "scored": any(v.chamfer_m is not None for v in visits),
-        "predicted": any(v.predicted_chamfer_m is not None for v in visits),
-        "figures": any(v.height_m is not None or v.cover is not None or v.hull_m3 is not None for v in visits),
-        "notes": any(v.notes or v.error for v in visits),
-    }
-    if groups["scored"]:
-        columns += score_columns(distances)
-    if groups["predicted"]:
-        columns += [Column("predicted chamfer, mm", True), Column("interval, mm", True)]
-    if groups["figures"]:
-        columns += [Column("height, m", True), Column("cover, %", True), Column("hull volume, m³", True)]
-    columns += [Column("known positions RMS, mm", True)]
-    columns += [Column("notes")] if groups["notes"] else []
-    rows = []
-    for v in ordered[:MOST_ROWS]:
-        row: list[Cell] = [v.plot, _state(v), f"{v.right} of {v.images}"]
-        if groups["scored"]:
-            row += score_cells(v, distances)
-        if groups["predicted"]:
-            row += [millimetres(v.predicted_chamfer_m), interval(v.predicted_low_m, v.predicted_high_m)]
-        if groups["figures"]:
-            row += [metres(v.height_m), percent(v.cover), decimal(v.hull_m3, 3)]
-        row += [millimetres(v.pose_rms_m)]
-        row += ["; ".join([v.error, *v.notes] if v.error else v.notes) or None] if groups["notes"] else []
-        rows.append(tuple(row))
-    note = f"The greatest distance comes first. {first_of(MOST_ROWS, len(visits))}".strip()
-    return Table(f"Plots on {date}", tuple(columns), tuple(rows), note)
+    return tabulated(f"Plots on {date}", ordered, (
+        (Column("plot"), lambda v: v.plot),
+        (Column("state"), _state),
+        (Column("photographs used", True), lambda v: f"{v.right} of {v.images}"),
+        *score_columns(distances),
+        (Column("predicted chamfer, mm", True), lambda v: millimetres(v.predicted_chamfer_m)),
+        (Column("interval, mm", True), lambda v: interval(v.predicted_low_m, v.predicted_high_m)),
+        (Column("height, m", True), lambda v: metres(v.height_m)),
+        (Column("cover, %", True), lambda v: percent(v.cover)),
+        (Column("hull volume, m³", True), lambda v: decimal(v.hull_m3, 3)),
+        (Column("known positions RMS, mm", True), lambda v: millimetres(v.pose_rms_m)),
+        (Column("notes"), lambda v: "; ".join([v.error, *v.notes] if v.error else v.notes) or None),
+    ), "The greatest distance comes first.")  # fmt: skip
 
 
 def _state(visit: Visit) -> Mark:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from fieldkit.planning.run.outcome import Outcome
-from fieldkit.present.content import Cell, Column, Table
+from fieldkit.present.content import Column, Table
 from fieldkit.present.style import millimetres
+from fieldkit.present.tables.tabulated import tabulated
 
 _NOTE = (
     "Finalists are evaluated again with new random numbers: the lowest of many noisy values is partly luck. Compare "
@@ -14,20 +15,15 @@ _NOTE = (
 
 def finalist_table(outcome: Outcome) -> Table:
     """The best sets of a search, the plan first; trials have the numbers of evaluations.jsonl."""
-    columns = [Column("trial"), Column("how it was proposed", short="from")]
-    lengths = (
-        ("expected_m", Column("expected, mm", True)),
-        ("search_value_m", Column("in the search, mm", True, short="search, mm")),
-        ("value_m", Column("confirmed, mm", True)),
-        ("spread_m", Column("spread, mm", True, short="±, mm")),
-        ("kind_m", Column("expected after all evaluations, mm", True, short="kind, mm")),
-    )
-    known = [(key, column) for key, column in lengths if any(getattr(f, key) is not None for f in outcome.finalists)]
-    columns += [column for _, column in known]
-    columns.append(Column("photographs used", short="used"))
-    rows: list[tuple[Cell, ...]] = []
-    for place, found in enumerate(outcome.finalists):
-        values = [millimetres(getattr(found, key)) for key, _ in known]
-        name = f"{found.number}{', the plan' if place == 0 else ''}"
-        rows.append((name, found.origin, *values, ", ".join(map(str, found.right))))
-    return Table("Finalists", tuple(columns), tuple(rows), _NOTE)
+    best = outcome.finalists[0].number if outcome.finalists else -1
+    return tabulated("Finalists", outcome.finalists, (
+        (Column("trial"), lambda found: f"{found.number}{', the plan' * (found.number == best)}"),
+        (Column("how it was proposed", short="from"), lambda found: found.origin),
+        (Column("expected, mm", True), lambda found: millimetres(found.expected_m)),
+        (Column("in the search, mm", True, short="search, mm"), lambda found: millimetres(found.search_value_m)),
+        (Column("confirmed, mm", True), lambda found: millimetres(found.value_m)),
+        (Column("spread, mm", True, short="±, mm"), lambda found: millimetres(found.spread_m)),
+        (Column("expected after all evaluations, mm", True, short="kind, mm"),
+         lambda found: millimetres(found.kind_m)),
+        (Column("photographs used", short="used"), lambda found: ", ".join(map(str, found.right))),
+    ), _NOTE)  # fmt: skip

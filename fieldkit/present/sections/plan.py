@@ -22,7 +22,7 @@ from fieldkit.present.html.charts import LineChart, Series
 from fieldkit.present.sections.finalists import finalist_table
 from fieldkit.present.sections.loaded_results import MissionResult, PlanResult
 from fieldkit.present.style import decimal, format_length, format_nominal, format_seconds, metres
-from fieldkit.present.tables.reconstruction import MOST_ROWS, first_of
+from fieldkit.present.tables.tabulated import tabulated
 
 _LATER = 0.97  # quantile of the values that the curve's axis shows; the first random sets are often far off
 
@@ -58,20 +58,18 @@ def mission_section(result: MissionResult, anchor: str, view: View | None) -> Se
     if heights:
         between = f"{format_length(min(heights))} to {format_length(max(heights))}"
         figures.append(KeyFigure("heights of photographs", between, "above home"))
-    columns = (
-        Column("photograph"), Column("plot"), Column("station", True), Column("east of home, m", True),
-        Column("north of home, m", True), Column("height above home, m", True),
-        Column("yaw, °", True), Column("pitch, °", True),
-    )  # fmt: skip
-    rows = tuple(
-        (f"{number}", s.plot or None, f"{s.station}" if s.station >= 0 else None, *(metres(v) for v in s.position_m),
-         decimal(s.yaw_deg % 360.0, 1), decimal(s.pitch_deg, 1))
-        for number, s in enumerate(route.stations[:MOST_ROWS], 1)
-    )  # fmt: skip
-    note = first_of(MOST_ROWS, len(route.stations))
-    table = Table("Photographs in the order they are flown", columns, rows, note)
+    table = tabulated("Photographs in the order they are flown", list(enumerate(route.stations, 1)), (
+        (Column("photograph"), lambda row: f"{row[0]}"),
+        (Column("plot"), lambda row: row[1].plot or None),
+        (Column("station", True), lambda row: f"{row[1].station}" if row[1].station >= 0 else None),
+        (Column("east of home, m", True), lambda row: metres(row[1].position_m[0])),
+        (Column("north of home, m", True), lambda row: metres(row[1].position_m[1])),
+        (Column("height above home, m", True), lambda row: metres(row[1].position_m[2])),
+        (Column("yaw, °", True), lambda row: decimal(row[1].yaw_deg % 360.0, 1)),
+        (Column("pitch, °", True), lambda row: decimal(row[1].pitch_deg, 1)),
+    ))  # fmt: skip
     blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *([view] if view is not None else []))
-    blocks += (table,) if len(rows) <= 14 else (Details(f"All {len(route.stations)} photographs", (table,)),)
+    blocks += (table,) if len(table.rows) <= 14 else (Details(f"All {len(route.stations)} photographs", (table,)),)
     return Section(anchor, f"Mission: {result.mission_file or result.name}", blocks)
 
 
@@ -137,18 +135,14 @@ def _charts(result: PlanResult) -> Iterator[LineChart]:
 
 def _stations(result: PlanResult) -> Table:
     assert result.plan is not None
-    columns = (
-        Column("station"), Column("x, m", True), Column("y, m", True), Column("z, m", True), Column("yaw, °", True),
-        Column("pitch, °", True),
-    )  # fmt: skip
-    stations = result.plan.stations
-    rows = tuple(
-        (f"{number}", *(metres(v) for v in s.position_m), decimal(s.yaw_deg % 360.0, 1), decimal(s.pitch_deg, 1))
-        for number, s in enumerate(stations[:MOST_ROWS])
-    )
-    return Table(
-        "Stations", columns, rows, "Plot frame: metres from the plot's centre on the ground; z is the height above it."
-    )
+    return tabulated("Stations", list(enumerate(result.plan.stations)), (
+        (Column("station"), lambda row: f"{row[0]}"),
+        (Column("x, m", True), lambda row: metres(row[1].position_m[0])),
+        (Column("y, m", True), lambda row: metres(row[1].position_m[1])),
+        (Column("z, m", True), lambda row: metres(row[1].position_m[2])),
+        (Column("yaw, °", True), lambda row: decimal(row[1].yaw_deg % 360.0, 1)),
+        (Column("pitch, °", True), lambda row: decimal(row[1].pitch_deg, 1)),
+    ), "Plot frame: metres from the plot's centre on the ground; z is the height above it.")  # fmt: skip
 
 
 def _settings(result: PlanResult) -> Iterator[tuple[str, str]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from fieldkit.present.content import Block, Details, Paragraph, Picture, Terms, View
+from fieldkit.present.content import Block, Details, KeyFigure, Paragraph, Picture, Terms, View
 from fieldkit.present.style import count
 from fieldkit.present.tables.reconstruction import finding_table, photograph_table, quality_rows, stage_table
 from fieldkit.results.evaluation import ReconstructionEntry
@@ -14,6 +14,17 @@ Pictures = Mapping[str, Picture]
 
 _OPEN_ROWS = 14
 _MOST_NAMES = 20
+
+
+def photographs_figure(report: ReconstructionEntry) -> KeyFigure:
+    """How many photographs were used."""
+    used = "placed by reconstruction, and where they are known to be"
+    return KeyFigure("photographs used", f"{report.right} of {report.images}", used)
+
+
+def points_figure(report: ReconstructionEntry) -> KeyFigure:
+    """How many points the plants' cloud has."""
+    return KeyFigure("points of plants", f"{report.points:,}")
 
 
 def reconstruction_blocks(report: ReconstructionEntry, pictures: Pictures) -> Iterator[Block]:

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from fieldkit.present.content import Block, KeyFigure, KeyFigures, Section, View
 from fieldkit.present.sections.loaded_results import ReferenceResult
-from fieldkit.present.sections.reconstruction import Pictures, reconstruction_blocks, view_blocks
+from fieldkit.present.sections.reconstruction import (
+    Pictures,
+    photographs_figure,
+    points_figure,
+    reconstruction_blocks,
+    view_blocks,
+)
 from fieldkit.present.style import format_length
-from fieldkit.present.tables.scores import USED
 
 _RESIDUALS = "how far cameras lie from where they were said to be"
 
@@ -19,8 +24,8 @@ def reference_section(
     metric = report.metric
     blocks: list[Block] = [
         KeyFigures((
-            KeyFigure("photographs used", f"{report.right} of {report.images}", USED),
-            KeyFigure("points of plants", f"{report.points:,}"),
+            photographs_figure(report),
+            points_figure(report),
             KeyFigure("pixel on the plot", format_length(report.gsd_m, metric=metric), "ground sampling distance"),
             KeyFigure("position residuals, RMS", format_length(report.pose_rms_m, metric=metric), _RESIDUALS),
         )),

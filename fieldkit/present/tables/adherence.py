@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from fieldkit.present.content import Cell, Column, Mark, Table, Terms
 from fieldkit.present.style import decimal, listed, metres
-from fieldkit.present.tables.reconstruction import MOST_ROWS, first_of
+from fieldkit.present.tables.tabulated import MOST_ROWS, tabulated
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation
 
 ACHIEVED_BY = {
@@ -25,16 +25,13 @@ _STATISTICS = (("bias", "mean"), ("std_dev", "std. dev."), ("max", "largest"))
 def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
     """How each plot's flight kept to its plan, root mean squares; without rows where nothing is known of any."""
     found = [(plot.name, plot.adherence) for plot in plots if plot.adherence is not None]
-    rows = tuple(
-        (name, each.achieved_by, f"{len(each.stations)} of {len(each.stations) + len(each.missing)}",
-         metres(each.horizontal_rms_m), decimal(each.yaw_rms_deg), decimal(each.pitch_rms_deg))
-        for name, each in found[:MOST_ROWS]
-    )  # fmt: skip
-    columns = (
-        Column("plot"), Column("by"), Column("stations", True), Column("horizontal, m", True), Column("yaw, °", True),
-        Column("pitch, °", True),
-    )  # fmt: skip
-    return Table("How the photographs kept to the plan, RMS", columns, rows, first_of(MOST_ROWS, len(found)))
+    return tabulated("How the photographs kept to the plan, RMS", found, (
+        (Column("plot"), lambda row: row[0]), (Column("by"), lambda row: row[1].achieved_by),
+        (Column("stations", True), lambda row: f"{(n := len(row[1].stations))} of {n + len(row[1].missing)}"),
+        (Column("horizontal, m", True), lambda row: metres(row[1].horizontal_rms_m)),
+        (Column("yaw, °", True), lambda row: decimal(row[1].yaw_rms_deg)),
+        (Column("pitch, °", True), lambda row: decimal(row[1].pitch_rms_deg)),
+    ))  # fmt: skip
 
 
 def station_table(found: AdherenceEntry) -> Table:

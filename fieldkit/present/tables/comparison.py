@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fieldkit.present.content import Block, Cell, Column, Statement, Statements, Table
+from fieldkit.present.content import Block, Column, Statement, Statements, Table
 from fieldkit.present.style import format_nominal, signed
-from fieldkit.present.tables.reconstruction import MOST_ROWS, first_of
+from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 
 ALL_PLOTS = "all plots"
@@ -34,20 +34,25 @@ def difference_table(report: ComparisonReport, figure: str) -> Table:
     found = [d for d in report.differences if d.less == first and d.figure == figure]
     found.sort(key=lambda d: d.plot is not None)
     unit, factor = unit_of(figure)
-    rows: list[tuple[Cell, ...]] = []
-    for each in found[:MOST_ROWS]:
-        value = None if each.plot is None else values.get((each.plot, each.label))
-        half = None if each.low is None or each.high is None else 0.5 * factor * (each.high - each.low)
-        rows.append(
-            (each.plot or ALL_PLOTS, each.label, "" if value is None else f"{factor * value:.4g}",
-             signed(factor * each.difference, 3), "" if half is None else f"±{half:.2g}", verdict(each))
-        )  # fmt: skip
-    columns = (
-        Column("plot"), Column("evaluation"), Column("value", True), Column("difference", True),
-        Column("95\u00a0%", True), Column("beyond noise"),
-    )  # fmt: skip
+
+    def value(each: DifferenceEntry) -> str:
+        found = None if each.plot is None else values.get((each.plot, each.label))
+        return "" if found is None else f"{factor * found:.4g}"
+
+    def half(each: DifferenceEntry) -> str:
+        if each.low is None or each.high is None:
+            return ""
+        return f"±{0.5 * factor * (each.high - each.low):.2g}"
+
     caption = f"{title_of(figure)}{', ' * bool(unit)}{unit}, against {first}"
-    return Table(caption, columns, tuple(rows), first_of(MOST_ROWS, len(found)))
+    return tabulated(caption, found, (
+        (Column("plot"), lambda each: each.plot or ALL_PLOTS),
+        (Column("evaluation"), lambda each: each.label),
+        (Column("value", True), value),
+        (Column("difference", True), lambda each: signed(factor * each.difference, 3)),
+        (Column("95\u00a0%", True), half),
+        (Column("beyond noise"), verdict),
+    ))  # fmt: skip
 
 
 def unit_of(figure: str) -> tuple[str, float]:

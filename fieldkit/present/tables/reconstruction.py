@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fieldkit.present.content import Cell, Column, Mark, Picture, Table
+from fieldkit.present.content import Column, Mark, Picture, Table
 from fieldkit.present.style import DASH, count, decimal, format_length, format_seconds, metres, millimetres, with_unit
+from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.evaluation import CameraEntry, FindingEntry, ImageEntry, ReconstructionEntry, ReferenceReport
-
-MOST_ROWS = 400
-"""Of a table about photographs, stations or plots; the files hold all."""
 
 _MOST_CAMERAS = 4
 
@@ -68,32 +66,20 @@ def photograph_table(
         metric: whether lengths are metres.
         pictures: of them by name.
     """
-    known = any(image.position_residual_m is not None for image in images)
-    angles = any(image.angle_residual_deg is not None for image in images)
-    residual = millimetres if metric else lambda length: decimal(length, 4)
-    columns = [Column("photograph")]
-    columns += [Column("picture", detail=True)] if pictures else []
-    columns += [
-        Column("state", detail=True), Column("features", True), Column("points seen", True, detail=True),
-        Column("reprojection, px", True, detail=True),
-    ]  # fmt: skip
-    columns += [Column(f"position residual{', mm' * metric}", True, detail=True)] if known else []
-    columns += [Column("direction residual, °", True, detail=True)] if angles else []
-    columns += [Column(f"height{', m' * metric}", True, detail=True), Column("pitch, °", True, detail=True)]
-    why = any(image.reason for image in images)
-    columns += [Column("why")] if why else []
-    ordered = sorted(images, key=was_used)
-    rows = []
-    for image in ordered[:MOST_ROWS]:
-        row: list[Cell] = [image.name]
-        row += [pictures.get(image.name)] if pictures else []
-        row += [state(image), f"{image.features:,}", f"{image.observations:,}", decimal(image.reprojection_px)]
-        row += [residual(image.position_residual_m)] if known else []
-        row += [decimal(image.angle_residual_deg)] if angles else []
-        row += [None if image.center_m is None else metres(image.center_m[2]), decimal(image.pitch_deg, 1)]
-        row += [image.reason or None] if why else []
-        rows.append(tuple(row))
-    return Table(caption, tuple(columns), tuple(rows), first_of(MOST_ROWS, len(ordered)))
+    length = millimetres if metric else lambda value: decimal(value, 4)
+    return tabulated(caption, sorted(images, key=was_used), (
+        (Column("photograph"), lambda i: i.name),
+        (Column("picture", detail=True), lambda i: (pictures or {}).get(i.name)),
+        (Column("state", detail=True), state),
+        (Column("features", True), lambda i: f"{i.features:,}"),
+        (Column("points seen", True, detail=True), lambda i: f"{i.observations:,}"),
+        (Column("reprojection, px", True, detail=True), lambda i: decimal(i.reprojection_px)),
+        (Column(f"position residual{', mm' * metric}", True, detail=True), lambda i: length(i.position_residual_m)),
+        (Column("direction residual, °", True, detail=True), lambda i: decimal(i.angle_residual_deg)),
+        (Column(f"height{', m' * metric}", True, detail=True), lambda i: i.center_m and metres(i.center_m[2])),
+        (Column("pitch, °", True, detail=True), lambda i: decimal(i.pitch_deg, 1)),
+        (Column("why"), lambda i: i.reason or None),
+    ))  # fmt: skip
 
 
 def state(image: ImageEntry) -> Mark:
@@ -122,18 +108,17 @@ def finding_table(findings: Sequence[FindingEntry], most_names: int) -> Table:
     groups: dict[tuple[str, str, bool], list[str]] = {}
     for finding in findings:
         groups.setdefault((finding.code, finding.message, finding.left_out), []).append(finding.name)
-    rows = []
-    for (code, message, left_out), names in list(groups.items())[:MOST_ROWS]:
+
+    def told(group: tuple[tuple[str, str, bool], list[str]]) -> str:
+        (_, message, left_out), names = group
         more = f" and {len(names) - most_names} more" if len(names) > most_names else ""
-        text = f"{', '.join(names[:most_names])}{more}: {'left out: ' if left_out else ''}{message}"
-        rows.append((code, f"{len(names):,}", text))
-    columns = (Column("finding"), Column("files", True), Column("what was found"))
-    return Table("Findings", columns, tuple(rows), first_of(MOST_ROWS, len(groups)))
+        return f"{', '.join(names[:most_names])}{more}: {'left out: ' if left_out else ''}{message}"
 
-
-def first_of(most: int, rows: int) -> str:
-    """A note below a table that is cut; empty where it is not."""
-    return f"The first {most} of {rows}." if rows > most else ""
+    return tabulated("Findings", list(groups.items()), (
+        (Column("finding"), lambda group: group[0][0]),
+        (Column("files", True), lambda group: f"{len(group[1]):,}"),
+        (Column("what was found"), told),
+    ))  # fmt: skip
 
 
 def _metric_source(report: ReconstructionEntry) -> str:

@@ -2,49 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Protocol
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
 from fieldkit.present.content import Cell, Column, KeyFigure, Mark, Table
-from fieldkit.present.style import (
-    decimal,
-    format_length,
-    format_nominal,
-    metres,
-    millimetres,
-    percent,
-    with_unit,
-)
-from fieldkit.present.tables.reconstruction import MOST_ROWS, first_of
+from fieldkit.present.style import decimal, format_length, format_nominal, metres, millimetres, percent, with_unit
+from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.evaluation import PlotEvaluation
 
-USED = "placed by reconstruction, and where they are known to be"
-"""What it means that photographs are used."""
+if TYPE_CHECKING:
+    from fieldkit.campaign import Visit
+
+Scored: TypeAlias = "PlotEvaluation | Visit"
 
 
-class Scored(Protocol):
-    """A capture with its distances to a reference, in metres."""
-
-    @property
-    def chamfer_m(self) -> float | None:
-        """Accuracy plus completeness."""
-
-    @property
-    def accuracy_m(self) -> float | None:
-        """From the capture to the reference."""
-
-    @property
-    def completeness_m(self) -> float | None:
-        """From the reference to the capture."""
-
-    @property
-    def f_score(self) -> Mapping[str, float] | None:
-        """By distance."""
-
-
-def key_figures(plot: PlotEvaluation) -> Iterator[KeyFigure]:
-    """A plot's figures to see at first sight."""
-    yield KeyFigure("photographs used", f"{plot.right} of {plot.images}", USED)
+def score_figures(plot: PlotEvaluation) -> Iterator[KeyFigure]:
+    """A plot's distances to its reference, measured or predicted, and the figures of its plants."""
     if plot.chamfer_m is not None:
         yield KeyFigure("chamfer distance", format_length(plot.chamfer_m), "accuracy + completeness")
         yield KeyFigure("accuracy", format_length(plot.accuracy_m), "how far its points are from the reference")
@@ -66,14 +39,13 @@ def key_figures(plot: PlotEvaluation) -> Iterator[KeyFigure]:
         covered = f"{plants.covered_m2:.3f} of {plants.area_m2:.2f} m², in cells of {format_length(plants.cell_m)}"
         yield KeyFigure("cover", f"{percent(plants.cover)} %", f"of the ground, seen from above: {covered}")
         yield KeyFigure("hull volume", f"{decimal(plants.hull_m3, 3)} m³", "convex, about all plants")
-    yield KeyFigure("points of plants", f"{plot.points:,}")
 
 
 def score_rows(plot: PlotEvaluation) -> tuple[tuple[str, str], ...]:
-    """The same without what they mean, and the F-scores, as label and value."""
+    """The same with the F-scores, as label and value."""
     f_scores = (plot.f_score or {}).items()
     return (
-        *((figure.label, figure.value) for figure in key_figures(plot)),
+        *((figure.label, f"{figure.value}; {figure.meaning}") for figure in score_figures(plot)),
         *((f"F-score at {format_nominal(float(d))}", f"{value:.3f}") for d, value in f_scores),
     )
 
@@ -108,25 +80,19 @@ def correction_sentence(plot: PlotEvaluation) -> str:
     )
 
 
-def distances_of(captures: Sequence[Scored]) -> list[str]:
-    """The distances of F-scores that captures have, from short to long."""
-    return sorted({d for capture in captures for d in capture.f_score or ()}, key=float)
+def distances_of(f_scores: Iterable[Mapping[str, float] | None]) -> list[str]:
+    """The distances of F-scores, from short to long."""
+    return sorted({distance for each in f_scores for distance in each or ()}, key=float)
 
 
-def score_columns(distances: Sequence[str]) -> list[Column]:
+def score_columns(distances: Sequence[str]) -> list[tuple[Column, Callable[[Scored], Cell]]]:
     """Chamfer distance, accuracy, completeness, and F-scores at these distances."""
     return [
-        Column("chamfer, mm", True), Column("accuracy, mm", True),
-        Column("completeness, mm", True, short="complete, mm"),
-        *(Column(f"F‑score at {format_nominal(float(d))}", True, short=f"F, {format_nominal(float(d))}")
-          for d in distances),
-    ]  # fmt: skip
-
-
-def score_cells(capture: Scored, distances: Sequence[str]) -> list[Cell]:
-    """The same of a capture."""
-    lengths = (capture.chamfer_m, capture.accuracy_m, capture.completeness_m)
-    return [*map(millimetres, lengths), *(decimal((capture.f_score or {}).get(d), 3) for d in distances)]
+        (Column("chamfer, mm", True), lambda each: millimetres(each.chamfer_m)),
+        (Column("accuracy, mm", True), lambda each: millimetres(each.accuracy_m)),
+        (Column("completeness, mm", True, short="complete, mm"), lambda each: millimetres(each.completeness_m)),
+        *(_f_score_column(distance) for distance in distances),
+    ]
 
 
 def interval(low_m: float | None, high_m: float | None) -> str | None:
@@ -136,76 +102,77 @@ def interval(low_m: float | None, high_m: float | None) -> str | None:
 
 def plot_table(plots: Sequence[PlotEvaluation]) -> Table:
     """One row per plot: its scores where any has one, else the figures that need no reference."""
+    used = (Column("photographs used", True, short="used"), lambda plot: f"{plot.right} of {plot.images}")
     scored = any(plot.chamfer_m is not None for plot in plots)
-    distances = distances_of(plots)
-    columns = [Column("plot"), Column("state", detail=True), Column("photographs used", True, short="used")]
+    columns: list[tuple[Column, Callable[[PlotEvaluation], Cell]]] = [
+        (Column("plot"), lambda plot: plot.name), (Column("state", detail=True), _state), used,
+    ]  # fmt: skip
     if scored:
-        columns += [*score_columns(distances), Column("points", True, detail=True)]
+        columns += [*score_columns(distances_of(plot.f_score for plot in plots)), _points(detail=True)]
     else:
         columns += [
-            Column("photographs registered", True, short="registered"), Column("models", True),
-            Column("reprojection error, px", True, short="error, px"), Column("track length", True),
-            Column("points", True), Column("points per voxel", True),
-            Column("ground sampling, mm", True, short="pixel, mm"),
+            (Column("photographs registered", True, short="registered"), lambda p: f"{p.registered} of {p.images}"),
+            (Column("models", True), lambda plot: f"{len(plot.models)}"),
+            (Column("reprojection error, px", True, short="error, px"), lambda plot: decimal(plot.reprojection_px)),
+            (Column("track length", True), lambda plot: decimal(plot.track_length)),
+            _points(),
+            (Column("points per voxel", True), lambda plot: decimal(plot.points_per_plant_voxel, 1)),
+            (Column("ground sampling, mm", True, short="pixel, mm"),
+             lambda plot: millimetres(plot.gsd_m) if plot.metric else None),
         ]  # fmt: skip
-    columns.append(Column("known positions RMS, mm", True, short="pose RMS, mm", detail=not scored))
-    rows = []
-    for plot in plots[:MOST_ROWS]:
-        state = Mark("good", "done") if plot.error is None else Mark("problem", "failed")
-        row: list[Cell] = [plot.name, state, f"{plot.right} of {plot.images}"]
-        if scored:
-            row += [*score_cells(plot, distances), f"{plot.points:,}"]
-        else:
-            row += [
-                f"{plot.registered} of {plot.images}", f"{len(plot.models)}", decimal(plot.reprojection_px),
-                decimal(plot.track_length), f"{plot.points:,}", decimal(plot.points_per_plant_voxel, 1),
-                millimetres(plot.gsd_m) if plot.metric else None,
-            ]  # fmt: skip
-        row.append(millimetres(plot.pose_rms_m) if plot.metric else None)
-        rows.append(tuple(row))
-    note = first_of(MOST_ROWS, len(plots)).replace(".", "; plots.csv holds all.")
-    return Table("Scores against the reference" if scored else "Plots", tuple(columns), tuple(rows), note)
+    residuals = Column("known positions RMS, mm", True, short="pose RMS, mm", detail=not scored)
+    columns.append((residuals, lambda plot: millimetres(plot.pose_rms_m) if plot.metric else None))
+    return tabulated("Scores against the reference" if scored else "Plots", plots, columns)
 
 
 def plant_tables(plots: Sequence[PlotEvaluation]) -> Iterator[Table]:
     """Plant figures and predicted distances by plot, and why there is no prediction; nothing where no plot has any."""
     if any(plot.plants is not None or plot.prediction is not None for plot in plots):
-        columns = (
-            Column("plot"), Column("height, m", True), Column("highest, m", True, detail=True),
-            Column("cover, %", True), Column("hull volume, m³", True),
-            Column("predicted chamfer, mm", True, short="predicted, mm"),
-            Column("nine in ten such plots, mm", True, short="nine in ten, mm"),
-        )  # fmt: skip
-        yield Table("Plants", columns, tuple(map(_plant_row, plots[:MOST_ROWS])), first_of(MOST_ROWS, len(plots)))
+        yield tabulated("Plants", [(plot.name, plot.plants, plot.prediction) for plot in plots], (
+            (Column("plot"), lambda row: row[0]),
+            (Column("height, m", True), lambda row: None if row[1] is None else metres(row[1].height_m)),
+            (Column("highest, m", True, detail=True),
+             lambda row: None if row[1] is None else metres(row[1].height_max_m)),
+            (Column("cover, %", True), lambda row: None if row[1] is None else percent(row[1].cover)),
+            (Column("hull volume, m³", True), lambda row: None if row[1] is None else decimal(row[1].hull_m3, 3)),
+            (Column("predicted chamfer, mm", True, short="predicted, mm"),
+             lambda row: None if row[2] is None else millimetres(row[2].chamfer_m)),
+            (Column("nine in ten such plots, mm", True, short="nine in ten, mm"),
+             lambda row: None if row[2] is None else interval(row[2].low_m, row[2].high_m)),
+        ))  # fmt: skip
     why = [(plot.name, p.reason) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is None]
     if why:
-        note = first_of(MOST_ROWS, len(why))
-        yield Table("No prediction", (Column("plot"), Column("why")), tuple(why[:MOST_ROWS]), note)
+        yield _reasons("No prediction", why)
 
 
 def unused_table(plots: Sequence[PlotEvaluation]) -> Table:
     """How many photographs of each plot do not count, by reason; without rows where all do."""
-    rows = [(plot.name, why, f"{number:,}") for plot in plots for why, number in plot.unregistered.items()]
-    columns = (Column("plot"), Column("why"), Column("photographs", True))
-    return Table("Photographs that do not count", columns, tuple(rows[:MOST_ROWS]), first_of(MOST_ROWS, len(rows)))
+    found = [(plot.name, why, f"{number:,}") for plot in plots for why, number in plot.unregistered.items()]
+    return tabulated("Photographs that do not count", found, (
+        (Column("plot"), lambda row: row[0]), (Column("why"), lambda row: row[1]),
+        (Column("photographs", True), lambda row: row[2]),
+    ))  # fmt: skip
 
 
 def failure_table(plots: Sequence[PlotEvaluation]) -> Table:
     """Why plots have no result, and what to do; without rows where all have one."""
     errors = [(plot.name, plot.error) for plot in plots if plot.error is not None]
-    rows = tuple(
-        (name, f"{error.message}\n→ {error.remedy}" if error.remedy else error.message) for name, error in errors
-    )
-    return Table("Failed", (Column("plot"), Column("why")), rows[:MOST_ROWS], first_of(MOST_ROWS, len(rows)))
+    return _reasons("Failed", [(name, f"{e.message}\n→ {e.remedy}" if e.remedy else e.message) for name, e in errors])
 
 
-def _plant_row(plot: PlotEvaluation) -> tuple[Cell, ...]:
-    plants, predicted = plot.plants, plot.prediction
-    cells: list[Cell] = [None] * 4
-    if plants is not None:
-        cells = [
-            metres(plants.height_m), metres(plants.height_max_m), percent(plants.cover), decimal(plants.hull_m3, 3)
-        ]  # fmt: skip
-    if predicted is None:
-        return (plot.name, *cells, None, None)
-    return (plot.name, *cells, millimetres(predicted.chamfer_m), interval(predicted.low_m, predicted.high_m))
+def _reasons(caption: str, reasons: list[tuple[str, str]]) -> Table:
+    return tabulated(caption, reasons, ((Column("plot"), lambda row: row[0]), (Column("why"), lambda row: row[1])))
+
+
+def _state(plot: PlotEvaluation) -> Mark:
+    return Mark("good", "done") if plot.error is None else Mark("problem", "failed")
+
+
+def _points(*, detail: bool = False) -> tuple[Column, Callable[[PlotEvaluation], Cell]]:
+    return Column("points", True, detail=detail), lambda plot: f"{plot.points:,}"
+
+
+def _f_score_column(distance: str) -> tuple[Column, Callable[[Scored], Cell]]:
+    within = format_nominal(float(distance))
+    column = Column(f"F‑score at {within}", True, short=f"F, {within}")
+    return column, lambda each: decimal((each.f_score or {}).get(distance), 3)

@@ -13,19 +13,8 @@ from typing import TYPE_CHECKING
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from fieldkit.present.content import (
-    Block,
-    Cell,
-    Column,
-    Details,
-    KeyFigures,
-    Mark,
-    Paragraph,
-    Picture,
-    Statements,
-    Table,
-    Terms,
-)
+from fieldkit.present import content
+from fieldkit.present.content import Block, Cell, Column, Table
 from fieldkit.present.foreign_text import visible
 from fieldkit.present.style import DASH, table
 
@@ -35,34 +24,43 @@ if TYPE_CHECKING:
 MOST_ROWS = 20
 """Of a table; how many more there are is said."""
 
+_LEAST_WIDTH = 7  # of a column of words: a narrow terminal breaks them, and drops none
 _COLORS = {"good": "green", "fact": "", "note": "yellow", "problem": "red"}
 
 
-def rendered(blocks: Iterable[Block], heading: str = "") -> Iterator[RenderableType]:
-    """What Rich prints for blocks, from top to bottom, below a heading where there is one."""
+def rendered(
+    blocks: Iterable[Block], heading: str = "", *, most_rows: int | None = MOST_ROWS
+) -> Iterator[RenderableType]:
+    """What Rich prints for blocks, from top to bottom.
+
+    Args:
+        blocks: to show.
+        heading: above them; empty for none.
+        most_rows: of a table; None for all.
+    """
     if heading:
         yield _text(f"{heading}\n", "bold")
     for block in blocks:
         match block:
             case Table():
-                yield _table(block)
-            case Terms():
+                yield _table(block, most_rows)
+            case content.Terms():
                 yield _grid([(_text(term), _text(meaning)) for term, meaning in block.items])
-            case KeyFigures():
+            case content.KeyFigures():
                 yield _grid([(_text(f.label), _text(f.value), _text(f.meaning, "dim")) for f in block.items])
-            case Statements():
+            case content.Statements():
                 yield _grid(
                     [(_text(f"{each.text} {each.advice}".strip(), _COLORS[each.level]),) for each in block.items]
                 )
-            case Paragraph():
+            case content.Paragraph():
                 yield _text(block.text + "\n", "dim" if block.faint else "")
-            case Details():
-                yield from rendered(block.blocks, block.summary)
+            case content.Details():
+                yield from rendered(block.blocks, block.summary, most_rows=most_rows)
             case _:
                 pass
 
 
-def _table(block: Table) -> RichTable:
+def _table(block: Table, most_rows: int | None) -> RichTable:
     places = [k for k, column in enumerate(block.columns) if not column.detail]
     columns = [block.columns[k] for k in places]
     rows = [[_cell(row[k]) for k in places] for row in block.rows]
@@ -72,17 +70,18 @@ def _table(block: Table) -> RichTable:
         result.caption, result.caption_justify, result.caption_style = _text(block.note), "left", "dim"
     result.collapse_padding, result.pad_edge = True, False
     for place, column in enumerate(columns):
+        texts = [row[place].plain for row in rows]
         result.add_column(
-            _label(column, [row[place].plain for row in rows]), justify="right" if column.numeric else "left",
-            overflow="fold", no_wrap=column.numeric,
+            _label(column, texts), justify="right" if column.numeric else "left", overflow="fold",
+            no_wrap=column.numeric, min_width=min(_LEAST_WIDTH, max(map(len, texts), default=1)),
         )  # fmt: skip
     above = ""
-    for row in rows[:MOST_ROWS]:
+    for row in rows[:most_rows]:
         name = row[0].plain
         result.add_row(*(Text() if name == above else row[0], *row[1:]))
         above = name
-    if len(rows) > MOST_ROWS:
-        result.add_row(f"and {len(rows) - MOST_ROWS} more")
+    if most_rows is not None and len(rows) > most_rows:
+        result.add_row(f"and {len(rows) - most_rows} more")
     return result
 
 
@@ -108,9 +107,9 @@ def _grid(rows: list[tuple[Text, ...]]) -> RichTable:
 
 def _cell(cell: Cell) -> Text:
     match cell:
-        case None | Picture():
+        case None | content.Picture():
             return _text(DASH)
-        case Mark():
+        case content.Mark():
             return _text(cell.text, _COLORS[cell.level])
         case _:
             return _text(cell)

@@ -6,18 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from fieldkit.present.content import Block, KeyFigures, Paragraph, Terms
-from fieldkit.present.tables.adherence import adherence_by_plot, difference_table, gaps
+from fieldkit.present.tables import adherence, reconstruction, scores
 from fieldkit.present.tables.comparison import comparison_blocks
-from fieldkit.present.tables.reconstruction import finding_table, photograph_table, quality_rows, stage_table, was_used
-from fieldkit.present.tables.scores import (
-    correction_sentence,
-    distance_table,
-    failure_table,
-    key_figures,
-    plant_tables,
-    plot_table,
-    unused_table,
-)
 from fieldkit.present.terminal.blocks import rendered
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReconstructionEntry, ReferenceReport
@@ -40,7 +30,7 @@ def evaluation_output(report: EvaluationReport) -> Iterator[RenderableType]:
         yield from rendered((block for plot in plots for block in _plot(plot)), report.plots[0].name)
     else:
         yield from rendered(_plots(plots))
-    yield from rendered(table for table in [failure_table(report.plots)] if table.rows)
+    yield from rendered(table for table in [scores.failure_table(report.plots)] if table.rows)
 
 
 def comparison_output(report: ComparisonReport) -> Iterator[RenderableType]:
@@ -49,33 +39,35 @@ def comparison_output(report: ComparisonReport) -> Iterator[RenderableType]:
 
 
 def _reconstruction(report: ReconstructionEntry) -> Iterator[Block]:
-    yield Terms(quality_rows(report))
-    unused = [image for image in report.image_reports if not was_used(image)]
+    yield Terms(reconstruction.quality_rows(report))
+    unused = [image for image in report.image_reports if not reconstruction.was_used(image)]
     if unused:
-        yield photograph_table(unused, "Photographs that do not count", metric=report.metric)
+        yield reconstruction.photograph_table(unused, "Photographs that do not count", metric=report.metric)
     if report.times:
-        yield stage_table(report)
+        yield reconstruction.stage_table(report)
     if report.findings:
-        yield finding_table(report.findings, _MOST_NAMES)
+        yield reconstruction.finding_table(report.findings, _MOST_NAMES)
 
 
 def _plot(plot: PlotEvaluation) -> Iterator[Block]:
     yield from _reconstruction(plot)
-    yield KeyFigures(tuple(key_figures(plot)))
+    figures = tuple(scores.score_figures(plot))
+    if figures:
+        yield KeyFigures(figures)
     if plot.f_score is not None:
-        yield distance_table(plot)
+        yield scores.distance_table(plot)
     if plot.correction is not None:
-        yield Paragraph(correction_sentence(plot))
+        yield Paragraph(scores.correction_sentence(plot))
     if plot.adherence is not None:
         if plot.adherence.differences:
-            yield difference_table(plot.adherence)
-        missing = gaps(plot.adherence)
+            yield adherence.difference_table(plot.adherence)
+        missing = adherence.gaps(plot.adherence)
         if missing is not None:
             yield missing
 
 
 def _plots(plots: list[PlotEvaluation]) -> Iterator[Block]:
     if plots:
-        yield plot_table(plots)
-        yield from plant_tables(plots)
-        yield from (table for table in (unused_table(plots), adherence_by_plot(plots)) if table.rows)
+        yield scores.plot_table(plots)
+        yield from scores.plant_tables(plots)
+        yield from (table for table in (scores.unused_table(plots), adherence.adherence_by_plot(plots)) if table.rows)
