@@ -23,7 +23,7 @@ from fieldkit.campaign.ranking import ranking
 from fieldkit.campaign.reading import Campaign, CampaignPlot
 from fieldkit.errors import StorageError, UsageError
 from fieldkit.files import check_writable, write_atomic
-from fieldkit.present.spreadsheets.plots import csv_cell
+from fieldkit.present.spreadsheets.csv_text import csv_cell
 from fieldkit.results.evaluation import distance_key
 from fieldkit.results.visit import ROW, Visit
 

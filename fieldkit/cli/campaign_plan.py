@@ -94,7 +94,7 @@ def command(
 
     rows = table(f"Plans for {day}", "plot", "last visit", "expected>", "campaign's plan there>")
     for each in made.plans:
-        lengths = ("–" if value is None else format_length(value) for value in (each.expected_m, each.carried_m))
+        lengths = map(format_length, (each.expected_m, each.carried_m))
         rows.add_row(each.plot, each.date or "none: the campaign's plan", *lengths)
     show = console()
     show.print(rows)

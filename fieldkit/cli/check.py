@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say, table
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say
 from fieldkit.cli.reconstruction_options import NoCacheOption, open_cache, run_context
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from collections.abc import Mapping
 
     from fieldkit.evaluation.field_check import CheckReport
+    from fieldkit.present.content import Block, Level
 
-_COLOURS = {"fine": "green", "fix tags": "yellow", "fly again": "red"}
-_LEAST_WIDTH = 9  # of names and matches: a narrow terminal breaks them, and drops neither
+_LEVELS: Mapping[str, Level] = {"fine": "good", "fix tags": "note", "fly again": "problem"}
 
 
 class Format(StrEnum):
@@ -115,15 +115,18 @@ def command(
         one = plots[0] if len(plots) == 1 else {}
         emit_json({**one, "ok": all(r.ok for r in reports), "plots": plots, "files": files})
         return
+    from fieldkit.present.style import format_seconds
+    from fieldkit.present.terminal.blocks import rendered
+
     show = console()
     for report in reports:
-        for rows in check_tables(report):
-            show.print(rows)
+        for shown in rendered(check_blocks(report), most_rows=None):
+            show.print(shown)
         for sentence in report.unchecked:
             say(sentence)
         head = f"{report.name}: " if len(reports) > 1 else ""
         show.print(f"{head}{report.summary()}", markup=False, style="bold")
-        say(f"{report.seconds:.1f} s ({report.cpu_seconds:.1f} s of CPU).")
+        say(f"{format_seconds(report.seconds)} ({format_seconds(report.cpu_seconds)} of CPU).")
     for file in files:
         show.print(str(file), markup=False, soft_wrap=True)
 
@@ -152,44 +155,37 @@ def _plain(report: CheckReport) -> dict[str, Any]:
     }
 
 
-def check_tables(report: CheckReport) -> list[Table]:
-    """A plot's stations and what was found of them, for a terminal of 80 characters and more."""
-    from rich.markup import escape
+def check_blocks(report: CheckReport) -> list[Block]:
+    """A plot's stations and what was found of them."""
+    from fieldkit.present.content import Column, Mark, Table
+    from fieldkit.present.style import DASH, decimal, metres
 
-    drawn = []
+    blocks: list[Block] = []
     if report.stations:
-        rows = table(
-            escape(report.name), "station>", "photograph", "edges,\npx>", "stops>", "off,\nm>", "turned,\n°>",
-            "matches\nwith>", "verdict",
+        columns = (
+            Column("station", True), Column("photograph"), Column("edges, px", True), Column("stops", True),
+            Column("off, m", True), Column("turned, °", True), Column("matches with"), Column("verdict"),
         )  # fmt: skip
-        for column in (rows.columns[0], *rows.columns[2:6], rows.columns[7]):
-            column.no_wrap = True
-        rows.columns[1].min_width = rows.columns[6].min_width = _LEAST_WIDTH
-        for each in report.stations:
-            colour = _COLOURS[each.verdict]
-            matches = f"{each.matches}: {', '.join(map(str, each.neighbours))}" if each.neighbours else "–"
-            rows.add_row(
-                str(each.station), escape(each.photograph) or "–", _number(each.edge_px, 1), _number(each.stops, 1),
-                _number(each.distance_m, 2), _number(each.turn_deg, 1), matches,
-                f"[{colour}]{each.verdict}[/]",
-            )  # fmt: skip
-        drawn.append(rows)
+        rows = tuple(
+            (
+                str(each.station), each.photograph or None, decimal(each.edge_px, 1), decimal(each.stops, 1),
+                metres(each.distance_m), decimal(each.turn_deg, 1),
+                f"{each.matches}: {', '.join(map(str, each.neighbours))}" if each.neighbours else DASH,
+                Mark(_LEVELS[each.verdict], each.verdict),
+            )
+            for each in report.stations
+        )  # fmt: skip
+        blocks.append(Table(report.name, columns, rows))
     if report.findings:
-        rows = table("Findings", "station>", "finding", "")
-        for finding in report.findings:
-            name = f"{finding.photograph}: " if finding.photograph else ""
-            rows.add_row(
+        found = tuple(
+            (
                 "" if finding.station is None else str(finding.station), finding.code,
-                escape(f"{name}{finding.message}\n→ {finding.remedy}"),
-            )  # fmt: skip
-        drawn.append(rows)
+                f"{f'{finding.photograph}: ' if finding.photograph else ''}{finding.message}\n→ {finding.remedy}",
+            )
+            for finding in report.findings
+        )  # fmt: skip
+        blocks.append(Table("Findings", (Column("station", True), Column("finding"), Column("what was found")), found))
     if report.extra:
-        rows = table("Photographs of no station", "")
-        for name in report.extra[:20]:
-            rows.add_row(escape(name))
-        drawn.append(rows)
-    return drawn
-
-
-def _number(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
+        extra = tuple((name,) for name in report.extra[:20])
+        blocks.append(Table("Photographs of no station", (Column("photograph"),), extra))
+    return blocks

@@ -9,6 +9,7 @@ import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say, table
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
+from fieldkit.present.style import format_length, format_seconds
 
 if TYPE_CHECKING:
     from fieldkit.missions.findings import Report
@@ -119,10 +120,10 @@ def _show(report: Report, file: Path) -> None:
             say(f"and {len(report.findings) - _MOST_ROWS} more: --json lists all of them")
     if report.deviations:
         farthest = max(report.deviations, key=lambda d: d.metres)
-        say(f"{len(report.deviations)} photographs match the plan, at most {farthest.metres:.2f} m off")
+        say(f"{len(report.deviations)} photographs match the plan, at most {format_length(farthest.metres)} off")
     errors = sum(finding.severity == "error" for finding in report.findings)
     verdict = "may be flown" if report.ok else f"must not be flown: {errors} error{'s' if errors > 1 else ''}"
-    facts = f"{len(report.taken)} photographs, {report.length_m:.0f} m, about {report.seconds:.0f} s"
+    facts = f"{len(report.taken)} photographs, {format_length(report.length_m)}, about {format_seconds(report.seconds)}"
     say(f"{file.name}: {facts}; {verdict}")
 
 

@@ -68,10 +68,10 @@ def command(
     if as_json:
         emit_json({"output": done.output, **done.report.model_dump(mode="json")})
         return
-    from fieldkit.present.terminal.comparison import compare_tables
+    from fieldkit.present.terminal.results import comparison_output
 
     show = console()
-    for table in compare_tables(done.report):
-        show.print(table)
+    for shown in comparison_output(done.report):
+        show.print(shown)
     if done.output is not None:
         say(f"{done.output}")

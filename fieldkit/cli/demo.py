@@ -59,7 +59,7 @@ def command(
     if as_json:
         emit_json({"output": output, **figures(demo)})
         return
-    from fieldkit.present.style import format_length
+    from fieldkit.present.style import format_length, format_seconds
 
     show = console()
     truth = demo.truth.chamfer
@@ -78,12 +78,12 @@ def command(
         "The captures below have this noise.\n"
     )
     show.print(_scores(demo))
-    show.print(f"\nIn {demo.seconds / 60:.1f} minutes. Open the report in a browser:")
+    show.print(f"\nIn {format_seconds(demo.seconds)}. Open the report in a browser:")
     show.print(str(demo.report), markup=False, soft_wrap=True)
 
 
 def _scores(demo: Demo) -> Table:
-    from fieldkit.present.style import format_length, format_number, table
+    from fieldkit.present.style import DASH, decimal, format_length, table
 
     found = table(
         "Chamfer distance of planned views and of the best circle, to each plot's reference",
@@ -102,6 +102,6 @@ def _scores(demo: Demo) -> Table:
         found.add_row(
             each.plot, each.cameras, f"{plot.right}/{plot.images}",
             *(format_length(value) for value in (plot.chamfer_m, plot.accuracy_m, plot.completeness_m)),
-            format_number(f_score, 3), format_length(each.truth.chamfer.chamfer_m),
+            decimal(f_score, 3) or DASH, format_length(each.truth.chamfer.chamfer_m),
         )  # fmt: skip
     return found

@@ -164,12 +164,11 @@ def command(
             {"output": output, **report.model_dump(mode="json", exclude={"plots": {"__all__": {"image_reports"}}})}
         )
     else:
-        from fieldkit.present.terminal.adherence import adherence_tables
-        from fieldkit.present.terminal.reconstructions import evaluation_tables
+        from fieldkit.present.terminal.results import evaluation_output
 
         show = console()
-        for table in (*evaluation_tables(report), *adherence_tables(report)):
-            show.print(table)
+        for shown in evaluation_output(report):
+            show.print(shown)
         show.print(f"{output}", markup=False, soft_wrap=True)
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say, table
+from fieldkit.present.style import format_length, format_seconds
 
 if TYPE_CHECKING:
     from fieldkit.missions.plan_site.fit import FitFinding
@@ -121,21 +122,22 @@ def command(
             f"and {flown.fit.width:.2f} times across; evaluate its photographs with --plan {done.plans[name].name}."
         )
     _say_fit(routed.fit)
-    rows = table("Flights", "flight", "plots>", "photographs>", "length, m>", "time, min>", "battery>")
+    rows = table("Flights", "flight", "plots>", "photographs>", "length>", "time>", "battery>")
     for file, each in zip(done.files, routed.flights, strict=False):
         rows.add_row(
-            file.name, str(len(each.flight.plots)), str(len(each.mission.shots)), f"{each.flight.length_m:.0f}",
-            f"{each.flight.time.total_s / 60:.1f}", f"{each.flight.time.battery:.0%}",
+            file.name, str(len(each.flight.plots)), str(len(each.mission.shots)), format_length(each.flight.length_m),
+            format_seconds(each.flight.time.total_s), f"{each.flight.time.battery:.0%}",
         )  # fmt: skip
     show = console()
     show.print(rows)
-    plants = "not known" if routed.plants_m is None else f"{routed.plants_m:.2f} m at the nearest"
+    plants = "not known" if routed.plants_m is None else f"{format_length(routed.plants_m)} at the nearest"
     count = len({shot.plot for each in routed.flights for shot in each.mission.shots})
     on = f"{routed.photographs // count} stations on " + ("1 plot" if count == 1 else f"{count} plots")
     batteries = "1 battery" if len(routed.flights) == 1 else f"{len(routed.flights)} batteries"
     show.print(
-        f"{on}: {routed.photographs} photographs, {routed.length_m:.0f} m, {routed.time_s / 60:.1f} min in the air, "
-        f"{batteries}; lowest camera {routed.lowest_m:.2f} m above the ground; plants: {plants}."
+        f"{on}: {routed.photographs} photographs, {format_length(routed.length_m)}, "
+        f"{format_seconds(routed.time_s)} in the air, {batteries}; "
+        f"lowest camera {format_length(routed.lowest_m)} above the ground; plants: {plants}."
     )
     show.print("Battery: share of its usable time, reserve left out.")
     for file in done.files:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, console, emit_json
-from fieldkit.cli.common import table as new_table
 from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.plan_options import (
     EnvelopeOptions,
@@ -108,28 +107,21 @@ def _planned(
 
 
 def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
+    from fieldkit.present.sections.finalists import finalist_table
     from fieldkit.present.style import format_length, format_seconds
+    from fieldkit.present.terminal.blocks import rendered
 
     show = console()
-
-    def length(value_m: float | None) -> str:
-        return "–" if value_m is None else format_length(value_m)
-
-    finalists = new_table("Finalists", "trial", "from", "expected>", "search>", "confirmed>", "±>", "kind>", "right")
-    for found in outcome.finalists:
-        values = (found.expected_m, found.search_value_m, found.value_m, found.spread_m, found.kind_m)
-        finalists.add_row(
-            str(found.number), found.origin, *(length(value) for value in values), " ".join(map(str, found.right))
-        )
-    show.print(finalists)
+    for shown in rendered([finalist_table(outcome)]):
+        show.print(shown)
     why = {
         "evaluations": "its evaluations are used up", "time": "its time is used up",
         "exhausted": "the method has no more to try",
         "converged": f"stopped after {outcome.evaluations}: nothing left above ± {format_length(outcome.noise_m)}",
     }[outcome.stopped]  # fmt: skip
-    expected = "" if outcome.expected_m is None else f" (expected {length(outcome.expected_m)})"
+    expected = "" if outcome.expected_m is None else f" (expected {format_length(outcome.expected_m)})"
     show.print(
-        f"{outcome.cameras} cameras by {outcome.method}: {length(outcome.chamfer_m)}{expected} on "
+        f"{outcome.cameras} cameras by {outcome.method}: {format_length(outcome.chamfer_m)}{expected} on "
         f"{_planned_on(settings)}, {outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) "
         f"and {outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}.",
         markup=False, soft_wrap=True,

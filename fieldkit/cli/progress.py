@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TextIO
 
 from fieldkit.cli.boundary import say
+from fieldkit.present.style import format_seconds
 from fieldkit.runtime.progress import Advance, Progress, Silent
 
 _LINE_EVERY_S = 10.0
@@ -44,12 +45,13 @@ class Lines:
             now = time.monotonic()
             if now - shown >= _LINE_EVERY_S:
                 shown = now
-                left = "" if not total or not count else f", {_clock((now - start) * (total - count) / count)} left"
+                left_s = (now - start) * (total - count) / count if total and count else None
+                left = "" if left_s is None else f", {format_seconds(left_s)} left"
                 self._print(f"{name}: {count}{f' of {total}' if total else ''}{left}")
 
         self._print(f"{name} …")
         yield advance
-        self._print(f"{name}: done in {_clock(time.monotonic() - start)}")
+        self._print(f"{name}: done in {format_seconds(time.monotonic() - start)}")
 
     def note(self, message: str) -> None:
         """A finding on a line of its own."""
@@ -97,10 +99,3 @@ def _bars() -> Iterator[Progress]:
                 console.print(f"note: {message}", markup=False)
 
         yield Bars()
-
-
-def _clock(seconds: float) -> str:
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}" if minutes >= 60 else f"{minutes}:{rest:02d} min"

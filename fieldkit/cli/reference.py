@@ -99,9 +99,9 @@ def command(
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})
         return
-    from fieldkit.present.terminal.reconstructions import quality_tables
+    from fieldkit.present.terminal.results import reference_output
 
     show = console()
-    for table in quality_tables(report):
-        show.print(table)
+    for shown in reference_output(report):
+        show.print(shown)
     show.print(f"{output}", markup=False, soft_wrap=True)

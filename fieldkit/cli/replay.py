@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
+from fieldkit.present.style import format_seconds
 
 
 def command(
@@ -75,10 +76,10 @@ def command(
     with vehicle:
         if not as_json:
             say(
-                f"{recording.name}: {source.length_s:.0f} s of vehicle {source.system}; "
+                f"{recording.name}: {format_seconds(source.length_s)} of vehicle {source.system}; "
                 f"connect a station to {vehicle.url}"
             )
-            say("Ctrl-C ends it." if duration is None else f"It ends by itself after {duration:g} s.")
+            say("Ctrl-C ends it." if duration is None else f"It ends by itself after {format_seconds(duration)}.")
         with suppress(KeyboardInterrupt):  # the way to end it
             vehicle.wait(duration)
     held, traffic = vehicle.autopilot, vehicle.traffic

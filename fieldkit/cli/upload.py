@@ -11,6 +11,7 @@ import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say
 from fieldkit.errors import MissionError, UsageError
+from fieldkit.present.style import format_length
 
 if TYPE_CHECKING:
     from fieldkit.missions.files.read_mission import ReadMission
@@ -155,7 +156,7 @@ def _start(vehicle: MavsdkVehicle, site: Site, within_m: float, items: int) -> S
     home = Home(site.home.latitude_deg, site.home.longitude_deg, site.home.amsl_m)
     standing = check_standing(vehicle, home, within_m=within_m)
     say(
-        f"The vehicle stands {standing.distance_m:.1f} m from the site's home, uses GPS "
+        f"The vehicle stands {format_length(standing.distance_m)} from the site's home, uses GPS "
         f"({standing.satellites} satellites) and is disarmed."
     )
     if not _confirmed(f"It will ARM, TAKE OFF and fly {items} items. Type {_WORD} to do it: "):

@@ -79,7 +79,7 @@ def compare_evaluations(
     if output is None:
         return Comparison(report, None)
     from fieldkit.present.pictures.comparison import write_compare_picture
-    from fieldkit.present.terminal.comparison import compare_csv
+    from fieldkit.present.spreadsheets.comparison import compare_csv
 
     with atomic_folder(output, overwrite=overwrite, marker=COMPARE_FILE) as folder:
         write_atomic(folder / TABLE_FILE, compare_csv(report))

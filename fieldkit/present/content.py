@@ -1,6 +1,7 @@
-"""What a report's page holds, as values: text, figures, tables, charts and views, in sections.
+"""What is shown of results, as values: text, figures, tables, charts and views, and a report's page of them.
 
-Everything here is plain text: nothing is markup until `fieldkit.present.html.document` sets it, which escapes it all.
+Everything here is plain text: nothing is markup until `fieldkit.present.html.document` or
+`fieldkit.present.terminal.blocks` sets it, which escape it all.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class KeyFigures:
 
 @dataclass(frozen=True)
 class Terms:
-    """Explained terms, or settings with their values.
+    """Labels with what belongs to them: explained terms, settings or figures.
 
     Attributes:
         items: (term, what it means).
@@ -116,11 +117,15 @@ class Column:
         label: with the unit: "chamfer, mm".
         numeric: set flush right, in figures of one width.
         mono: set in a typeface of one width: hashes.
+        short: the label where there is little room; empty for the same.
+        detail: left out where there is little room.
     """
 
     label: str
     numeric: bool = False
     mono: bool = False
+    short: str = ""
+    detail: bool = False
 
 
 @dataclass(frozen=True)

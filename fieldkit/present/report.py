@@ -9,8 +9,8 @@ from pathlib import Path
 from fieldkit.errors import UsageError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.present.html.document import render
-from fieldkit.present.sections.collect import collect
-from fieldkit.present.sections.page import build_page
+from fieldkit.present.sections.read_results import read_results
+from fieldkit.present.sections.report_page import build_page
 from fieldkit.runtime.progress import Progress, Silent
 
 REPORT_FILE = "report.html"
@@ -87,7 +87,7 @@ def write_report(
         raise UsageError(
             "the report exists already", path=output, remedy="Give --overwrite to replace it, or another name with -o."
         )
-    results = collect(folder)
+    results = read_results(folder)
     check_writable(output.parent)
     progress = progress or Silent()
     built = build_page(

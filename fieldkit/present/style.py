@@ -1,4 +1,4 @@
-"""How figures and tables look: one style for all of them."""
+"""How figures are written for people, in whatever they are shown; and the one style of tables on a terminal."""
 
 from __future__ import annotations
 
@@ -7,6 +7,90 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import JustifyMethod
     from rich.table import Table
+
+DASH = "–"
+"""For what is not given."""
+
+_FIRST_METRE = 0.0995  # from here on lengths are told in metres
+
+
+def format_length(length_m: float | None, *, metric: bool = True) -> str:
+    """A length with its unit: ``4.40 mm``, ``0.27 m``, ``12.3 m``, ``1,250 m``; a dash for None.
+
+    Args:
+        length_m: metres; units of its own where ``metric`` is false.
+        metric: whether it is metres: else ``0.27 units``.
+    """
+    if length_m is None:
+        return DASH
+    if not metric:
+        return f"{length_m:.3g} units"
+    if abs(length_m) < _FIRST_METRE:
+        return f"{millimetres(length_m)} mm"
+    return f"{_three_digits(length_m)} m"
+
+
+def format_nominal(length_m: float, *, metric: bool = True) -> str:
+    """A length that was chosen, without needless digits: ``5 mm``, ``0.5 m``; the number alone without metres."""
+    if not metric:
+        return f"{length_m:g}"
+    return f"{1000.0 * length_m:g} mm" if abs(length_m) < _FIRST_METRE else f"{length_m:g} m"
+
+
+def format_seconds(seconds: float) -> str:
+    """A duration: ``8.3 s``, ``2:05 min``, ``1:02:05 h``."""
+    if seconds < 59.95:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} h" if minutes >= 60 else f"{minutes}:{rest:02d} min"
+
+
+def millimetres(length_m: float | None) -> str | None:
+    """A length in millimetres without its unit: ``0.39``, ``3.93``, ``39.3``, ``393``; None stays None."""
+    return None if length_m is None else _three_digits(1000.0 * length_m)
+
+
+def metres(length_m: float | None, digits: int = 2) -> str | None:
+    """A length in metres without its unit; None stays None."""
+    return decimal(length_m, digits)
+
+
+def decimal(value: float | None, digits: int = 2) -> str | None:
+    """A number with so many decimals; None stays None."""
+    return None if value is None else _signed(f"{value:,.{digits}f}")
+
+
+def signed(value: float, digits: int) -> str:
+    """A difference with its sign and so many significant digits: ``+0.0124``, ``−3.59``."""
+    return f"{value:+.{digits}g}".replace("-", "−")
+
+
+def percent(share: float | None, digits: int = 1) -> str | None:
+    """A share as a percentage without its sign; 100 only where it is all of it. None stays None."""
+    if share is None:
+        return None
+    text = f"{100.0 * share:.{digits}f}"
+    if share < 1 and float(text) >= 100:
+        text = f"{100.0 - 10.0**-digits:.{digits}f}"
+    return text
+
+
+def with_unit(text: str | None, unit: str) -> str:
+    """A number with its unit; a dash for None."""
+    return DASH if text is None else f"{text} {unit}"
+
+
+def count(number: int, noun: str, plural: str = "") -> str:
+    """``1 photograph``, ``12 photographs``."""
+    return f"{number:,} {noun if number == 1 else plural or noun + 's'}"
+
+
+def listed(names: list[str], most: int = 5) -> str:
+    """``a, b and c``; beyond ``most`` ``a, b and 7 more``."""
+    if len(names) > most:
+        rest = len(names) - (most - 1)
+        return f"{', '.join(names[: most - 1])} and {rest} more"
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def table(title: str, *columns: str) -> Table:
@@ -22,31 +106,14 @@ def table(title: str, *columns: str) -> Table:
     return result
 
 
-def format_length(length: float | None, *, metric: bool = True) -> str:
-    """A length for people: ``4.4 mm``, ``0.27 m``, ``12.3 m``; without a metric source, ``0.27 units``."""
-    if length is None:
-        return "–"
-    if not metric:
-        return f"{length:.3g} units"
-    if abs(length) < 0.0995:
-        millimetres = 1000.0 * length
-        return f"{millimetres:.2f} mm" if abs(millimetres) < 1 else f"{millimetres:.1f} mm"
-    return f"{length:.2f} m" if abs(length) < 10 else f"{length:.1f} m"
+def _three_digits(value: float) -> str:
+    """Three significant digits, but no more than two decimals."""
+    size = abs(value)
+    return _signed(f"{value:,.{2 if size < 9.995 else 1 if size < 99.95 else 0}f}")
 
 
-def format_number(value: float | None, digits: int = 2) -> str:
-    """A number with a fixed count of decimals; a dash for None."""
-    return "–" if value is None else f"{value:.{digits}f}"
-
-
-def format_count(count: int | None) -> str:
-    """A count with thousands separated; a dash for None."""
-    return "–" if count is None else f"{count:,}"
-
-
-def format_seconds(seconds: float) -> str:
-    """``8.3 s``, ``2:05 min``, ``1:02:05 h``."""
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} h" if minutes >= 60 else f"{minutes}:{rest:02d} min"
+def _signed(text: str) -> str:
+    # A minus sign as wide as a digit; no "−0.00".
+    if text.startswith("-"):
+        return "−" + text[1:] if any(c in "123456789" for c in text) else text[1:]
+    return text

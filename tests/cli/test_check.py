@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from fieldkit.cli.check import check_tables
+from fieldkit.cli.check import check_blocks
 from fieldkit.cli.main import main
 from fieldkit.evaluation.field_check.model import CheckReport, StationCheck
 from fieldkit.geometry import Pose
+from fieldkit.present.terminal.blocks import rendered
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 
 
@@ -62,7 +63,7 @@ def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
         for k in (10, 11)
     )
     console = Console(width=80, file=StringIO(), color_system=None)
-    for shown in check_tables(CheckReport("plot_7", Path("plot_7"), 2, rows, ())):
+    for shown in rendered(check_blocks(CheckReport("plot_7", Path("plot_7"), 2, rows, ()))):
         console.print(shown)
     text = console.file.getvalue()  # type: ignore[attr-defined]
     assert max(map(len, text.splitlines())) <= 80

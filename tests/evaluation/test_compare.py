@@ -17,7 +17,8 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.compare import compare_evaluations
 from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation, reference_report
 from fieldkit.evaluation.score_noise import block_sums, log_sd, pooled_spread, quantile_95
-from fieldkit.present.terminal.comparison import compare_csv, compare_tables
+from fieldkit.present.spreadsheets.comparison import compare_csv
+from fieldkit.present.terminal.results import comparison_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 from fieldkit.results.evaluation import PlantEntry, PlotEvaluation, PredictionEntry
@@ -251,7 +252,7 @@ def test_over_plots_their_scatter_is_the_noise(reference: Path, tmp_path: Path) 
     each = [difference(report, "chamfer_m", "after", plot=f"p{k}").difference for k in range(4)]
     assert found.difference == pytest.approx(np.mean(each))
     assert found.noise_sd == pytest.approx(np.std(each, ddof=1) / 2)
-    assert "all plots" in str(next(iter(compare_tables(report))).columns[0]._cells)
+    assert "all plots" in str(next(iter(comparison_output(report))).columns[0]._cells)  # type: ignore[union-attr]
 
 
 def test_what_cannot_be_compared_is_refused(three: Sequence[Path], reference: Path, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.present.pictures.adherence import draw_adherence
 from fieldkit.present.spreadsheets.adherence import adherence_csv
-from fieldkit.present.terminal.adherence import adherence_tables
+from fieldkit.present.tables.adherence import adherence_by_plot, difference_table, gaps
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, PlotEvaluation, PoseDifferenceEntry
 from fieldkit.results.plan import Plan, Station
@@ -212,9 +212,10 @@ def test_files_and_table(shuffled: tuple[Plan, Path, list[Pose], SourceFrame], t
     said = " ".join(axes.get_title(loc="left") for axes in figure.axes)
     assert "times as long" in said
     assert (tmp_path / "b" / "adherence.png").stat().st_size > 20_000
-    assert len(list(adherence_tables(of_plots(compared)))) == 2
-    assert len(list(adherence_tables(of_plots(compared, compared)))) == 1
-    assert list(adherence_tables(of_plots(plot))) == []
+    assert len(difference_table(compared.adherence).rows) == 3 * len(compared.adherence.differences) > 0
+    assert gaps(compared.adherence) is not None
+    assert len(adherence_by_plot((compared, compared)).rows) == 2
+    assert adherence_by_plot((plot,)).rows == ()
 
 
 def test_straight_down_the_heading_is_the_images(shuffled: tuple[Plan, Path, list[Pose], SourceFrame]) -> None:

@@ -27,11 +27,11 @@ from fieldkit.present.content import (
     Terms,
     View,
 )
+from fieldkit.present.foreign_text import unbroken, visible
 from fieldkit.present.html.charts import LineChart, Series
 from fieldkit.present.html.document import render
 from fieldkit.present.html.plot_map import MappedPlot, PlotMap
 from fieldkit.present.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
-from fieldkit.present.html.text import unbroken, visible
 from tests.present.page_checks import Parsed, checked
 
 

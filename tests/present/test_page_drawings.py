@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from fieldkit.present.html.charts import HEIGHT, WIDTH, LineChart, Series, draw, number_text, round_ticks
 from fieldkit.present.html.plot_map import RAMP, MappedPlot, PlotMap, draw_map, ramp_color
-from fieldkit.present.html.text import length, listed, metres, millimetres, percent
 
 FINITE = st.floats(-1e9, 1e9)
 
@@ -122,16 +121,3 @@ def test_plots_without_a_value_say_why() -> None:
 def test_ramp(share: float) -> None:
     assert re.fullmatch(r"#[0-9a-f]{6}", ramp_color(share))
     assert [ramp_color(k / 4) for k in range(5)] == list(RAMP)
-
-
-def test_numbers_as_people_read_them() -> None:
-    assert [millimetres(v) for v in (0.00039, 0.00393, 0.0393, 0.393, -0.0021, -0.0000001, None)] == [
-        "0.39", "3.93", "39.3", "393", "−2.10", "0.00", None,
-    ]  # fmt: skip
-    assert (metres(12.3456), percent(0.99999), percent(1.0), percent(0.5, 0)) == ("12.35", "99.9", "100.0", "50")
-    assert (length(0.004), length(1.5, what="size"), length(2.0, metric=False), length(None)) == (
-        "4.00 mm", "1.50 m", "2 units", "–",
-    )  # fmt: skip
-    assert listed(["a"]) == "a"
-    assert listed(["a", "b", "c"]) == "a, b and c"
-    assert listed(list("abcdefg")) == "a, b, c, d and 3 more"

@@ -16,7 +16,7 @@ from fieldkit.errors import CaptureError, StorageError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation, reference_report
 from fieldkit.present.pictures.evaluation import draw_comparison, write_comparison
 from fieldkit.present.pictures.overview import draw_overview, write_overview
-from fieldkit.present.pictures.panels import drawable, length_label, nice_length
+from fieldkit.present.pictures.panels import drawable, nice_length
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import PlotEvaluation
 from tests.evaluation.examples import plant_cloud, reconstruction
@@ -50,7 +50,7 @@ class TestOverview:
         said = texts(figure)
         for part in (
             "plot 7: reference", "From above", "registered (6)", "registered but wrong (1)", "not registered (1)",
-            "7 of 8 (88 %)", "3.0 mm RMS", "0.40 mm per pixel",
+            "7 of 8 (88 %)", "3.00 mm RMS", "0.40 mm per pixel",
         ):  # fmt: skip
             assert part in said
         assert len(figure.axes) == 5
@@ -155,11 +155,6 @@ class TestCost:
 )
 def test_nice_lengths(length: float, nice: float) -> None:
     assert nice_length(length) == pytest.approx(nice)
-
-
-def test_length_labels() -> None:
-    assert [length_label(x, "m") for x in (0.002, 0.05, 0.5, 2.0, 100.0)] == ["2 mm", "5 cm", "50 cm", "2 m", "100 m"]
-    assert length_label(0.5, "") == "0.5"
 
 
 def test_drawable() -> None:

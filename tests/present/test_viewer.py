@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import InputError
+from fieldkit.present.foreign_text import visible
 from fieldkit.present.html import viewer
 from fieldkit.present.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
-from fieldkit.present.html.text import visible
 from tests.present.views import HOSTILE, cameras, hostile_scene, leaves, small_scene
 
 

@@ -20,9 +20,9 @@ from markupsafe import Markup
 
 from fieldkit.present import content
 from fieldkit.present.content import Block, Details, Page, View
+from fieldkit.present.foreign_text import unbroken, visible
 from fieldkit.present.html.charts import draw
 from fieldkit.present.html.plot_map import draw_map
-from fieldkit.present.html.text import unbroken, visible
 from fieldkit.present.html.viewer import viewer_html, viewer_script, viewer_style
 
 _TEMPLATES = Path(__file__).parent / "templates"

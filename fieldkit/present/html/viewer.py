@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 
 from fieldkit.errors import InputError
+from fieldkit.present.foreign_text import visible
 from fieldkit.present.html.packing import PackedPoints, pack_points, plain_floats
 from fieldkit.present.html.scene import FrustumLayer, LineLayer, ViewerScene
-from fieldkit.present.html.text import visible
+from fieldkit.present.style import format_nominal
 
 BUNDLE, LICENSE = "viewer.min.js", "LICENSE.three.txt"
 # Viridis (Smith and van der Walt, CC0) without its darkest part, which a dark page would swallow: lightness rises
@@ -223,17 +224,14 @@ def _scales(scene: ViewerScene) -> str:
     bars = []
     for limit, names in limits.items():
         title = f"Distance: {', '.join(names)}"
-        ends = "".join(f"<span>{text}</span>" for text in ("0", _millimetres(limit / 2), f"≥ {_millimetres(limit)} mm"))
+        marks = ("0", format_nominal(limit / 2), f"≥ {format_nominal(limit)}")
+        ends = "".join(f"<span>{text}</span>" for text in marks)
         bars.append(
             f'<div class="fk-view-scale"><div class="fk-view-scale-title">{escape(visible(title))}</div>'
             f'<div class="fk-view-bar"></div>'
             f'<div class="fk-view-ticks">{ends}</div></div>\n'
         )
     return "".join(bars)
-
-
-def _millimetres(length: float) -> str:
-    return f"{1000 * length:.3g}"
 
 
 def _tools(scene: ViewerScene, name: str) -> str:

@@ -147,15 +147,11 @@ def _beside(
 def _legend(common: dict[str, Array]) -> list[Line2D]:
     handles = [Line2D([], [], marker="+", linestyle="", color=INK, markersize=9, label="planned station")]
     for source, shift in common.items():
-        label = f"{source}; all shifted by {', '.join(_metres(v) for v in shift)} (x, y, z)"
+        label = f"{source}; all shifted by {', '.join(format_length(float(v)) for v in shift)} (x, y, z)"
         handles.append(
             Line2D([], [], marker=_MARKERS[source], color=_COLORS[source], markersize=5, label=drawable(label))
         )
     return handles
-
-
-def _metres(value: float) -> str:
-    return format_length(float(value)).replace("-", "−")
 
 
 def _apart(rows: list[PhotographPosesEntry], source: str) -> Array:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from fieldkit.present.pictures.overview import save_figure
 from fieldkit.present.pictures.panels import COLORS, DPI, FAINT, INK, PAPER, drawable
 from fieldkit.present.pictures.plot_axes import dress
-from fieldkit.present.terminal.comparison import title_of, unit_of
+from fieldkit.present.tables.comparison import title_of, unit_of
 from fieldkit.results.comparison import ComparisonReport
 
 _COLUMNS, _MOST_FIGURES, _MOST_NAMED = 3, 9, 8

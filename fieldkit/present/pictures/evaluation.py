@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud, PointIndex, Volume
 from fieldkit.present.pictures.overview import draw_plants, save_figure
 from fieldkit.present.pictures.panels import FAINT, INK, drawable, new_figure
-from fieldkit.present.style import format_count, format_length
+from fieldkit.present.style import format_length, format_nominal
 from fieldkit.results.evaluation import PlotEvaluation
 
 _WIDTH, _HEIGHT = 15.0, 11.7
@@ -49,8 +49,8 @@ def draw_comparison(plot: PlotEvaluation, estimate: Cloud, reference: Cloud) -> 
     to_estimate = PointIndex(estimate.points).nearest(reference.points)[0]
     figure = new_figure(_WIDTH, _HEIGHT, f"{plot.name}: distance to the reference")
     accuracy, completeness = format_length(plot.accuracy_m), format_length(plot.completeness_m)
-    ours = f"Accuracy {accuracy}: the plot's {format_count(len(estimate))} points by distance to the reference"
-    theirs = f"Completeness {completeness}: the reference's {format_count(len(reference))} points by distance to it"
+    ours = f"Accuracy {accuracy}: the plot's {len(estimate):,} points by distance to the reference"
+    theirs = f"Completeness {completeness}: the reference's {len(reference):,} points by distance to it"
     rows = ((estimate.points, to_reference, ours), (reference.points, to_estimate, theirs))
     # Both rows show the same part of the plot at the same scale, so that they can be compared.
     shown = np.concatenate([estimate.points, reference.points])
@@ -81,7 +81,7 @@ def _legend(figure: Figure, plot: PlotEvaluation, limit: float) -> None:
     assert plot.recall is not None
     columns = [("within", "precision", "recall", "F-score")]
     columns += [
-        (f"{1000 * float(d):g} mm", f"{plot.precision[d]:.3f}", f"{plot.recall[d]:.3f}", f"{plot.f_score[d]:.3f}")
+        (format_nominal(float(d)), f"{plot.precision[d]:.3f}", f"{plot.recall[d]:.3f}", f"{plot.f_score[d]:.3f}")
         for d in plot.f_score
     ]
     for index, column in enumerate(columns):

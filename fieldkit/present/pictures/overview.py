@@ -35,7 +35,8 @@ from fieldkit.present.pictures.panels import (
     window_around,
 )
 from fieldkit.present.pictures.projection import FRONT, SIDE, TOP, Direction
-from fieldkit.present.terminal.reconstructions import quality_rows
+from fieldkit.present.tables.reconstruction import quality_rows
+from fieldkit.present.tables.scores import score_rows
 from fieldkit.results.evaluation import ImageEntry, PlotEvaluation, ReconstructionEntry, ReferenceReport
 
 _WIDTH, _HEIGHT = 15.0, 10.0
@@ -45,7 +46,8 @@ _LOWER = (0.75, 3.15)
 _RIGHT = "#1f5fa8"
 _WRONG = "#c0262d"
 _MISSING = "#d98300"
-_TEXT_COLUMNS = 56
+_TEXT_COLUMNS = 51
+_LABELS_WIDTH = 1.65
 _CAMERAS_WIDTH = 4.25
 
 
@@ -212,10 +214,11 @@ def _legend(figure: Figure, report: ReconstructionEntry) -> None:
     )  # fmt: skip
 
 
-def _draw_figures(figure: Figure, report: ReconstructionEntry) -> None:
+def _draw_figures(figure: Figure, report: ReferenceReport | PlotEvaluation) -> None:
     left = _MARGIN + 2 * (_CAMERAS_WIDTH + _GAP)
     lines: list[tuple[str, str]] = []
-    for label, value in quality_rows(report):
+    scores = score_rows(report) if isinstance(report, PlotEvaluation) else ()
+    for label, value in (*quality_rows(report), *scores):
         wrapped = textwrap.wrap(drawable(value), _TEXT_COLUMNS) or [""]
         lines += [(label, wrapped[0]), *(("", more) for more in wrapped[1:])]
     step = min(0.175, (_LOWER[1] + 0.3) / max(len(lines), 1))
@@ -224,7 +227,7 @@ def _draw_figures(figure: Figure, report: ReconstructionEntry) -> None:
     for index, (label, value) in enumerate(lines):
         y = (top - index * step) / _HEIGHT
         figure.text(left / _WIDTH, y, label, size=size, color=FAINT, va="center", parse_math=False)
-        figure.text((left + 1.35) / _WIDTH, y, value, size=size, color=INK, va="center", parse_math=False)
+        figure.text((left + _LABELS_WIDTH) / _WIDTH, y, value, size=size, color=INK, va="center", parse_math=False)
 
 
 def _ground(report: ReconstructionEntry) -> Ground | None:

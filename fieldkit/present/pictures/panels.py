@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds.volume import Volume
 from fieldkit.present.pictures.projection import Direction, Window, draw_points
+from fieldkit.present.style import format_nominal
 
 DPI = 150
 _ROW_WIDTH, _ROW_HEIGHT, _ROW_MARGIN, _ROW_GAP, _ROW_TOP = 15.0, 5.6, 0.5, 0.4, 1.0
@@ -164,15 +165,6 @@ def nice_length(length: float) -> float:
     return float(next(step * power for step in (5.0, 2.0, 1.0) if step * power <= length * (1 + 1e-9)))
 
 
-def length_label(length: float, unit: str) -> str:
-    """``20 mm``, ``5 cm``, ``2 m``; the number alone where the unit is none."""
-    if unit != "m":
-        return f"{length:g} {unit}".strip()
-    if length < 0.01:
-        return f"{1000 * length:g} mm"
-    return f"{100 * length:g} cm" if length < 1 else f"{length:g} m"
-
-
 def drawable(text: str) -> str:
     """The text with a box for every character the figures' font does not have."""
     known = _font_characters()
@@ -189,6 +181,6 @@ def _scale_bar(axes: Axes, window: Window, unit: str) -> None:
     x, y = window.right - 0.04 * width - length, window.bottom + 0.05 * height
     axes.plot([x, x + length], [y, y], color=INK, linewidth=2.2, solid_capstyle="butt", zorder=6)
     axes.text(
-        x + 0.5 * length, y + 0.012 * height, length_label(length, unit), size=7, color=INK, ha="center", va="bottom",
-        zorder=6,
+        x + 0.5 * length, y + 0.012 * height, format_nominal(length, metric=unit == "m"), size=7, color=INK,
+        ha="center", va="bottom", zorder=6,
     )  # fmt: skip

@@ -9,7 +9,6 @@ from fieldkit.campaign import Campaign, Visit
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.present.content import (
     Block,
-    Cell,
     Charts,
     Column,
     Details,
@@ -22,9 +21,10 @@ from fieldkit.present.content import (
 )
 from fieldkit.present.html.charts import LineChart, Series
 from fieldkit.present.html.plot_map import MappedPlot, PlotMap
-from fieldkit.present.html.text import decimal, metres, millimetres, percent
-from fieldkit.present.sections.parts import CampaignPart
-from fieldkit.present.sections.quality import MOST_ROWS
+from fieldkit.present.sections.loaded_results import CampaignResult
+from fieldkit.present.style import decimal, format_length, metres, millimetres, percent
+from fieldkit.present.tables.scores import distances_of, interval, score_columns
+from fieldkit.present.tables.tabulated import tabulated
 
 _MOST_LINES = 200
 _FARTHEST_M = 200_000.0
@@ -46,9 +46,9 @@ _CHARTS: tuple[tuple[str, str, Callable[[Visit], float | None]], ...] = (
 )
 
 
-def campaign_section(part: CampaignPart, anchor: str) -> Section:
+def campaign_section(result: CampaignResult, anchor: str) -> Section:
     """What a campaign's captures came to, plot by plot and date by date."""
-    campaign = part.campaign
+    campaign = result.campaign
     blocks: list[Block] = [KeyFigures(tuple(_figures(campaign)))]
     if campaign.visits:
         shown = plot_map(campaign)
@@ -100,51 +100,27 @@ def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
     yield KeyFigure("captures", f"{len(visits)}", f"{sum(bool(v.error) for v in visits)} without a score")
     scores = [visit.chamfer_m for visit in visits if visit.chamfer_m is not None]
     if scores:
-        yield KeyFigure(
-            "chamfer distance", f"{millimetres(median(scores))} mm", "median of all captures with a reference"
-        )
+        yield KeyFigure("chamfer distance", format_length(median(scores)), "median of all captures with a reference")
 
 
 def _table(date: str, visits: Sequence[Visit]) -> Table:
     """Plots of one date, the greatest distance first."""
     ordered = sorted(visits, key=lambda v: (not v.error, -(score_of(v) or 0.0), v.plot))
-    distances = sorted({d for v in visits for d in v.f_score})
+    distances = distances_of(visit.f_score for visit in visits)
     distances = [d for d in distances if d in ("0.005", "0.010")] or distances[:1]
-    columns = [Column("plot"), Column("state"), Column("photographs used", True)]
-    groups = {
-        "scored": any(v.chamfer_m is not None for v in visits),
-        "predicted": any(v.predicted_chamfer_m is not None for v in visits),
-        "figures": any(v.height_m is not None or v.cover is not None or v.hull_m3 is not None for v in visits),
-        "notes": any(v.notes or v.error for v in visits),
-    }
-    if groups["scored"]:
-        columns += [Column("chamfer, mm", True), Column("accuracy, mm", True), Column("completeness, mm", True)]
-        columns += [Column(f"F‑score at {1000 * float(d):g} mm", True) for d in distances]
-    if groups["predicted"]:
-        columns += [Column("predicted chamfer, mm", True), Column("interval, mm", True)]
-    if groups["figures"]:
-        columns += [Column("height, m", True), Column("cover, %", True), Column("hull volume, m³", True)]
-    columns += [Column("known positions RMS, mm", True)]
-    columns += [Column("notes")] if groups["notes"] else []
-    rows = []
-    for v in ordered[:MOST_ROWS]:
-        row: list[Cell] = [v.plot, _state(v), f"{v.right} of {v.images}"]
-        if groups["scored"]:
-            row += [millimetres(v.chamfer_m), millimetres(v.accuracy_m), millimetres(v.completeness_m)]
-            row += [decimal(v.f_score.get(d), 3) for d in distances]
-        if groups["predicted"]:
-            given = v.predicted_low_m is not None and v.predicted_high_m is not None
-            row += [millimetres(v.predicted_chamfer_m)]
-            row += [f"{millimetres(v.predicted_low_m)} to {millimetres(v.predicted_high_m)}" if given else None]
-        if groups["figures"]:
-            row += [metres(v.height_m), percent(v.cover), decimal(v.hull_m3, 3)]
-        row += [millimetres(v.pose_rms_m)]
-        row += ["; ".join([v.error, *v.notes] if v.error else v.notes) or None] if groups["notes"] else []
-        rows.append(tuple(row))
-    note = "The greatest distance comes first."
-    if len(visits) > MOST_ROWS:
-        note += f" The first {MOST_ROWS} of {len(visits)}."
-    return Table(f"Plots on {date}", tuple(columns), tuple(rows), note)
+    return tabulated(f"Plots on {date}", ordered, (
+        (Column("plot"), lambda v: v.plot),
+        (Column("state"), _state),
+        (Column("photographs used", True), lambda v: f"{v.right} of {v.images}"),
+        *score_columns(distances),
+        (Column("predicted chamfer, mm", True), lambda v: millimetres(v.predicted_chamfer_m)),
+        (Column("interval, mm", True), lambda v: interval(v.predicted_low_m, v.predicted_high_m)),
+        (Column("height, m", True), lambda v: metres(v.height_m)),
+        (Column("cover, %", True), lambda v: percent(v.cover)),
+        (Column("hull volume, m³", True), lambda v: decimal(v.hull_m3, 3)),
+        (Column("known positions RMS, mm", True), lambda v: millimetres(v.pose_rms_m)),
+        (Column("notes"), lambda v: "; ".join([v.error, *v.notes] if v.error else v.notes) or None),
+    ), "The greatest distance comes first.")  # fmt: skip
 
 
 def _state(visit: Visit) -> Mark:

@@ -20,79 +20,78 @@ from fieldkit.present.content import (
     View,
 )
 from fieldkit.present.html.charts import LineChart, Series
-from fieldkit.present.html.text import decimal, metres, millimetres
-from fieldkit.present.sections.parts import MissionPart, PlanPart
-from fieldkit.present.sections.quality import MOST_ROWS
-from fieldkit.present.style import format_seconds
+from fieldkit.present.sections.finalists import finalist_table
+from fieldkit.present.sections.loaded_results import MissionResult, PlanResult
+from fieldkit.present.style import decimal, format_length, format_nominal, format_seconds, metres
+from fieldkit.present.tables.tabulated import tabulated
 
 _LATER = 0.97  # quantile of the values that the curve's axis shows; the first random sets are often far off
 
 
-def plan_section(part: PlanPart, anchor: str, view: View | None, note: str) -> Section:
+def plan_section(result: PlanResult, anchor: str, view: View | None, note: str) -> Section:
     """A plan's stations, and how the search found them."""
-    blocks: list[Block] = [KeyFigures(tuple(_figures(part)))]
+    blocks: list[Block] = [KeyFigures(tuple(_figures(result)))]
     if view is not None:
         blocks.append(view)
     elif note:
         blocks.append(Paragraph(note, faint=True))
-    charts = tuple(_charts(part))
+    charts = tuple(_charts(result))
     if charts:
         blocks.append(Charts(charts))
-    if part.plan is not None:
-        blocks.append(_stations(part))
-    if part.outcome is not None and part.outcome.finalists:
-        blocks.append(_finalists(part))
-    if part.settings is not None:
-        blocks.append(Details("What the search was asked for", (Terms(tuple(_settings(part))),)))
-    return Section(anchor, "Plan" if part.name == "plan" else f"Plan: {part.name}", tuple(blocks))
+    if result.plan is not None:
+        blocks.append(_stations(result))
+    if result.outcome is not None and result.outcome.finalists:
+        blocks.append(finalist_table(result.outcome))
+    if result.settings is not None:
+        blocks.append(Details("What the search was asked for", (Terms(tuple(_settings(result))),)))
+    return Section(anchor, "Plan" if result.name == "plan" else f"Plan: {result.name}", tuple(blocks))
 
 
-def mission_section(part: MissionPart, anchor: str, view: View | None) -> Section:
+def mission_section(result: MissionResult, anchor: str, view: View | None) -> Section:
     """A mission's way over the plots."""
-    flight = part.flight
+    flight = result.flight
     stations = flight.stations
     figures = [
         KeyFigure("photographs", f"{len(stations)}"),
         KeyFigure("plots", f"{len(flight.plots)}"),
-        KeyFigure("length of the way", f"{flight.length_m:,.0f} m", "from take-off to landing"),
+        KeyFigure("length of the way", format_length(flight.length_m), "from take-off to landing"),
     ]
     if stations:
         heights = [station.height_m for station in stations]
-        figures.append(KeyFigure("heights of photographs", f"{min(heights):.1f} to {max(heights):.1f} m", "above home"))
-    columns = (
-        Column("photograph"), Column("plot"), Column("station", True), Column("east of home, m", True),
-        Column("north of home, m", True), Column("height above home, m", True),
-        Column("yaw, °", True), Column("pitch, °", True),
-    )  # fmt: skip
-    shown = stations[:MOST_ROWS]
-    positions = site_frame(part.record).points(geo_points(shown)).tolist()
-    rows = tuple(
-        (f"{number}", s.plot, f"{s.station}", *(metres(v) for v in position), decimal(s.yaw_deg % 360.0, 1),
-         decimal(s.pitch_deg, 1))
-        for number, (s, position) in enumerate(zip(shown, positions, strict=True), 1)
-    )  # fmt: skip
-    note = "" if len(stations) <= MOST_ROWS else f"The first {MOST_ROWS} of {len(stations)}."
-    table = Table("Photographs in the order they are flown", columns, rows, note)
+        between = f"{format_length(min(heights))} to {format_length(max(heights))}"
+        figures.append(KeyFigure("heights of photographs", between, "above home"))
+    positions = site_frame(result.record).points(geo_points(stations)).tolist()
+    flown = list(enumerate(zip(stations, positions, strict=True), 1))
+    table = tabulated("Photographs in the order they are flown", flown, (
+        (Column("photograph"), lambda row: f"{row[0]}"),
+        (Column("plot"), lambda row: row[1][0].plot),
+        (Column("station", True), lambda row: f"{row[1][0].station}"),
+        (Column("east of home, m", True), lambda row: metres(row[1][1][0])),
+        (Column("north of home, m", True), lambda row: metres(row[1][1][1])),
+        (Column("height above home, m", True), lambda row: metres(row[1][1][2])),
+        (Column("yaw, °", True), lambda row: decimal(row[1][0].yaw_deg % 360.0, 1)),
+        (Column("pitch, °", True), lambda row: decimal(row[1][0].pitch_deg, 1)),
+    ))  # fmt: skip
     blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *([view] if view is not None else []))
-    blocks += (table,) if len(rows) <= 14 else (Details(f"All {len(stations)} photographs", (table,)),)
-    return Section(anchor, f"Mission: {part.mission_file or part.name}", blocks)
+    blocks += (table,) if len(table.rows) <= 14 else (Details(f"All {len(stations)} photographs", (table,)),)
+    return Section(anchor, f"Mission: {result.mission_file or result.name}", blocks)
 
 
-def _figures(part: PlanPart) -> Iterator[KeyFigure]:
-    plan, settings, outcome = part.plan, part.settings, part.outcome
+def _figures(result: PlanResult) -> Iterator[KeyFigure]:
+    plan, settings, outcome = result.plan, result.settings, result.outcome
     if plan is not None:
         yield KeyFigure("camera poses", f"{len(plan.stations)}")
         if plan.method is not None and plan.method.chamfer_m is not None:
             spread = plan.method.chamfer_spread_m
-            more = "" if spread is None or (plan.method.repeats or 0) < 2 else f" ± {millimetres(spread)}"
+            more = "" if spread is None or (plan.method.repeats or 0) < 2 else f" ± {format_length(spread)}"
             yield KeyFigure(
-                "chamfer distance", f"{millimetres(plan.method.chamfer_m)}{more} mm",
+                "chamfer distance", f"{format_length(plan.method.chamfer_m)}{more}",
                 "of what they reconstruct to its reference, on what the plan was made on",
             )  # fmt: skip
         elif plan.method is not None and plan.method.repeats == 0:
             yield KeyFigure("chamfer distance", "not confirmed", "no photograph was taken of these poses")
-    if settings is not None and (part.trials or plan is None):
-        yield KeyFigure("trials", f"{len(part.trials)} of {settings.evaluations}", "sets of poses that were tried")
+    if settings is not None and (result.trials or plan is None):
+        yield KeyFigure("trials", f"{len(result.trials)} of {settings.evaluations}", "sets of poses that were tried")
     if outcome is not None:
         yield KeyFigure(
             "time",
@@ -101,8 +100,8 @@ def _figures(part: PlanPart) -> Iterator[KeyFigure]:
         )
 
 
-def _charts(part: PlanPart) -> Iterator[LineChart]:
-    trials = part.trials
+def _charts(result: PlanResult) -> Iterator[LineChart]:
+    trials = result.trials
     if len(trials) < 2:
         return
     values = [(trial.number + 1.0, 1000.0 * trial.value_m if trial.measured else None) for trial in trials]
@@ -113,10 +112,11 @@ def _charts(part: PlanPart) -> Iterator[LineChart]:
     measured = sorted(value for _, value in values if value is not None)
     known = [value for _, value in best if value is not None]
     if measured and known:
-        at = "" if part.settings is None else f" at {part.settings.confirm_fidelity}"
-        value_m = None if part.outcome is None else part.outcome.chamfer_m
+        at = "" if result.settings is None else f" at {result.settings.confirm_fidelity}"
+        value_m = None if result.outcome is None else result.outcome.chamfer_m
         confirmed = None if value_m is None else (1000.0 * value_m, f"the plan, confirmed{at}")
-        described = f"The best value fell from {known[0]:.2f} to {known[-1]:.2f} mm in {len(trials)} trials."
+        first, last = (format_length(0.001 * value) for value in (known[0], known[-1]))
+        described = f"The best value fell from {first} to {last} in {len(trials)} trials."
         yield LineChart(
             "The search: every trial, and the best so far", described, "trial", "value, mm",
             (Series("trial", tuple(values), "dots"), Series("best so far", tuple(best), "step")),
@@ -137,58 +137,32 @@ def _charts(part: PlanPart) -> Iterator[LineChart]:
         )
 
 
-def _stations(part: PlanPart) -> Table:
-    assert part.plan is not None
-    columns = (
-        Column("station"), Column("x, m", True), Column("y, m", True), Column("z, m", True), Column("yaw, °", True),
-        Column("pitch, °", True),
-    )  # fmt: skip
-    stations = part.plan.stations
-    rows = tuple(
-        (f"{number}", *(metres(v) for v in s.position_m), decimal(s.yaw_deg % 360.0, 1), decimal(s.pitch_deg, 1))
-        for number, s in enumerate(stations[:MOST_ROWS])
-    )
-    return Table(
-        "Stations", columns, rows, "Plot frame: metres from the plot's centre on the ground; z is the height above it."
-    )
+def _stations(result: PlanResult) -> Table:
+    assert result.plan is not None
+    return tabulated("Stations", list(enumerate(result.plan.stations)), (
+        (Column("station"), lambda row: f"{row[0]}"),
+        (Column("x, m", True), lambda row: metres(row[1].position_m[0])),
+        (Column("y, m", True), lambda row: metres(row[1].position_m[1])),
+        (Column("z, m", True), lambda row: metres(row[1].position_m[2])),
+        (Column("yaw, °", True), lambda row: decimal(row[1].yaw_deg % 360.0, 1)),
+        (Column("pitch, °", True), lambda row: decimal(row[1].pitch_deg, 1)),
+    ), "Plot frame: metres from the plot's centre on the ground; z is the height above it.")  # fmt: skip
 
 
-def _finalists(part: PlanPart) -> Table:
-    assert part.outcome is not None
-    columns = (
-        Column("trial"), Column("how it was proposed"), Column("in the search, mm", True),
-        Column("confirmed, mm", True), Column("spread, mm", True), Column("photographs used", True),
-    )  # fmt: skip
-    rows = tuple(
-        (f"{f.number + 1}{', the plan' if k == 0 else ''}", f.origin, millimetres(f.search_value_m),
-         millimetres(f.value_m), millimetres(f.spread_m), ", ".join(str(n) for n in f.right))
-        for k, f in enumerate(part.outcome.finalists)
-    )  # fmt: skip
-    note = (
-        "Finalists are evaluated again with new random numbers: the lowest of many noisy values is partly luck. "
-        "Compare values within a column only: confirmations may be at a finer quality than the search."
-    )
-    return Table("Finalists", columns, rows, note)
-
-
-def _settings(part: PlanPart) -> Iterator[tuple[str, str]]:
-    assert part.settings is not None
-    s, e = part.settings, part.settings.envelope
+def _settings(result: PlanResult) -> Iterator[tuple[str, str]]:
+    assert result.settings is not None
+    s, e = result.settings, result.settings.envelope
     yield "planned on", f"{s.source.kind} {s.source.name}"
     yield "method", f"{s.method} (preset {s.preset}, mapping {s.mapping})"
     yield "trials", f"{s.evaluations} at {s.fidelity}, seed {s.seed}"
     yield "confirmations", f"{s.finalists} finalists, {s.repeats} each, at {s.confirm_fidelity}"
-    yield (
-        "heights",
-        f"{e.height_m[0]:g} to {e.height_m[1]:g} m above the ground, within {e.margin_m:g} m of the plants' box",
-    )
-    yield "distances", f"{e.clearance_m:g} m from plants, {e.separation_m:g} m between stations"
+    low, high = map(format_nominal, e.height_m)
+    yield "heights", f"{low} to {high} above the ground, within {format_nominal(e.margin_m)} of the plants' box"
+    yield "distances", f"{format_nominal(e.clearance_m)} from plants, {format_nominal(e.separation_m)} between stations"
     yield "gimbal pitch", f"{e.pitch_deg[0]:g}° to {e.pitch_deg[1]:g}°".replace("-", "−")
     if s.vehicle is not None:
         yield "vehicle", s.vehicle.title
     n = s.noise
     if n.any:
-        yield (
-            "planned for",
-            f"pose errors of {n.pose_m:g} m and {n.pose_deg:g}°, image noise {n.image_grey:g}, wind {n.wind_m:g} m",
-        )
+        pose, wind = f"{format_nominal(n.pose_m)} and {n.pose_deg:g}°", format_nominal(n.wind_m)
+        yield "planned for", f"pose errors of {pose}, image noise {n.image_grey:g}, wind {wind}"

@@ -7,7 +7,7 @@ from typing import Any
 
 from fieldkit import __version__
 from fieldkit.present.content import Block, Column, Details, Paragraph, Section, Table, Terms
-from fieldkit.present.sections.parts import EvaluationPart, PlanPart, ReferencePart, Results
+from fieldkit.present.sections.loaded_results import EvaluationResult, PlanResult, ReferenceResult, Results
 from fieldkit.results.evaluation import FileEntry
 
 _MOST_SETTINGS = 200
@@ -27,10 +27,14 @@ def provenance_section(results: Results, command: str) -> Section:
         _inputs(results),
     ]
     made_with: list[tuple[str, Mapping[str, Any]]] = [
-        *((part.name, part.report.settings) for part in results.references),
-        *((part.name, part.report.settings) for part in results.evaluations),
-        *((part.name, part.settings.model_dump(mode="json")) for part in results.plans if part.settings is not None),
-        *((part.name, part.campaign.evaluation.model_dump(mode="json")) for part in results.campaigns),
+        *((result.name, result.report.settings) for result in results.references),
+        *((result.name, result.report.settings) for result in results.evaluations),
+        *(
+            (result.name, result.settings.model_dump(mode="json"))
+            for result in results.plans
+            if result.settings is not None
+        ),
+        *((result.name, result.campaign.evaluation.model_dump(mode="json")) for result in results.campaigns),
     ]
     blocks += [_settings(f"Settings of {name}", settings) for name, settings in made_with]
     files = list(_files(results))
@@ -76,8 +80,14 @@ def _inputs(results: Results) -> Table:
     return Table("Inputs of this report", columns, tuple(rows))
 
 
-def _source(part: PlanPart) -> str | None:
-    source = part.plan.source if part.plan is not None else part.settings.source if part.settings is not None else None
+def _source(result: PlanResult) -> str | None:
+    source = (
+        result.plan.source
+        if result.plan is not None
+        else result.settings.source
+        if result.settings is not None
+        else None
+    )
     if source is None:
         return None
     return f"{source.kind} “{source.name}”" + (f", {_short(source.sha256)}" if source.sha256 else "")
@@ -108,10 +118,10 @@ def _flat(value: Any, key: str = "", depth: int = 0) -> Iterator[tuple[str, str]
 
 
 def _files(results: Results) -> Iterator[tuple[str, str, str]]:
-    parts: list[ReferencePart | EvaluationPart] = [*results.references, *results.evaluations]
-    for part in parts:
-        entries: list[FileEntry] = list(part.report.files)
-        if isinstance(part, EvaluationPart):
-            entries += [entry for plot in part.report.plots for entry in plot.files]
+    found: list[ReferenceResult | EvaluationResult] = [*results.references, *results.evaluations]
+    for result in found:
+        entries: list[FileEntry] = list(result.report.files)
+        if isinstance(result, EvaluationResult):
+            entries += [entry for plot in result.report.plots for entry in plot.files]
         for entry in entries:
-            yield f"{part.name}/{entry.name}", f"{entry.bytes:,}", entry.sha256
+            yield f"{result.name}/{entry.name}", f"{entry.bytes:,}", entry.sha256

@@ -7,14 +7,14 @@ where a figure calls for it.
 from __future__ import annotations
 
 from fieldkit.present.content import Statement
-from fieldkit.present.sections.parts import Results
+from fieldkit.present.sections.loaded_results import Results
 from fieldkit.present.sections.summary_campaign import campaign_statements
 from fieldkit.present.sections.summary_captures import evaluation_statements, reference_statements
 from fieldkit.present.sections.summary_plan import mission_statement, plan_statements
 
 
 def summarise(results: Results) -> tuple[Statement, ...]:
-    """The statements of a report, in the order of its parts."""
+    """The statements of a report, in the order of the page."""
     statements: list[Statement] = []
     for reference in results.references:
         statements += reference_statements(reference)

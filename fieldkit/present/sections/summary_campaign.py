@@ -8,15 +8,15 @@ from statistics import median
 
 from fieldkit.campaign import Visit
 from fieldkit.present.content import Statement
-from fieldkit.present.html.text import count, listed, millimetres
-from fieldkit.present.sections.parts import CampaignPart
+from fieldkit.present.sections.loaded_results import CampaignResult
+from fieldkit.present.style import count, format_length, listed
 
 _NAMED = 5  # problems that are told one by one
 
 
-def campaign_statements(part: CampaignPart) -> Iterator[Statement]:
+def campaign_statements(result: CampaignResult) -> Iterator[Statement]:
     """What a campaign's captures came to, date by date."""
-    campaign = part.campaign
+    campaign = result.campaign
     visits, dates = campaign.visits, campaign.dates
     if not visits:
         yield Statement(
@@ -63,14 +63,14 @@ def campaign_statements(part: CampaignPart) -> Iterator[Statement]:
 
 def _spread(what: str, scores: Sequence[tuple[float, str]]) -> Statement:
     """Median, least and greatest of plots' distances."""
-    middle = millimetres(median(value for value, _ in scores))
+    middle = format_length(median(value for value, _ in scores))
     if len(scores) == 1:
-        return Statement("fact", f"{what} {middle} mm in {scores[0][1]}.")
+        return Statement("fact", f"{what} {middle} in {scores[0][1]}.")
     low, high = min(scores), max(scores)
     return Statement(
         "fact",
-        f"{what} {middle} mm in the middle (median of {count(len(scores), 'plot')}), from {millimetres(low[0])} mm "
-        f"({low[1]}) to {millimetres(high[0])} mm ({high[1]}).",
+        f"{what} {middle} in the middle (median of {count(len(scores), 'plot')}), from {format_length(low[0])} "
+        f"({low[1]}) to {format_length(high[0])} ({high[1]}).",
     )
 
 
@@ -86,7 +86,7 @@ def _drift(done: Sequence[Visit], dates: Sequence[str]) -> Iterator[Statement]:
     rose = sum(last[name] > first[name] for name in both)
     yield Statement(
         "fact",
-        f"From {dates[0]} to {dates[-1]} the distance changed by {millimetres(change)} mm in the middle (median of "
+        f"From {dates[0]} to {dates[-1]} the distance changed by {format_length(change)} in the middle (median of "
         f"{count(len(both), 'plot')} scored on both dates); it rose in {rose} of them.",
         "Plants that grew since their reference was made are farther from it: then this is growth, not a worse capture."
         if change > 0

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 
 from fieldkit.present.content import Statement
-from fieldkit.present.html.text import count, decimal, length, listed, millimetres, percent
-from fieldkit.present.sections.parts import EvaluationPart, ReferencePart
-from fieldkit.present.sections.terms import ACHIEVED_BY
+from fieldkit.present.sections.loaded_results import EvaluationResult, ReferenceResult
+from fieldkit.present.style import count, decimal, format_length, listed, percent
+from fieldkit.present.tables.adherence import ACHIEVED_BY
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, ReconstructionEntry
 
 _LOP_SIDED = 1.5  # one directed term this many times the other is worth a word
@@ -16,9 +16,9 @@ _SHOWN_M = "0.010"
 _NAMED = 5  # problems that are told one by one
 
 
-def reference_statements(part: ReferencePart) -> Iterator[Statement]:
+def reference_statements(result: ReferenceResult) -> Iterator[Statement]:
     """What a reference was made from, and what is doubtful about it."""
-    report = part.report
+    report = result.report
     yield Statement(
         "good" if report.right == report.images and report.metric else "fact",
         f"The reference was reconstructed from {report.right} of {count(report.images, 'photograph')} of "
@@ -35,22 +35,22 @@ def reference_statements(part: ReferencePart) -> Iterator[Statement]:
         )
 
 
-def evaluation_statements(part: EvaluationPart) -> Iterator[Statement]:
+def evaluation_statements(result: EvaluationResult) -> Iterator[Statement]:
     """How captures came out, plot by plot where it is one, and together where they are many."""
-    report = part.report
+    report = result.report
     plots = [plot for plot in report.plots if plot.error is None]
     if len(report.plots) == 1:
         for plot in plots:
             yield from _plot(plot, scored=report.reference_sha256 is not None)
     elif plots:
-        yield from _plots(part, plots)
+        yield from _plots(result, plots)
     failed = [plot for plot in report.plots if plot.error is not None]
     for plot in failed[:_NAMED]:
         assert plot.error is not None
         yield Statement("problem", f"{plot.name} has no result: {plot.error.message}.", plot.error.remedy)
     if len(failed) > _NAMED:
         yield Statement(
-            "problem", f"{len(failed) - _NAMED} more plots of {part.name} have no result; the table says why."
+            "problem", f"{len(failed) - _NAMED} more plots of {result.name} have no result; the table says why."
         )
     for plot in plots:
         if plot.adherence is not None:
@@ -82,18 +82,18 @@ def _unscored(plot: PlotEvaluation) -> Statement:
         return Statement("note", f"{text}, so how near it comes to its plants is not known{why}.", advice)
     return Statement(
         "fact",
-        f"{text}. By figures that need none it is likely to be {millimetres(found.chamfer_m)} mm from its true plants "
-        f"(chamfer distance); nine in ten such plots lie between {millimetres(found.low_m)} and "
-        f"{millimetres(found.high_m)} mm.",
+        f"{text}. By figures that need none it is likely to be {format_length(found.chamfer_m)} from its true plants "
+        f"(chamfer distance); nine in ten such plots lie between {format_length(found.low_m)} and "
+        f"{format_length(found.high_m)}.",
         advice,
     )
 
 
 def _distances(plot: PlotEvaluation, chamfer: float, accuracy: float, completeness: float) -> Iterator[Statement]:
     text = (
-        f"{plot.name}: on average its points lie {millimetres(accuracy)} mm from the reference (accuracy), and the "
-        f"reference's points {millimetres(completeness)} mm from what was reconstructed (completeness). Together that "
-        f"is {millimetres(chamfer)} mm (chamfer distance)."
+        f"{plot.name}: on average its points lie {format_length(accuracy)} from the reference (accuracy), and the "
+        f"reference's points {format_length(completeness)} from what was reconstructed (completeness). Together that "
+        f"is {format_length(chamfer)} (chamfer distance)."
     )
     if plot.precision and plot.recall and _SHOWN_M in plot.precision and _SHOWN_M in plot.recall:
         text += (
@@ -121,24 +121,25 @@ def _distances(plot: PlotEvaluation, chamfer: float, accuracy: float, completene
     if plot.correction is None and shift is not None and shift > 0.25 * chamfer:
         yield Statement(
             "note",
-            f"{plot.name}: the known camera positions are {length(plot.pose_rms_m)} (RMS) off the reconstructed ones, "
-            f"which can displace the whole cloud by about {length(shift)}. That counts in the distance above.",
+            f"{plot.name}: the known camera positions are {format_length(plot.pose_rms_m)} (RMS) off the reconstructed "
+            f"ones, which can displace the whole cloud by about {format_length(shift)}. That counts in the distance "
+            "above.",
             "Evaluate again with --refine to see how much of it is displacement.",
         )
     if plot.gsd_m is not None and plot.metric and 2 * plot.gsd_m > accuracy:
         yield Statement(
             "note",
-            f"{plot.name}: a pixel covers {length(plot.gsd_m)}, so details below {length(2 * plot.gsd_m)} are not in "
-            "its cloud.",
+            f"{plot.name}: a pixel covers {format_length(plot.gsd_m)}, so details below "
+            f"{format_length(2 * plot.gsd_m)} are not in its cloud.",
             "Photograph from nearer, or with a camera of more pixels, where finer detail matters.",
         )
 
 
-def _plots(part: EvaluationPart, plots: Sequence[PlotEvaluation]) -> Iterator[Statement]:
+def _plots(result: EvaluationResult, plots: Sequence[PlotEvaluation]) -> Iterator[Statement]:
     images, right = sum(plot.images for plot in plots), sum(plot.right for plot in plots)
     yield Statement(
-        "good" if right == images and len(plots) == len(part.report.plots) else "fact",
-        f"{len(plots)} of {count(len(part.report.plots), 'plot')} of “{part.report.source}” were reconstructed; "
+        "good" if right == images and len(plots) == len(result.report.plots) else "fact",
+        f"{len(plots)} of {count(len(result.report.plots), 'plot')} of “{result.report.source}” were reconstructed; "
         f"{right} of {count(images, 'photograph')} were used.",
     )
     short = [plot for plot in plots if plot.right < plot.images]
@@ -153,8 +154,8 @@ def _plots(part: EvaluationPart, plots: Sequence[PlotEvaluation]) -> Iterator[St
         middle = median(value for value, _ in chamfers)
         yield Statement(
             "fact",
-            f"Distance to the reference (chamfer): {millimetres(middle)} mm in the middle (median), from "
-            f"{millimetres(chamfers[0][0])} mm ({chamfers[0][1]}) to {millimetres(chamfers[-1][0])} mm "
+            f"Distance to the reference (chamfer): {format_length(middle)} in the middle (median), from "
+            f"{format_length(chamfers[0][0])} ({chamfers[0][1]}) to {format_length(chamfers[-1][0])} "
             f"({chamfers[-1][1]}).",
         )
 
@@ -204,7 +205,7 @@ def _adherence(name: str, found: AdherenceEntry) -> Iterator[Statement]:
     taken = len(found.stations)
     total = taken + len(found.missing)
     parts = [
-        f"{length(found.horizontal_rms_m, what='size')} over ground" if found.horizontal_rms_m is not None else "",
+        f"{format_length(found.horizontal_rms_m)} over ground" if found.horizontal_rms_m is not None else "",
         f"{decimal(found.yaw_rms_deg, 1)}° in heading" if found.yaw_rms_deg is not None else "",
         f"{decimal(found.pitch_rms_deg, 1)}° in pitch" if found.pitch_rms_deg is not None else "",
     ]

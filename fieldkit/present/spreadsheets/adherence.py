@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
+from collections.abc import Iterator
 from pathlib import Path
 
 from fieldkit.files import write_atomic
-from fieldkit.present.spreadsheets.plots import csv_cell
+from fieldkit.present.spreadsheets.csv_text import csv_text
 from fieldkit.results.evaluation import AdherenceEntry, PoseEntry
 
 SOURCES = ("planned", "commanded", "reported", "tagged", "reconstructed")
@@ -25,13 +24,12 @@ def write_adherence_csv(path: Path, found: AdherenceEntry) -> None:
 
 def adherence_csv(found: AdherenceEntry) -> str:
     """The table as text: plot frame, one row per photograph and source that knows it, in the photographs' order."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    return csv_text(COLUMNS, _rows(found))
+
+
+def _rows(found: AdherenceEntry) -> Iterator[list[object]]:
     for row in found.photographs:
         for source in SOURCES:
             pose: PoseEntry | None = getattr(row, source)
             if pose is not None:
-                cells = [row.image, row.station, source, *pose.position_m, pose.yaw_deg, pose.pitch_deg]
-                writer.writerow([csv_cell(value) for value in cells])
-    return text.getvalue()
+                yield [row.image, row.station, source, *pose.position_m, pose.yaw_deg, pose.pitch_deg]

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from fieldkit.files import write_atomic
+from fieldkit.present.spreadsheets.csv_text import csv_text
 from fieldkit.results.evaluation import EvaluationReport, PlantEntry, PlotEvaluation, PredictionEntry, distance_key
-
-_FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
 
 
 def write_plots_csv(path: Path, report: EvaluationReport) -> None:
@@ -25,12 +22,7 @@ def write_plots_csv(path: Path, report: EvaluationReport) -> None:
 def plots_csv(report: EvaluationReport) -> str:
     """The table as text. Its columns depend on the report's distances only."""
     distances = [distance_key(distance) for distance in report.distances_m]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(column_names(distances))
-    for plot in report.plots:
-        writer.writerow([csv_cell(value) for value in _row(plot, distances)])
-    return text.getvalue()
+    return csv_text(column_names(distances), (_row(plot, distances) for plot in report.plots))
 
 
 def column_names(distances: Sequence[str]) -> list[str]:
@@ -77,19 +69,3 @@ def _prediction(prediction: PredictionEntry | None) -> list[object]:
     if prediction is None:
         return [None] * 4
     return [prediction.chamfer_m, prediction.low_m, prediction.high_m, prediction.reason]
-
-
-def csv_cell(value: object) -> str:
-    """A value as a cell's text; texts that a spreadsheet would take for a formula have a quote before them."""
-    match value:
-        case None:
-            return ""
-        case bool():
-            return "true" if value else "false"
-        case float():
-            return repr(value)
-        case str():
-            # A spreadsheet would run a name such as "=HYPERLINK(…)"; the quote makes it text.
-            return f"'{value}" if value.startswith(_FORMULA_STARTS) else value
-        case _:
-            return str(value)

@@ -1,1 +1,1 @@
-"""Results as tables on a terminal."""
+"""Results on a terminal."""

@@ -14,11 +14,11 @@ from fieldkit.clouds import PointIndex, read_cloud
 from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.present.report import write_report
-from fieldkit.present.sections.collect import collect
-from fieldkit.present.sections.parts import PlanPart, Results
+from fieldkit.present.sections.glossary import MEANINGS, meanings
+from fieldkit.present.sections.loaded_results import PlanResult, Results
+from fieldkit.present.sections.read_results import read_results
 from fieldkit.present.sections.summary import summarise
-from fieldkit.present.sections.terms import MEANINGS, terms
-from fieldkit.present.sections.views import plan_view, plot_view, points_of, within_budget
+from fieldkit.present.sections.views_3d import plan_view, plot_view, points_of, within_budget
 from fieldkit.results.evaluation import EvaluationReport, PlantEntry, PlotEvaluation, PredictionEntry
 from fieldkit.results.mission import MissionHome, MissionPlace
 from tests.present.page_checks import checked
@@ -45,7 +45,7 @@ def season(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def scored(tmp_path: Path) -> Results:
     write_reference(tmp_path / "ref")
     write_evaluation(tmp_path / "eval", tmp_path / "ref")
-    return collect(tmp_path)
+    return read_results(tmp_path)
 
 
 class TestFile:
@@ -58,7 +58,7 @@ class TestFile:
         parsed = checked((tmp_path / "report.html").read_text(encoding="utf-8"))
         ids = [a["id"] for a in parsed.all("section")]
         assert ids == [
-            "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "campaign-1", "words", "provenance",
+            "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "campaign-1", "glossary", "provenance",
         ]  # fmt: skip
         assert SHOWN in parsed.text
         assert "\u202e" not in (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -161,7 +161,7 @@ class TestSummary:
 
     def test_of_plants_and_predictions(self, tmp_path: Path) -> None:
         write_evaluation(tmp_path / "eval")
-        results = collect(tmp_path)
+        results = read_results(tmp_path)
         plants = PlantEntry(
             height_m=0.42, height_max_m=0.5, cover=0.31, covered_m2=0.1, area_m2=0.36, hull_m3=0.012, voxel_m=0.01,
             cell_m=0.01, stray=0.0,
@@ -171,7 +171,7 @@ class TestSummary:
             chamfer_m=None, low_m=None, high_m=None, reason="nothing like it was in the fit", model=1
         )
         assert "likely to be 11.0 mm from its true plants" in _told(results, prediction=likely)
-        assert "lie between 8.00 and 16.0 mm" in _told(results, prediction=likely)
+        assert "lie between 8.00 mm and 16.0 mm" in _told(results, prediction=likely)
         assert "is not known: nothing like it was in the fit." in _told(results, prediction=none)
         assert "is not known." in _told(results, prediction=None)
         part = results.evaluations[0]
@@ -189,7 +189,7 @@ class TestSummary:
             assert " ".join(told.split()) in text
 
     def test_of_flights_and_failures(self, season: Path) -> None:
-        texts = " ".join(s.text + s.advice for s in summarise(collect(season)))
+        texts = " ".join(s.text + s.advice for s in summarise(read_results(season)))
         assert "5 of 7 planned stations were photographed; the flight was off by 0.21 m over ground" in texts
         assert "no photograph at station 5 and station plot 7" in texts
         assert "empty has no result: no photographs in it." in texts
@@ -201,7 +201,7 @@ class TestSummary:
 
     def test_of_plans(self, tmp_path: Path) -> None:
         write_run(tmp_path / "run")
-        (part,) = collect(tmp_path / "run").plans
+        (part,) = read_results(tmp_path / "run").plans
         first, circles = summarise(Results(tmp_path, plans=(part,)))[:2]
         assert "7 camera poses" in first.text
         assert "4.10 mm ± 0.20 mm (standard deviation of 3 confirmations)" in first.text
@@ -233,7 +233,7 @@ class TestViews:
     def test_planned_cameras_are_shown_where_they_are_in_the_same_frame(self, scored: Results) -> None:
         write_run(scored.root / "plan", scored.root / "ref")
         write_run(scored.root / "other")
-        results = collect(scored.root)
+        results = read_results(scored.root)
         part = results.evaluations[0]
         scene, _ = plot_view(part, part.report.plots[0], results)
         assert scene is not None
@@ -245,7 +245,7 @@ class TestViews:
     def test_a_missions_way_lies_where_the_reference_is_on_the_earth(self, scored: Results) -> None:
         # The example's source frame has its origin at 50.6° N 6.98° E, 70 m; the plot frame lies 1.2 m above it.
         write_mission(scored.root / "mission")
-        (mission,) = collect(scored.root).missions
+        (mission,) = read_results(scored.root).missions
         for home_amsl, distance, shown in ((70.0, 0.0, 1), (None, 0.0, 0), (70.0, 0.01, 0)):
             frame = LocalFrame(50.6 + distance, 6.98, 70.0)
             latitude, longitude, altitude = (float(value[0]) for value in frame.to_geodetic([10.0, -4.0, 5.0]))
@@ -297,9 +297,9 @@ def test_thumbnails_show_what_was_left_out_first(tmp_path: Path) -> None:
 
 
 def test_terms_are_explained() -> None:
-    assert [name for name, _ in terms(["F-score", "accuracy"])] == ["accuracy", "F-score"]
+    assert [name for name, _ in meanings(["F-score", "accuracy"])] == ["accuracy", "F-score"]
     with pytest.raises(KeyError):
-        terms(["nonsense"])
+        meanings(["nonsense"])
     assert all(meaning.endswith(".") for meaning in MEANINGS.values())
 
 
@@ -312,7 +312,7 @@ def _told(results: Results, **changed: object) -> str:
     )
 
 
-def _improving(root: Path, part: PlanPart) -> str:
+def _improving(root: Path, part: PlanResult) -> str:
     return next((s.advice for s in summarise(Results(root, plans=(part,))) if "still got better" in s.text), "")
 
 

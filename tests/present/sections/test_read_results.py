@@ -17,11 +17,11 @@ from fieldkit.missions.export_record import geo_points, site_frame, way
 from fieldkit.missions.plan_site.placement import PlotFrame, SiteFrame
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.present.report import write_report
-from fieldkit.present.sections.collect import collect
 from fieldkit.present.sections.photographs import find_photographs, thumbnails
+from fieldkit.present.sections.read_results import read_results
 from fieldkit.present.sections.summary import summarise
 from fieldkit.present.sections.summary_plan import mission_statement
-from fieldkit.present.sections.views import mission_view
+from fieldkit.present.sections.views_3d import mission_view
 from fieldkit.results.plan_file import save_plan
 from tests.missions.test_export import SITES, VEHICLE, planned
 from tests.present.sections.examples import (
@@ -39,7 +39,7 @@ HILLSIDE = SITES / "hillside.geojson"
 
 def test_everything_in_a_folder_is_found_and_what_is_damaged_is_told(tmp_path: Path) -> None:
     write_everything(tmp_path)
-    found = collect(tmp_path)
+    found = read_results(tmp_path)
     assert [part.name for part in found.references] == ["reference"]
     assert [part.name for part in found.plans] == ["plan"]  # not the campaign's own
     assert [(part.name, part.mission_file) for part in found.missions] == [("mission/field.mission.json", "field.plan")]
@@ -64,7 +64,7 @@ def test_a_result_of_its_own_by_folder_or_file(tmp_path: Path, file: bool) -> No
     }  # fmt: skip
     kinds = ("references", "evaluations", "plans", "missions", "campaigns")
     for (folder, name), kind in zip(files.items(), kinds, strict=True):
-        found = collect(tmp_path / folder / name if file else tmp_path / folder)
+        found = read_results(tmp_path / folder / name if file else tmp_path / folder)
         assert found.count == 1
         assert len(getattr(found, kind)) == 1
         assert not found.unreadable
@@ -76,7 +76,7 @@ def test_a_run_that_is_not_finished_has_trials_and_no_plan(tmp_path: Path) -> No
         (tmp_path / "run" / name).unlink()
     with (tmp_path / "run" / "evaluations.jsonl").open("a") as log:
         log.write('{"number": 40, "sta')  # being written
-    (part,) = collect(tmp_path / "run").plans
+    (part,) = read_results(tmp_path / "run").plans
     assert (part.plan, part.outcome, len(part.trials)) == (None, None, 40)
 
 
@@ -84,14 +84,14 @@ def test_three_levels_below_is_too_deep_and_hidden_folders_are_passed_over(tmp_p
     write_reference(tmp_path / "a" / "b" / "c")
     write_reference(tmp_path / ".d")
     with pytest.raises(MetadataError, match="holds no result"):
-        collect(tmp_path)
-    assert len(collect(tmp_path / "a").references) == 1
+        read_results(tmp_path)
+    assert len(read_results(tmp_path / "a").references) == 1
 
 
 def test_links_in_a_circle(tmp_path: Path) -> None:
     write_reference(tmp_path / "a")
     (tmp_path / "a" / "loop").symlink_to(tmp_path)
-    assert len(collect(tmp_path).references) == 1
+    assert len(read_results(tmp_path).references) == 1
 
 
 def test_nothing_of_ours(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_nothing_of_ours(tmp_path: Path) -> None:
     (tmp_path / "plots.geojson").write_text((SITES / "plots.geojson").read_text())
     for path in (tmp_path, tmp_path / "notes.txt", tmp_path / "missing"):
         with pytest.raises(MetadataError) as caught:
-            collect(path)
+            read_results(path)
         assert caught.value.path == path
         assert caught.value.remedy
 
@@ -107,14 +107,14 @@ def test_nothing_of_ours(tmp_path: Path) -> None:
 def test_a_single_damaged_result_is_its_own_error(tmp_path: Path) -> None:
     (tmp_path / "reference.json").write_text("[]")
     with pytest.raises(MetadataError, match="not a JSON object") as caught:
-        collect(tmp_path)
+        read_results(tmp_path)
     assert caught.value.path == tmp_path / "reference.json"
 
 
 class TestMissions:
     def test_it_is_the_missions(self, tmp_path: Path) -> None:
         write_mission(tmp_path / "mission")
-        (part,) = collect(tmp_path).missions
+        (part,) = read_results(tmp_path).missions
         stations = part.flight.stations
         assert len(stations) == 5
         assert part.flight.plots == ("plot",)
@@ -141,31 +141,31 @@ class TestMissions:
         flights = len(done.routed.flights)
         assert flights > 1
         for name, count in (("field-2.plan", 1), ("field.mission.json", flights), ("field-1.geojson", flights)):
-            found = collect(tmp_path / name).missions
+            found = read_results(tmp_path / name).missions
             assert len(found) == count
-        assert [part.mission_file for part in collect(tmp_path / "field-2.plan").missions] == ["field-2.plan"]
-        assert len(collect(tmp_path).missions) == flights
+        assert [part.mission_file for part in read_results(tmp_path / "field-2.plan").missions] == ["field-2.plan"]
+        assert len(read_results(tmp_path).missions) == flights
 
     def test_a_mission_that_was_changed_or_is_gone_is_told(self, tmp_path: Path) -> None:
         write_mission(tmp_path / "mission")
         file = tmp_path / "mission" / "field.plan"
         file.write_text(file.read_text() + " ")
-        (part,) = collect(tmp_path).missions
+        (part,) = read_results(tmp_path).missions
         assert part.changed
         assert "was changed since" in mission_statement(part).advice
         file.unlink()
-        (part,) = collect(tmp_path).missions
+        (part,) = read_results(tmp_path).missions
         assert (part.changed, part.mission_file) == (False, "")
         assert "Only its record is here" in mission_statement(part).advice
 
     def test_a_mission_of_an_earlier_version_is_told_beside_its_plan(self, tmp_path: Path) -> None:
         write_mission(tmp_path / "mission").unlink()
         with pytest.raises(MetadataError, match="exported by an earlier version"):
-            collect(tmp_path)
+            read_results(tmp_path)
         with pytest.raises(MetadataError, match="exported by an earlier version"):
-            collect(tmp_path / "mission" / "field.plan")
+            read_results(tmp_path / "mission" / "field.plan")
         write_run(tmp_path / "plan")
-        found = collect(tmp_path)
+        found = read_results(tmp_path)
         assert (len(found.plans), found.missions, found.unreadable) == (1, (), ())
         assert found.earlier == ("mission/field.geojson",)
         told = [statement.text for statement in summarise(found)]
@@ -176,7 +176,7 @@ class TestMissions:
     def test_other_geojson_is_none(self, tmp_path: Path) -> None:
         (tmp_path / "plots.geojson").write_bytes((SITES / "plots.geojson").read_bytes())
         with pytest.raises(MetadataError, match="holds no result"):
-            collect(tmp_path)
+            read_results(tmp_path)
 
     def test_plants_stand_where_their_plan_is_flown(self, tmp_path: Path) -> None:
         (tmp_path / "plan").mkdir()
@@ -185,7 +185,7 @@ class TestMissions:
             tmp_path / "plan", "ardupilot-pitch", SITES / "example.toml", tmp_path / "mission", plots=HILLSIDE,
             picture=False, route=False,
         )  # fmt: skip
-        results = collect(tmp_path)
+        results = read_results(tmp_path)
         (part,), (plan,) = results.missions, results.plans
         (layer,) = mission_view(part, results).points
         assert plan.plan is not None
@@ -197,7 +197,7 @@ class TestMissions:
         ])  # fmt: skip
         np.testing.assert_allclose(layer.points, wanted, atol=1e-3)
         save_plan(tmp_path / "plan" / "plan.json", planned(7))  # another one
-        results = collect(tmp_path)
+        results = read_results(tmp_path)
         assert mission_view(results.missions[0], results).points == []
 
     @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -220,7 +220,7 @@ class TestMissions:
         changed.parent.mkdir(exist_ok=True)
         changed.write_text(json.dumps(document))
         try:
-            results = collect(changed)
+            results = read_results(changed)
         except FieldkitError as error:
             assert error.remedy  # noqa: PT017
             return

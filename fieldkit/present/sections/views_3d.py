@@ -16,8 +16,14 @@ from fieldkit.files import file_beside
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.missions.export_record import geo_points, plot_frame, site_frame, way
 from fieldkit.present.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
-from fieldkit.present.html.text import length
-from fieldkit.present.sections.parts import EvaluationPart, MissionPart, PlanPart, ReferencePart, Results
+from fieldkit.present.sections.loaded_results import (
+    EvaluationResult,
+    MissionResult,
+    PlanResult,
+    ReferenceResult,
+    Results,
+)
+from fieldkit.present.style import format_length
 from fieldkit.results.evaluation import CameraEntry, EvaluationReport, ImageEntry, PlotEvaluation, ReferenceReport
 from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import check_file
@@ -38,16 +44,16 @@ _MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones
 Points = NDArray[np.float64]
 
 
-def reference_view(part: ReferencePart) -> tuple[ViewerScene | None, str]:
+def reference_view(result: ReferenceResult) -> tuple[ViewerScene | None, str]:
     """The reference's cloud, with the ground where it was kept, and the cameras it was made from.
 
     Returns:
         The view, None where its cloud cannot be read; and a note.
     """
-    report = part.report
+    report = result.report
     try:
         names = {entry.name for entry in report.files}
-        cloud = _read(check_file(part.folder, report, SCENE_FILE if SCENE_FILE in names else CLOUD_FILE))
+        cloud = _read(check_file(result.folder, report, SCENE_FILE if SCENE_FILE in names else CLOUD_FILE))
     except (FieldkitError, OSError) as error:
         return None, f"No 3D view: {error}"
     layer = PointLayer("Reference", *_drawn(cloud))
@@ -56,7 +62,7 @@ def reference_view(part: ReferencePart) -> tuple[ViewerScene | None, str]:
 
 
 def plot_view(
-    part: EvaluationPart, plot: PlotEvaluation, results: Results
+    result: EvaluationResult, plot: PlotEvaluation, results: Results
 ) -> tuple[ViewerScene | None, str]:  # fmt: skip
     """A plot's cloud and the reference, each coloured by its distance to the other, with cameras planned and achieved.
 
@@ -66,10 +72,10 @@ def plot_view(
         The view, None where the plot's cloud cannot be read; and a note.
     """
     try:
-        cloud = _read(_plot_cloud(part, plot))
+        cloud = _read(_plot_cloud(result, plot))
     except (FieldkitError, OSError) as error:
         return None, f"No 3D view: {error}"
-    reference = next((r for r in results.references if r.sha256 == part.report.reference_sha256), None)
+    reference = next((r for r in results.references if r.sha256 == result.report.reference_sha256), None)
     note, distances = "", None
     frusta = _camera_layers(plot.image_reports, plot.cameras, "Cameras, achieved")
     layers = []
@@ -80,7 +86,7 @@ def plot_view(
         except (FieldkitError, OSError) as error:
             note = f"The reference is not shown: {error}"
         else:
-            limit = min(max(part.report.distances_m, default=0.02), _LARGEST_SCALE_M)
+            limit = min(max(result.report.distances_m, default=0.02), _LARGEST_SCALE_M)
             distances = PointIndex(other.points).nearest(cloud.points)[0]
             missing = PointIndex(cloud.points).nearest(other.points)[0]
             layers.append(PointLayer("This capture", *_drawn(cloud), distances.astype(np.float32), limit))
@@ -93,7 +99,7 @@ def plot_view(
             )
         frusta += [_planned_layer(plan) for plan in _plans_on(reference, results)]
         lines += _ways(reference.report, results)
-    elif part.report.reference_sha256 is not None:
+    elif result.report.reference_sha256 is not None:
         note = "The reference that it was scored against is not in this folder, so distances cannot be coloured."
     if not layers:
         layers.append(PointLayer("This capture", *_drawn(cloud)))
@@ -107,9 +113,9 @@ def plot_view(
     return ViewerScene(f"{plot.name}: the capture against its reference", layers, frusta, lines), note
 
 
-def plan_view(part: PlanPart, results: Results) -> tuple[ViewerScene | None, str]:
+def plan_view(result: PlanResult, results: Results) -> tuple[ViewerScene | None, str]:
     """A plan's cameras about the plants, and the box that cameras may stand in."""
-    plan = part.plan
+    plan = result.plan
     if plan is None:
         return None, ""
     layers, note = _plan_plants(plan, results)
@@ -121,7 +127,7 @@ def plan_view(part: PlanPart, results: Results) -> tuple[ViewerScene | None, str
         lines.append(
             LineLayer("Where cameras may stand", _box(envelope.lower_m, envelope.upper_m), _FENCE, shown=False)
         )
-    return ViewerScene("The planned cameras", layers, (_planned_layer(part),), lines), note
+    return ViewerScene("The planned cameras", layers, (_planned_layer(result),), lines), note
 
 
 def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
@@ -143,11 +149,11 @@ def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
     return layers, note
 
 
-def _mission_plants(part: MissionPart, results: Results) -> list[PointLayer]:
+def _mission_plants(result: MissionResult, results: Results) -> list[PointLayer]:
     """The plants of the plots that one of the plans is flown on."""
-    home, flown = site_frame(part.record), part.flight.plots
+    home, flown = site_frame(result.record), result.flight.plots
     for plan in results.plans:
-        plots = [plot for plot in part.record.plots if plot.name in flown and plot.plan.sha256 == plan.sha256]
+        plots = [plot for plot in result.record.plots if plot.name in flown and plot.plan.sha256 == plan.sha256]
         if plan.plan is None or not plots:
             continue
         found = []
@@ -160,9 +166,9 @@ def _mission_plants(part: MissionPart, results: Results) -> list[PointLayer]:
     return []
 
 
-def mission_view(part: MissionPart, results: Results) -> ViewerScene:
+def mission_view(result: MissionResult, results: Results) -> ViewerScene:
     """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
-    record, flight = part.record, part.flight
+    record, flight = result.record, result.flight
     frame = site_frame(record)
     positions = frame.points(geo_points(flight.stations))
     poses = [
@@ -178,7 +184,7 @@ def mission_view(part: MissionPart, results: Results) -> ViewerScene:
             ]
             lines.append(LineLayer(name, closed, color))
     frusta = FrustumLayer("Photographs", poses, labels, *_half_view(record.vehicle.camera.intrinsics), _PLANNED)
-    plants = _mission_plants(part, results)
+    plants = _mission_plants(result, results)
     return ViewerScene(f"{flight.name}: the way and its photographs", plants, (frusta,), lines)
 
 
@@ -226,16 +232,16 @@ def _drawn(cloud: Cloud) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]
     return cloud.points.astype(np.float32), cloud.colors
 
 
-def _plot_cloud(part: EvaluationPart, plot: PlotEvaluation) -> Path:
+def _plot_cloud(result: EvaluationResult, plot: PlotEvaluation) -> Path:
     name = f"{plot.name}/{CLOUD_FILE}"
     try:
-        inside = file_beside(Path(name), part.folder / "evaluation.json")
+        inside = file_beside(Path(name), result.folder / "evaluation.json")
     except (RuntimeError, ValueError) as error:
         raise FieldkitError("its name is no path") from error
     if inside is None or Path(plot.name).is_absolute():
         raise FieldkitError("its cloud does not lie in the evaluation's folder")
-    described = _AsReport(part.report, plot)
-    return check_file(part.folder, described, name)  # type: ignore[arg-type]
+    described = _AsReport(result.report, plot)
+    return check_file(result.folder, described, name)  # type: ignore[arg-type]
 
 
 class _AsReport:
@@ -267,14 +273,14 @@ def _camera_layers(
 
 def _label(image: ImageEntry) -> str:
     off = image.position_residual_m
-    return image.name if off is None else f"{image.name}, {length(off)} from its known position"
+    return image.name if off is None else f"{image.name}, {format_length(off)} from its known position"
 
 
-def _plans_on(reference: ReferencePart, results: Results) -> list[PlanPart]:
+def _plans_on(reference: ReferenceResult, results: Results) -> list[PlanResult]:
     return [
-        part
-        for part in results.plans
-        if part.plan is not None and part.plan.source is not None and part.plan.source.sha256 == reference.sha256
+        result
+        for result in results.plans
+        if result.plan is not None and result.plan.source is not None and result.plan.source.sha256 == reference.sha256
     ]
 
 
@@ -304,8 +310,8 @@ def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
     return layers
 
 
-def _planned_layer(part: PlanPart) -> FrustumLayer:
-    plan: Plan | None = part.plan
+def _planned_layer(result: PlanResult) -> FrustumLayer:
+    plan: Plan | None = result.plan
     assert plan is not None
     half = _HALF_VIEW if plan.camera is None else _half_view(plan.camera.intrinsics)
     poses = [station.pose for station in plan.stations]

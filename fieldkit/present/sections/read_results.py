@@ -11,12 +11,12 @@ from fieldkit.campaign import read_campaign
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
 from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, read_log, read_settings, searched
 from fieldkit.planning.run.outcome import OUTCOME_FILE, read_outcome
-from fieldkit.present.sections.parts import (
-    CampaignPart,
-    EvaluationPart,
-    MissionPart,
-    PlanPart,
-    ReferencePart,
+from fieldkit.present.sections.loaded_results import (
+    CampaignResult,
+    EvaluationResult,
+    MissionResult,
+    PlanResult,
+    ReferenceResult,
     Results,
     Unreadable,
 )
@@ -45,10 +45,10 @@ _RESULT_FILES = (REFERENCE_FILE, EVALUATION_FILE, PLAN_FILE, SETTINGS_FILE, CAMP
 _EARLIER = "was exported by an earlier version of fieldkit, which wrote no mission.json"
 _MOST_MISSIONS = 100
 _ROUTE_BEGINS = b'"kind": "home"'  # the first feature of a route as GeoJSON
-_Part = TypeVar("_Part")
+_Result = TypeVar("_Result")
 
 
-def collect(path: Path) -> Results:
+def read_results(path: Path) -> Results:
     """Read everything of fieldkit's that a folder holds, itself or up to two levels below.
 
     What is damaged is told in the results, as long as there is something else to show.
@@ -118,7 +118,7 @@ class _Reader:
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self.parts: list[Any] = []
+        self.found: list[Any] = []
         self.unreadable: list[Unreadable] = []
         self.earlier: list[str] = []
         self.first_error: FieldkitError | None = None
@@ -126,11 +126,11 @@ class _Reader:
     def results(self) -> Results:
         """What was gathered."""
 
-        def of(kind: type[_Part]) -> tuple[_Part, ...]:
-            return tuple(part for part in self.parts if isinstance(part, kind))
+        def of(kind: type[_Result]) -> tuple[_Result, ...]:
+            return tuple(result for result in self.found if isinstance(result, kind))
 
         return Results(
-            self.root, of(ReferencePart), of(PlanPart), of(MissionPart), of(EvaluationPart), of(CampaignPart),
+            self.root, of(ReferenceResult), of(PlanResult), of(MissionResult), of(EvaluationResult), of(CampaignResult),
             tuple(self.unreadable), tuple(self.earlier),
         )  # fmt: skip
 
@@ -157,15 +157,15 @@ class _Reader:
         damaged = len(self.unreadable)
         for file in records_in(folder)[:_MOST_MISSIONS]:
 
-            def read(file: Path = file) -> list[MissionPart]:
+            def read(file: Path = file) -> list[MissionResult]:
                 record = load_mission(file)
                 check_plausible(record.model_dump(), file)
                 names = {file.name, *(entry.name for entry in record.files)}
                 described.update(names)
                 if only and only not in names:
                     return []
-                parts = [self._flight(file, record, flight) for flight in record.flights]
-                return [part for part in parts if part.flight.file == only] or parts
+                results = [self._flight(file, record, flight) for flight in record.flights]
+                return [result for result in results if result.flight.file == only] or results
 
             self._try(file, read)
         if len(self.unreadable) > damaged:
@@ -178,18 +178,18 @@ class _Reader:
                     _EARLIER, path=route, remedy="Export it again with `fieldkit export-mission`."
                 )
 
-    def _flight(self, file: Path, record: MissionRecord, flight: MissionFlight) -> MissionPart:
+    def _flight(self, file: Path, record: MissionRecord, flight: MissionFlight) -> MissionResult:
         entry = next(entry for entry in record.files if entry.name == flight.file)
         beside = file.parent / flight.file
         there = beside.is_file()
         changed = there and file_sha256(beside) != entry.sha256
-        return MissionPart(
+        return MissionResult(
             file, self._name(file), flight.file if there else "", changed, record, flight, file_sha256(file)
         )  # fmt: skip
 
     def _try(self, file: Path, read: Callable[[], Any]) -> None:
         try:
-            part = read()
+            result = read()
         except FieldkitError as error:
             self.first_error = self.first_error or error
             name = self._name(error.path if error.path is not None else file)
@@ -200,36 +200,36 @@ class _Reader:
             self.first_error = self.first_error or problem
             self.unreadable.append(Unreadable(self._name(file), problem.message, problem.remedy))
             return
-        self.parts += part if isinstance(part, list) else [part]
+        self.found += result if isinstance(result, list) else [result]
 
     def _name(self, path: Path) -> str:
         if path == self.root or not path.is_relative_to(self.root):
             return path.name
         return path.relative_to(self.root).as_posix()
 
-    def _reference(self, folder: Path) -> ReferencePart:
+    def _reference(self, folder: Path) -> ReferenceResult:
         report = load_reference_report(folder)
         check_plausible(report.model_dump(), folder / REFERENCE_FILE)
-        return ReferencePart(folder, self._name(folder), report, file_sha256(folder / REFERENCE_FILE))
+        return ReferenceResult(folder, self._name(folder), report, file_sha256(folder / REFERENCE_FILE))
 
-    def _evaluation(self, folder: Path) -> EvaluationPart:
+    def _evaluation(self, folder: Path) -> EvaluationResult:
         report = load_evaluation_report(folder)
         check_plausible(report.model_dump(), folder / EVALUATION_FILE)
-        return EvaluationPart(folder, self._name(folder), report, file_sha256(folder / EVALUATION_FILE))
+        return EvaluationResult(folder, self._name(folder), report, file_sha256(folder / EVALUATION_FILE))
 
-    def _campaign(self, folder: Path) -> CampaignPart:
+    def _campaign(self, folder: Path) -> CampaignResult:
         campaign = read_campaign(folder)
         check_plausible([visit.row() for visit in campaign.visits], folder / CAMPAIGN_FILE)
-        return CampaignPart(folder, self._name(folder), campaign, file_sha256(folder / CAMPAIGN_FILE))
+        return CampaignResult(folder, self._name(folder), campaign, file_sha256(folder / CAMPAIGN_FILE))
 
-    def _plan(self, folder: Path) -> PlanPart:
+    def _plan(self, folder: Path) -> PlanResult:
         file = folder / PLAN_FILE
         plan = load_plan(file) if file.is_file() else None
         if plan is not None:
             check_plausible(plan.model_dump(), file)
         sha256 = file_sha256(file) if plan is not None else ""
         if not (folder / SETTINGS_FILE).is_file():
-            return PlanPart(folder, self._name(folder), plan, sha256)
+            return PlanResult(folder, self._name(folder), plan, sha256)
         settings = read_settings(folder)
         check_plausible(settings.model_dump(), folder / SETTINGS_FILE)
         entries = read_log(folder) if (folder / LOG_FILE).is_file() else []
@@ -237,7 +237,7 @@ class _Reader:
         outcome = read_outcome(folder) if (folder / OUTCOME_FILE).is_file() else None
         if outcome is not None:
             check_plausible(outcome.model_dump(), folder / OUTCOME_FILE)
-        return PlanPart(
+        return PlanResult(
             folder, self._name(folder), plan, sha256, settings, tuple(searched(entries)),
             tuple(entry for entry in entries if entry.stage == "confirmation"),
             outcome,

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 from fieldkit.present.content import Page, Paragraph, Section, Statements, Terms, View
 from fieldkit.present.html.scene import ViewerScene
 from fieldkit.present.sections.campaign import campaign_section
-from fieldkit.present.sections.parts import EvaluationPart, ReferencePart, Results
+from fieldkit.present.sections.evaluation import evaluation_section
+from fieldkit.present.sections.glossary import meanings
+from fieldkit.present.sections.loaded_results import EvaluationResult, ReferenceResult, Results
 from fieldkit.present.sections.photographs import find_photographs, thumbnails
 from fieldkit.present.sections.plan import mission_section, plan_section
 from fieldkit.present.sections.provenance import provenance_section
-from fieldkit.present.sections.results import Pictures, evaluation_section, reference_section
+from fieldkit.present.sections.reconstruction import Pictures
+from fieldkit.present.sections.reference import reference_section
 from fieldkit.present.sections.summary import summarise
-from fieldkit.present.sections.terms import terms
-from fieldkit.present.sections.views import (
+from fieldkit.present.sections.views_3d import (
     MOST_VIEWS_OF_PLOTS,
     mission_view,
     plan_view,
@@ -24,6 +26,7 @@ from fieldkit.present.sections.views import (
     reference_view,
     within_budget,
 )
+from fieldkit.present.tables.reconstruction import was_used
 from fieldkit.results.evaluation import PlotEvaluation, ReconstructionEntry
 from fieldkit.runtime.progress import Progress
 
@@ -73,7 +76,7 @@ def build_page(results: Results, *, title: str, command: str, most_points: int, 
     statements = summarise(results)
     head = [Section("summary", "Summary", (Statements(statements),))]
     closing = [
-        Section("words", "What the words mean", (Terms(terms(_used(results))),)),
+        Section("glossary", "Glossary", (Terms(meanings(_used(results))),)),
         provenance_section(results, command),
     ]
     shown = points_of(found.scenes)
@@ -87,7 +90,7 @@ def build_page(results: Results, *, title: str, command: str, most_points: int, 
 
 
 class _Views:
-    """The 3D views of results, by the kind and place of their part."""
+    """The 3D views of results, by their kind and place."""
 
     def __init__(self, results: Results) -> None:
         self.scenes: list[ViewerScene] = []
@@ -112,7 +115,7 @@ class _Views:
             self.scenes.append(scene)
 
     def view(self, kind: str, number: int, plot: str = "") -> tuple[View | None, str]:
-        """A part's view, or why it has none."""
+        """A result's view, or why it has none."""
         key = (kind, number, plot)
         note = self._notes.get(key, "")
         place = self._places.get(key)
@@ -136,15 +139,15 @@ class _Pictures:
             self.evaluations.append(by_plot)
 
     def _of(
-        self, part: ReferencePart | EvaluationPart, report: ReconstructionEntry, sources: tuple[str, ...],
+        self, result: ReferenceResult | EvaluationResult, report: ReconstructionEntry, sources: tuple[str, ...],
         results: Results,
     ) -> Pictures:  # fmt: skip
         names = [image.name for image in report.image_reports]
         for source in sources:
-            folder = find_photographs(source, names, part.folder, results.root)
+            folder = find_photographs(source, names, result.folder, results.root)
             if folder is not None:
                 # Those that were not used first: they are what people look for.
-                bad_first = sorted(report.image_reports, key=lambda i: i.registered and i.right is not False)
+                bad_first = sorted(report.image_reports, key=was_used)
                 found = thumbnails(folder, [i.name for i in bad_first], MOST_THUMBNAILS - self.count)
                 self.count += len(found)
                 return found
@@ -166,9 +169,9 @@ def _sections(results: Results, views: _Views, pictures: _Pictures) -> Iterator[
         yield campaign_section(campaign, f"campaign-{k + 1}")
 
 
-def _farthest(part: EvaluationPart) -> list[PlotEvaluation]:
+def _farthest(result: EvaluationResult) -> list[PlotEvaluation]:
     """The plots that are shown in 3D: all where they are few, else those with the greatest distances."""
-    plots = [plot for plot in part.report.plots if plot.error is None]
+    plots = [plot for plot in result.report.plots if plot.error is None]
     if len(plots) <= MOST_VIEWS_OF_PLOTS:
         return plots
     return sorted(plots, key=lambda plot: -(plot.chamfer_m or 0.0))[:MOST_VIEWS_OF_PLOTS]
@@ -179,7 +182,7 @@ def _subtitle(results: Results) -> str:
         ("reference", results.references), ("plan", results.plans), ("mission", results.missions),
         ("evaluation", results.evaluations), ("campaign", results.campaigns),
     )  # fmt: skip
-    held = [f"{len(parts)} {noun}s" if len(parts) > 1 else f"one {noun}" for noun, parts in kinds if parts]
+    held = [f"{len(found)} {noun}s" if len(found) > 1 else f"one {noun}" for noun, found in kinds if found]
     return f"What {results.root.name or 'the folder'} holds: {', '.join(held)}."
 
 

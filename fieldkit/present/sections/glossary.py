@@ -1,15 +1,9 @@
-"""What the terms of a report mean, for who has never met them."""
+"""The glossary of a report: what its terms mean, for who has never met them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-ACHIEVED_BY = {
-    "reported": "the autopilot's own estimate",
-    "reconstructed": "the reconstruction",
-    "tagged": "the photographs' tags",
-}
-"""Where achieved poses come from, by `AdherenceEntry.achieved_by`."""
 MEANINGS = {
     "registered": "A photograph whose position and direction reconstruction found, from what it shows alone or "
     "together with what was known beforehand.",
@@ -49,7 +43,7 @@ MEANINGS = {
 """By term."""
 
 
-def terms(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
+def meanings(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """The meanings of terms, in the order of `MEANINGS`.
 
     Raises:

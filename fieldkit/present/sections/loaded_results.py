@@ -1,4 +1,4 @@
-"""What a report is made of: results as read from their folders."""
+"""Results as read from their folders: what a report is made of."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fieldkit.results.plan import Plan
 
 
 @dataclass(frozen=True)
-class ReferencePart:
+class ReferenceResult:
     """A reference's folder.
 
     Attributes:
@@ -32,11 +32,11 @@ class ReferencePart:
 
 
 @dataclass(frozen=True)
-class PlanPart:
+class PlanResult:
     """A plan, alone or in the folder of the run that found it.
 
     Attributes:
-        folder, name: as `ReferencePart` has them.
+        folder, name: as `ReferenceResult` has them.
         plan: plan.json; None while the run is not finished.
         sha256: of plan.json, or empty.
         settings: search.json; None for a plan without a run.
@@ -56,7 +56,7 @@ class PlanPart:
 
 
 @dataclass(frozen=True)
-class MissionPart:
+class MissionResult:
     """A flight of a mission.
 
     Attributes:
@@ -79,11 +79,11 @@ class MissionPart:
 
 
 @dataclass(frozen=True)
-class EvaluationPart:
+class EvaluationResult:
     """An evaluation's folder.
 
     Attributes:
-        folder, name: as `ReferencePart` has them.
+        folder, name: as `ReferenceResult` has them.
         report: evaluation.json.
         sha256: of evaluation.json.
     """
@@ -95,11 +95,11 @@ class EvaluationPart:
 
 
 @dataclass(frozen=True)
-class CampaignPart:
+class CampaignResult:
     """A campaign's folder.
 
     Attributes:
-        folder, name: as `ReferencePart` has them.
+        folder, name: as `ReferenceResult` has them.
         campaign: its plots and the rows of its table.
         sha256: of campaign.toml.
     """
@@ -137,11 +137,11 @@ class Results:
     """
 
     root: Path
-    references: tuple[ReferencePart, ...] = ()
-    plans: tuple[PlanPart, ...] = ()
-    missions: tuple[MissionPart, ...] = ()
-    evaluations: tuple[EvaluationPart, ...] = ()
-    campaigns: tuple[CampaignPart, ...] = ()
+    references: tuple[ReferenceResult, ...] = ()
+    plans: tuple[PlanResult, ...] = ()
+    missions: tuple[MissionResult, ...] = ()
+    evaluations: tuple[EvaluationResult, ...] = ()
+    campaigns: tuple[CampaignResult, ...] = ()
     unreadable: tuple[Unreadable, ...] = ()
     earlier: tuple[str, ...] = ()
 

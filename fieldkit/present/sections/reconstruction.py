@@ -1,0 +1,48 @@
+"""Blocks that references and evaluated plots have in common: figures of a reconstruction, its photographs, findings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from fieldkit.present.content import Block, Details, KeyFigure, Paragraph, Picture, Terms, View
+from fieldkit.present.style import count
+from fieldkit.present.tables.reconstruction import finding_table, photograph_table, quality_rows, stage_table
+from fieldkit.results.evaluation import ReconstructionEntry
+
+Pictures = Mapping[str, Picture]
+"""Of photographs, by name."""
+
+_OPEN_ROWS = 14
+_MOST_NAMES = 20
+
+
+def photographs_figure(report: ReconstructionEntry) -> KeyFigure:
+    """How many photographs were used."""
+    used = "placed by reconstruction, and where they are known to be"
+    return KeyFigure("photographs used", f"{report.right} of {report.images}", used)
+
+
+def points_figure(report: ReconstructionEntry) -> KeyFigure:
+    """How many points the plants' cloud has."""
+    return KeyFigure("points of plants", f"{report.points:,}")
+
+
+def reconstruction_blocks(report: ReconstructionEntry, pictures: Pictures) -> Iterator[Block]:
+    """How a reconstruction went: photographs, figures, times, findings."""
+    if report.image_reports:
+        table = photograph_table(report.image_reports, "Photographs", metric=report.metric, pictures=pictures)
+        many = len(table.rows) > _OPEN_ROWS
+        yield Details(f"All {count(len(report.image_reports), 'photograph')}", (table,)) if many else table
+    times = (stage_table(report),) if report.times else ()
+    yield Details("How the reconstruction went", (Terms(quality_rows(report)), *times))
+    if report.findings:
+        findings = finding_table(report.findings, _MOST_NAMES)
+        yield Details(count(len(report.findings), "finding"), (findings,))
+
+
+def view_blocks(view: View | None, note: str) -> Iterator[Block]:
+    """A 3D view, or why there is none."""
+    if view is not None:
+        yield view
+    elif note:
+        yield Paragraph(note, faint=True)

@@ -1,0 +1,35 @@
+"""The section of a reference."""
+
+from __future__ import annotations
+
+from fieldkit.present.content import Block, KeyFigure, KeyFigures, Section, View
+from fieldkit.present.sections.loaded_results import ReferenceResult
+from fieldkit.present.sections.reconstruction import (
+    Pictures,
+    photographs_figure,
+    points_figure,
+    reconstruction_blocks,
+    view_blocks,
+)
+from fieldkit.present.style import format_length
+
+_RESIDUALS = "how far cameras lie from where they were said to be"
+
+
+def reference_section(
+    result: ReferenceResult, anchor: str, view: View | None, note: str, pictures: Pictures
+) -> Section:  # fmt: skip
+    """What a reference was made from and how it went."""
+    report = result.report
+    metric = report.metric
+    blocks: list[Block] = [
+        KeyFigures((
+            photographs_figure(report),
+            points_figure(report),
+            KeyFigure("pixel on the plot", format_length(report.gsd_m, metric=metric), "ground sampling distance"),
+            KeyFigure("position residuals, RMS", format_length(report.pose_rms_m, metric=metric), _RESIDUALS),
+        )),
+        *view_blocks(view, note),
+        *reconstruction_blocks(report, pictures),
+    ]  # fmt: skip
+    return Section(anchor, f"Reference: {report.source}", tuple(blocks))

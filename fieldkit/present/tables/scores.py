@@ -1,0 +1,178 @@
+"""How captures compare with their reference, and what is known of their plants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, TypeAlias
+
+from fieldkit.present.content import Cell, Column, KeyFigure, Mark, Table
+from fieldkit.present.style import decimal, format_length, format_nominal, metres, millimetres, percent, with_unit
+from fieldkit.present.tables.tabulated import tabulated
+from fieldkit.results.evaluation import PlotEvaluation
+
+if TYPE_CHECKING:
+    from fieldkit.campaign import Visit
+
+Scored: TypeAlias = "PlotEvaluation | Visit"
+
+
+def score_figures(plot: PlotEvaluation) -> Iterator[KeyFigure]:
+    """A plot's distances to its reference, measured or predicted, and the figures of its plants."""
+    if plot.chamfer_m is not None:
+        yield KeyFigure("chamfer distance", format_length(plot.chamfer_m), "accuracy + completeness")
+        yield KeyFigure("accuracy", format_length(plot.accuracy_m), "how far its points are from the reference")
+        yield KeyFigure(
+            "completeness", format_length(plot.completeness_m), "how far the reference is from what was reconstructed"
+        )
+    predicted = plot.prediction
+    if predicted is not None and predicted.chamfer_m is not None:
+        between = with_unit(interval(predicted.low_m, predicted.high_m), "mm")
+        meaning = f"predicted; nine in ten such plots: {between}"
+        yield KeyFigure("distance to its plants", format_length(predicted.chamfer_m), meaning)
+    elif predicted is not None:
+        yield KeyFigure("distance to its plants", "not predicted", predicted.reason)
+    plants = plot.plants
+    if plants is not None:
+        if plants.height_m is not None:
+            highest = "" if plants.height_max_m is None else f"; highest {format_length(plants.height_max_m)}"
+            yield KeyFigure("plant height", format_length(plants.height_m), f"95 % is lower{highest}")
+        covered = f"{plants.covered_m2:.3f} of {plants.area_m2:.2f} m², in cells of {format_length(plants.cell_m)}"
+        yield KeyFigure("cover", f"{percent(plants.cover)} %", f"of the ground, seen from above: {covered}")
+        yield KeyFigure("hull volume", f"{decimal(plants.hull_m3, 3)} m³", "convex, about all plants")
+
+
+def score_rows(plot: PlotEvaluation) -> tuple[tuple[str, str], ...]:
+    """The same with the F-scores, as label and value."""
+    f_scores = (plot.f_score or {}).items()
+    return (
+        *((figure.label, f"{figure.value}; {figure.meaning}") for figure in score_figures(plot)),
+        *((f"F-score at {format_nominal(float(d))}", f"{value:.3f}") for d, value in f_scores),
+    )
+
+
+def distance_table(plot: PlotEvaluation) -> Table:
+    """How much of a scored plot lies within each distance."""
+    precision, recall, f_score = plot.precision or {}, plot.recall or {}, plot.f_score or {}
+    columns = (
+        Column("within"), Column("of its points (precision), %", True, short="precision, %"),
+        Column("of the reference's (recall), %", True, short="recall, %"), Column("F‑score", True),
+    )  # fmt: skip
+    rows = tuple(
+        (format_nominal(float(d)), percent(precision.get(d)), percent(recall.get(d)), decimal(f_score[d], 3))
+        for d in f_score
+    )
+    return Table("How much lies within a distance", columns, rows)
+
+
+def correction_sentence(plot: PlotEvaluation) -> str:
+    """How a plot's cloud was moved onto the reference; empty where it was not."""
+    moved = plot.correction
+    if moved is None:
+        return ""
+    shift = sum(value**2 for value in moved.translation_m) ** 0.5
+    parts = ", ".join(
+        f"{format_length(v)} {axis}" for v, axis in zip(moved.translation_m, ("east", "north", "up"), strict=True)
+    )
+    return (
+        f"Before it was scored, the cloud was moved onto the reference (ICP): by {format_length(shift)} ({parts}), "
+        f"turned by {moved.angle_deg:.2f}° and scaled by {moved.scale:.4f}; then {format_length(moved.rms_m)} RMS "
+        "remain."
+    )
+
+
+def distances_of(f_scores: Iterable[Mapping[str, float] | None]) -> list[str]:
+    """The distances of F-scores, from short to long."""
+    return sorted({distance for each in f_scores for distance in each or ()}, key=float)
+
+
+def score_columns(distances: Sequence[str]) -> list[tuple[Column, Callable[[Scored], Cell]]]:
+    """Chamfer distance, accuracy, completeness, and F-scores at these distances."""
+    return [
+        (Column("chamfer, mm", True), lambda each: millimetres(each.chamfer_m)),
+        (Column("accuracy, mm", True), lambda each: millimetres(each.accuracy_m)),
+        (Column("completeness, mm", True, short="complete, mm"), lambda each: millimetres(each.completeness_m)),
+        *(_f_score_column(distance) for distance in distances),
+    ]
+
+
+def interval(low_m: float | None, high_m: float | None) -> str | None:
+    """``8.00 to 16.0``, in millimetres; None where an end is not known."""
+    return None if low_m is None or high_m is None else f"{millimetres(low_m)} to {millimetres(high_m)}"
+
+
+def plot_table(plots: Sequence[PlotEvaluation]) -> Table:
+    """One row per plot: its scores where any has one, else the figures that need no reference."""
+    used = (Column("photographs used", True, short="used"), lambda plot: f"{plot.right} of {plot.images}")
+    scored = any(plot.chamfer_m is not None for plot in plots)
+    columns: list[tuple[Column, Callable[[PlotEvaluation], Cell]]] = [
+        (Column("plot"), lambda plot: plot.name), (Column("state", detail=True), _state), used,
+    ]  # fmt: skip
+    if scored:
+        columns += [*score_columns(distances_of(plot.f_score for plot in plots)), _points(detail=True)]
+    else:
+        columns += [
+            (Column("photographs registered", True, short="registered"), lambda p: f"{p.registered} of {p.images}"),
+            (Column("models", True), lambda plot: f"{len(plot.models)}"),
+            (Column("reprojection error, px", True, short="error, px"), lambda plot: decimal(plot.reprojection_px)),
+            (Column("track length", True), lambda plot: decimal(plot.track_length)),
+            _points(),
+            (Column("points per voxel", True), lambda plot: decimal(plot.points_per_plant_voxel, 1)),
+            (Column("ground sampling, mm", True, short="pixel, mm"),
+             lambda plot: millimetres(plot.gsd_m) if plot.metric else None),
+        ]  # fmt: skip
+    residuals = Column("known positions RMS, mm", True, short="pose RMS, mm", detail=not scored)
+    columns.append((residuals, lambda plot: millimetres(plot.pose_rms_m) if plot.metric else None))
+    return tabulated("Scores against the reference" if scored else "Plots", plots, columns)
+
+
+def plant_tables(plots: Sequence[PlotEvaluation]) -> Iterator[Table]:
+    """Plant figures and predicted distances by plot, and why there is no prediction; nothing where no plot has any."""
+    if any(plot.plants is not None or plot.prediction is not None for plot in plots):
+        yield tabulated("Plants", [(plot.name, plot.plants, plot.prediction) for plot in plots], (
+            (Column("plot"), lambda row: row[0]),
+            (Column("height, m", True), lambda row: None if row[1] is None else metres(row[1].height_m)),
+            (Column("highest, m", True, detail=True),
+             lambda row: None if row[1] is None else metres(row[1].height_max_m)),
+            (Column("cover, %", True), lambda row: None if row[1] is None else percent(row[1].cover)),
+            (Column("hull volume, m³", True), lambda row: None if row[1] is None else decimal(row[1].hull_m3, 3)),
+            (Column("predicted chamfer, mm", True, short="predicted, mm"),
+             lambda row: None if row[2] is None else millimetres(row[2].chamfer_m)),
+            (Column("nine in ten such plots, mm", True, short="nine in ten, mm"),
+             lambda row: None if row[2] is None else interval(row[2].low_m, row[2].high_m)),
+        ))  # fmt: skip
+    why = [(plot.name, p.reason) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is None]
+    if why:
+        yield _reasons("No prediction", why)
+
+
+def unused_table(plots: Sequence[PlotEvaluation]) -> Table:
+    """How many photographs of each plot do not count, by reason; without rows where all do."""
+    found = [(plot.name, why, f"{number:,}") for plot in plots for why, number in plot.unregistered.items()]
+    return tabulated("Photographs that do not count", found, (
+        (Column("plot"), lambda row: row[0]), (Column("why"), lambda row: row[1]),
+        (Column("photographs", True), lambda row: row[2]),
+    ))  # fmt: skip
+
+
+def failure_table(plots: Sequence[PlotEvaluation]) -> Table:
+    """Why plots have no result, and what to do; without rows where all have one."""
+    errors = [(plot.name, plot.error) for plot in plots if plot.error is not None]
+    return _reasons("Failed", [(name, f"{e.message}\n→ {e.remedy}" if e.remedy else e.message) for name, e in errors])
+
+
+def _reasons(caption: str, reasons: list[tuple[str, str]]) -> Table:
+    return tabulated(caption, reasons, ((Column("plot"), lambda row: row[0]), (Column("why"), lambda row: row[1])))
+
+
+def _state(plot: PlotEvaluation) -> Mark:
+    return Mark("good", "done") if plot.error is None else Mark("problem", "failed")
+
+
+def _points(*, detail: bool = False) -> tuple[Column, Callable[[PlotEvaluation], Cell]]:
+    return Column("points", True, detail=detail), lambda plot: f"{plot.points:,}"
+
+
+def _f_score_column(distance: str) -> tuple[Column, Callable[[Scored], Cell]]:
+    within = format_nominal(float(distance))
+    column = Column(f"F‑score at {within}", True, short=f"F, {within}")
+    return column, lambda each: decimal((each.f_score or {}).get(distance), 3)

@@ -1,0 +1,32 @@
+"""Tables made of things, one a row, by what each column says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
+
+from fieldkit.present.content import Cell, Column, Table
+
+MOST_ROWS = 400
+"""Of a table; the files hold all."""
+
+_Thing = TypeVar("_Thing")
+
+
+def tabulated(
+    caption: str, things: Sequence[_Thing], columns: Iterable[tuple[Column, Callable[[_Thing], Cell]]], note: str = ""
+) -> Table:
+    """A row for each of the first things; columns that say nothing of any of them are left out.
+
+    Args:
+        caption: above it.
+        things: to tell of; beyond `MOST_ROWS` a note says how many there are.
+        columns: with what they say of a thing.
+        note: below it.
+    """
+    shown = things[:MOST_ROWS]
+    filled = [(column, [cell(thing) for thing in shown]) for column, cell in columns]
+    kept = [(column, cells) for column, cells in filled if not shown or any(cell is not None for cell in cells)]
+    cut = f"The first {MOST_ROWS} of {len(things)}." if len(things) > MOST_ROWS else ""
+    rows = tuple(zip(*(cells for _, cells in kept), strict=True))
+    return Table(caption, tuple(column for column, _ in kept), rows, f"{note} {cut}".strip())
