@@ -49,22 +49,8 @@ class Cpu:
     """PatchMatch compiled by Numba and fieldkit's own fusion, on one thread."""
 
     name = "cpu"
-
-    def compute_depth_maps(
-        self,
-        views: Sequence[View],
-        volume: Volume,
-        settings: Settings,
-        *,
-        seed: int,
-        progress: Progress,
-        cache: StageCache,
-        workers: int = 1,
-    ) -> list[DepthMap]:
-        return compute_depth_maps(views, volume, settings, seed=seed, progress=progress, cache=cache, workers=workers)
-
-    def fuse(self, views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: Settings) -> Cloud:
-        return fuse(views, depth_maps, volume, settings)
+    compute_depth_maps = staticmethod(compute_depth_maps)
+    fuse = staticmethod(fuse)
 
 
 def select_backend(choice: str = "auto") -> Backend:
