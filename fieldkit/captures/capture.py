@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -72,11 +73,22 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
     findings += duplicates
     groups, camera_findings = _cameras(photos, contents)
     priors = _priors(photos, contents)
-    markers = contents.sidecars.get("markers.toml")
     findings += [*camera_findings, *priors.findings]
+    markers = contents.sidecars.get("markers.toml")
+    return assembled((folder.absolute(), contents.image_folder.absolute()), photos, groups, findings, priors, markers)
+
+
+def assembled(
+    folders: tuple[Path, Path],
+    photos: Sequence[Photo],
+    groups: Sequence[CameraGroup],
+    findings: Sequence[Finding],
+    priors: PriorSet,
+    markers: Path | None,
+) -> Capture:
+    """A capture of its parts: folder and image folder, and perhaps a markers.toml, which is read here."""
     return Capture(
-        folder=folder.absolute(),
-        image_folder=contents.image_folder.absolute(),
+        *folders,
         photos=tuple(photos),
         groups=tuple(groups),
         findings=tuple(findings),

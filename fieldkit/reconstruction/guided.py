@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.epipolar import fundamental_matrix
+from fieldkit.reconstruction.epipolar import fundamental_matrix, homogeneous
 from fieldkit.reconstruction.features import Features
 from fieldkit.runtime.kernels import kernel
 
@@ -123,7 +123,7 @@ class PosedFeatures:
         """(k, 3) unit viewing rays of chosen features in the world."""
         pixels = self.points[index]
         focal, principal = (self.camera.fx, self.camera.fy), (self.camera.cx, self.camera.cy)
-        rays = np.concatenate([(pixels - principal) / focal, np.ones((len(pixels), 1))], axis=1) @ self.pose.rotation
+        rays = homogeneous((pixels - principal) / focal) @ self.pose.rotation
         unit: Floats = rays / np.linalg.norm(rays, axis=1, keepdims=True)
         return unit
 
@@ -156,9 +156,9 @@ def match_guided(
     if n == 0 or m == 0:
         return np.zeros((0, 2), np.uint32)
     fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
-    lines_in_b = _unit_lines(_homogeneous(a.points) @ fundamental.T)
+    lines_in_b = _unit_lines(homogeneous(a.points) @ fundamental.T)
     shift = shift_px * _mean_normal(lines_in_b) if shift_px else np.zeros(2)
-    lines_in_a = _unit_lines(_homogeneous(b.points + shift) @ fundamental)
+    lines_in_a = _unit_lines(homogeneous(b.points + shift) @ fundamental)
     rows, columns = _best_in_band(a, b, shift, lines_in_b, lines_in_a, band_px, settings.ratio)
     first = np.flatnonzero(rows >= 0)
     mutual = first[columns[rows[first]] == first]
@@ -219,10 +219,6 @@ def _metres_per_pixel(a: PosedFeatures, region: Region | None) -> float:
     if region is not None:
         distance = float(np.linalg.norm(np.array(region.center) - a.pose.center))
     return distance / a.camera.fx
-
-
-def _homogeneous(points: Floats) -> Floats:
-    return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 
 def _unit_lines(lines: Floats) -> Floats:
@@ -325,16 +321,18 @@ def _compare(chosen, a, b, lines_in_a, band, of_a, of_b):  # type: ignore[no-unt
     Those in the band are listed first, without a branch: whether a feature is, no processor can foresee. A squared
     distance is |a|² + |b|² − 2 a·b in whole numbers, for a product takes half the time of a squared difference.
     """
-    points_b, cells, starts = b.points, b.cells, b.starts
+    points_a, lines_in_b, descriptors_a, squares_a = a
+    points_b, descriptors_b, squares_b = b.points, b.descriptors, b.squares
+    cells, order, starts = b.cells, b.order, b.starts
     left, top = b.corner
     nearest_a, second_a, partner_a = of_a
     nearest_b, second_b, partner_b = of_b
     listed = np.empty(len(points_b), np.int64)
     for i in chosen:
-        l0, l1, l2 = a.lines[i, 0], a.lines[i, 1], a.lines[i, 2]
+        l0, l1, l2 = lines_in_b[i, 0], lines_in_b[i, 1], lines_in_b[i, 2]
         if l1 == 0.0:
             continue
-        x, y = a.points[i, 0], a.points[i, 1]
+        x, y = points_a[i, 0], points_a[i, 1]
         margin = band / abs(l1) / _CELL_PX
         enters = -(l0 * left + l2) / l1 / _CELL_PX - top / _CELL_PX
         step = -l0 / l1 * _STRIP_PX / _CELL_PX
@@ -354,9 +352,9 @@ def _compare(chosen, a, b, lines_in_a, band, of_a, of_b):  # type: ignore[no-unt
             k = listed[n]
             product = np.int32(0)
             for d in range(128):
-                product = np.int32(product + np.int32(np.int32(a.descriptors[i, d]) * np.int32(b.descriptors[k, d])))
-            distance = np.int32(a.squares[i] + b.squares[k] - np.int32(2 * product))
-            j = b.order[k]
+                product = np.int32(product + np.int32(np.int32(descriptors_a[i, d]) * np.int32(descriptors_b[k, d])))
+            distance = np.int32(squares_a[i] + squares_b[k] - np.int32(2 * product))
+            j = order[k]
             if distance < second_a[i]:
                 if distance < nearest_a[i]:
                     second_a[i] = nearest_a[i]
