@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from PIL import Image
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.cameras import group_cameras
 from fieldkit.captures.decode import PngMetadata, jpeg_is_complete, read_png_metadata
-from fieldkit.captures.exif import read_exif
+from fieldkit.captures.exif import Problem, with_exif
 from fieldkit.captures.folder import Candidate, FolderContents, list_folder
 from fieldkit.captures.geo_txt import read_geo_txt
 from fieldkit.captures.markers_file import read_markers_file
@@ -72,11 +73,22 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
     findings += duplicates
     groups, camera_findings = _cameras(photos, contents)
     priors = _priors(photos, contents)
-    markers = contents.sidecars.get("markers.toml")
     findings += [*camera_findings, *priors.findings]
+    markers = contents.sidecars.get("markers.toml")
+    return assembled((folder.absolute(), contents.image_folder.absolute()), photos, groups, findings, priors, markers)
+
+
+def assembled(
+    folders: tuple[Path, Path],
+    photos: Sequence[Photo],
+    groups: Sequence[CameraGroup],
+    findings: Sequence[Finding],
+    priors: PriorSet,
+    markers: Path | None,
+) -> Capture:
+    """A capture of its parts: folder and image folder, and perhaps a markers.toml, which is read here."""
     return Capture(
-        folder=folder.absolute(),
-        image_folder=contents.image_folder.absolute(),
+        *folders,
         photos=tuple(photos),
         groups=tuple(groups),
         findings=tuple(findings),
@@ -108,65 +120,53 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
 
 def read_photo(candidate: Candidate, max_pixels: int = MAX_PIXELS) -> ReadPhoto:
     """The photograph that a file is, or the finding that leaves it out. Only a TIFF is decoded."""
-    name = candidate.name
-
-    def leave_out(code: str, message: str) -> ReadPhoto:
-        return ReadPhoto(None, (Finding(name, code, message, True),))
-
-    png: PngMetadata | None = None
     try:
-        with warnings.catch_warnings():
-            # Pillow warns of large images and of odd EXIF; both are findings here.
-            warnings.simplefilter("ignore")
-            with Image.open(candidate.path, formats=[candidate.format]) as image:
-                width, height = image.size
-                if width * height > max_pixels:
-                    return leave_out("too-large", _too_large(f"{width}×{height} pixels", max_pixels))
-                if candidate.path.stat().st_size > _MAX_FILE_BYTES:
-                    return leave_out("too-large", "the file is larger than 2 GiB")
-                data = candidate.path.read_bytes()
-                if candidate.format == "PNG":
-                    png = read_png_metadata(data)
-                exif = read_exif(image, png)
-                if candidate.format == "TIFF":
-                    image.load()
+        photo, problems = _opened(candidate, max_pixels)
+    except _LeaveOut as why:
+        code, message = why.args
     except Image.DecompressionBombError as error:
         # Pillow refuses these before it tells their size otherwise.
         pixels = re.search(r"[0-9]+", str(error))
-        what = f"{int(pixels[0]) / 1e6:.0f} Mpx" if pixels else "the image"
-        return leave_out("too-large", _too_large(what, max_pixels))
+        size = f"{int(pixels[0]) / 1e6:.0f} Mpx" if pixels else "the image"
+        code, message = "too-large", _too_large(size, max_pixels)
     except OSError as error:
+        code, message = "truncated", "the file is damaged or cut short; copy it again from the camera"
         if error.errno is not None:
-            return leave_out("unreadable", f"cannot be read ({(error.strerror or str(error)).lower()})")
-        return leave_out("truncated", "the file is damaged or cut short; copy it again from the camera")
+            code, message = "unreadable", f"cannot be read ({(error.strerror or str(error)).lower()})"
     # Pillow's readers raise whatever a damaged header leads them into (SyntaxError, struct.error, ValueError …).
     except Exception as error:
-        return leave_out("truncated", f"the file is damaged ({type(error).__name__})")
+        code, message = "truncated", f"the file is damaged ({type(error).__name__})"
+    else:
+        return ReadPhoto(photo, tuple(Finding(candidate.name, *problem) for problem in problems))
+    return ReadPhoto(None, (Finding(candidate.name, code, message, True),))
+
+
+class _LeaveOut(Exception):
+    """Why a file cannot be used: a finding's code and message."""
+
+
+def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]]:
+    png: PngMetadata | None = None
+    with warnings.catch_warnings():
+        # Pillow warns of large images and of odd EXIF; both are findings here.
+        warnings.simplefilter("ignore")
+        with Image.open(candidate.path, formats=[candidate.format]) as image:
+            width, height = image.size
+            if width * height > max_pixels:
+                raise _LeaveOut("too-large", _too_large(f"{width}×{height} pixels", max_pixels))
+            if candidate.path.stat().st_size > _MAX_FILE_BYTES:
+                raise _LeaveOut("too-large", "the file is larger than 2 GiB")
+            data = candidate.path.read_bytes()
+            if candidate.format == "PNG":
+                png = read_png_metadata(data)
+            sha256 = hashlib.sha256(data).hexdigest()
+            bare = Photo(candidate.path.absolute(), candidate.name, width, height, candidate.format, sha256)
+            photo, problems = with_exif(bare, image, png)
+            if candidate.format == "TIFF":
+                image.load()
     if (candidate.format == "PNG" and png is None) or (candidate.format == "JPEG" and not jpeg_is_complete(data)):
-        return leave_out("truncated", "the file is cut short; copy it again from the camera")
-    photo = Photo(
-        path=candidate.path.absolute(),
-        name=name,
-        width=width,
-        height=height,
-        format=candidate.format,
-        sha256=hashlib.sha256(data).hexdigest(),
-        make=exif.make,
-        model=exif.model,
-        serial=exif.serial,
-        lens=exif.lens,
-        focal_mm=exif.focal_mm,
-        focal_35mm=exif.focal_35mm,
-        focal_px=exif.focal_px,
-        captured_at=exif.captured_at,
-        orientation=exif.orientation,
-        geotag=exif.geotag,
-        yaw_deg=exif.xmp.gimbal_yaw_deg,
-        pitch_deg=exif.xmp.gimbal_pitch_deg,
-        roll_deg=exif.xmp.gimbal_roll_deg,
-        flight_yaw_deg=exif.xmp.flight_yaw_deg,
-    )
-    return ReadPhoto(photo, tuple(Finding(name, code, message) for code, message in exif.problems))
+        raise _LeaveOut("truncated", "the file is cut short; copy it again from the camera")
+    return photo, problems
 
 
 def _distinct(photos: list[Photo], contents: FolderContents) -> tuple[list[Photo], list[Finding]]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
 from PIL import ExifTags, Image
 
 from fieldkit.captures.decode import PngMetadata
-from fieldkit.captures.model import GeoTag
+from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.captures.xmp import RTK_FIXED, XmpData, parse_xmp
 from fieldkit.documents.xml_tree import XmlError
 
@@ -22,24 +22,6 @@ _ALTITUDE_RANGE_M = (-1000.0, 10000.0)
 
 Problem = tuple[str, str]
 """A finding's code and message, the file's name still to be put to it."""
-
-
-@dataclass(frozen=True)
-class ExifData:
-    """What EXIF and DJI's XMP say of one photograph; see `fieldkit.captures.Photo` for units."""
-
-    make: str | None = None
-    model: str | None = None
-    serial: str | None = None
-    lens: str | None = None
-    focal_mm: float | None = None
-    focal_35mm: float | None = None
-    focal_px: float | None = None
-    captured_at: datetime | None = None
-    orientation: int = 1
-    geotag: GeoTag | None = None
-    xmp: XmpData = field(default_factory=XmpData)
-    problems: tuple[Problem, ...] = ()
 
 
 def focal_in_pixels(focal_35mm: float, width: int, height: int) -> float:
@@ -55,21 +37,23 @@ def focal_in_pixels(focal_35mm: float, width: int, height: int) -> float:
     return focal_35mm * math.hypot(long, short) / math.hypot(_FILM_WIDTH_MM, _FILM_HEIGHT_MM)
 
 
-def read_exif(image: Image.Image, png: PngMetadata | None = None) -> ExifData:
-    """EXIF and XMP of an opened image. Nothing is decoded.
+def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) -> tuple[Photo, list[Problem]]:
+    """A photograph with what its EXIF and DJI's XMP say, and what is odd about that. Nothing is decoded.
 
     Args:
-        image: its header is enough.
+        photo: without.
+        image: it, opened; its header is enough.
         png: the metadata of a PNG, which is then read from there.
     """
     problems: list[Problem] = []
     base, detail, gps = _directories(image, png, problems)
     xmp = _read_xmp(png.xmp if png is not None else image.info.get("xmp") or base.get(_BASE.XMLPacket), problems)
-    width, height = image.size
+    width, height = photo.width, photo.height
     focal_mm = _number(detail.get(_BASE.FocalLength), positive=True)
     focal_35mm = _number(detail.get(_BASE.FocalLengthIn35mmFilm), positive=True)
     focal_px = _plausible_focal(_focal_px(detail, focal_mm, focal_35mm, width, height), width, height, problems)
-    return ExifData(
+    tagged = replace(
+        photo,
         make=_text(base.get(_BASE.Make)),
         model=_text(base.get(_BASE.Model)),
         serial=_text(detail.get(_BASE.BodySerialNumber)) or _text(base.get(_BASE.CameraSerialNumber)),
@@ -80,9 +64,12 @@ def read_exif(image: Image.Image, png: PngMetadata | None = None) -> ExifData:
         captured_at=_time(base, detail),
         orientation=_orientation(base.get(_BASE.Orientation)),
         geotag=_geotag(gps, xmp, problems),
-        xmp=xmp,
-        problems=tuple(problems),
+        yaw_deg=xmp.gimbal_yaw_deg,
+        pitch_deg=xmp.gimbal_pitch_deg,
+        roll_deg=xmp.gimbal_roll_deg,
+        flight_yaw_deg=xmp.flight_yaw_deg,
     )
+    return tagged, problems
 
 
 def _directories(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from fieldkit.captures.folder import PHOTO_SUFFIXES
 from fieldkit.captures.model import Finding
-from fieldkit.captures.tables import parse_number, read_text
+from fieldkit.captures.tables import keep_row, parse_number, read_text
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import look_swapped, on_earth
 
@@ -71,23 +71,14 @@ def parse_geo_txt(text: str, path: Path | None = None) -> tuple[list[GeoRow], li
         raise MetadataError("line 1 is empty", path=path, remedy=_HEADER_REMEDY)
     projection = _projection(header, path)
     findings: list[Finding] = []
-    kept: dict[str, _RawRow] = {}
+    kept: dict[str, tuple[int, GeoRow]] = {}
     for number, line in enumerate(lines[1:], 2):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         row = _read_row(line.split(), number, path)
-        earlier = kept.get(row.image)
-        if earlier is None:
-            kept[row.image] = _RawRow(number, row)
-        elif earlier.row == row:
-            findings.append(Finding(row.image, "pose-repeated", f"listed twice (lines {earlier.line} and {number})"))
-        else:
-            raise MetadataError(
-                f"line {number}: {row.image} is listed again with another position (first on line {earlier.line})",
-                path=path,
-                remedy="Keep one line per photograph.",
-            )
-    raw = list(kept.values())
+        if odd := keep_row(kept, row.image, row, number, "position", path):
+            findings.append(Finding(row.image, "pose-repeated", odd))
+    raw = [_RawRow(*entry) for entry in kept.values()]
     if not raw:
         raise MetadataError("no photograph is listed", path=path, remedy=f"Expected lines of {_LAYOUT}.")
     if projection is not None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.captures.model import Finding
-from fieldkit.captures.tables import parse_number, read_text
+from fieldkit.captures.tables import keep_row, parse_number, read_text
 from fieldkit.errors import MetadataError
 
 _LAYOUT = "image,x_m,y_m,z_m[,yaw_deg,pitch_deg[,roll_deg]][,accuracy_m]"
@@ -70,17 +70,8 @@ def parse_poses_csv(text: str, path: Path | None = None) -> tuple[list[PoseRow],
     rows: dict[str, tuple[int, PoseRow]] = {}
     for number, line in lines[1:]:
         row = _read_row(_split(line, delimiter, number, path), columns, number, delimiter, path)
-        earlier = rows.get(row.image)
-        if earlier is None:
-            rows[row.image] = (number, row)
-        elif earlier[1] == row:
-            findings.append(Finding(row.image, "pose-repeated", f"listed twice (lines {earlier[0]} and {number})"))
-        else:
-            raise MetadataError(
-                f"line {number}: {row.image} is listed again with another pose (first on line {earlier[0]})",
-                path=path,
-                remedy="Keep one line per photograph.",
-            )
+        if odd := keep_row(rows, row.image, row, number, "pose", path):
+            findings.append(Finding(row.image, "pose-repeated", odd))
     if not rows:
         raise MetadataError("there is a header but no line below it", path=path, remedy=f"Expected {_LAYOUT}.")
     return [row for _, row in rows.values()], findings

@@ -14,7 +14,6 @@ from fieldkit.captures.decode import read_image
 from fieldkit.captures.folder import find_mask
 from fieldkit.captures.model import Capture, Finding, Photo
 from fieldkit.errors import CaptureError
-from fieldkit.runtime.progress import Progress, Silent
 
 WORKING_SIDE = 1024
 """Longer side in pixels at which quality is measured, so that cameras of different resolution compare."""
@@ -119,44 +118,26 @@ def flag_set(qualities: Mapping[str, Quality]) -> dict[str, Quality]:
     return flagged
 
 
-def assess_quality(
-    capture: Capture,
-    *,
-    regions: Mapping[str, NDArray[np.bool_]] | None = None,
-    masks: bool = True,
-    measure: Callable[[Photo], Quality] | None = None,
-    progress: Progress | None = None,
-) -> dict[str, Quality]:
+def assess_quality(capture: Capture, *, measure: Callable[[Photo], Quality] | None = None) -> dict[str, Quality]:
     """Quality of every photograph, by name, judged within its camera group. Decodes every file.
 
     Args:
         capture: as read.
-        regions: region of interest (h, w) by name, at any size of the image's aspect ratio.
-        masks: where there is no such region, use the mask image beside a photograph (`find_mask`), if there is one.
-        measure: instead of `measure_photo` without a region, for instance one that remembers.
-        progress: told of each image.
+        measure: instead of `measure_photo`, for instance one that remembers.
     """
-    measured: dict[str, Quality] = {}
-    with (progress or Silent()).stage("image quality", len(capture.photos)) as advance:
-        for photo in capture.photos:
-            region = None if regions is None else regions.get(photo.name)
-            if region is None and measure is not None:
-                measured[photo.name] = measure(photo)
-            else:
-                measured[photo.name] = measure_photo(photo, region, masks=masks)
-            advance(1)
+    measured = {photo.name: (measure or measure_photo)(photo) for photo in capture.photos}
     flagged: dict[str, Quality] = {}
     for group in capture.groups:
         flagged |= flag_set({name: measured[name] for name in group.photos})
     return {name: flagged[name] for name in capture.names}
 
 
-def measure_photo(photo: Photo, region: NDArray[np.bool_] | None = None, *, masks: bool = True) -> Quality:
-    """Quality of one photograph's file with the flags that need no other image; see `assess_quality`."""
+def measure_photo(photo: Photo) -> Quality:
+    """Quality of one photograph's file, in its mask if it has one, with the flags that need no other image."""
     try:
         gray = read_image(photo, max_side=WORKING_SIDE, gray=True)
-        mask_path = find_mask(photo.path) if masks and region is None else None
-        return measure_quality(gray, _read_mask(mask_path) if mask_path else region)
+        mask_path = find_mask(photo.path)
+        return measure_quality(gray, None if mask_path is None else _read_mask(mask_path))
     except CaptureError:
         return Quality(0.0, 0.0, 0.0, 0.0, ("unreadable",))
 

@@ -14,16 +14,14 @@ from pathlib import Path
 
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.cameras import group_cameras
-from fieldkit.captures.capture import read_photo
+from fieldkit.captures.capture import assembled, read_photo
 from fieldkit.captures.folder import FolderContents, list_folder, natural_key
 from fieldkit.captures.geo_txt import read_geo_txt
-from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
 from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError
-from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.runtime.progress import Progress, Silent
 
 _MAX_FOLDERS = 100_000
@@ -172,19 +170,7 @@ def capture_of(
     markers = {each.sidecars.get("markers.toml") for each in photos}
     marker = markers.pop() if len(markers) == 1 else None
     odd = [replace(f, name=named[each.photo.path]) for each in photos for f in each.findings]
-    return Capture(
-        folder=common,
-        image_folder=common,
-        photos=tuple(ordered),
-        groups=tuple(groups),
-        findings=(*odd, *findings, *priors.findings),
-        priors=priors.priors,
-        metric_source=priors.metric_source,
-        origin=priors.origin,
-        height_source=priors.height_source,
-        crs_epsg=utm_epsg_of(priors.origin),
-        markers=None if marker is None else read_markers_file(marker),
-    )
+    return assembled((common, common), ordered, groups, [*odd, *findings, *priors.findings], priors, marker)
 
 
 def _folders(root: Path, skip: Callable[[Path], bool] | None) -> list[Path]:

@@ -8,6 +8,7 @@ import re
 import unicodedata
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
+from typing import TypeVar
 
 from fieldkit.errors import MetadataError
 
@@ -54,6 +55,25 @@ def parse_number(text: str, *, decimal_comma: bool = False) -> float | None:
         return None
     value = float(cleaned)
     return value if math.isfinite(value) else None
+
+
+Row = TypeVar("Row")
+
+
+def keep_row(kept: dict[str, tuple[int, Row]], name: str, row: Row, line: int, what: str, path: Path | None) -> str:
+    """Keep what a line says of a photograph, with the line's number; returns what is odd about it, "" for nothing.
+
+    Raises:
+        MetadataError: an earlier line says something else; ``what`` names it.
+    """
+    first, earlier = kept.setdefault(name, (line, row))
+    if earlier != row:
+        raise MetadataError(
+            f"line {line}: {name} is listed again with another {what} (first on line {first})",
+            path=path,
+            remedy="Keep one line per photograph.",
+        )
+    return "" if first == line else f"listed twice (lines {first} and {line})"
 
 
 def match_names(listed: Iterable[str], names: Iterable[str]) -> dict[str, str]:

@@ -108,31 +108,18 @@ def fit_ground_plane(
     p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     if not len(p):
         raise EmptyCloudError("no points to find the ground in", remedy="Check the volume of interest.")
-    cameras = None if camera_centers is None else np.asarray(camera_centers, dtype=np.float64).reshape(-1, 3)
-    middle = np.median(p, axis=0)
-    low, high = np.quantile(p, [0.01, 0.99], axis=0)
-    tolerance = _TOLERANCE_SHARE * float(np.linalg.norm(high - low)) if tolerance_m is None else float(tolerance_m)
+    tolerance = _tolerance(p) if tolerance_m is None else float(tolerance_m)
     if tolerance_m is not None and not (np.isfinite(tolerance) and tolerance > 0):
         raise ValueError(f"the tolerance must be a positive number, not {tolerance_m}")
     if len(p) < 3 or tolerance == 0.0:
         raise _no_ground("its points do not span a plane")
-
+    middle = np.median(p, axis=0)
+    cameras = np.asarray([] if camera_centers is None else camera_centers, dtype=np.float64).reshape(-1, 3) - middle
     rng = np.random.default_rng(seed)
     thinned = voxel_thin(Cloud(p - middle), 2.0 * tolerance).points
-    sample = thinned
-    if len(sample) > _SCORED_POINTS:
-        sample = sample[np.sort(rng.choice(len(sample), _SCORED_POINTS, replace=False))]
-    local_cameras = None if cameras is None or not len(cameras) else cameras - middle
-    normals, offsets = _hypotheses(sample, local_cameras, rng, _HYPOTHESES if up is None else 4 * _HYPOTHESES)
-    if up is not None:
-        upright = normals @ _unit(up) >= np.cos(np.radians(_MAX_TILT_DEG))
-        normals, offsets = normals[upright], offsets[upright]
-    if not len(normals):
-        raise _no_ground("its points lie on one line, or no plane is level enough with the cameras above it")
-    ratings = _rate(np.ascontiguousarray(sample), normals, offsets, tolerance)
-    best = int(np.argmax(ratings))
-    normal, offset = _refined(thinned, normals[best], float(offsets[best]), tolerance)
-    if local_cameras is not None and np.mean(local_cameras @ normal > offset) < _CAMERAS_ABOVE:
+    normal, offset = _best_rated(thinned, cameras if len(cameras) else None, up, rng, tolerance)
+    normal, offset = _refined(thinned, normal, offset, tolerance)
+    if len(cameras) and np.mean(cameras @ normal > offset) < _CAMERAS_ABOVE:
         raise _no_ground("the flattest part of the cloud has cameras on both sides")
     heights = thinned @ normal - offset
     on, below = float(np.mean(np.abs(heights) <= tolerance)), float(np.mean(heights < -tolerance))
@@ -148,6 +135,32 @@ def fit_ground_plane(
         inlier_share=len(inliers) / len(p),
         tolerance_m=tolerance,
     )
+
+
+def _tolerance(points: NDArray[np.float64]) -> float:
+    low, high = np.quantile(points, [0.01, 0.99], axis=0)
+    return _TOLERANCE_SHARE * float(np.linalg.norm(high - low))
+
+
+def _best_rated(
+    points: NDArray[np.float64],
+    cameras: NDArray[np.float64] | None,
+    up: ArrayLike | None,
+    rng: np.random.Generator,
+    tolerance: float,
+) -> tuple[NDArray[np.float64], float]:
+    """Normal and offset of the best of many planes through random triples."""
+    sample = points
+    if len(sample) > _SCORED_POINTS:
+        sample = sample[np.sort(rng.choice(len(sample), _SCORED_POINTS, replace=False))]
+    normals, offsets = _hypotheses(sample, cameras, rng, _HYPOTHESES if up is None else 4 * _HYPOTHESES)
+    if up is not None:
+        upright = normals @ _unit(up) >= np.cos(np.radians(_MAX_TILT_DEG))
+        normals, offsets = normals[upright], offsets[upright]
+    if not len(normals):
+        raise _no_ground("its points lie on one line, or no plane is level enough with the cameras above it")
+    best = int(np.argmax(_rate(np.ascontiguousarray(sample), normals, offsets, tolerance)))
+    return normals[best], float(offsets[best])
 
 
 def _no_ground(reason: str) -> ReconstructionError:

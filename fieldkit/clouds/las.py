@@ -32,12 +32,10 @@ class LasCloud:
 
     Attributes:
         cloud: in the system's own coordinates (for UTM easting, northing and height, metres).
-        crs_wkt: the system as WKT, or None where the file has none.
         crs_epsg: its EPSG code, or None where it has none.
     """
 
     cloud: Cloud
-    crs_wkt: str | None
     crs_epsg: int | None
 
 
@@ -158,8 +156,8 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
         oriented = np.concatenate(normals) if normals else None
         if oriented is not None:
             oriented[~np.isfinite(oriented).all(axis=1)] = 0.0
-        wkt, epsg = _crs(header)
-        return LasCloud(Cloud(xyz, _eight_bit(np.concatenate(colors)) if colors else None, oriented), wkt, epsg)
+        cloud = Cloud(xyz, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
+        return LasCloud(cloud, _epsg(header))
 
 
 def _eight_bit(colors: NDArray[np.uint16]) -> NDArray[np.uint8] | None:
@@ -171,13 +169,13 @@ def _eight_bit(colors: NDArray[np.uint16]) -> NDArray[np.uint8] | None:
     return np.asarray(scaled, dtype=np.uint8)
 
 
-def _crs(header: Any) -> tuple[str | None, int | None]:
+def _epsg(header: Any) -> int | None:
     try:
         crs = header.parse_crs()
     except Exception:
         # Other programs' CRS records are often malformed; the points are good without.
-        return None, None
-    return (None, None) if crs is None else (crs.to_wkt(), crs.to_epsg())
+        return None
+    return None if crs is None else crs.to_epsg()
 
 
 def _projected_crs(epsg: int, path: Path) -> Any:

@@ -137,18 +137,6 @@ def chamfer_distance(reference: Cloud | ReferenceIndex, estimate: Cloud) -> Cham
     return _chamfer(*nearest_distances(reference, estimate))
 
 
-def f_scores(
-    reference: Cloud | ReferenceIndex, estimate: Cloud, distances_m: Sequence[float] = DISTANCES_M
-) -> dict[float, FScore]:
-    """Precision, recall and F-score at each distance in metres, ascending; see `score`, which gives both at once.
-
-    Raises:
-        EmptyCloudError: either cloud has no points.
-        ValueError: a distance is not a positive number.
-    """
-    return score(reference, estimate, distances_m).f_scores
-
-
 def _index(cloud: Cloud, name: str) -> PointIndex:
     if not len(cloud):
         raise EmptyCloudError(

@@ -16,7 +16,6 @@ from fieldkit.runtime.kernels import kernel
 
 _LEAF_POINTS = 16
 _BITS = 21  # per axis: 63 bits in all
-_DIGIT = 11  # bits a radix pass sorts by
 _STACK = 64  # deeper than any hierarchy of 2^63 points
 
 
@@ -90,8 +89,7 @@ def z_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
     cells_per_metre = (2**_BITS - 1) / edge if edge > 0 else 0.0
     if not np.isfinite(cells_per_metre):
         cells_per_metre = 0.0
-    order: NDArray[np.int64] = _radix_order(_z_codes(points, lower, cells_per_metre))
-    return order
+    return np.argsort(_z_codes(points, lower, cells_per_metre), kind="stable")
 
 
 @kernel
@@ -113,30 +111,6 @@ def _z_codes(points, lower, cells_per_metre):  # type: ignore[no-untyped-def]
         z = _spread(np.uint64((points[i, 2] - lower[2]) * cells_per_metre))
         codes[i] = x | (y << np.uint64(1)) | (z << np.uint64(2))
     return codes
-
-
-@kernel
-def _radix_order(codes):  # type: ignore[no-untyped-def]
-    """Stable least-significant-digit radix sort: indices that sort ``codes``."""
-    n = len(codes)
-    keys, other_keys = codes.copy(), np.empty_like(codes)
-    order, other_order = np.arange(n), np.empty(n, dtype=np.int64)
-    mask = np.uint64((1 << _DIGIT) - 1)
-    for shift in range(0, 3 * _BITS, _DIGIT):
-        next_slot = np.zeros((1 << _DIGIT) + 1, dtype=np.int64)
-        for i in range(n):
-            next_slot[np.int64((keys[i] >> np.uint64(shift)) & mask) + 1] += 1
-        for value in range(1 << _DIGIT):
-            next_slot[value + 1] += next_slot[value]
-        for i in range(n):
-            digit = np.int64((keys[i] >> np.uint64(shift)) & mask)
-            slot = next_slot[digit]
-            next_slot[digit] = slot + 1
-            other_keys[slot] = keys[i]
-            other_order[slot] = order[i]
-        keys, other_keys = other_keys, keys
-        order, other_order = other_order, order
-    return order
 
 
 @kernel

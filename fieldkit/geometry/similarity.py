@@ -77,14 +77,11 @@ class Similarity:
         return Similarity(self.scale * first.scale, self.rotation @ first.rotation, self.apply(first.translation))
 
 
-def fit_similarity(
-    source: ArrayLike, target: ArrayLike, *, with_scale: bool = True, weights: ArrayLike | None = None
-) -> Similarity:
+def fit_similarity(source: ArrayLike, target: ArrayLike, *, weights: ArrayLike | None = None) -> Similarity:
     """Least-squares similarity from ``source`` (n, 3) to ``target`` (n, 3) (Umeyama 1991).
 
     Args:
         source, target: pairs of points.
-        with_scale: else the scale is 1.
         weights: (n,) positive, of the squared errors; equal where None.
 
     Raises:
@@ -102,5 +99,5 @@ def fit_similarity(
     signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
     rotation = u @ np.diag(signs) @ vt
     variance = float(share @ ((s - s_mean) ** 2).sum(axis=1))
-    scale = float((singular * signs).sum() / variance) if with_scale else 1.0
+    scale = float((singular * signs).sum() / variance)
     return Similarity(scale, rotation, t_mean - scale * rotation @ s_mean)

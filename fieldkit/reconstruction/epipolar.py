@@ -24,13 +24,14 @@ def fundamental_matrix(a: Pose, b: Pose, camera_a: Intrinsics, camera_b: Intrins
     return fundamental
 
 
-def _homogeneous(points: Points) -> Points:
+def homogeneous(points: Points) -> Points:
+    """Points (n, d) with a 1 behind their coordinates, (n, d + 1)."""
     return np.concatenate([points, np.ones((len(points), 1))], axis=1)
 
 
 def epipolar_distance(fundamental: NDArray[np.float64], a: Points, b: Points) -> NDArray[np.float64]:
     """(n,) the larger of the two point-to-epipolar-line distances of pairs a, b (n, 2), pixels."""
-    ha, hb = _homogeneous(a), _homogeneous(b)
+    ha, hb = homogeneous(a), homogeneous(b)
     in_b, in_a = ha @ fundamental.T, hb @ fundamental
     residual = np.abs((hb * in_b).sum(axis=1))
     lengths = np.minimum(np.hypot(in_b[:, 0], in_b[:, 1]), np.hypot(in_a[:, 0], in_a[:, 1]))

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.epipolar import fundamental_matrix
+from fieldkit.reconstruction.epipolar import fundamental_matrix, homogeneous
 from fieldkit.reconstruction.features import Features
 from fieldkit.runtime.kernels import kernel
 
@@ -122,7 +123,7 @@ class PosedFeatures:
         """(k, 3) unit viewing rays of chosen features in the world."""
         pixels = self.points[index]
         focal, principal = (self.camera.fx, self.camera.fy), (self.camera.cx, self.camera.cy)
-        rays = np.concatenate([(pixels - principal) / focal, np.ones((len(pixels), 1))], axis=1) @ self.pose.rotation
+        rays = homogeneous((pixels - principal) / focal) @ self.pose.rotation
         unit: Floats = rays / np.linalg.norm(rays, axis=1, keepdims=True)
         return unit
 
@@ -155,9 +156,9 @@ def match_guided(
     if n == 0 or m == 0:
         return np.zeros((0, 2), np.uint32)
     fundamental = fundamental_matrix(a.pose, b.pose, a.camera, b.camera)
-    lines_in_b = _unit_lines(_homogeneous(a.points) @ fundamental.T)
+    lines_in_b = _unit_lines(homogeneous(a.points) @ fundamental.T)
     shift = shift_px * _mean_normal(lines_in_b) if shift_px else np.zeros(2)
-    lines_in_a = _unit_lines(_homogeneous(b.points + shift) @ fundamental)
+    lines_in_a = _unit_lines(homogeneous(b.points + shift) @ fundamental)
     rows, columns = _best_in_band(a, b, shift, lines_in_b, lines_in_a, band_px, settings.ratio)
     first = np.flatnonzero(rows >= 0)
     mutual = first[columns[rows[first]] == first]
@@ -220,10 +221,6 @@ def _metres_per_pixel(a: PosedFeatures, region: Region | None) -> float:
     return distance / a.camera.fx
 
 
-def _homogeneous(points: Floats) -> Floats:
-    return np.concatenate([points, np.ones((len(points), 1))], axis=1)
-
-
 def _unit_lines(lines: Floats) -> Floats:
     unit: Floats = lines / np.maximum(np.hypot(lines[:, 0], lines[:, 1]), 1e-12)[:, None]
     return unit
@@ -249,27 +246,29 @@ def _best_in_band(
     of_a, of_b = _Best.none(len(a.features)), _Best.none(len(b.features))
     level = np.abs(lines_in_b[:, 1]) >= np.abs(lines_in_b[:, 0])
     for chosen, axes, strips in ((level, [0, 1], b.indexed.across), (~level, [1, 0], b.indexed.down)):
-        index = np.flatnonzero(chosen)
-        if not len(index):
-            continue
-        moved, line = shift[axes], [*axes, 2]
-        left, top = strips.corner + moved
-        _compare(
-            index, a.features.descriptors, a.features.squares, a.points[:, axes], lines_in_b[:, line],
-            strips.descriptors, strips.squares, strips.points + moved, lines_in_a[strips.order][:, line], band_px,
-            left, top, strips.count, strips.cells, strips.order, strips.starts,
-            of_a.distance, of_a.second, of_a.index, of_b.distance, of_b.second, of_b.index,
-        )  # fmt: skip
+        if chosen.any():
+            moved, line = shift[axes], [*axes, 2]
+            lined = _Lined(a.points[:, axes], lines_in_b[:, line], a.features.descriptors, a.features.squares)
+            placed = strips._replace(corner=strips.corner + moved, points=strips.points + moved)
+            _compare(np.flatnonzero(chosen), lined, placed, lines_in_a[strips.order][:, line], band_px, of_a, of_b)
     return of_a.passing(ratio), of_b.passing(ratio)
 
 
-@dataclass(frozen=True, eq=False)
-class _Best:
+class _Lined(NamedTuple):
+    """Features with their epipolar lines (n, 3) in the other image."""
+
+    points: Floats
+    lines: Floats
+    descriptors: NDArray[np.uint8]
+    squares: NDArray[np.int32]
+
+
+class _Best(NamedTuple):
     """Per feature the squared distances of the best and the second best partner and which the best is; filled in."""
 
     distance: NDArray[np.int32]
     second: NDArray[np.int32]
-    index: NDArray[np.int64]
+    partner: NDArray[np.int64]
 
     @classmethod
     def none(cls, count: int) -> _Best:
@@ -279,24 +278,23 @@ class _Best:
     def passing(self, ratio: float) -> NDArray[np.int64]:
         """(n,) the best partner where it passes the ratio test, else −1."""
         good = (self.distance <= ratio * ratio * self.second) & (self.second > 0)
-        return np.where(good, self.index, -1)
+        return np.where(good, self.partner, -1)
 
 
-@dataclass(frozen=True, eq=False)
-class _Strips:
+class _Strips(NamedTuple):
     """Features sorted into strips across the first axis, and in each into cells along the second.
 
     Attributes:
         corner: (2,) least coordinates.
-        count, cells: strips, and cells in each.
+        strips, cells: how many, and how many cells in each.
         order: (n,) the features in this order; `order[starts[k] : starts[k + 1]]` are those of cell k, and those of a
             strip follow one another.
-        starts: (count · cells + 1,).
+        starts: (strips · cells + 1,).
         points, descriptors, squares: in this order.
     """
 
     corner: Floats
-    count: int
+    strips: int
     cells: int
     order: NDArray[np.int64]
     starts: NDArray[np.int64]
@@ -317,15 +315,18 @@ class _Strips:
 
 
 @kernel
-def _compare(  # type: ignore[no-untyped-def]
-    chosen, descriptors_a, squares_a, points_a, lines_in_b, descriptors_b, squares_b, points_b, lines_in_a, band,
-    left, top, strips, cells, order, starts, best_a, second_a, index_a, best_b, second_b, index_b,
-):  # fmt: skip
-    """Compare the chosen features of a, whose lines are flat, with b's within the band; b is sorted by strips.
+def _compare(chosen, a, b, lines_in_a, band, of_a, of_b):  # type: ignore[no-untyped-def]
+    """Compare the ``chosen`` features of a (`_Lined`), whose lines are flat, with b's (`_Strips`) within the band.
 
     Those in the band are listed first, without a branch: whether a feature is, no processor can foresee. A squared
     distance is |a|² + |b|² − 2 a·b in whole numbers, for a product takes half the time of a squared difference.
     """
+    points_a, lines_in_b, descriptors_a, squares_a = a
+    points_b, descriptors_b, squares_b = b.points, b.descriptors, b.squares
+    cells, order, starts = b.cells, b.order, b.starts
+    left, top = b.corner
+    nearest_a, second_a, partner_a = of_a
+    nearest_b, second_b, partner_b = of_b
     listed = np.empty(len(points_b), np.int64)
     for i in chosen:
         l0, l1, l2 = lines_in_b[i, 0], lines_in_b[i, 1], lines_in_b[i, 2]
@@ -337,7 +338,7 @@ def _compare(  # type: ignore[no-untyped-def]
         step = -l0 / l1 * _STRIP_PX / _CELL_PX
         down, up = min(step, 0.0) - margin, max(step, 0.0) + margin
         count = 0
-        for strip in range(strips):
+        for strip in range(b.strips):
             at = enters + strip * step
             if at + up < 0.0 or at + down >= cells:
                 continue
@@ -355,16 +356,16 @@ def _compare(  # type: ignore[no-untyped-def]
             distance = np.int32(squares_a[i] + squares_b[k] - np.int32(2 * product))
             j = order[k]
             if distance < second_a[i]:
-                if distance < best_a[i]:
-                    second_a[i] = best_a[i]
-                    best_a[i] = distance
-                    index_a[i] = j
+                if distance < nearest_a[i]:
+                    second_a[i] = nearest_a[i]
+                    nearest_a[i] = distance
+                    partner_a[i] = j
                 else:
                     second_a[i] = distance
             if distance < second_b[j]:
-                if distance < best_b[j]:
-                    second_b[j] = best_b[j]
-                    best_b[j] = distance
-                    index_b[j] = i
+                if distance < nearest_b[j]:
+                    second_b[j] = nearest_b[j]
+                    nearest_b[j] = distance
+                    partner_b[j] = i
                 else:
                     second_b[j] = distance

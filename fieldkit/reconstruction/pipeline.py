@@ -105,38 +105,34 @@ def reconstruct(
     sparse, cached = place(capture, settings, findings, cache, timer, workers, known_plot)
     if sparse.right < _MIN_DENSE_VIEWS:
         raise _too_few(sparse)
-    points = model_points(sparse.model)
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
-    volume = volume or volume_of_interest(points, sparse.poses, sparse.intrinsics)
+    volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
     dense = _Dense(sparse, volume.grown(reach_m), settings, backend, cache, timer, workers)
     scene = dense.cloud("none") if with_scene and settings.mask != "none" else None
-    nearby = dense.cloud(settings.mask)
+    fused = dense.cloud(settings.mask)
     if with_scene and scene is None:
-        scene = nearby
-    gsd_m = _ground_sampling_distance(sparse, volume)
-    ground = sparse.frame.ground
+        scene = fused
+    gsd_m, ground = _ground_sampling_distance(sparse, volume), sparse.frame.ground
+    above = fused
     if ground is not None:
-        nearby = nearby.select(ground.heights(nearby.points) > clearance(ground) - reach_m)
-    fused = len(nearby)
+        above = fused.select(ground.heights(fused.points) > clearance(ground) - reach_m)
+    nearby = above
     if sparse.frame.metric:  # a leaf's size is known in metres only
-        nearby = nearby.select(without_strays(nearby.points, voxel_edge_m(gsd_m)))
-    stray = 1.0 - len(nearby) / max(1, fused)
+        nearby = above.select(without_strays(above.points, voxel_edge_m(gsd_m)))
     plants = nearby.select(of_interest(nearby.points, volume, ground))
     if len(plants) == 0:
-        raise _no_plants(sparse, fused)
+        raise _no_plants(sparse, len(above))
     doubts = [_cut(capture, volume)] if cuts_plants(plants.points, volume, gsd_m) else []
-    found_here = known_plot is None or known_plot.ground is None
-    if ground is not None and found_here and sparse.frame.origin is not None and ground.tilt_deg() > _STEEP_DEG:
-        doubts.append(_steep(capture, ground))
+    if known_plot is None or known_plot.ground is None:
+        doubts += _steep(capture, sparse.frame)
     for doubt in doubts:
         progress.note(doubt.message)
-    sparse = replace(sparse, findings=(*sparse.findings, *doubts))
     return Reconstruction(
-        sparse=sparse,
+        sparse=replace(sparse, findings=(*sparse.findings, *doubts)),
         volume=volume,
         plants=plants,
         nearby=nearby,
-        stray=stray,
+        stray=1.0 - len(nearby) / max(1, len(above)),
         scene=scene,
         gsd_m=gsd_m,
         backend=backend.name,
@@ -332,12 +328,15 @@ def _cut(capture: Capture, volume: Volume) -> Finding:
     return Finding(capture.folder.name, "volume-cuts-plants", message)
 
 
-def _steep(capture: Capture, ground: Plane) -> Finding:
+def _steep(capture: Capture, frame: MetricFrame) -> list[Finding]:
+    """That the ground found is steep; where up is not known nothing is said."""
+    if frame.ground is None or frame.origin is None or frame.ground.tilt_deg() <= _STEEP_DEG:
+        return []
     message = (
-        f"the ground came out {ground.tilt_deg():.0f}° from level; where the land is flatter, little of the soil was "
-        "seen, and heights above it are wrong"
+        f"the ground came out {frame.ground.tilt_deg():.0f}° from level; where the land is flatter, little of the soil "
+        "was seen, and heights above it are wrong"
     )
-    return Finding(capture.folder.name, "steep-ground", message)
+    return [Finding(capture.folder.name, "steep-ground", message)]
 
 
 def _require_masks(capture: Capture) -> None:

@@ -215,6 +215,19 @@ class _Run:
     # Mapping with priors -------------------------------------------------------------------------------------------
 
     def with_priors(self) -> Mapped:
+        rough = self.rough_poses()
+        result = self.corrected(rough, self.prior_model(rough))
+        model = result.model
+        reasons = {name: "its position is not known" for name in self.names if self.position(name) is None}
+        reasons |= {n: "its orientation is not known" for n in self.known.positioned if n not in rough}
+        reasons |= result.unregistered
+        if model.num_reg_images() < 2:
+            raise _no_model(self, {})
+        self.pairs_tried = result.pairs_tried
+        return self._mapped("prior", model, (model.num_reg_images(),), True, reasons, result.pairs_kept)
+
+    def rough_poses(self) -> dict[str, RoughPose]:
+        """Of the images whose position is known: with the orientation on record, else with one from matches."""
         if not self.cameras.known:
             self.calibrate(self.pairs(calibrated=False, neighbours=_NEAR_NEIGHBOURS))
         rough = rough_from_records(self.known)
@@ -232,7 +245,10 @@ class _Run:
                 path=self.capture.folder,
                 remedy="Add yaw_deg and pitch_deg to poses.csv, or choose --mapping global.",
             )
-        result = self.prior_model(rough)
+        return rough
+
+    def corrected(self, rough: dict[str, RoughPose], result: PriorMapping) -> PriorMapping:
+        """Map again without the recorded orientations that the photographs contradict; ``rough`` is corrected, too."""
         contradicted: list[str] = []
         by_pairs: dict[str, RoughPose] | None = None
         # Again after each correction: an image can hold on to wrong neighbours and fail once those are put right.
@@ -254,14 +270,7 @@ class _Run:
                 f"the recorded orientations of {', '.join(sorted(contradicted))} contradict the photographs and are "
                 "not used (were these photographs rotated?)"
             )
-        model = result.model
-        reasons = {name: "its position is not known" for name in self.names if self.position(name) is None}
-        reasons |= {n: "its orientation is not known" for n in self.known.positioned if n not in rough}
-        reasons |= result.unregistered
-        if model.num_reg_images() < 2:
-            raise _no_model(self, {})
-        self.pairs_tried = result.pairs_tried
-        return self._mapped("prior", model, (model.num_reg_images(),), True, reasons, result.pairs_kept)
+        return result
 
     def calibrate(self, pairs: Pairs) -> None:
         """Self-calibrate by blind mapping, where nothing is known of a camera."""

@@ -46,6 +46,11 @@ def fast_kernel(function: Callable[..., Any]) -> Any:
     return _kept(function, njit(fastmath=_FAST, error_model="numpy", nogil=True)(function))
 
 
+def inline_fast_kernel(function: Callable[..., Any]) -> Any:
+    """As `fast_kernel`, compiled into every kernel that calls it; for one that takes tuples of arrays in a loop."""
+    return _kept(function, njit(fastmath=_FAST, error_model="numpy", nogil=True, forceinline=True)(function))
+
+
 def _kept(function: Callable[..., Any], compiled: Any) -> Any:
     try:
         compiled._cache = _Cache(function)  # type: ignore[no-untyped-call]

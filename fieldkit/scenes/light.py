@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 from fieldkit.runtime.kernels import kernel
 from fieldkit.scenes.scene import Light, Mesh
 
+_SKY_DIRECTIONS = 32
+"""The sky is sampled in so many, cosine-weighted about the zenith."""
+
 
 def bake_light(
     meshes: Sequence[Mesh], light: Light, *, gloss: Sequence[tuple[float, float]], radius_m: float,
-    sky_directions: int = 32, shadows: bool = True, sky_light: bool = True, fine: bool = False,
+    shadows: bool = True, sky_light: bool = True, fine: bool = False,
 ) -> list[Mesh]:  # fmt: skip
     """The meshes with their shading values filled in (see `Mesh`).
 
@@ -25,7 +28,6 @@ def bake_light(
         meshes: all that cast shadows, with normals.
         gloss: translucency and gloss of each mesh, both in [0, 1].
         radius_m: only what lies within this distance of the origin (in x and y) casts and receives shadows.
-        sky_directions: directions the sky is sampled in, cosine-weighted about the zenith.
         shadows: whether anything hides the sun, and
         sky_light: the sky.
         fine: resolve crumbs of millimetres.
@@ -40,9 +42,9 @@ def bake_light(
     if sky_light:
         pixels, bias = (1280, 0.003) if fine else (768, 0.006)
         seen_sky[:] = 0.0
-        for direction in _hemisphere(sky_directions):
+        for direction in _hemisphere(_SKY_DIRECTIONS):
             seen_sky += visible_from(points, triangles, direction, radius_m, pixels=pixels, bias_m=bias)
-        seen_sky /= sky_directions
+        seen_sky /= _SKY_DIRECTIONS
     lit, start = [], 0
     for mesh, (translucency, strength) in zip(meshes, gloss, strict=True):
         part = slice(start, start + len(mesh.vertices))

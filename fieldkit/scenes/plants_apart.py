@@ -100,35 +100,32 @@ def tell_apart(cloud: Cloud) -> PlantsApart:
     Args:
         cloud: plants in the plot frame, z up, metres. Normals are used where there are any.
     """
+    try:
+        return _told_apart(cloud)
+    except _Mixed as why:
+        return PlantsApart(np.zeros(len(cloud), np.int32), np.zeros((0, 3)), why.clear, str(why))
+
+
+class _Mixed(Exception):
+    """Why plants cannot be told apart."""
+
+    def __init__(self, why: str, clear: float = 0.0) -> None:
+        super().__init__(why)
+        self.clear = clear
+
+
+def _told_apart(cloud: Cloud) -> PlantsApart:
     if len(cloud) < _LEAST_POINTS:
-        return _refused(cloud, "there are hardly any points")
+        raise _Mixed("there are hardly any points")
     low, high = np.quantile(cloud.points[:, 2], (0.001, 0.995))
-    height = float(high - low)
+    base, height = float(low), float(high - low)
     if height <= 0.0:
-        return _refused(cloud, "nothing stands up")
+        raise _Mixed("nothing stands up")
     cell = max(min(_CELL_M, height / _CELLS_HIGH), _spacing(cloud.points))
     thin = _thinned(cloud, cell)
-    base, points = float(low), thin.points
-    feet = _feet(points, base, _BAND * height, cell)
-    if not feet:
-        return _refused(cloud, "no foot of a plant is found near the ground")
-    places = _places(points, feet, base)
-    if any(_spread(points, foot) > _WIDE * height for foot in feet):
-        return _refused(cloud, "what stands on the ground is too wide for a stem")
-    higher = _places(points, _feet(points, base, _HIGH * height, cell), base)
-    lower = _feet(points, base, _LOW * height, cell)
-    if any(_parts_of(foot, lower) > 1 for foot in feet):
-        return _refused(cloud, "their feet touch")
-    if not _same(places, higher, _SAME_FOOT * cell):
-        return _refused(cloud, "their feet are others a little higher up: they touch, or have holes")
-    order = np.lexsort((places[:, 1], places[:, 0]))
-    feet, places = [feet[i] for i in order], places[order]
-    stems = [
-        _stem(points, foot, place, base + _STEM_TOP * height, cell) for foot, place in zip(feet, places, strict=True)
-    ]
-    bands = [(base + a * height, base + b * height) for a, b in _UPRIGHT_BANDS]
-    if any(_stands_elsewhere(points, stems, bottom, top, cell) for bottom, top in bands):
-        return _refused(cloud, "a stem stands where no foot is found")
+    points = thin.points
+    feet, places = _standing_feet(points, base, height, cell)
+    stems = _stems(points, feet, places, base, height, cell)
     surface = _surface(thin, cell)
     graph = _with_shortcuts(points, surface, feet, stems, cell)
     distance = np.array([dijkstra(graph, directed=False, indices=foot, min_only=True) for foot in feet])
@@ -136,13 +133,46 @@ def tell_apart(cloud: Cloud) -> PlantsApart:
     numbers[_litter(points, surface, feet, base + _BAND * height)] = 0
     clear = _clear_share(distance, numbers > 0)
     if clear < LEAST_CLEAR:
-        return _refused(cloud, f"leaves of different plants mix: {1.0 - clear:.0%} of the points are about as near to "
-                               "two feet", clear)  # fmt: skip
+        why = f"leaves of different plants mix: {1.0 - clear:.0%} of the points are about as near to two feet"
+        raise _Mixed(why, clear)
     return PlantsApart(numbers[cKDTree(points).query(cloud.points)[1]], places, clear)
 
 
-def _refused(cloud: Cloud, why: str, clear: float = 0.0) -> PlantsApart:
-    return PlantsApart(np.zeros(len(cloud), np.int32), np.zeros((0, 3)), clear, why)
+def _standing_feet(
+    points: NDArray[np.float64], base: float, height: float, cell: float
+) -> tuple[list[NDArray[np.int64]], NDArray[np.float64]]:
+    """Each plant's foot and its place (k, 3), by x; `_Mixed` where feet cannot be told apart."""
+    feet = _feet(points, base, _BAND * height, cell)
+    if not feet:
+        raise _Mixed("no foot of a plant is found near the ground")
+    places = _places(points, feet, base)
+    if any(_spread(points, foot) > _WIDE * height for foot in feet):
+        raise _Mixed("what stands on the ground is too wide for a stem")
+    lower = _feet(points, base, _LOW * height, cell)
+    if any(_parts_of(foot, lower) > 1 for foot in feet):
+        raise _Mixed("their feet touch")
+    higher = _places(points, _feet(points, base, _HIGH * height, cell), base)
+    if not _same(places, higher, _SAME_FOOT * cell):
+        raise _Mixed("their feet are others a little higher up: they touch, or have holes")
+    order = np.lexsort((places[:, 1], places[:, 0]))
+    return [feet[i] for i in order], places[order]
+
+
+def _stems(
+    points: NDArray[np.float64],
+    feet: list[NDArray[np.int64]],
+    places: NDArray[np.float64],
+    base: float,
+    height: float,
+    cell: float,
+) -> list[NDArray[np.int64]]:
+    """Each foot's stem; `_Mixed` where there is one more."""
+    top = base + _STEM_TOP * height
+    stems = [_stem(points, foot, place, top, cell) for foot, place in zip(feet, places, strict=True)]
+    bands = [(base + a * height, base + b * height) for a, b in _UPRIGHT_BANDS]
+    if any(_stands_elsewhere(points, stems, bottom, top, cell) for bottom, top in bands):
+        raise _Mixed("a stem stands where no foot is found")
+    return stems
 
 
 def _spacing(points: NDArray[np.float64]) -> float:

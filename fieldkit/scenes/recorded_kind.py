@@ -140,10 +140,7 @@ def varied_cloud(cloud: Cloud, apart: PlantsApart, variation: Variation) -> Clou
     return _varied(cloud, apart, variation)[0]
 
 
-def write_varied_scene(
-    description: SceneDescription, apart: PlantsApart, variation: Variation, output: Path, *, name: str = "",
-    overwrite: bool = False,
-) -> Path:  # fmt: skip
+def write_varied_scene(description: SceneDescription, apart: PlantsApart, variation: Variation, output: Path) -> Path:
     """Write ``output``/scene.toml of a variation, with its files beside it, and return its path.
 
     Each surfel keeps its patch of the photographs, turned with its plant. The patches stay as sharp as they were: a
@@ -158,8 +155,6 @@ def write_varied_scene(
         apart: of the points of its plants (`recorded_plants`).
         variation: what is changed.
         output: folder.
-        name: of the scene; that of ``description`` unless given.
-        overwrite: replace an existing scene.
 
     Raises:
         ValueError: ``description`` is not made from a reference, ``apart`` is of other points, or ``variation`` of
@@ -181,7 +176,7 @@ def write_varied_scene(
         patches = patches[origin]
         if flipped:
             patches = patches[:, :, ::-1]
-    with atomic_folder(output, overwrite=overwrite, marker=SCENE_FILE) as partial, storage_errors(output):
+    with atomic_folder(output, overwrite=False, marker=SCENE_FILE) as partial, storage_errors(output):
         write_ply(partial / PLANTS_FILE, plants)
         _link(surface.ground, partial / GROUND_FILE)
         varied = replace(surface, plants=partial / PLANTS_FILE, ground=partial / GROUND_FILE)
@@ -192,7 +187,7 @@ def write_varied_scene(
             _link(surface.ground_atlas, partial / ATLAS_FILES[1])
             varied = replace(varied, ground_atlas=partial / ATLAS_FILES[1])
         written = replace(
-            description, name=name or description.name, notes=_notes(description.name, variation), recorded=varied,
+            description, notes=_notes(description.name, variation), recorded=varied,
             bounds=bounds_around(description.bounds, plants),
         )  # fmt: skip
         write_scene(partial / SCENE_FILE, written)

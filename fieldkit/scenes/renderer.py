@@ -30,6 +30,9 @@ _OSMESA_REMEDY = (
     '(pip install --no-deps "PyOpenGL>=3.1.7"), or leave PYOPENGL_PLATFORM unset for EGL.'
 )
 
+_NEAR_M, _FAR_M = 0.05, 200.0
+"""Clipping distances along the optical axis."""
+
 
 class RenderingError(InputError):
     """No image can be rendered on this machine as it is set up."""
@@ -40,7 +43,6 @@ class Renderer:
 
     Args:
         scene: what to render.
-        near_m, far_m: clipping distances along the optical axis.
 
     Raises:
         RenderingError: no OpenGL context can be made; the remedy names the packages.
@@ -50,9 +52,8 @@ class Renderer:
     same scene gives the same pixels on the same machine.
     """
 
-    def __init__(self, scene: Scene, *, near_m: float = 0.05, far_m: float = 200.0) -> None:
+    def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._near, self._far = near_m, far_m
         try:
             self._pyrender, self._platform, self._gl = _start(scene)
         except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
@@ -138,7 +139,7 @@ class Renderer:
 
     def _metres(self, drawn: NDArray[np.float32]) -> NDArray[np.float32]:
         window = drawn.astype(np.float64)
-        depth = self._near * self._far / (self._far - window * (self._far - self._near))
+        depth = _NEAR_M * _FAR_M / (_FAR_M - window * (_FAR_M - _NEAR_M))
         depth[window >= 1.0] = 0.0
         return depth.astype(np.float32)
 
@@ -158,7 +159,7 @@ class Renderer:
             raise ValueError("images are rendered without distortion: pass intrinsics.without_distortion()")
         self._platform.make_current()
         camera = self._pyrender.IntrinsicsCamera(
-            intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy, znear=self._near, zfar=self._far
+            intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy, znear=_NEAR_M, zfar=_FAR_M
         )
         if self._camera is not None:
             self._content.remove_node(self._camera)
@@ -169,7 +170,7 @@ class Renderer:
         self._camera = self._content.add(camera, pose=world_from_camera)
         self._content.main_camera_node = self._camera
         for name, mesh in self._meshes.items():
-            mesh.is_visible = _may_be_seen(self._boxes[name], pose, intrinsics, self._near)
+            mesh.is_visible = _may_be_seen(self._boxes[name], pose, intrinsics)
         self._gl.viewport_width, self._gl.viewport_height = intrinsics.width, intrinsics.height
 
 
@@ -189,13 +190,13 @@ def _box(vertices: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
 
 
-def _may_be_seen(corners: NDArray[np.float64], pose: Pose, intrinsics: Intrinsics, near_m: float) -> bool:
+def _may_be_seen(corners: NDArray[np.float64], pose: Pose, intrinsics: Intrinsics) -> bool:
     """Whether a box may reach into the picture: False only where all corners lie beyond one side of it."""
     if not len(corners):
         return False
     x, y, z = pose.to_camera(corners).T
     u, v = intrinsics.fx * x + intrinsics.cx * z, intrinsics.fy * y + intrinsics.cy * z
-    outside = (z < near_m, u < 0, u > intrinsics.width * z, v < 0, v > intrinsics.height * z)
+    outside = (z < _NEAR_M, u < 0, u > intrinsics.width * z, v < 0, v > intrinsics.height * z)
     return not any(bool(side.all()) for side in outside)
 
 

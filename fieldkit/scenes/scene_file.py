@@ -17,7 +17,7 @@ from typing import Any, cast
 from pydantic import TypeAdapter, ValidationError
 
 from fieldkit.documents.json_file import schema_text
-from fieldkit.documents.toml_file import read_toml, toml_document
+from fieldkit.documents.toml_file import read_toml
 from fieldkit.documents.toml_text import toml_text
 from fieldkit.errors import SceneError
 from fieldkit.files import file_beside, write_atomic
@@ -44,15 +44,6 @@ def read_scene(path: Path) -> SceneDescription:
     """
     path = Path(path)
     document = read_toml(path, "scene file", _REMEDY, _MAX_BYTES, missing=_MISSING, error=SceneError)
-    return _scene(document, path)
-
-
-def parse_scene(text: str, path: Path) -> SceneDescription:
-    """As `read_scene`, from text; ``path`` says where the files that it names lie."""
-    return _scene(toml_document(text, path, _REMEDY, error=SceneError), path)
-
-
-def _scene(document: dict[str, Any], path: Path) -> SceneDescription:
     _check_format(document.pop("format", None), path)
     for place, plant in _plants(document):
         kind = plant.setdefault("kind", "mesh" if "file" in plant else "maize")

@@ -114,7 +114,6 @@ def simulate_capture(
     row_heading_deg: float = 90.0,
     sidecars: Sidecars | None = None,
     truth: Path | None = None,
-    quality: int = 93,
     started_at: datetime = datetime(2026, 6, 18, 10, 30),
     overwrite: bool = False,
     economy: bool = False,
@@ -130,13 +129,12 @@ def simulate_capture(
         intrinsics: without distortion.
         noise: exact poses and the default sensor, where not given.
         seed: of all noise; each photograph's depends on its number only.
-        effects: what the camera does beside the noise; its JPEG quality replaces ``quality``.
+        effects: what the camera does beside the noise, and how it compresses; nothing by default.
         sway: moves the plants between photographs; the renderer has its scene back afterwards.
         site: no GPS and no XMP is written without one.
         row_heading_deg: compass heading of the plot frame's x axis, for GPS positions and yaw angles.
         sidecars: none by default.
         truth: a CSV file for the true poses; it must lie outside ``folder``, where no reader finds it.
-        quality: of the JPEGs.
         started_at: time of the first photograph, the next ones 4 s apart.
         overwrite: replace an existing capture.
         economy: draw with one sample per pixel and smooth the edges afterwards, and take the sensor's noise from a
@@ -150,12 +148,11 @@ def simulate_capture(
         UsageError: ``folder`` exists, ``truth`` lies in it, or no pose is given.
         StorageError: the disk is full or not writable.
     """
-    noise, sidecars = noise or CaptureNoise(), sidecars or Sidecars()
+    noise, effects, sidecars = noise or CaptureNoise(), effects or CameraEffects(), sidecars or Sidecars()
     if not poses:
         raise UsageError("a capture needs at least one pose")
     if truth is not None and truth.absolute().is_relative_to(folder.absolute()):
         raise UsageError("the true poses must not lie in the capture's folder", path=truth)
-    quality = quality if effects is None else effects.jpeg_quality
     true = perturbed(poses, noise, seed)
     names = [f"IMG_{i + 1:04d}.jpg" for i in range(len(poses))]
     with (
@@ -164,20 +161,18 @@ def simulate_capture(
         (progress or Silent()).stage("photographs", len(poses)) as advance,
     ):
         for i, (name, pose) in enumerate(zip(names, true, strict=True)):
-            rng = np.random.default_rng([seed, 2, i])
             if sway is not None:
                 renderer.move(sway(renderer.scene, i))
-            moves = effects is not None and effects.moves
-            image, depth = drawing(renderer, pose, intrinsics, depth=moves, economy=economy)
-            if effects is not None and effects.changes_pixels:
+            image, depth = drawing(renderer, pose, intrinsics, depth=effects.moves, economy=economy)
+            if effects.changes_pixels:
                 shaken = np.random.default_rng([seed, 3, i])
                 image = photographed(image, depth, intrinsics, effects, shaken, economy=economy)
+            rng = np.random.default_rng([seed, 2, i])
             image = (with_tabled_noise if economy else with_noise)(image, noise.image_sigma, rng)
             tag = None if site is None else _geotag(_compass(pose, row_heading_deg), site, noise, rng)
-            taken_at = started_at + timedelta(seconds=4 * i)
-            exif = exif_block(intrinsics, taken_at, tag)
-            xmp = b"" if tag is None else xmp_packet(tag)
-            Image.fromarray(image).save(partial / name, "JPEG", quality=quality, exif=exif, xmp=xmp or None)
+            exif = exif_block(intrinsics, started_at + timedelta(seconds=4 * i), tag)
+            xmp = None if tag is None else xmp_packet(tag)
+            Image.fromarray(image).save(partial / name, "JPEG", quality=effects.jpeg_quality, exif=exif, xmp=xmp)
             advance(1)
         if sidecars.poses:
             stated = max(noise.position_m, 0.001) if sidecars.accuracy_m is None else sidecars.accuracy_m

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.clouds import Cloud, ReferenceIndex, chamfer_distance, f_scores, score
+from fieldkit.clouds import Cloud, ReferenceIndex, chamfer_distance, score
 from fieldkit.errors import EmptyCloudError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
@@ -64,7 +64,7 @@ def test_a_cloud_is_at_no_distance_from_itself(cloud: Cloud) -> None:
 
 @given(clouds(min_size=1), clouds(min_size=1))
 def test_f_scores_rise_with_the_distance(a: Cloud, b: Cloud) -> None:
-    results = list(f_scores(a, b, [5.0, 0.1, 1.0, 1e8]).values())
+    results = list(score(a, b, [5.0, 0.1, 1.0, 1e8]).f_scores.values())
     for nearer, farther in itertools.pairwise(results):
         assert nearer.precision <= farther.precision
         assert nearer.recall <= farther.recall

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.geometry import Intrinsics
+from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
@@ -33,7 +34,7 @@ def main() -> None:
             noise=CaptureNoise(position_m=0.003, angle_deg=0.3),
             seed=SEED,
             sidecars=Sidecars(poses=True, camera=True),
-            quality=85,
+            effects=CameraEffects(jpeg_quality=85),
             overwrite=True,
         )
 

@@ -13,7 +13,7 @@ import pytest
 from fieldkit.scenes.description import build
 from fieldkit.scenes.plot import PlotDescription
 from fieldkit.scenes.renderer import Renderer, RenderingError
-from fieldkit.scenes.scene_file import parse_scene
+from fieldkit.scenes.scene_file import read_scene
 from tests.cli.test_scene_commands import TINY
 
 ROOT = Path(__file__).parents[2]
@@ -49,8 +49,10 @@ def run(name: str, folder: Path) -> str:
 
 
 @pytest.fixture
-def renderer() -> None:
-    scene = parse_scene(TINY, Path("tiny.toml"))
+def renderer(tmp_path: Path) -> None:
+    file = tmp_path / "tiny.toml"
+    file.write_text(TINY, encoding="utf-8")
+    scene = read_scene(file)
     assert isinstance(scene.plot, PlotDescription)
     try:
         Renderer(build(scene)).close()

@@ -86,11 +86,6 @@ def test_fit_is_the_least_squares_optimum(weighted: bool) -> None:
         assert weights @ ((nudged.apply(source) - target) ** 2).sum(axis=1) >= least
 
 
-def test_fit_without_scale_keeps_the_scale() -> None:
-    source = np.random.default_rng(0).normal(size=(10, 3))
-    assert fit_similarity(source, 3.0 * source, with_scale=False).scale == 1.0
-
-
 def test_points_on_a_line_and_too_few_points_are_refused() -> None:
     line = np.outer(np.arange(5.0), [1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="line"):

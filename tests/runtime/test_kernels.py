@@ -12,7 +12,7 @@ import pytest
 from fieldkit.cache import CacheWarning
 from fieldkit.runtime import kernels
 
-EVERY = pytest.mark.parametrize("make", [kernels.kernel, kernels.fast_kernel])
+EVERY = pytest.mark.parametrize("make", [kernels.kernel, kernels.fast_kernel, kernels.inline_fast_kernel])
 
 
 @EVERY

@@ -158,10 +158,10 @@ def test_without_patches_points_keep_their_order(
     plain = replace(recorded, recorded=replace(recorded.recorded, plant_atlas=None, ground_atlas=None))
     cloud = recorded_plants(recorded.recorded)
     variation = draw_variation(cloud, apart, 6, 1)
-    write_varied_scene(plain, apart, variation, tmp_path / "scene", name="other")
+    write_varied_scene(plain, apart, variation, tmp_path / "scene")
     written = read_cloud(tmp_path / "scene" / "plants.ply")
     np.testing.assert_allclose(written.points, varied_cloud(cloud, apart, variation).points, atol=1e-6)
-    assert read_scene(tmp_path / "scene" / "scene.toml").name == "other"
+    assert read_scene(tmp_path / "scene" / "scene.toml").name == plain.name
     assert sorted(path.name for path in (tmp_path / "scene").iterdir()) == ["ground.ply", "plants.ply", "scene.toml"]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tempfile
 import tomllib
 from dataclasses import fields, replace
 from pathlib import Path
@@ -26,7 +27,6 @@ from fieldkit.scenes.scene import Light
 from fieldkit.scenes.scene_file import (
     described_types,
     key_docs,
-    parse_scene,
     read_scene,
     scene_schema,
     scene_text,
@@ -36,7 +36,8 @@ from fieldkit.scenes.simulate import CaptureNoise, Site
 from fieldkit.scenes.soil import SoilDescription
 
 ROOT = Path(__file__).parents[2]
-HERE = Path("here.toml")
+FOLDER = tempfile.TemporaryDirectory()
+HERE = Path(FOLDER.name) / "here.toml"
 
 small = st.floats(-2, 2)
 positive = st.floats(0.1, 3)
@@ -64,11 +65,16 @@ scenes = st.builds(
 )  # fmt: skip
 
 
+def scene_of(text: str) -> SceneDescription:
+    HERE.write_bytes(text.encode())
+    return read_scene(HERE)
+
+
 @given(scene=scenes, complete=st.booleans())
 def test_round_trip(scene: SceneDescription, complete: bool) -> None:
     text = scene_text(scene, complete=complete)
-    assert parse_scene(text, HERE) == scene
-    assert scene_text(parse_scene(text, HERE), complete=complete) == text
+    assert scene_of(text) == scene
+    assert scene_text(scene_of(text), complete=complete) == text
 
 
 json_like = st.recursive(
@@ -91,7 +97,7 @@ def test_anything_else_is_an_error_for_people(document: dict[str, object]) -> No
     except (TypeError, ValueError):
         return
     try:
-        parse_scene(text, HERE)
+        scene_of(text)
     except SceneError as caught:
         error = caught
     else:
@@ -123,7 +129,7 @@ def test_anything_else_is_an_error_for_people(document: dict[str, object]) -> No
 )
 def test_errors_name_the_key(text: str, message: str) -> None:
     with pytest.raises(SceneError, match=re.escape(message)) as caught:
-        parse_scene(text, HERE)
+        scene_of(text)
     assert "pydantic" not in str(caught.value)
 
 
@@ -235,4 +241,4 @@ def test_the_schema_is_the_one_in_the_documentation() -> None:
 
 
 def test_site_and_noise_have_defaults() -> None:
-    assert parse_scene("format = 1", HERE).site == Site()
+    assert scene_of("format = 1").site == Site()

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from PIL import ExifTags, Image
 
 from fieldkit.captures import read_capture
-from fieldkit.captures.exif import read_exif
+from fieldkit.captures.exif import with_exif
+from fieldkit.captures.model import Photo
 from fieldkit.captures.poses_csv import parse_poses_csv
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
@@ -27,6 +28,7 @@ from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, perturbed, po
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 POSES = ring(4, 1.0, 0.8)
 EXACT = CaptureNoise(gps_horizontal_m=0.0, gps_vertical_m=0.0, gimbal_deg=0.0, image_sigma=0.0)
+SHARP = CameraEffects(jpeg_quality=95)
 SITE = Site(LocalFrame(-33.7, -70.25, 512.0, "ellipsoid"))
 
 
@@ -90,7 +92,7 @@ def test_sidecars_hold_the_commanded_poses_and_the_camera(tmp_path: Path, render
 
 def test_photographs_are_taken_from_the_true_poses(tmp_path: Path, renderer: Renderer) -> None:
     noise = CaptureNoise(position_m=0.1, angle_deg=2.0, image_sigma=0.0)
-    true = simulate_capture(tmp_path / "a", renderer, POSES, CAMERA, noise=noise, quality=95)
+    true = simulate_capture(tmp_path / "a", renderer, POSES, CAMERA, noise=noise, effects=SHARP)
     for name, pose, commanded in zip(sorted((tmp_path / "a").iterdir()), true, POSES, strict=True):
         photo = np.asarray(Image.open(name), dtype=float)
         right = np.abs(photo - renderer.photograph(pose, CAMERA)).mean()
@@ -129,7 +131,7 @@ def test_noise_has_the_size_that_is_asked_for() -> None:
 def test_sensor_noise_is_seen_in_the_photograph(tmp_path: Path, renderer: Renderer) -> None:
     for name, sigma in (("clean", 0.0), ("noisy", 10.0)):
         noise = CaptureNoise(image_sigma=sigma)
-        simulate_capture(tmp_path / name, renderer, POSES[:1], CAMERA, noise=noise, quality=95)
+        simulate_capture(tmp_path / name, renderer, POSES[:1], CAMERA, noise=noise, effects=SHARP)
     clean, noisy = (np.asarray(Image.open(tmp_path / n / "IMG_0001.jpg"), dtype=float) for n in ("clean", "noisy"))
     assert 4.0 < (clean - noisy)[..., 1].std() < 12.0
 
@@ -161,7 +163,9 @@ def test_geotags_survive_exif_and_xmp(
     file = BytesIO()
     exif = exif_block(CAMERA, datetime(2026, 7, 1, 23, 59, 58), tag)
     Image.new("RGB", (200, 150)).save(file, "JPEG", exif=exif, xmp=xmp_packet(tag))
-    data = read_exif(Image.open(file))
+    image = Image.open(file)
+    data, problems = with_exif(Photo(Path("a.jpg"), "a.jpg", *image.size, "JPEG", ""), image)
+    assert not [code for code, _ in problems if code != "gps-zero"]
     assert data.captured_at == datetime(2026, 7, 1, 23, 59, 58)
     assert data.focal_mm is not None
     detail = exif.get_ifd(ExifTags.IFD.Exif)
@@ -174,10 +178,10 @@ def test_geotags_survive_exif_and_xmp(
     assert data.geotag.longitude_deg == pytest.approx(longitude, abs=1e-9)
     assert data.geotag.altitude_m == pytest.approx(altitude, abs=0.001)
     assert data.geotag.rtk == rtk
-    assert data.xmp.gimbal_yaw_deg is not None
-    assert (data.xmp.gimbal_yaw_deg - yaw + 180) % 360 - 180 == pytest.approx(0.0, abs=0.006)
-    assert data.xmp.gimbal_pitch_deg == pytest.approx(pitch, abs=0.006)
-    assert data.xmp.relative_altitude_m == pytest.approx(12.345)
+    assert data.yaw_deg is not None
+    assert (data.yaw_deg - yaw + 180) % 360 - 180 == pytest.approx(0.0, abs=0.006)
+    assert data.pitch_deg == pytest.approx(pitch, abs=0.006)
+    assert data.geotag.relative_altitude_m == pytest.approx(12.345)
 
 
 def test_pose_tables_read_back() -> None:

@@ -27,6 +27,7 @@ from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about, 
 
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)
 EXACT = CaptureNoise(gps_horizontal_m=0.0, gps_vertical_m=0.0, gimbal_deg=0.0, image_sigma=0.0)
+SHARP = CameraEffects(jpeg_quality=95)
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +123,7 @@ def test_sway_moves_plants_between_photographs_only(tmp_path: Path, renderer: Re
         return {mesh.name: mesh.vertices + shift for mesh in scene.plants}
 
     pose = ring(4, 1.0, 0.8)[0]
-    simulate_capture(tmp_path / "a", renderer, [pose] * 3, CAMERA, noise=EXACT, sway=sway, quality=95)
+    simulate_capture(tmp_path / "a", renderer, [pose] * 3, CAMERA, noise=EXACT, sway=sway, effects=SHARP)
     assert asked == [0, 1, 2]
     first, second, third = (np.asarray(Image.open(p), float) for p in sorted((tmp_path / "a").glob("*.jpg")))
     assert np.abs(first - before).mean() < 4

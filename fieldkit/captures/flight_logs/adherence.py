@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fieldkit.captures.flight_logs.achieved import AchievedPose, FixedMount, achieved_pose
+from fieldkit.captures.flight_logs.achieved import AchievedPose, achieved_pose
 from fieldkit.captures.flight_logs.model import Trigger
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import LocalFrame
@@ -86,7 +86,6 @@ def adherence(
     triggers: Sequence[Trigger],
     *,
     datum: str = "home",
-    mount: FixedMount | None = None,
 ) -> Adherence:
     """Assign triggers to planned poses (`fieldkit.geometry.stations.associate`) and compare them.
 
@@ -96,12 +95,11 @@ def adherence(
         planned: poses, with distinct names.
         triggers: of one flight.
         datum: of the planned heights: "home", "amsl", or "none" where they are not to be compared.
-        mount: of a camera without a gimbal.
     """
     if not planned or not triggers:
         return Adherence((), tuple(p.name for p in planned), tuple(range(len(triggers))))
     frame = LocalFrame(planned[0].latitude_deg, planned[0].longitude_deg)
-    poses = [achieved_pose(trigger, mount) for trigger in triggers]
+    poses = [achieved_pose(trigger) for trigger in triggers]
     stations = PoseArray.of(
         [(_local(frame, p.latitude_deg, p.longitude_deg, p.height_m), p.yaw_deg, p.pitch_deg) for p in planned]
     )

@@ -51,7 +51,7 @@ def read_dataflash(data: bytes, path: Path) -> FlightLog:
     remarks += missing_numbers(triggers)
     before = triggers[0].time_s if triggers else float("inf")
     home = _home(messages, before)
-    return FlightLog(path, "dataflash", "boot", offset, home, triggers, _track(messages), tuple(remarks))
+    return FlightLog(path, "dataflash", "boot", home, triggers, _track(messages), tuple(remarks))
 
 
 def _seconds(messages: Messages) -> np.ndarray:

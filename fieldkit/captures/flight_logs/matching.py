@@ -28,6 +28,7 @@ _HYPOTHESES = 12
 _VOTES = 4_000_000
 _ROUNDS = 5
 _LEAST_PAIRS = 3
+_OFFSET_TOLERANCE_S = 2.0
 _DOUBT = 3.0
 _OFFSET_DOUBT = 5.0
 """Natural logarithms of how many times likelier an assignment must be than the next one, at one clock offset and at
@@ -62,13 +63,11 @@ class Match:
     Attributes:
         photograph: name.
         trigger: index.
-        time_error_s: of the photograph's time after the clocks are aligned; None where it has none.
         distance_m: horizontal, between what photograph and trigger say; None where one of them says nothing.
     """
 
     photograph: str
     trigger: int
-    time_error_s: float | None
     distance_m: float | None
 
 
@@ -101,15 +100,14 @@ def match(
     triggers: Sequence[Trigger],
     *,
     offset_s: float | None = None,
-    offset_tolerance_s: float = 2.0,
 ) -> Matches:
     """Match photographs to triggers.
 
     Args:
         photographs: with distinct names, in any order.
         triggers: of one flight log.
-        offset_s: camera's clock less the triggers', where it is known; it decides between offsets that fit alike.
-        offset_tolerance_s: how well.
+        offset_s: camera's clock less the triggers', where it is known; to within 2 s; it decides between
+            offsets that fit alike.
     """
     observed = _observed(photographs, triggers)
     remarks: list[str] = []
@@ -118,7 +116,7 @@ def match(
     fit: Fit | None = None
     timed = np.isfinite(observed.photo_time)
     if timed.any() and len(triggers):
-        window = None if offset_s is None else (offset_s - offset_tolerance_s, offset_s + offset_tolerance_s)
+        window = None if offset_s is None else (offset_s - _OFFSET_TOLERANCE_S, offset_s + _OFFSET_TOLERANCE_S)
         fit, pairs, ambiguous = _by_time(observed, window, remarks)
     left = [i for i in range(len(photographs)) if i not in pairs and i not in ambiguous and not timed[i]]
     if fit is None and not ambiguous:
@@ -264,12 +262,8 @@ def _matches(
 ) -> Matches:
     found = []
     for i, j in sorted(pairs.items(), key=lambda pair: pair[1]):
-        error = None if fit is None else float(fit.residual(observed.photo_time[i], observed.trigger_time[j]))
         distance = float(np.linalg.norm(observed.photo_place[i] - observed.trigger_place[j]))
-        timed = error is not None and math.isfinite(error)
-        found.append(
-            Match(photographs[i].name, j, error if timed else None, distance if math.isfinite(distance) else None)
-        )
+        found.append(Match(photographs[i].name, j, distance if math.isfinite(distance) else None))
     used = set(pairs.values())
     return Matches(
         pairs=tuple(found),

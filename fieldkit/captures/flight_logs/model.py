@@ -183,7 +183,6 @@ class FlightLog:
         path: the file.
         kind: of file.
         clock: of all ``time_s``.
-        utc_offset_s: UTC less the log's clock, seconds; None where the log does not relate them.
         home: the last home position before the first trigger; its ``above_home_m`` is 0.
         triggers: in the order of time.
         track: everything between.
@@ -193,7 +192,6 @@ class FlightLog:
     path: Path
     kind: LogKind
     clock: Clock
-    utc_offset_s: float | None
     home: Place | None
     triggers: tuple[Trigger, ...]
     track: Track

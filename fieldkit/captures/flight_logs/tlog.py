@@ -97,7 +97,7 @@ def _flight(own: dict[str, list[Stamped]], path: Path, system: int, remarks: lis
     triggers = complete([event for _, event in told], track, lambda time: mission.gimbal_at(stamps.get(time)))
     remarks += missing_numbers(triggers)
     first = min(stamps.values(), default=float("inf"))
-    return FlightLog(path, "tlog", clock, offset, _home(own, first), triggers, track, tuple(remarks))
+    return FlightLog(path, "tlog", clock, _home(own, first), triggers, track, tuple(remarks))
 
 
 def _one_camera(raw: list[Stamped], remarks: list[str]) -> list[Stamped]:

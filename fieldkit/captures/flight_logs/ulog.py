@@ -57,7 +57,7 @@ def read_ulog(data: bytes, path: Path) -> FlightLog:
     track = _track(topics, home)
     triggers = complete([] if name is None else _events(topics[name], name, home, offset), track)
     remarks += missing_numbers(triggers)
-    return FlightLog(path, "ulog", "boot", offset, home, triggers, track, tuple(remarks))
+    return FlightLog(path, "ulog", "boot", home, triggers, track, tuple(remarks))
 
 
 def _column(rows: NDArray[np.void], *names: str) -> NDArray[np.float64]:

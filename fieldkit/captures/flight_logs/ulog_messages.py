@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Set
+from collections.abc import Iterator, Set
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ _TYPES = {
 }  # fmt: skip
 _MOST_BYTES = 65536
 _APPENDED = 1
+_HEADER_BYTES = 16
+_NO_INSTANCE = 256
 _KINDS = frozenset(b"BFIMPQARDLCSO")
 
 
@@ -37,52 +39,78 @@ def read_topics(data: bytes, names: Set[str]) -> tuple[dict[str, NDArray[np.void
     Raises:
         MetadataError: the header is incomplete, or the log says that old readers cannot read it.
     """
-    if len(data) < 16 or not data.startswith(HEADER):
+    if len(data) < _HEADER_BYTES or not data.startswith(HEADER):
         raise MetadataError("is no ULog file", remedy="Copy the log again from the autopilot's card.")
-    formats: dict[str, np.dtype[np.void]] = {}
-    chosen: dict[int, str] = {}
-    instances: dict[str, int] = {}
-    found: dict[str, list[bytes]] = {}
+    topics, skipped = _Topics(names), len(data) - _HEADER_BYTES
+    for kind, body in _messages(data):
+        skipped -= 3 + len(body)
+        if kind == ord("F"):
+            topics.define(body)
+        elif kind == ord("A"):
+            topics.subscribe(body)
+        elif kind == ord("D"):
+            topics.add(body)
+    rows = {name: np.frombuffer(b"".join(parts), topics.formats[name]) for name, parts in topics.rows.items() if parts}
+    return rows, skipped
+
+
+def _messages(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Kind and body of each message; after damage reading goes on behind the next sync message."""
+    at, end = _HEADER_BYTES, len(data)
     breaks: list[int] = []
-    at, end, skipped = 16, len(data), 0
     while at + 3 <= end:
         size, kind = struct.unpack_from("<HB", data, at)
         after = at + 3 + size
-        while breaks and breaks[0] <= at:
-            breaks.pop(0)
+        breaks = [place for place in breaks if place > at]
         if breaks and after > breaks[0]:  # the message that a crash cut, before what was appended afterwards
-            skipped += breaks[0] - at
-            at = breaks.pop(0)
-            continue
-        if after > end or kind not in _KINDS:
+            at = breaks[0]
+        elif after > end or kind not in _KINDS:
             sync = data.find(SYNC, at + 1)
-            resumed = end if sync < 0 else sync + len(SYNC)
-            skipped += resumed - at
-            at = resumed
-            continue
-        body = data[at + 3 : after]
-        if kind == ord("B"):
-            breaks = _appended(body, end)
-        elif kind == ord("F"):
-            name, _, fields = body.decode("utf-8", "replace").partition(":")
-            if name in names and (layout := _layout(fields)) is not None:
-                formats.setdefault(name, layout)
-        elif kind == ord("A") and size > 3:
-            instance, number = struct.unpack_from("<BH", body)
-            name = body[3:].decode("utf-8", "replace")
-            if name in formats and instance <= instances.get(name, 255):
-                if instance < instances.get(name, 255):
-                    found[name] = []
-                    chosen = {n: other for n, other in chosen.items() if other != name}
-                instances[name] = instance
-                chosen[number] = name
-        elif kind == ord("D") and size > 2:
-            name_of = chosen.get(body[0] | body[1] << 8)
-            if name_of is not None and size - 2 >= formats[name_of].itemsize:
-                found[name_of].append(body[2 : 2 + formats[name_of].itemsize])
-        at = after
-    rows = {name: np.frombuffer(b"".join(parts), dtype=formats[name]) for name, parts in found.items() if parts}
-    return rows, skipped + max(0, end - at)
+            at = end if sync < 0 else sync + len(SYNC)
+        else:
+            body = data[at + 3 : after]
+            if kind == ord("B"):
+                breaks = _appended(body, end)
+            yield kind, body
+            at = after
+
+
+class _Topics:
+    """The chosen topics as the messages tell of them, and the rows of their first instances."""
+
+    def __init__(self, names: Set[str]) -> None:
+        self.names = names
+        self.formats: dict[str, np.dtype[np.void]] = {}
+        self.rows: dict[str, list[bytes]] = {}
+        self._instances: dict[str, int] = {}
+        self._by_number: dict[int, str] = {}
+
+    def define(self, body: bytes) -> None:
+        """A format message."""
+        name, _, fields = body.decode("utf-8", "replace").partition(":")
+        if name in self.names and (layout := _layout(fields)) is not None:
+            self.formats.setdefault(name, layout)
+
+    def subscribe(self, body: bytes) -> None:
+        """A message that gives one instance of a topic its number; a lower instance takes the place of a higher one."""
+        if len(body) <= 3:
+            return
+        instance, number = struct.unpack_from("<BH", body)
+        name = body[3:].decode("utf-8", "replace")
+        known = self._instances.get(name, _NO_INSTANCE)
+        if name not in self.formats or instance > known:
+            return
+        if instance < known:
+            self.rows[name] = []
+            self._by_number = {n: other for n, other in self._by_number.items() if other != name}
+        self._instances[name] = instance
+        self._by_number[number] = name
+
+    def add(self, body: bytes) -> None:
+        """A row of a numbered topic."""
+        name = self._by_number.get(body[0] | body[1] << 8) if len(body) > 2 else None
+        if name is not None and len(body) - 2 >= self.formats[name].itemsize:
+            self.rows[name].append(body[2 : 2 + self.formats[name].itemsize])
 
 
 def _appended(body: bytes, end: int) -> list[int]:

@@ -2,69 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
-
-from fieldkit.cache import StageCache
-from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
 from fieldkit.reconstruction.dense.cuda import Cuda, cuda_devices
 from fieldkit.reconstruction.dense.depth_maps import compute_depth_maps
 from fieldkit.reconstruction.dense.fusion import fuse
-from fieldkit.reconstruction.dense.settings import Settings
-from fieldkit.reconstruction.dense.views import DepthMap, View
-from fieldkit.runtime.progress import Progress
-
-
-class Backend(Protocol):
-    """A way to do dense stereo.
-
-    Attributes:
-        name: `cpu` or `cuda`; recorded with every result.
-    """
-
-    name: str
-
-    def compute_depth_maps(
-        self,
-        views: Sequence[View],
-        volume: Volume,
-        settings: Settings,
-        *,
-        seed: int,
-        progress: Progress,
-        cache: StageCache,
-        workers: int = 1,
-    ) -> list[DepthMap]:
-        """A depth map per view, in the same order."""
-        ...
-
-    def fuse(self, views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: Settings) -> Cloud:
-        """One cloud in the plot frame with colours and normals."""
-        ...
 
 
 class Cpu:
     """PatchMatch compiled by Numba and fieldkit's own fusion, on one thread."""
 
     name = "cpu"
+    compute_depth_maps = staticmethod(compute_depth_maps)
+    fuse = staticmethod(fuse)
 
-    def compute_depth_maps(
-        self,
-        views: Sequence[View],
-        volume: Volume,
-        settings: Settings,
-        *,
-        seed: int,
-        progress: Progress,
-        cache: StageCache,
-        workers: int = 1,
-    ) -> list[DepthMap]:
-        return compute_depth_maps(views, volume, settings, seed=seed, progress=progress, cache=cache, workers=workers)
 
-    def fuse(self, views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: Settings) -> Cloud:
-        return fuse(views, depth_maps, volume, settings)
+Backend = Cpu | Cuda
+"""A way to do dense stereo; its ``name`` is recorded with every result."""
 
 
 def select_backend(choice: str = "auto") -> Backend:

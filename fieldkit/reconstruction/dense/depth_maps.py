@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense.matching import UNMATCHED, Planes, Problem, pack_view
-from fieldkit.reconstruction.dense.rays import Active, active_pixels
+from fieldkit.reconstruction.dense.matching import UNMATCHED, Problem, pack_view
+from fieldkit.reconstruction.dense.patchmatch import Active, Planes
+from fieldkit.reconstruction.dense.rays import active_pixels
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.views import DepthMap, View
@@ -40,9 +41,8 @@ def compute_depth_maps(
 
     From coarse to fine: on every level a pass of the photographs alone, from random planes or the coarser level's, then
     geometric passes, which take over the source views' planes where they fit better and ask for agreement with their
-    depths. Each view's results are cached by the content of
-    the view, of its source views, the volume, the settings and the seed, so a repeated or extended run only computes
-    what changed.
+    depths. Each view's results are cached by the content of the view, of its source views, the volume, the
+    settings and the seed, so a repeated or extended run only computes what changed.
 
     Args:
         views: n views at working size.
@@ -56,21 +56,6 @@ def compute_depth_maps(
     Returns:
         n depth maps, in the same order. A view without source views has no depths.
     """
-    found = compute_planes(views, volume, settings, seed=seed, progress=progress, cache=cache, workers=workers)
-    return [to_depth_map(view, planes, volume, settings) for view, planes in zip(views, found, strict=True)]
-
-
-def compute_planes(
-    views: Sequence[View],
-    volume: Volume,
-    settings: Settings,
-    *,
-    seed: int,
-    progress: Progress,
-    cache: StageCache,
-    workers: int,
-) -> list[Planes]:
-    """Plane hypotheses of every view by PatchMatch; see `compute_depth_maps`."""
     sources = choose_sources(views, volume, settings)
     contents = [view_digest(view) for view in views]
     matching = matching_settings(settings)
@@ -112,13 +97,13 @@ def compute_planes(
                     return _match_geometry(views[i], before[i], near, level, shared, random)
 
                 results = map_threads(_cached(cache, keys, later), count, workers=workers, advance=advance)
-    return results
+    return [to_depth_map(view, planes, volume, settings) for view, planes in zip(views, results, strict=True)]
 
 
 def to_depth_map(view: View, planes: Planes, volume: Volume, settings: Settings) -> DepthMap:
     """Depths, normals and costs as images; depths behind the volume are left out."""
     active = active_pixels(view, volume, _beyond(view, settings))
-    shape = active.index.shape
+    shape = active.place.shape
     inside = active.inside(planes.planes[:, 0]) & (planes.costs < UNMATCHED)
     rows, columns = active.pixels[inside, 0], active.pixels[inside, 1]
     depth = np.zeros(shape, dtype=np.float32)
@@ -251,9 +236,9 @@ def _carry_over(
 ) -> None:
     """Planes of the coarser level as a start, where it has one at the pixel; written into ``planes``, ``fresh``."""
     position = (active.pixels + 0.5) / factor - 0.5
-    shape = np.array(coarse.index.shape)
+    shape = np.array(coarse.place.shape)
     nearest = np.clip(np.rint(position).astype(np.int64), 0, shape - 1)
-    place = coarse.index[nearest[:, 0], nearest[:, 1]]
+    place = coarse.place[nearest[:, 0], nearest[:, 1]]
     known = place >= 0
     source = result.planes[place[known]]
     offset = (position - nearest)[known].astype(np.float32)

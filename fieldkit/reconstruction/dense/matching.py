@@ -8,13 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.reconstruction.dense.patchmatch import OFFSET_U, OFFSET_V, adopt, carry, score, start, sweep
-from fieldkit.reconstruction.dense.rays import Active
+from fieldkit.reconstruction.dense.patchmatch import (
+    OFFSET_U,
+    OFFSET_V,
+    Active,
+    Agreement,
+    Planes,
+    Steps,
+    Stereo,
+    adopt,
+    carry,
+    score,
+    start,
+    sweep,
+)
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.support import gray, pack_source, relative_camera, support_weights
 from fieldkit.reconstruction.dense.views import View
 
-_NO_DEPTHS = np.zeros((1, 1, 1), dtype=np.float32)
+_ALONE = Agreement(np.zeros((1, 1, 1), dtype=np.float32), np.float32(0.0), np.float32(0.0))
+"""The photographs alone."""
 _SAME_PX = 0.05
 """Planes that shift the patch by less are not tried again."""
 UNMATCHED = 9.0
@@ -22,30 +35,13 @@ UNMATCHED = 9.0
 
 
 @dataclass(frozen=True, eq=False)
-class Planes:
-    """Plane hypotheses of a view's active pixels, in the order of `active_pixels`.
-
-    Attributes:
-        planes: (n, 3) float32 inverse depth (1/m) and its change per pixel to the right and down.
-        costs: (n,) float32.
-    """
-
-    planes: NDArray[np.float32]
-    costs: NDArray[np.float32]
-
-
-@dataclass(eq=False)
 class Problem:
-    """Arrays of one reference view; see `patchmatch.start` and `patchmatch.sweep` for what each holds."""
+    """One reference view with its source views."""
 
     view: View
     active: Active
     settings: Settings
-    packed: NDArray[np.uint32]
-    sizes: NDArray[np.int64]
-    cameras: NDArray[np.float32]
-    back: NDArray[np.float32]
-    support: NDArray[np.float32]
+    stereo: Stereo
     pixel_w: float
     """Change of inverse depth that moves the typical source pixel by one, 1/m."""
 
@@ -72,17 +68,18 @@ class Problem:
             np.float32(settings.off_mask_weight),
             np.float32(settings.noise**2),
         )
-        return cls(
-            view,
-            active,
-            settings,
+        stereo = Stereo(
+            support,
             np.concatenate([image.ravel() for image in images]) if images else np.zeros(1, dtype=np.uint32),
             np.array(sizes, dtype=np.int64).reshape(-1, 3),
             np.array(cameras, dtype=np.float32).reshape(-1, 12),
             np.array(back, dtype=np.float32).reshape(-1, 12),
-            support,
-            _pixel_inverse_depth(view, sources),
+            _lens(view),
+            np.float32(settings.noise**2),
+            min(settings.best_sources, len(sources)),
+            np.float32(settings.slack),
         )
+        return cls(view, active, settings, stereo, _pixel_inverse_depth(view, sources))
 
     def empty(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Planes (n, 3) without content and the mask (n,) that says so."""
@@ -101,19 +98,11 @@ class Problem:
         range_px: float,
     ) -> Planes:
         """Random starts and sweeps by the photographs alone; ``planes`` is written to."""
-        count = len(planes)
-        costs = np.full(count, UNMATCHED, dtype=np.float32)
-        if not count or not len(self.sizes):
-            return Planes(planes, costs)
-        best = min(self.settings.best_sources, len(self.sizes))
-        noise = np.float32(self.settings.noise**2)
-        start(
-            planes, costs, fresh, self.active.pixels, self.active.ranges, self.packed, self.sizes, self.cameras,
-            self.support, _lens(self.view), _NO_DEPTHS, self.back, key, starts, noise, best,
-            np.float32(self.settings.slack),
-        )  # fmt: skip
-        self._sweep(planes, costs, _NO_DEPTHS, key, sweeps, range_px, geometric=0.0)
-        return Planes(planes, costs)
+        found = Planes(planes, np.full(len(planes), UNMATCHED, dtype=np.float32))
+        if len(planes) and self.stereo.best:
+            start(found, fresh, self.active, self.stereo, _ALONE, key, starts)
+            self._sweep(found, _ALONE, key, sweeps, range_px)
+        return found
 
     def refine(self, first: Planes, sources: list[tuple[View, Active, Planes]], key: np.uint64) -> Planes:
         """The second pass: take over the source views' planes, and ask for agreement with their depths.
@@ -126,53 +115,31 @@ class Problem:
         Returns:
             The planes; their costs are those of the photographs alone.
         """
-        planes, costs = first.planes.copy(), first.costs.copy()
-        if not len(planes) or not len(self.sizes):
-            return Planes(planes, costs)
-        settings = self.settings
-        depths = _inverse_depths(sources)
-        weight, cap = np.float32(settings.geometric_weight), np.float32(settings.geometric_cap_px)
-        noise, best = np.float32(settings.noise**2), min(settings.best_sources, len(self.sizes))
-        slack = np.float32(settings.slack)
-        views = (self.packed, self.sizes, self.cameras, self.support, depths, self.back, noise, best, slack)
-        score(planes, costs, self.active.pixels, *views, weight, cap)
-        found = np.zeros_like(planes)
-        for view, active, result in sources:
-            rotation = view.pose.rotation @ self.view.pose.rotation.T
-            offset = view.pose.rotation @ (self.view.pose.center - view.pose.center)
-            carry(
-                found, active.pixels, result.planes, result.costs, self.active.index, _lens(view), _lens(self.view),
-                rotation.astype(np.float32), offset.astype(np.float32), np.float32(settings.max_cost),
-            )  # fmt: skip
-            adopt(planes, costs, found, self.active.pixels, self.active.ranges, *views, weight, cap)
-        self._sweep(
-            planes, costs, depths, key, settings.geometric_sweeps, settings.second_range_px, settings.geometric_weight
+        found = Planes(first.planes.copy(), first.costs.copy())
+        if not len(found.planes) or not self.stereo.best:
+            return found
+        settings, stereo, active = self.settings, self.stereo, self.active
+        agreement = Agreement(
+            _inverse_depths(sources), np.float32(settings.geometric_weight), np.float32(settings.geometric_cap_px)
         )
-        score(planes, costs, self.active.pixels, *views, np.float32(0.0), cap)
-        return Planes(planes, costs)
+        score(found, active, stereo, agreement)
+        carried = np.zeros_like(found.planes)
+        for view, pixels, planes in sources:
+            rotation = (view.pose.rotation @ self.view.pose.rotation.T).astype(np.float32)
+            offset = (view.pose.rotation @ (self.view.pose.center - view.pose.center)).astype(np.float32)
+            limit = np.float32(settings.max_cost)
+            carry(carried, active, pixels, planes, _lens(view), stereo.lens, rotation, offset, limit)
+            adopt(found, carried, active, stereo, agreement)
+        self._sweep(found, agreement, key, settings.geometric_sweeps, settings.second_range_px)
+        score(found, active, stereo, _ALONE)
+        return found
 
-    def _sweep(
-        self,
-        planes: NDArray[np.float32],
-        costs: NDArray[np.float32],
-        depths: NDArray[np.float32],
-        key: np.uint64,
-        sweeps: int,
-        range_px: float,
-        geometric: float,
-    ) -> None:
-        settings = self.settings
-        best = min(settings.best_sources, len(self.sizes))
-        reach = range_px * self.pixel_w
+    def _sweep(self, found: Planes, agreement: Agreement, key: np.uint64, sweeps: int, range_px: float) -> None:
+        reach, same = range_px * self.pixel_w, np.float32(_SAME_PX * self.pixel_w)
         for step in range(sweeps):
+            steps = Steps(self.settings.perturbations, np.float32(reach), same)
             for color in (0, 1):
-                sweep(
-                    planes, costs, self.active.pixels, self.active.index, self.active.ranges, self.packed, self.sizes,
-                    self.cameras, self.support, depths, self.back, key, color, step,
-                    settings.perturbations, np.float32(reach), np.float32(_SAME_PX * self.pixel_w),
-                    np.float32(settings.noise**2), best, np.float32(settings.slack), np.float32(geometric),
-                    np.float32(settings.geometric_cap_px),
-                )  # fmt: skip
+                sweep(found, self.active, self.stereo, agreement, steps, key, color, step)
             reach *= 0.5
 
 
@@ -197,7 +164,7 @@ def _lens(view: View) -> NDArray[np.float32]:
 
 def _inverse_depths(sources: list[tuple[View, Active, Planes]]) -> NDArray[np.float32]:
     """Inverse depths of the source views as images, (sources, rows, columns); 0: none."""
-    shape = np.array([active.index.shape for _, active, _ in sources]).max(axis=0)
+    shape = np.array([active.place.shape for _, active, _ in sources]).max(axis=0)
     depths = np.zeros((len(sources), *shape), dtype=np.float32)
     for k, (_, active, result) in enumerate(sources):
         depths[k][active.pixels[:, 0], active.pixels[:, 1]] = result.planes[:, 0]

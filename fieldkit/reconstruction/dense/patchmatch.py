@@ -18,10 +18,13 @@ References: Bleyer et al., PatchMatch Stereo (BMVC 2011); Galliani et al., Massi
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import float32, int32, uint32, uint64
+from numpy.typing import NDArray
 
-from fieldkit.runtime.kernels import fast_kernel
+from fieldkit.runtime.kernels import fast_kernel, inline_fast_kernel
 
 SAMPLES = 16
 """Samples of a patch."""
@@ -35,6 +38,95 @@ HOPELESS = np.float32(0.05)
 """A neighbour that is this much dearer where it stands is not tried."""
 UNSEEN = np.float32(1.2)
 """Cost of a source view that does not see the whole patch; above every accepted cost."""
+
+
+class Active(NamedTuple):
+    """The n pixels of a view to work on.
+
+    Attributes:
+        pixels: (n, 2) int32 row, column; row by row.
+        place: (H, W) int32 place in ``pixels`` or −1.
+        ranges: (n, 2) float32 smallest and largest inverse depth to search, 1/m.
+        leaving: (n,) float32 inverse depth at which the ray leaves the volume, 1/m.
+    """
+
+    pixels: NDArray[np.int32]
+    place: NDArray[np.int32]
+    ranges: NDArray[np.float32]
+    leaving: NDArray[np.float32]
+
+    def inside(self, inverse_depths: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Which of n inverse depths, one per pixel, lie in the volume."""
+        return np.asarray(inverse_depths >= self.leaving, dtype=np.bool_)
+
+
+class Planes(NamedTuple):
+    """Plane hypotheses of a view's active pixels.
+
+    Attributes:
+        planes: (n, 3) float32 (w, g_u, g_v): inverse depth (1/m) and its change per pixel to the right and down.
+        costs: (n,) float32.
+    """
+
+    planes: NDArray[np.float32]
+    costs: NDArray[np.float32]
+
+
+class Stereo(NamedTuple):
+    """What a plane costs by the photographs alone: the reference view's patches and the k source views.
+
+    Attributes:
+        support: (n, 32) float32, see `support_weights`.
+        packed: the source views' pixels, one view after the other, see `pack_source`.
+        sizes: (k, 3) int64 start in ``packed``, width, height.
+        cameras, back: (k, 12) float32 into the source views and from them, see `relative_camera`.
+        lens: (4,) float32 f_x, f_y, c_x, c_y of the reference view, in index coordinates.
+        noise: variance of the grey levels that counts as no texture.
+        best, slack: of the k costs the ``best`` (1 to 3) lowest are averaged, none counted more than ``slack`` above
+            the lowest: such a view is taken not to see the surface.
+    """
+
+    support: NDArray[np.float32]
+    packed: NDArray[np.uint32]
+    sizes: NDArray[np.int64]
+    cameras: NDArray[np.float32]
+    back: NDArray[np.float32]
+    lens: NDArray[np.float32]
+    noise: np.float32
+    best: int
+    slack: np.float32
+
+
+class Agreement(NamedTuple):
+    """What a plane costs where it disagrees with the source views' own depths.
+
+    Each view's cost grows by weight · min(distance in pixels by which a pixel misses itself when sent there and back,
+    cap). A weight of 0 leaves it at the photographs alone, and ``depths`` unread.
+
+    Attributes:
+        depths: (k, rows, columns) float32 inverse depths, 1/m; 0: none.
+        weight: per pixel of distance.
+        cap: pixels.
+    """
+
+    depths: NDArray[np.float32]
+    weight: np.float32
+    cap: np.float32
+
+
+class Steps(NamedTuple):
+    """How a sweep perturbs planes.
+
+    Attributes:
+        tries: per pixel; each halves the range of the one before.
+        reach_w: range of the first try, as inverse depth (1/m).
+        same_w: planes closer than this in inverse depth, and as close in slope, are not tried again (1/m).
+    """
+
+    tries: int
+    reach_w: np.float32
+    same_w: np.float32
+
 
 _NEIGHBOR_U = np.array([-1, 1, 0, 0, -3, 3, 0, 0], dtype=np.int64)
 _NEIGHBOR_V = np.array([0, 0, -1, 1, 0, 0, -3, 3], dtype=np.int64)
@@ -55,8 +147,10 @@ def _uniform(state):
 
 
 @fast_kernel
-def _sample_cost(packed, base, stride, support, p, x0, y0, a_x, a_y, b_x, b_y, noise):
-    """1 − weighted NCC of pixel ``p``'s patch with an affine patch of a source view."""
+def _sample_cost(stereo, k, p, x0, y0, a_x, a_y, b_x, b_y):
+    """1 − weighted NCC of pixel ``p``'s patch with an affine patch of source view ``k``."""
+    packed, support = stereo.packed, stereo.support
+    base, stride = stereo.sizes[k, 0], stereo.sizes[k, 1]
     mean = float32(0.0)
     square = float32(0.0)
     product = float32(0.0)
@@ -79,19 +173,14 @@ def _sample_cost(packed, base, stride, support, p, x0, y0, a_x, a_y, b_x, b_y, n
         mean += weight * value
         square += weight * value * value
         product += support[p, SAMPLES + i] * value
-    variance = max(square - mean * mean, float32(0.0)) + noise
+    variance = max(square - mean * mean, float32(0.0)) + stereo.noise
     return float32(1.0) - product / np.sqrt(variance)
 
 
-@fast_kernel
-def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, slack, depths, back, geometric, cap):
-    """Mean of the ``best`` lowest costs over the source views of a plane at pixel (u, v).
-
-    None counts more than ``slack`` above the lowest: such a view is taken not to see the surface.
-
-    ``depths`` (sources, rows, columns) and ``back`` are read only when ``geometric`` > 0: then each view's cost grows
-    by geometric · min(distance in pixels by which (u, v) misses itself when sent there and back, cap).
-    """
+@inline_fast_kernel
+def _cost(stereo, agreement, p, u, v, w, g_u, g_v):
+    """Cost of a plane at pixel ``p``, which is (u, v)."""
+    sizes, cameras, best, slack = stereo.sizes, stereo.cameras, stereo.best, stereo.slack
     first = float32(9.0)
     second = float32(9.0)
     third = float32(9.0)
@@ -121,9 +210,9 @@ def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, sl
                 and x0 + reach_x < float32(width - 1)
                 and y0 + reach_y < float32(height - 1)
             ):
-                cost = _sample_cost(packed, sizes[k, 0], width, support, p, x0, y0, a_x, a_y, b_x, b_y, noise)
-                if geometric > float32(0.0):
-                    cost += geometric * _round_trip(depths, back, k, u, v, x0, y0, cap)
+                cost = _sample_cost(stereo, k, p, x0, y0, a_x, a_y, b_x, b_y)
+                if agreement.weight > float32(0.0):
+                    cost += agreement.weight * _round_trip(stereo.back, agreement, k, u, v, x0, y0)
         # Kept in order without branches, which would be mispredicted half the time.
         worse = max(cost, first)
         first = min(cost, first)
@@ -138,11 +227,12 @@ def _cost(packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, sl
 
 
 @fast_kernel
-def _round_trip(depths, back, k, u, v, x0, y0, cap):
+def _round_trip(back, agreement, k, u, v, x0, y0):
     """Pixels by which (u, v) misses itself when sent to source view k and back by that view's own depth; ≤ cap."""
+    cap = agreement.cap
     column = int32(x0 + float32(0.5))
     row = int32(y0 + float32(0.5))
-    w = depths[k, row, column]
+    w = agreement.depths[k, row, column]
     if w <= float32(0.0):
         return cap
     x = float32(column)
@@ -183,27 +273,20 @@ def _tilt(state, u, v, w, lens, steepest):
 
 
 @fast_kernel
-def start(
-    planes, costs, fresh, pixels, ranges, packed, sizes, cameras, support, lens, depths, back, key, starts, noise, best,
-    slack,
-):  # fmt: skip
+def start(found, fresh, active, stereo, nothing, key, starts):
     """Give every pixel the best of ``starts`` random planes, one in each equal share of its inverse-depth range.
 
     Args:
-        planes: (n, 3) float32 (w, g_u, g_v), written; where ``fresh`` is False, a plane to be compared with.
-        costs: (n,) float32, written.
+        found: `Planes`, written; where ``fresh`` is False, a plane to be compared with.
         fresh: (n,) bool: whether the pixel has no plane yet.
-        pixels: (n, 2) int32 (row, column) of the pixels to work on.
-        ranges: (n, 2) float32, smallest and largest inverse depth, 1/m.
-        packed, sizes, cameras: the source views, see `pack_source` and `source_camera`.
-        support: (n, 32) float32, see `support_weights`.
-        lens: (4,) float32 f_x, f_y, c_x, c_y of the reference view.
+        active: `Active`.
+        stereo: `Stereo`.
+        nothing: `Agreement` without weight.
         key: uint64 that everything random starts from.
         starts: how many.
-        noise: variance of the grey levels that counts as no texture.
-        best, slack: see `Settings`.
     """
-    zero = float32(0.0)
+    planes, costs = found
+    pixels, ranges = active.pixels, active.ranges
     steepest = float32(0.9)
     for p in range(pixels.shape[0]):
         v = float32(pixels[p, 0])
@@ -213,17 +296,12 @@ def start(
         seed = _mix(key ^ (uint64(pixels[p, 0]) << uint64(32)) ^ uint64(pixels[p, 1]))
         lowest = float32(9.0)
         if not fresh[p]:
-            lowest = _cost(
-                packed, sizes, cameras, support, p, u, v, planes[p, 0], planes[p, 1], planes[p, 2], noise, best,
-                slack, depths, back, zero, zero,
-            )  # fmt: skip
+            lowest = _cost(stereo, nothing, p, u, v, planes[p, 0], planes[p, 1], planes[p, 2])
         for i in range(starts):
             state = _mix(seed + uint64(i + 1) * uint64(0x9E3779B97F4A7C15))
             w = low + span * (float32(i) + _uniform(state)) / float32(starts)
-            g_u, g_v = _tilt(_mix(state ^ uint64(0x5851F42D4C957F2D)), u, v, w, lens, steepest)
-            cost = _cost(
-                packed, sizes, cameras, support, p, u, v, w, g_u, g_v, noise, best, slack, depths, back, zero, zero
-            )
+            g_u, g_v = _tilt(_mix(state ^ uint64(0x5851F42D4C957F2D)), u, v, w, stereo.lens, steepest)
+            cost = _cost(stereo, nothing, p, u, v, w, g_u, g_v)
             if cost < lowest:
                 lowest = cost
                 planes[p, 0] = w
@@ -233,23 +311,18 @@ def start(
 
 
 @fast_kernel
-def sweep(
-    planes, costs, pixels, index, ranges, packed, sizes, cameras, support, depths, back, key,
-    color, step, perturbations, reach_w, same_w, noise, best, slack, geometric, cap,
-):  # fmt: skip
+def sweep(found, active, stereo, agreement, steps, key, color, step):
     """One half sweep: pixels of one colour of the checkerboard take over better planes and perturb their own.
 
     Args:
-        index: (rows, columns) int32, the pixel's place in ``pixels`` or −1.
+        found, active, stereo, key: see `start`.
+        agreement: `Agreement`.
+        steps: `Steps`.
         color: 0 or 1, (row + column) mod 2 of the pixels to update.
         step: number of the sweep, part of the random state.
-        perturbations: tries per pixel; each halves the range of the one before.
-        reach_w: range of the first try, as inverse depth (1/m).
-        same_w: planes closer than this in inverse depth, and as close in slope, are not tried again (1/m).
-        geometric, cap: weight and bound of the round-trip distance; 0: photographs alone.
-
-    The other arguments are those of `start`.
     """
+    planes, costs = found
+    pixels, index, ranges, same_w = active.pixels, active.place, active.ranges, steps.same_w
     rows, columns = index.shape
     tried = np.empty((9, 3), dtype=np.float32)
     for p in range(pixels.shape[0]):
@@ -298,10 +371,7 @@ def sweep(
             tried[count, 1] = n_u
             tried[count, 2] = n_v
             count += 1
-            cost = _cost(
-                packed, sizes, cameras, support, p, u, v, n_w, n_u, n_v, noise, best, slack, depths, back,
-                geometric, cap,
-            )  # fmt: skip
+            cost = _cost(stereo, agreement, p, u, v, n_w, n_u, n_v)
             if cost < lowest:
                 lowest = cost
                 w = n_w
@@ -309,8 +379,8 @@ def sweep(
                 g_v = n_v
         seed = _mix(key ^ (uint64(row) << uint64(32)) ^ uint64(column))
         seed = _mix(seed ^ (uint64(step + 1) * uint64(0xD6E8FEB86659FD93)))
-        reach = reach_w
-        for i in range(perturbations):
+        reach = steps.reach_w
+        for i in range(steps.tries):
             state = _mix(seed + uint64(i + 1) * uint64(0x9E3779B97F4A7C15))
             n_w = w + reach * (float32(2.0) * _uniform(state) - float32(1.0))
             n_u = g_u
@@ -323,10 +393,7 @@ def sweep(
             reach *= float32(0.5)
             if n_w < low or n_w > high:
                 continue
-            cost = _cost(
-                packed, sizes, cameras, support, p, u, v, n_w, n_u, n_v, noise, best, slack, depths, back,
-                geometric, cap,
-            )  # fmt: skip
+            cost = _cost(stereo, agreement, p, u, v, n_w, n_u, n_v)
             if cost < lowest:
                 lowest = cost
                 w = n_w
@@ -339,20 +406,22 @@ def sweep(
 
 
 @fast_kernel
-def carry(found, source_pixels, source_planes, source_costs, index, lens_source, lens, rotation, offset, limit):
+def carry(carried, active, source, found, lens_source, lens, rotation, offset, limit):
     """Planes of a source view as planes of the reference view, at the pixels its points fall on.
 
     Args:
-        found: (n, 3) float32, written: the nearest plane that falls on each pixel, or zeros.
-        source_pixels, source_planes, source_costs: of the source view.
-        index: (rows, columns) int32 of the reference view.
+        carried: (n, 3) float32, written: the nearest plane that falls on each pixel, or zeros.
+        active: `Active` of the reference view.
+        source, found: `Active` and `Planes` of the source view.
         lens_source, lens: (4,) float32 f_x, f_y, c_x, c_y of both, in index coordinates.
         rotation, offset: (3, 3), (3,) float32, X_source = rotation X + offset.
         limit: planes that cost as much or more are left out.
     """
+    index, source_pixels = active.place, source.pixels
+    source_planes, source_costs = found
     rows, columns = index.shape
-    for p in range(found.shape[0]):
-        found[p, 0] = float32(0.0)
+    for p in range(carried.shape[0]):
+        carried[p, 0] = float32(0.0)
     for s in range(source_pixels.shape[0]):
         w = source_planes[s, 0]
         if source_costs[s] >= limit or w <= float32(0.0):
@@ -386,40 +455,34 @@ def carry(found, source_pixels, source_planes, source_costs, index, lens_source,
         g_u = (rotation[0, 0] * n_x + rotation[1, 0] * n_y + rotation[2, 0] * n_z) / side / lens[0]
         g_v = (rotation[0, 1] * n_x + rotation[1, 1] * n_y + rotation[2, 1] * n_z) / side / lens[1]
         here = float32(1.0) / z + g_u * (float32(column) - u) + g_v * (float32(row) - v)
-        if here > found[p, 0]:
-            found[p, 0] = here
-            found[p, 1] = g_u
-            found[p, 2] = g_v
+        if here > carried[p, 0]:
+            carried[p, 0] = here
+            carried[p, 1] = g_u
+            carried[p, 2] = g_v
 
 
 @fast_kernel
-def adopt(
-    planes, costs, found, pixels, ranges, packed, sizes, cameras, support, depths, back, noise, best, slack,
-    geometric, cap,
-):  # fmt: skip
-    """Take over the planes of ``found`` (n, 3) that cost less; the arguments are those of `sweep`."""
+def adopt(found, carried, active, stereo, agreement):
+    """Take over the planes of ``carried`` (n, 3) that cost less; the other arguments are those of `sweep`."""
+    planes, costs = found
+    pixels, ranges = active.pixels, active.ranges
     for p in range(pixels.shape[0]):
-        w = found[p, 0]
+        w, g_u, g_v = carried[p, 0], carried[p, 1], carried[p, 2]
         if w < ranges[p, 0] or w > ranges[p, 1]:
             continue
-        v = float32(pixels[p, 0])
-        u = float32(pixels[p, 1])
-        cost = _cost(
-            packed, sizes, cameras, support, p, u, v, w, found[p, 1], found[p, 2], noise, best, slack, depths, back,
-            geometric, cap,
-        )  # fmt: skip
+        cost = _cost(stereo, agreement, p, float32(pixels[p, 1]), float32(pixels[p, 0]), w, g_u, g_v)
         if cost < costs[p]:
             costs[p] = cost
             planes[p, 0] = w
-            planes[p, 1] = found[p, 1]
-            planes[p, 2] = found[p, 2]
+            planes[p, 1] = g_u
+            planes[p, 2] = g_v
 
 
 @fast_kernel
-def score(planes, costs, pixels, packed, sizes, cameras, support, depths, back, noise, best, slack, geometric, cap):
-    """Write into ``costs`` what ``planes`` cost; the arguments are those of `sweep`."""
+def score(found, active, stereo, agreement):
+    """Write the costs of the planes of ``found``; the arguments are those of `sweep`."""
+    planes, costs = found
+    pixels = active.pixels
     for p in range(pixels.shape[0]):
-        costs[p] = _cost(
-            packed, sizes, cameras, support, p, float32(pixels[p, 1]), float32(pixels[p, 0]),
-            planes[p, 0], planes[p, 1], planes[p, 2], noise, best, slack, depths, back, geometric, cap,
-        )  # fmt: skip
+        u, v = float32(pixels[p, 1]), float32(pixels[p, 0])
+        costs[p] = _cost(stereo, agreement, p, u, v, planes[p, 0], planes[p, 1], planes[p, 2])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.dense.patchmatch import Active
 from fieldkit.reconstruction.dense.views import View
 
 _NEAREST_SHARE = 0.05
@@ -47,27 +47,6 @@ def _range_of(
     np.maximum(near, _NEAREST_SHARE * far, out=near)
     ahead = far > 0
     return np.where(ahead, near, np.inf), np.where(ahead, far, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Active:
-    """The pixels of a view to work on.
-
-    Attributes:
-        pixels: (n, 2) int32 row, column; row by row.
-        index: (H, W) int32 place in ``pixels`` or −1.
-        ranges: (n, 2) float32 smallest and largest inverse depth to search, 1/m.
-        leaving: (n,) float32 inverse depth at which the ray leaves the volume, 1/m.
-    """
-
-    pixels: NDArray[np.int32]
-    index: NDArray[np.int32]
-    ranges: NDArray[np.float32]
-    leaving: NDArray[np.float32]
-
-    def inside(self, inverse_depths: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Which of n inverse depths, one per pixel, lie in the volume."""
-        return np.asarray(inverse_depths >= self.leaving, dtype=np.bool_)
 
 
 def active_pixels(view: View, volume: Volume, beyond: float) -> Active:

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.scenes import benchmark_cameras, benchmark_scene
 from benchmarks.sgbm import sgbm_depth_maps
 from fieldkit.cache import StageCache
-from fieldkit.clouds.metrics import f_scores
+from fieldkit.clouds.metrics import score
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense import Settings, compute_depth_maps, fuse, prepare_view
 from fieldkit.runtime.progress import Silent
@@ -40,8 +40,9 @@ def test_ten_views_of_a_plot(index):
     volume = Volume((*around.lower[:2], LOWEST_M), around.upper)
     settings = Settings()
     found = compute_depth_maps(views, volume, settings, seed=0, progress=Silent(), cache=StageCache(None))
-    ours = f_scores(truth, fuse(views, found, volume, settings), [0.010])[0.010]
-    baseline = f_scores(truth, fuse(views, sgbm_depth_maps(views, volume, settings), volume, settings), [0.010])[0.010]
+    ours = score(truth, fuse(views, found, volume, settings), [0.010]).f_scores[0.010]
+    theirs = fuse(views, sgbm_depth_maps(views, volume, settings), volume, settings)
+    baseline = score(truth, theirs, [0.010]).f_scores[0.010]
     assert ours.f_score >= 0.95
     assert ours.precision >= 0.97
     assert ours.f_score > baseline.f_score

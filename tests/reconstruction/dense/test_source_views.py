@@ -86,7 +86,7 @@ def test_active_pixels_are_those_on_the_mask_that_meet_the_volume():
     near, far = depth_range(CAMERA, view.pose, VOLUME)
     active = active_pixels(replace(view, mask=mask), VOLUME, 0.5)
     expected = mask & (far > near)
-    assert np.array_equal(active.index >= 0, expected)
+    assert np.array_equal(active.place >= 0, expected)
     assert np.array_equal(active.pixels, np.argwhere(expected))
     assert active.ranges[:, 0] == pytest.approx(1 / (1.5 * far[expected]))
     assert active.ranges[:, 1] == pytest.approx(1 / near[expected])
