@@ -516,7 +516,7 @@ def _common_turn(poses: Sequence[Pose], priors: Sequence[RoughPose]) -> NDArray[
 
 
 def _rolled(problem: _Problem, model: pycolmap.Reconstruction) -> bool:
-    """Whether the model as a whole has left the bounds of its orientations, so that all its poses would be called wrong.
+    """Whether a model as a whole has left its orientations' bounds, so that all its poses would be called wrong.
 
     Bundle adjustment knows positions only, and a chain of two pairs can roll under its matches' noise.
     """

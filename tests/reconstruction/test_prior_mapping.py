@@ -148,7 +148,9 @@ def test_a_chain_of_three_photographs_does_not_roll() -> None:
     folder = Path(__file__).parents[1] / "data" / "small_plot"
     poses = list(poses_from_csv(folder / "poses.csv"))[:3]
     images = [read_image(folder / f"IMG_000{k}.jpg", gray=True) for k in (1, 2, 3)]
-    features = [extract_features(image, FeatureSettings(max_features=4096, contrast_threshold=0.02)) for image in images]
+    features = [
+        extract_features(image, FeatureSettings(max_features=4096, contrast_threshold=0.02)) for image in images
+    ]
     names = ["1", "2", "3"]
     priors = [RoughPose(pose, np.full(3, 0.003), 3.0) for pose in poses]
     camera = Intrinsics.pinhole(320, 240, 304.0)
