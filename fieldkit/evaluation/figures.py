@@ -28,9 +28,9 @@ from fieldkit.results.evaluation import (
     OriginEntry,
     Row,
     StageEntry,
-    Vector,
     VolumeEntry,
 )
+from fieldkit.results.fields import Vector
 
 
 def findings_entries(findings: Sequence[Finding]) -> tuple[FindingEntry, ...]:

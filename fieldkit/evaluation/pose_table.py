@@ -24,8 +24,8 @@ from fieldkit.results.evaluation import (
     PoseSource,
     SpreadEntry,
     StationErrorEntry,
-    Vector,
 )
+from fieldkit.results.fields import Vector
 from fieldkit.results.plan import Plan
 
 POSE_SOURCES: tuple[PoseSource, ...] = ("planned", "commanded", "reported", "tagged", "reconstructed")
