@@ -8,31 +8,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike
 
 from fieldkit.errors import MissionError
 from fieldkit.missions.plan_site.vehicle import Speeds
 from fieldkit.missions.routing.flight_time import path_time_s, stretch_time_s
-from fieldkit.missions.routing.legs import Leg, check_places, leg_of, legs_between, no_way
+from fieldkit.missions.routing.legs import legs_between
 from fieldkit.missions.routing.obstacles import TOLERANCE_M, Obstacles, Volume
 from tests.missions.clearance import is_clear
+from tests.missions.routing.single_leg import safe_leg
 
 SPEEDS = Speeds(cruise_mps=2.0, climb_mps=1.5, descent_mps=1.0, acceleration_mps2=1.0, yaw_dps=60.0)
 PLOT = ((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0))
 PLANTS = Volume("plot-1", PLOT, 2.5, 0.5, "plants")
-
-
-def safe_leg(
-    a: ArrayLike, b: ArrayLike, obstacles: Obstacles, speeds: Speeds, *, level_m: float | None = None,
-    names: tuple[str, str] = ("the start", "the end"),
-) -> Leg:  # fmt: skip
-    """The way from a to b, as a tour takes it; MissionError where an end is in an obstacle, or there is none."""
-    start, stop = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-    check_places(np.stack([start, stop]), names, obstacles)
-    legs = legs_between(start[None], stop[None], obstacles, speeds, level_m=level_m)
-    if np.isinf(legs.time_s[0]):
-        raise no_way(start, stop, names, obstacles, level_m)
-    return leg_of(legs.places(0), speeds)
 
 
 def field(seed: int) -> Obstacles:
