@@ -11,9 +11,8 @@ from fieldkit.errors import MissionError
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.ardupilot.accepting import MEASURED
 from fieldkit.missions.items import MissionItem, command_name, plain_frame
-from fieldkit.missions.link.item_rules import WireItem, stored, stored_fence_item
+from fieldkit.missions.link.item_rules import Kind, WireItem, stored, stored_fence_item
 from fieldkit.missions.link.listener import ARDUPILOT
-from fieldkit.missions.link.transfers import Kind
 from fieldkit.missions.mission import Fence, Home
 
 _COMMON_UNITS = (1, 1, 0.011)

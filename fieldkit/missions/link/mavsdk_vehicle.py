@@ -17,10 +17,9 @@ from typing import Any
 from fieldkit.errors import LinkError
 from fieldkit.mavlink.dialect import mavlink
 from fieldkit.mavlink.frames import Splitter
-from fieldkit.missions.link.item_rules import WireItem
+from fieldkit.missions.link.item_rules import Kind, WireItem
 from fieldkit.missions.link.listener import Listener
 from fieldkit.missions.link.signing import Signer
-from fieldkit.missions.link.transfers import Kind
 from fieldkit.missions.link.wires import Wire
 
 _STATION = (245, 190)

@@ -14,11 +14,10 @@ from fieldkit.errors import FieldkitError, LinkError, MissionError
 from fieldkit.missions.autopilots.ardupilot.accepting import Result
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.missions.link.compare import differences, fence_items, home_item, roundings, to_wire
-from fieldkit.missions.link.item_rules import WireItem
+from fieldkit.missions.link.item_rules import MAX_ITEMS, Kind, WireItem
 from fieldkit.missions.link.listener import ARDUPILOT, PX4
 from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle, TransferFailed
 from fieldkit.missions.link.signing import Signer
-from fieldkit.missions.link.transfers import MAX_ITEMS, Kind
 from fieldkit.missions.link.upload_outcome import (
     PATIENCE,
     Held,
