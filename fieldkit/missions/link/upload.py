@@ -247,7 +247,7 @@ class _Upload:
         return None
 
     def _watch(self) -> None:
-        # MAVSDK ends every transfer by itself; should it not, nobody waits for ever.
+        # MAVSDK ends a transfer that falls silent; one that announces 65,535 items and trickles would last for hours.
         if time.monotonic() > self._end + _GRACE_S:
             raise LinkError("the time for it is over", remedy="Check the link.")
 
