@@ -15,7 +15,7 @@ from benchmarks.field_faults import Fault, FaultyCapture, PlotPhotographs, draw_
 from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.evaluation.field_check.check import Run, check_capture
+from fieldkit.evaluation.field_check.check import Run, check_captures
 from fieldkit.evaluation.field_check.model import CheckReport, CheckSettings
 from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.progress import Progress, Silent
@@ -224,7 +224,7 @@ def time_checks(plot: PlotPhotographs, folder: Path, *, workers: int) -> list[tu
         with tempfile.TemporaryDirectory(prefix="fieldkit-") as fresh:
             spent = []
             for _ in range(2):
-                report = check_capture(
+                (report,) = check_captures(
                     where, plot.plan, site=plot.site if where == plot.flown else None, cache=StageCache(Path(fresh)),
                     workers=workers,
                 )  # fmt: skip

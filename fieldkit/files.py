@@ -223,6 +223,17 @@ def _make_locked(partial: Path) -> int:
         os.close(lock)  # another run took it for abandoned before it was locked
 
 
+def remove_if_abandoned(place: Path) -> None:
+    """Remove a hidden folder of `atomic_folder` whose maker no longer lives; one that is locked stays."""
+    with suppress(OSError):
+        lock = os.open(place, os.O_RDONLY)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(place, ignore_errors=True)
+        finally:
+            os.close(lock)
+
+
 def _remove_abandoned(target: Path) -> None:
     prefix = f".{target.name[:40]}."
     for place in target.parent.iterdir():
@@ -230,13 +241,7 @@ def _remove_abandoned(target: Path) -> None:
             continue
         if len(place.name) != len(prefix) + 12 + len(_PARTIAL):
             continue
-        with suppress(OSError):
-            lock = os.open(place, os.O_RDONLY)
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(place, ignore_errors=True)
-            finally:
-                os.close(lock)
+        remove_if_abandoned(place)
 
 
 def _move_into_place(partial: Path, target: Path, overwrite: bool) -> None:

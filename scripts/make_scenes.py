@@ -11,8 +11,7 @@ from typing import Any
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.run.outcome import run_schemas
-from fieldkit.results.mission_file import mission_schema
-from fieldkit.results.plan_file import plan_schema
+from fieldkit.results.report_files import SCHEMA_FILES, json_schema
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.generator import new_scene, varied, without_plant
 from fieldkit.scenes.scene_file import described_types, key_docs, scene_schema, write_scene
@@ -139,8 +138,6 @@ if __name__ == "__main__":
         write_scene(FOLDER / f"{name}.toml", scene)
         print(FOLDER / f"{name}.toml")
     (ROOT / "docs" / "schemas" / "scene.schema.json").write_text(scene_schema(), encoding="utf-8")
-    (ROOT / "docs" / "schemas" / "plan.schema.json").write_text(plan_schema(), encoding="utf-8")
-    (ROOT / "docs" / "schemas" / "mission.schema.json").write_text(mission_schema(), encoding="utf-8")
-    for name, text in run_schemas().items():
+    for name, text in (run_schemas() | {n: json_schema(model) for n, model in SCHEMA_FILES.items()}).items():
         (ROOT / "docs" / "schemas" / name).write_text(text, encoding="utf-8")
     GUIDE.write_text(guide_with_tables(GUIDE.read_text(encoding="utf-8")), encoding="utf-8")

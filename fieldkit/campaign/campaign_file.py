@@ -13,7 +13,7 @@ from fieldkit.documents.toml_text import toml_text
 from fieldkit.documents.versioned_toml import read_versioned, validated_toml
 from fieldkit.missions.plan_site.site import Name
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.plan import Strict
+from fieldkit.results.fields import Strict
 
 CAMPAIGN_FILE = "campaign.toml"
 DISTANCES_M = (0.002, 0.005, 0.010, 0.020)

@@ -5,11 +5,7 @@ A visit holds a digest of all that its result depends on. Where that is still th
 
 from __future__ import annotations
 
-import fcntl
-import os
-import shutil
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from fieldkit.cache import digest
@@ -18,6 +14,7 @@ from fieldkit.campaign.evaluate_visit import VisitJob
 from fieldkit.campaign.visit_folders import Visits
 from fieldkit.captures import find_mask
 from fieldkit.captures.selection import FoundPhoto, capture_of, photographs_at
+from fieldkit.files import remove_if_abandoned
 from fieldkit.results.report_files import EVALUATION_FILE, file_sha256
 from fieldkit.results.visit import VISITS_FOLDER, Visit
 
@@ -79,10 +76,4 @@ def earlier_photographs(
 def sweep(folder: Path) -> None:
     """Remove what killed runs left in a campaign's folder; what belongs to a run that lives is locked and stays."""
     for place in (folder / VISITS_FOLDER).glob("*/.*.partial"):
-        with suppress(OSError):
-            descriptor = os.open(place, os.O_RDONLY)
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(place, ignore_errors=True)
-            finally:
-                os.close(descriptor)
+        remove_if_abandoned(place)

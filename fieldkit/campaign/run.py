@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -103,29 +103,32 @@ def evaluate_campaign(
         kept = [] if overwrite else unchanged(jobs, visits)
         same = {visit.key for visit in kept}
         todo = [job for job in jobs if (job.plot.id, job.date) not in same]
-        evaluated: list[Visit] = []
         try:
-            with progress.stage("Visits", len(jobs)) as advance, closing(_evaluate(todo, workers)) as results:
+            with progress.stage("Visits", len(jobs)) as advance:
                 advance(len(kept))
-                for visit in results:
-                    if not visit.folder:
-                        keep_visit(folder, visit)
-                    evaluated.append(visit)
-                    progress.note(f"{visit.plot} {visit.date}: {_sentence(visit)}")
-                    advance(1)
+                evaluated = _evaluated(folder, todo, workers, progress, advance)
         finally:
             sweep(folder)  # of workers that were stopped in the middle
         campaign = read_campaign(folder)
         if adopted:  # else an earlier fieldkit's table is still the only place of a visit
             write_table(folder, campaign.visits)
-    return CampaignRun(
-        campaign,
-        len(found.photos),
-        tuple(evaluated),
-        tuple(kept),
-        (*found.findings, *sorting.left_out),
-        sorting.findings,
-    )
+    left_out = (*found.findings, *sorting.left_out)
+    return CampaignRun(campaign, len(found.photos), evaluated, tuple(kept), left_out, sorting.findings)
+
+
+def _evaluated(
+    folder: Path, todo: Sequence[VisitJob], workers: int, progress: Progress, advance: Callable[[int], None]
+) -> tuple[Visit, ...]:
+    """The visits, each kept in the campaign's folder and told of as it is done."""
+    evaluated = []
+    with closing(_evaluate(todo, workers)) as results:
+        for visit in results:
+            if not visit.folder:
+                keep_visit(folder, visit)
+            evaluated.append(visit)
+            progress.note(f"{visit.plot} {visit.date}: {_sentence(visit)}")
+            advance(1)
+    return tuple(evaluated)
 
 
 def _evaluate(todo: Sequence[VisitJob], workers: int) -> Generator[Visit, None, None]:

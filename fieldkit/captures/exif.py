@@ -14,6 +14,7 @@ from fieldkit.captures.decode import PngMetadata
 from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.captures.xmp import RTK_FIXED, XmpData, parse_xmp
 from fieldkit.documents.xml_tree import XmlError
+from fieldkit.geometry.geodesy import on_earth
 
 _BASE, _GPS = ExifTags.Base, ExifTags.GPS
 _FILM_WIDTH_MM, _FILM_HEIGHT_MM = 36.0, 24.0
@@ -196,7 +197,7 @@ def _geotag(gps: Mapping[int, Any], xmp: XmpData, problems: list[Problem]) -> Ge
     if abs(latitude) < 1e-6 and abs(longitude) < 1e-6:
         problems.append(("gps-zero", "the GPS position is (0, 0), so the camera had no fix; not used"))
         return None
-    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+    if not on_earth(latitude, longitude):
         problems.append(("gps-implausible", f"GPS ({latitude:.5f}, {longitude:.5f}) is not on Earth; not used"))
         return None
     map_datum = _text(gps.get(_GPS.GPSMapDatum))

@@ -8,31 +8,21 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.errors import MetadataError
 
 Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> dict[str, Any]:
-    """The JSON object that a file holds.
-
-    Args:
-        file: to read.
-        remedy: of every error.
-        noun: what the file is, for its errors: "report", "plan".
-        max_bytes: a larger file is refused unread.
+    """The JSON object that a file holds; the arguments are those of `file_bytes`.
 
     Raises:
         MetadataError: it is missing, unreadable, too large, not JSON, or no object.
     """
+    data = file_bytes(file, remedy, max_bytes, noun=noun)
     try:
-        if file.stat().st_size > max_bytes:
-            raise MetadataError(f"is far too large for a {noun}", path=file, remedy=remedy)
-        document = json.loads(file.read_bytes())
-    except FileNotFoundError as error:
-        raise MetadataError("there is no such file", path=file, remedy=remedy) from error
-    except OSError as error:
-        raise MetadataError(f"cannot be read: {error.strerror}", path=file, remedy=remedy) from error
+        document = json.loads(data)
     except UnicodeDecodeError as error:
         raise MetadataError("is not text in UTF-8", path=file, remedy=remedy) from error
     except json.JSONDecodeError as error:
@@ -41,6 +31,19 @@ def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> d
         raise MetadataError(f"is not JSON that a {noun} could hold", path=file, remedy=remedy) from error
     if not isinstance(document, dict):
         raise MetadataError("is not a JSON object", path=file, remedy=remedy)
+    return document
+
+
+def read_kind(file: Path, kind: str, remedy: str, *, max_bytes: int) -> dict[str, Any]:
+    """The JSON object of a file that fieldkit wrote, whose "kind" says what it is.
+
+    Raises:
+        MetadataError: as `read_json_object`, or it is of another kind.
+    """
+    document = read_json_object(file, remedy, noun=kind, max_bytes=max_bytes)
+    if document.get("kind") != kind:
+        was = f'its "kind" is {document["kind"]!r}' if "kind" in document else 'it has no "kind"'
+        raise MetadataError(f"is not a fieldkit {kind}: {was}", path=file, remedy=remedy)
     return document
 
 
@@ -56,7 +59,7 @@ def check_version(document: dict[str, Any], known: int, file: Path, remedy: str)
 
 
 def validated(model: type[Model], document: dict[str, Any], file: Path, remedy: str) -> Model:
-    """The document of a file as a model of pydantic's.
+    """The document of a file as a model of pydantic's; lists may become tuples, all else is strict.
 
     Raises:
         MetadataError: a field is wrong; the first one is named.
@@ -68,11 +71,20 @@ def validated(model: type[Model], document: dict[str, Any], file: Path, remedy: 
 
 
 def first_problem(error: ValidationError) -> str:
-    """The first thing that pydantic found wrong, in one line."""
-    first = error.errors(include_url=False, include_context=False)[0]
-    key = ".".join(str(part) for part in first["loc"])
-    problem = first["msg"].removeprefix("Value error, ")
-    return f"{key}: {problem[:1].lower()}{problem[1:]}"
+    """The first thing that pydantic found wrong as "field: what it is", in one line, and how many more there are."""
+    problems = error.errors(include_url=False, include_context=False)
+    first = problems[0]
+    field = ".".join(str(part) for part in first["loc"]) or "the object"
+    match first["type"]:
+        case "missing":
+            problem = "is missing"
+        case "extra_forbidden":
+            problem = "is not known to this version of the format"
+        case _:
+            problem = first["msg"].removeprefix("Value error, ")
+            problem = problem[:1].lower() + problem[1:]
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"{field}: {problem}{more}"
 
 
 def schema_text(schema: dict[str, Any]) -> str:

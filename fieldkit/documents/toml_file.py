@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit.documents import safe_toml
+from fieldkit.documents.file_bytes import decoded, file_bytes
 from fieldkit.errors import InputError, MetadataError
 
 MOST_CHARACTERS = 16 << 20
@@ -25,31 +26,14 @@ def read_toml(
     """The document of a TOML file in UTF-8, with or without a byte order mark.
 
     Args:
-        path: to read.
         noun: what the file is, for its errors: "site file", "scene file".
-        remedy: of every error that has no better one.
-        max_bytes: of a larger file no more is read; it is refused.
-        missing: the remedy where there is no such file, if it is another one.
-        error: what is raised.
+        path, remedy, max_bytes, missing, error: as of `file_bytes`.
 
     Raises:
         InputError: of the kind ``error``: the file is missing, unreadable, too large, not in UTF-8, or no TOML.
     """
-    try:
-        with path.open("rb") as file:
-            data = file.read(max_bytes + 1)
-        if len(data) > max_bytes:
-            raise error(f"is far too large for a {noun}", path=path, remedy=remedy)
-        text = data.decode("utf-8-sig")
-    except FileNotFoundError as caught:
-        raise error(f"there is no such {noun}", path=path, remedy=missing or remedy) from caught
-    except OSError as caught:
-        raise error(f"cannot be read: {caught.strerror}", path=path, remedy="Check its permissions.") from caught
-    except UnicodeDecodeError as caught:
-        raise error("is not text in UTF-8", path=path, remedy="Save it as UTF-8.") from caught
-    except ValueError as caught:  # a NUL in the path
-        raise error(f"is no path of a {noun}", path=path, remedy=remedy) from caught
-    return toml_document(text, path, remedy, error=error)
+    data = file_bytes(path, remedy, max_bytes, noun=noun, name=noun, missing=missing, error=error)
+    return toml_document(decoded(data, path, error=error), path, remedy, error=error)
 
 
 def toml_document(

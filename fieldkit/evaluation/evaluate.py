@@ -30,14 +30,6 @@ DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 PLOTS_FILE = "plots.csv"
 
 
-@dataclass(frozen=True, eq=False)
-class _Flown:
-    """A flight over the plots by its log, and what was planned; each None where it was not given."""
-
-    flight: Flight | None
-    plan: FlownPlan | None
-
-
 def evaluate_captures(
     captures: Path,
     output: Path,
@@ -91,20 +83,11 @@ def evaluate_captures(
         if empty:
             progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
         read = None if reference is None else Reference(reference)
-        told = None if mission is None else FlownMission.read(*mission)
         flight = None if log is None else Flight.read(log, plots)
-        flown_plan = None
-        if plan is not None:
-            place = None if read is None else read.known_plot().source
-            flown_plan = FlownPlan.of(load_plan(plan), place, flight, told)
+        flown = None if plan is None else _flown_plan(plan, mission, read, flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
-        flown = _Flown(flight, flown_plan)
-        results = [
-            _evaluate_plot(
-                name, path, folder, settings, scoring, flown, cache, progress, workers, alone=len(plots) == 1
-            )
-            for name, path in plots
-        ]
+        run = _Run(folder, settings, scoring, flight, flown, cache, progress, workers)
+        results = [run.plot(name, path, alone=len(plots) == 1) for name, path in plots]
         report = evaluation_report(
             Path(captures).absolute().name,
             results,
@@ -125,39 +108,49 @@ def _json_of(reference: Path) -> Path:
     return reference / REFERENCE_FILE if reference.is_dir() else reference
 
 
-def _evaluate_plot(
-    name: str,
-    path: Path,
-    folder: Path,
-    settings: ReconstructionSettings,
-    scoring: Scoring,
-    flown: _Flown,
-    cache: StageCache,
-    progress: Progress,
-    workers: int,
-    *,
-    alone: bool,
-) -> PlotEvaluation:
-    spent = Spent.now()
-    try:
-        by_log = None if flown.flight is None else flown.flight.capture(name)
-        capture = read_capture(path) if by_log is None else by_log
-        known_plot = None if scoring.reference is None else scoring.reference.known_plot()
-        plot = score_capture(
-            name, capture, known_plot, folder, settings, scoring,
-            spent=spent, cache=cache, progress=progress, workers=workers,
-        )  # fmt: skip
-        if flown.plan is None:
-            return plot
-        plot = flown.plan.compare(plot, name, path, capture)
-        if plot.adherence is None:
-            progress.note(f"{name}: no adherence to the plan: {flown.plan.without_place}")
-        return write_adherence(folder, name, plot)
-    except StorageError:
-        raise
-    except FieldkitError as error:
-        # One bad folder among many must not cost the others; alone, its own exit code says more.
-        if alone and isinstance(error, InputError):
+def _flown_plan(
+    plan: Path, mission: tuple[Path, str] | None, reference: Reference | None, flight: Flight | None
+) -> FlownPlan:
+    told = None if mission is None else FlownMission.read(*mission)
+    place = None if reference is None else reference.known_plot().source
+    return FlownPlan.of(load_plan(plan), place, flight, told)
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """What the evaluations of all plots share; the flight and the plan are None where none was given."""
+
+    folder: Path
+    settings: ReconstructionSettings
+    scoring: Scoring
+    flight: Flight | None
+    plan: FlownPlan | None
+    cache: StageCache
+    progress: Progress
+    workers: int
+
+    def plot(self, name: str, path: Path, *, alone: bool) -> PlotEvaluation:
+        """A plot's evaluation, with its error where it failed."""
+        spent = Spent.now()
+        try:
+            by_log = None if self.flight is None else self.flight.capture(name)
+            capture = read_capture(path) if by_log is None else by_log
+            known_plot = None if self.scoring.reference is None else self.scoring.reference.known_plot()
+            plot = score_capture(
+                name, capture, known_plot, self.folder, self.settings, self.scoring,
+                spent=spent, cache=self.cache, progress=self.progress, workers=self.workers,
+            )  # fmt: skip
+            if self.plan is None:
+                return plot
+            plot = self.plan.compare(plot, name, path, capture)
+            if plot.adherence is None:
+                self.progress.note(f"{name}: no adherence to the plan: {self.plan.without_place}")
+            return write_adherence(self.folder, name, plot)
+        except StorageError:
             raise
-        progress.note(f"{name}: {error}")
-        return failed_plot(name, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds)
+        except FieldkitError as error:
+            # One bad folder among many must not cost the others; alone, its own exit code says more.
+            if alone and isinstance(error, InputError):
+                raise
+            self.progress.note(f"{name}: {error}")
+            return failed_plot(name, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds)

@@ -28,9 +28,9 @@ from fieldkit.results.evaluation import (
     OriginEntry,
     Row,
     StageEntry,
-    Vector,
     VolumeEntry,
 )
+from fieldkit.results.fields import Vector
 
 
 def findings_entries(findings: Sequence[Finding]) -> tuple[FindingEntry, ...]:
@@ -65,6 +65,39 @@ def figures(
     sparse = reconstruction.sparse
     frame = sparse.frame
     voxel = voxel_edge_m(reconstruction.gsd_m)
+    return {
+        **_mapping_figures(sparse),
+        "pose_rms_m": number(frame.rms_m),
+        "metric_source": frame.source,
+        "metric": frame.metric,
+        "position_bound_m": number(frame.bound_m),
+        "points": len(reconstruction.plants),
+        "gsd_m": number(reconstruction.gsd_m),
+        # Without a metric source the edge would be 10 mm of nothing.
+        "points_per_plant_voxel": points_per_voxel(reconstruction.plants.points, voxel) if frame.metric else None,
+        "plant_voxel_m": float(voxel) if frame.metric else None,
+        "frame": _frame_entry(frame),
+        "volume": VolumeEntry(lower_m=reconstruction.volume.lower, upper_m=reconstruction.volume.upper),
+        "dense": DenseEntry(
+            fidelity=settings.fidelity,
+            mask=settings.mask,
+            backend=reconstruction.backend,
+            fusion_rule=reconstruction.fusion_rule,
+            seed=settings.seed,
+        ),
+        "times": tuple(
+            StageEntry(
+                name=t.name, wall_s=float(t.wall_s), cpu_s=float(t.cpu_s), items=int(t.items), cached=int(t.cached)
+            )
+            for t in reconstruction.times
+        ),
+        "seconds": float(seconds),
+        "cpu_seconds": float(cpu_seconds),
+        "files": tuple(files),
+    }
+
+
+def _mapping_figures(sparse: SparseResult) -> dict[str, Any]:
     observations = sum(image.observations for image in sparse.images)
     sparse_points = int(sparse.model.num_points3D())
     errors = [(i.observations, i.reprojection_px) for i in sparse.images if i.reprojection_px is not None]
@@ -75,12 +108,6 @@ def figures(
         "right": sparse.right,
         "models": tuple(int(size) for size in sparse.model_sizes),
         "method": sparse.method,
-        "pose_rms_m": _number(frame.rms_m),
-        "metric_source": frame.source,
-        "metric": frame.metric,
-        "position_bound_m": _number(frame.bound_m),
-        "points": len(reconstruction.plants),
-        "gsd_m": _number(reconstruction.gsd_m),
         "reprojection_px": sum(count * error for count, error in errors) / seen if seen else None,
         "track_length": observations / sparse_points if sparse_points else None,
         "observations": int(observations),
@@ -88,30 +115,9 @@ def figures(
         "features_per_image": mean([image.features for image in sparse.images]),
         "pairs_tried": int(sparse.pairs_tried),
         "pairs_verified": int(sparse.pairs_verified),
-        # Without a metric source the edge would be 10 mm of nothing.
-        "points_per_plant_voxel": points_per_voxel(reconstruction.plants.points, voxel) if frame.metric else None,
-        "plant_voxel_m": float(voxel) if frame.metric else None,
-        "frame": _frame_entry(frame),
-        "volume": VolumeEntry(lower_m=reconstruction.volume.lower, upper_m=reconstruction.volume.upper),
         "cameras": _camera_entries(sparse),
-        "dense": DenseEntry(
-            fidelity=settings.fidelity,
-            mask=settings.mask,
-            backend=reconstruction.backend,
-            fusion_rule=reconstruction.fusion_rule,
-            seed=settings.seed,
-        ),
         "image_reports": image_entries(sparse),
         "findings": findings_entries(sparse.findings),
-        "times": tuple(
-            StageEntry(
-                name=t.name, wall_s=float(t.wall_s), cpu_s=float(t.cpu_s), items=int(t.items), cached=int(t.cached)
-            )
-            for t in reconstruction.times
-        ),
-        "seconds": float(seconds),
-        "cpu_seconds": float(cpu_seconds),
-        "files": tuple(files),
     }
 
 
@@ -132,7 +138,7 @@ def _frame_entry(frame: MetricFrame) -> FrameEntry:
         ground=None
         if ground is None
         else GroundEntry(
-            normal=_vector(ground.normal),
+            normal=vector(ground.normal),
             offset_m=float(ground.offset),
             rms_m=float(ground.rms_m),
             inlier_share=float(ground.inlier_share),
@@ -191,7 +197,7 @@ def known_centers(sparse: SparseResult) -> dict[str, Vector]:
     if capture.origin is not None and frame.origin is not None and capture.origin != frame.origin:
         points = frame.origin.to_local(*capture.origin.to_geodetic(points))
     moved = frame.plot_from_source.apply(points)
-    return {name: _vector(point) for name, point in zip(positions, moved, strict=True)}
+    return {name: vector(point) for name, point in zip(positions, moved, strict=True)}
 
 
 def image_entry(image: ImageReport, pose: Pose | None = None, known: Vector | None = None) -> ImageEntry:
@@ -204,11 +210,11 @@ def image_entry(image: ImageReport, pose: Pose | None = None, known: Vector | No
         right=None if image.right is None else bool(image.right),
         reason=clean_text(image.reason),
         observations=int(image.observations),
-        reprojection_px=_number(image.reprojection_px),
-        position_residual_m=_number(image.position_residual_m),
-        angle_residual_deg=_number(image.angle_residual_deg),
+        reprojection_px=number(image.reprojection_px),
+        position_residual_m=number(image.position_residual_m),
+        angle_residual_deg=number(image.angle_residual_deg),
         known_center_m=known,
-        center_m=None if pose is None else _vector(pose.center),
+        center_m=None if pose is None else vector(pose.center),
         yaw_deg=angles[0],
         pitch_deg=angles[1],
         roll_deg=angles[2],
@@ -222,7 +228,8 @@ def reasons(images: Sequence[ImageReport]) -> dict[str, int]:
     return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
 
-def _number(value: float | None) -> float | None:
+def number(value: float | None) -> float | None:
+    """None where it is not finite, for JSON has no such numbers."""
     return None if value is None or not np.isfinite(value) else float(value)
 
 
@@ -231,7 +238,8 @@ def mean(values: Sequence[float]) -> float | None:
     return float(np.mean(values)) if len(values) else None
 
 
-def _vector(values: NDArray[np.float64]) -> Vector:
+def vector(values: NDArray[np.float64]) -> Vector:
+    """(3,) as models of results hold it."""
     x, y, z = (float(v) for v in values)
     return x, y, z
 

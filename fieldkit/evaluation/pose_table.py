@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.captures import Capture
-from fieldkit.evaluation.figures import clean_text
+from fieldkit.evaluation.figures import clean_text, number, vector
 from fieldkit.geometry import Pose
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.stations import PoseArray, associate
@@ -24,7 +24,6 @@ from fieldkit.results.evaluation import (
     PoseSource,
     SpreadEntry,
     StationErrorEntry,
-    Vector,
 )
 from fieldkit.results.plan import Plan
 
@@ -47,11 +46,8 @@ def pose_entry(position: ArrayLike, rotation: NDArray[np.float64] | None) -> Pos
         position: (3,) metres, plot frame.
         rotation: (3, 3) camera from plot frame; None where it is not known.
     """
-    x, y, z = (float(v) for v in np.asarray(position, dtype=np.float64))
-    if rotation is None:
-        return PoseEntry(position_m=(x, y, z), yaw_deg=None, pitch_deg=None)
-    yaw, pitch = _yaw_pitch(rotation)
-    return PoseEntry(position_m=(x, y, z), yaw_deg=yaw, pitch_deg=pitch)
+    yaw, pitch = (None, None) if rotation is None else _yaw_pitch(rotation)
+    return PoseEntry(position_m=vector(np.asarray(position, dtype=np.float64)), yaw_deg=yaw, pitch_deg=pitch)
 
 
 def pose_array(poses: Iterable[PoseEntry]) -> PoseArray:
@@ -153,20 +149,8 @@ def pose_adherence(
         shifts[source] = _shift(station_of, stations, found.get(source, {}), axes)
     if not station_of:
         return None
-    table = tuple(
-        PhotographPosesEntry(
-            image=name,
-            station=station_of.get(name),
-            planned=stations[station_of[name]] if name in station_of else None,
-            commanded=(commanded or {}).get(station_of.get(name, "")),
-            reported=found.get("reported", {}).get(name),
-            tagged=found.get("tagged", {}).get(name),
-            reconstructed=found.get("reconstructed", {}).get(name),
-        )
-        for name in photographs
-    )
-    known = {s: sum(getattr(row, s) is not None and row.station is not None for row in table) for s in ACHIEVED}
-    achieved = next((s for s in ACHIEVED if known[s] >= LEAST_STATIONS), max(ACHIEVED, key=lambda s: known[s]))
+    table = _table(photographs, station_of, stations, commanded or {}, found)
+    achieved = _achieved_by(table)
     if flown is not None and achieved == "reported":
         errors = flown.stations
     else:
@@ -181,11 +165,38 @@ def pose_adherence(
         yaw_rms_deg=_rms([e.yaw_deg for e in errors]),
         pitch_rms_deg=_rms([e.pitch_deg for e in errors]),
         achieved_by=achieved,
-        shift_m=_vector(shift) if np.isfinite(shift).all() else None,
+        shift_m=vector(shift) if np.isfinite(shift).all() else None,
         photographs=table,
         differences=differences(table, axes),
         unknown={s: clean_text(unknown[s]) for s in POSE_SOURCES if s in unknown},
     )
+
+
+def _table(
+    photographs: Sequence[str], station_of: Mapping[str, str], stations: Poses, commanded: Poses,
+    found: Mapping[PoseSource, Poses],
+) -> tuple[PhotographPosesEntry, ...]:  # fmt: skip
+    rows = []
+    for name in photographs:
+        station = station_of.get(name)
+        rows.append(
+            PhotographPosesEntry(
+                image=name,
+                station=station,
+                planned=None if station is None else stations[station],
+                commanded=None if station is None else commanded.get(station),
+                reported=found.get("reported", {}).get(name),
+                tagged=found.get("tagged", {}).get(name),
+                reconstructed=found.get("reconstructed", {}).get(name),
+            )
+        )
+    return tuple(rows)
+
+
+def _achieved_by(table: Sequence[PhotographPosesEntry]) -> AchievedSource:
+    """The first source that knows enough photographs of stations, else the one that knows most."""
+    known = {s: sum(getattr(row, s) is not None and row.station is not None for row in table) for s in ACHIEVED}
+    return next((s for s in ACHIEVED if known[s] >= LEAST_STATIONS), max(ACHIEVED, key=lambda s: known[s]))
 
 
 def differences(table: Sequence[PhotographPosesEntry], axes: NDArray[np.float64]) -> tuple[PoseDifferenceEntry, ...]:
@@ -258,7 +269,7 @@ def _errors(
         errors.append(
             StationErrorEntry(
                 station=row.station, image=row.image, east_m=east, north_m=north, up_m=up,
-                yaw_deg=_known(yaw), pitch_deg=_known(pitch), speed_mps=None, turning_dps=None,
+                yaw_deg=number(yaw), pitch_deg=number(pitch), speed_mps=None, turning_dps=None,
             )
         )  # fmt: skip
     return tuple(sorted(errors, key=lambda error: order.index(error.station)))
@@ -287,12 +298,3 @@ def _somewhere(row: PhotographPosesEntry) -> bool:
 def _rms(values: Sequence[float | None]) -> float | None:
     known = np.array([v for v in values if v is not None])
     return float(np.sqrt((known**2).mean())) if len(known) else None
-
-
-def _known(value: float) -> float | None:
-    return value if np.isfinite(value) else None
-
-
-def _vector(values: NDArray[np.float64]) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from fieldkit.reconstruction.evidence import Evidence
-from fieldkit.results.evaluation import Strict
+from fieldkit.results.fields import Strict
 
 MODEL_FILE = "prediction.json"
 NOTHING_METRIC = "the reconstruction has no metric scale"

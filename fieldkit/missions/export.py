@@ -19,6 +19,7 @@ from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.site_obstacles import site_obstacles
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.routing.flights import Flight, Stop, plan_flights
+from fieldkit.missions.routing.legs import Place
 from fieldkit.results.plan import Plan, Plans
 
 Array = NDArray[np.float64]
@@ -121,20 +122,10 @@ def route_plan(
     else:
         require_reachable(shots, site, vehicle)
     frame = SiteFrame(site.home)
-    points = frame.points(shot.place for shot in shots)
-    pause = vehicle.trigger.settle_s + vehicle.trigger.exposure_s
-    stops = [
-        Stop((float(x), float(y), float(z)), shot.yaw_deg, pause, shot.plot, shot.name)
-        for (x, y, z), shot in zip(points, shots, strict=True)
-    ]
-    landing = (0.0, 0.0, 0.0)
-    if site.landing is not None:
-        east, north, _ = frame.to_local(site.landing.latitude_deg, site.landing.longitude_deg, 0.0)[0]
-        landing = (float(east), float(north), 0.0)
     obstacles = site_obstacles(site, vehicle.clearance_m, plans)
     flights = plan_flights(
-        stops, (0.0, 0.0, 0.0), landing, obstacles, vehicle, takeoff_m=site.takeoff_m, transit_m=site.transit_m,
-        seed=seed,
+        _stops(shots, frame, vehicle), (0.0, 0.0, 0.0), _landing(site, frame), obstacles, vehicle,
+        takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed,
     )  # fmt: skip
     plants = _plants(plans, site)
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
@@ -147,6 +138,23 @@ def route_plan(
         np.concatenate([np.zeros((0, 3)), *plants.values()]), plants, findings,
         {} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
     )  # fmt: skip
+
+
+def _stops(shots: Sequence[Shot], frame: SiteFrame, vehicle: Vehicle) -> list[Stop]:
+    points = frame.points(shot.place for shot in shots)
+    pause = vehicle.trigger.settle_s + vehicle.trigger.exposure_s
+    return [
+        Stop((float(x), float(y), float(z)), shot.yaw_deg, pause, shot.plot, shot.name)
+        for (x, y, z), shot in zip(points, shots, strict=True)
+    ]
+
+
+def _landing(site: Site, frame: SiteFrame) -> Place:
+    """Metres from home, on the ground."""
+    if site.landing is None:
+        return (0.0, 0.0, 0.0)
+    east, north, _ = frame.to_local(site.landing.latitude_deg, site.landing.longitude_deg, 0.0)[0]
+    return (float(east), float(north), 0.0)
 
 
 def _mission(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import re
-from collections.abc import Container, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -94,16 +94,13 @@ def export_mission(
     if isinstance(site, Site) and plots is not None:
         place = with_plots(site, load_plots(plots))
     routed = route_plan(loaded, profile, place, fit=fit, adjust=adjust, seed=seed)
-    more: dict[Path, bytes] = {}
-    written: dict[str, Path] = {}
-    for plot, flown in routed.own.items() if plans else ():
-        written[plot] = _plan_file(output, plot, {record_path(output), *more})
-        more[written[plot]] = plan_bytes(flown)
+    written = _plan_files(output, routed.own) if plans else {}
+    more = {file: plan_bytes(routed.own[plot]) for plot, file in written.items()}
     if picture:
         more[output.with_suffix(".png")] = picture_bytes(routed, place, profile)
     contents = mission_contents(
-        routed, profile, place, output, format, plans=_flown_plans(plan, loaded, place, routed, written), route=route,
-        profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name, more=more,
+        routed, profile, place, output, format, plans=flown_plans(plan, loaded, place, routed.own, written),
+        profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name, route=route, more=more,
     )  # fmt: skip
     write_mission(contents, overwrite=overwrite)
     return ExportedMission(routed, tuple(contents), written)
@@ -156,13 +153,35 @@ def mission_contents(
     return {**missions, record_path(output): record_bytes(record), **others}
 
 
-def flown_plan(data: bytes, name: str | None = None) -> FlownPlan:
-    """A plan.json as a record names it.
+def flown_plans(
+    given: Path | Plans, loaded: Plans, site: Site, own: Mapping[str, Plan] | None = None,
+    written: Mapping[str, Path] | None = None,
+) -> dict[str, FlownPlan]:  # fmt: skip
+    """By plot, the plan that is flown there: a file that was given as its bytes are, others as they are written.
 
     Args:
-        data: the file's bytes.
-        name: its name, where it is a file.
+        given: the plan, its file or that file's folder; or plots' plans.
+        loaded: the same, read.
+        site: whose plots fly it.
+        own: plans of plots that are not flown by that one.
+        written: the files that these are written to.
     """
+    files = written or {}
+    found = {
+        plot: _flown_plan(plan_bytes(plan), files[plot].name if plot in files else None)
+        for plot, plan in (own or {}).items()
+    }
+    if isinstance(given, Path):
+        file = given / PLAN_FILE if given.is_dir() else given
+        one = _flown_plan(file.read_bytes(), file.name)
+    elif isinstance(loaded, Plan):
+        one = _flown_plan(plan_bytes(loaded), None)
+    else:
+        return found
+    return {plot.name: one for plot in site.plots} | found
+
+
+def _flown_plan(data: bytes, name: str | None) -> FlownPlan:
     return FlownPlan(name=name, sha256=hashlib.sha256(data).hexdigest())
 
 
@@ -197,36 +216,19 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     return png(figure)
 
 
-def _flown_plans(
-    given: Path | Plans, loaded: Plans, site: Site, routed: Routed, written: Mapping[str, Path]
-) -> dict[str, FlownPlan]:
-    """By plot, the plan that is flown there: a file that was given as its bytes are, others as they are written."""
-    found = {
-        plot: flown_plan(plan_bytes(own), written[plot].name if plot in written else None)
-        for plot, own in routed.own.items()
-    }
-    if isinstance(given, Path):
-        file = given / PLAN_FILE if given.is_dir() else given
-        one = flown_plan(file.read_bytes(), file.name)
-    elif isinstance(loaded, Plan):
-        one = flown_plan(plan_bytes(loaded), None)
-    else:
-        return found
-    return {plot.name: one for plot in site.plots} | found
-
-
 def _of_first_plot(routed: Routed) -> int:
     shots = routed.flights[0].mission.shots
     return sum(shot.plot == shots[0].plot for shot in shots)
 
 
-def _plan_file(mission: Path, plot: str, taken: Container[Path]) -> Path:
-    """MISSION-PLOT.json, with a number where two plots' names differ in what no file name may have."""
-    stem = f"{mission.stem}-" + re.sub(r"[^\w.-]", "_", plot)
-    names = (
-        mission.with_name(f"{stem}{more}.json") for more in itertools.chain([""], (f"-{k}" for k in itertools.count(2)))
-    )
-    return next(name for name in names if name not in taken)
+def _plan_files(mission: Path, plots: Iterable[str]) -> dict[str, Path]:
+    """MISSION-PLOT.json by plot, with a number where two plots' names differ in what no file name may have."""
+    files: dict[str, Path] = {}
+    for plot in plots:
+        stem = f"{mission.stem}-" + re.sub(r"[^\w.-]", "_", plot)
+        names = (mission.with_name(f"{stem}{f'-{k}' if k > 1 else ''}.json") for k in itertools.count(1))
+        files[plot] = next(name for name in names if name not in {record_path(mission), *files.values()})
+    return files
 
 
 def _names(output: Path, flights: int) -> list[Path]:

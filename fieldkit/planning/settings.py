@@ -12,7 +12,8 @@ from pydantic import ConfigDict, Field, model_validator
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.score.cost_model import WEIGHTS
-from fieldkit.results.plan import Count, Length, PlanCamera, PlanSource, Strict
+from fieldkit.results.fields import Count, Length, Strict
+from fieldkit.results.plan import PlanCamera, PlanSource
 
 Preset = Literal["field", "paper"]
 Range = tuple[float, float]

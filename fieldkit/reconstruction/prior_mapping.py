@@ -6,7 +6,8 @@
    falls. Where the pairs leave sub-models, all matches across put these together first (`submodels`).
 3. Guided matching again about the refined poses, in bands that narrow round by round, each followed by
    triangulation and bundle adjustment. A round is held together by the pairs that have far more matches than chance
-   gives; the others add what these lack (`ties`).
+   gives; the others add what these lack (`ties`). Where the first of these rounds leaves the model out of the
+   orientations' bounds as a whole, it is made about the priors instead.
 4. An image counts as registered only with clearly more matches than chance gives.
 
 The method is ours (the paper maps blindly); its parts are standard: RANSAC (Fischler & Bolles 1981), robust bundle
@@ -207,7 +208,10 @@ def map_with_priors(
         pairs = _overlapping(problem, model, pairs)
         last = index == len(settings.bands_px) - 1
         poses = _reconsidered(problem, model, pairs, region)
-        model = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
+        refined = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
+        if index == 0 and _rolled(problem, refined):
+            refined = _round(problem, model, start, pairs, band * scale, region, meet_in, last=last)
+        model = refined
         advance(1)
     unregistered = _unsupported(problem, model, pairs, region, meet_in, settings.bands_px[-1] * scale)
     for name in unregistered:
@@ -509,6 +513,16 @@ def _common_turn(poses: Sequence[Pose], priors: Sequence[RoughPose]) -> NDArray[
         away = np.array([rotation_angle_deg(turn, mean) for turn in turns])
         kept = away <= 2.0 * np.median(away)
     return mean
+
+
+def _rolled(problem: _Problem, model: pycolmap.Reconstruction) -> bool:
+    """Whether a model as a whole has left its orientations' bounds, so that all its poses would be called wrong.
+
+    Bundle adjustment knows positions only, and a chain of two pairs can roll under its matches' noise.
+    """
+    turn = _common_turn(_state(problem, model)[0], problem.priors)
+    sigma_deg = float(np.median([prior.angle_sigma_deg for prior in problem.priors]))
+    return rotation_angle_deg(turn, np.eye(3)) > ANGLE_SIGMAS * sigma_deg
 
 
 def _left_bounds(pose: Pose, prior: RoughPose, turn: NDArray[np.float64]) -> bool:

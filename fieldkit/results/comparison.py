@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from fieldkit.results.evaluation import Count, Length, Sha256, Strict
+from fieldkit.results.fields import Count, Length, Sha256, Strict
 
 NoiseSource = Literal["repeats", "plan", "blocks", "plan and blocks", "prediction", "plots"]
 

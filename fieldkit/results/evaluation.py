@@ -7,31 +7,20 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from fieldkit.geometry import Pose
+from fieldkit.results.fields import Count, Latitude, Length, Longitude, Sha256, Strict, Vector
 
-Count = Annotated[int, Field(ge=0)]
-Length = Annotated[float, Field(ge=0)]
 Seconds = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
-Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
-Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Distance = Annotated[str, Field(pattern=r"^\d+\.\d{3,}$")]
 """A distance in metres as a key, with at least three decimals: "0.002"."""
 ByDistance = dict[Distance, Share]
 
 Method = Literal["incremental", "global", "prior"]
 Source = Literal["poses.csv", "geo.txt", "EXIF GPS", "flight log", "markers", "none"]
-
-
-class Strict(BaseModel):
-    """Unknown keys, other types and numbers that are not finite are errors; values are never coerced."""
-
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
 
 
 class FileEntry(Strict):
@@ -87,8 +76,8 @@ class CameraEntry(Strict):
 class OriginEntry(Strict):
     """Where the georeferenced source frame's origin lies (WGS 84). Its axes are east, north, up."""
 
-    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
-    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
+    latitude_deg: Latitude
+    longitude_deg: Longitude
     altitude_m: float
     datum: Literal["ellipsoid", "sea level", "unknown"]
     """What the altitude is measured from."""
@@ -368,7 +357,7 @@ class AdherenceEntry(Strict):
     """All of the plot, in its order; empty in older files."""
     differences: tuple[PoseDifferenceEntry, ...] = ()
     """Of every two sources that know photographs in common."""
-    unknown: dict[PoseSource, str] = {}
+    unknown: dict[PoseSource, str] = {}  # noqa: RUF012 - pydantic copies it
     """Sources that say nothing of any photograph, and why."""
 
 

@@ -12,14 +12,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.results.evaluation import FileEntry, OriginEntry, Sha256
-from fieldkit.results.plan import Length, PlanCamera, Strict
+from fieldkit.results.evaluation import FileEntry, OriginEntry
+from fieldkit.results.fields import Heading, Latitude, Length, Longitude, Pitch, Sha256, Strict
+from fieldkit.results.plan import PlanCamera
 
 FARTHEST_M = 100_000.0
 """From home; no battery lasts that long."""
 
-Latitude = Annotated[float, Field(ge=-90, le=90)]
-Longitude = Annotated[float, Field(ge=-180, le=180)]
 Height = Annotated[float, Field(ge=-20_000, le=20_000)]
 Slope = Annotated[float, Field(ge=-10, le=10)]
 Ring = Annotated[tuple[tuple[Latitude, Longitude], ...], Field(min_length=3)]
@@ -64,7 +63,7 @@ class MissionPlot(Strict):
     """Of the frame, on the ground; where home says no height, it is above home and of unknown datum."""
     ground_m: Height
     """Of the origin above home."""
-    row_heading_deg: Annotated[float, Field(ge=-360, le=360)]
+    row_heading_deg: Heading
     """Compass heading of x."""
     gradient: tuple[Slope, Slope]
     """Rise of the ground per metre along x and y."""
@@ -87,9 +86,9 @@ class MissionStation(MissionPlace):
     plot: str
     station: Annotated[int, Field(ge=0)]
     """Number in the plot's plan, from 0."""
-    yaw_deg: Annotated[float, Field(ge=-360, le=360)]
+    yaw_deg: Heading
     """True heading of the optical axis, clockwise from north."""
-    pitch_deg: Annotated[float, Field(ge=-90, le=90)]
+    pitch_deg: Pitch
     """Of the gimbal: 0 at the horizon, −90 straight down."""
 
 

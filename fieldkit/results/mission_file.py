@@ -1,11 +1,10 @@
-"""Reading and writing mission.json, and its JSON Schema."""
+"""Reading and writing mission.json."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from fieldkit.documents.json_file import check_version, read_json_object, schema_text, validated
-from fieldkit.errors import MetadataError
+from fieldkit.documents.json_file import check_version, read_kind, validated
 from fieldkit.results.mission import MissionRecord
 
 MISSION_FILE = "mission.json"
@@ -34,15 +33,6 @@ def load_mission(file: Path) -> MissionRecord:
     Raises:
         MetadataError: it is missing, not JSON, no mission's, of another version, or a field is wrong.
     """
-    document = read_json_object(file, _AGAIN, noun="mission", max_bytes=_MAX_BYTES)
-    if document.get("kind") != "mission":
-        raise MetadataError(
-            f'is not the record of a mission: its "kind" is {document.get("kind")!r}', path=file, remedy=_AGAIN
-        )
+    document = read_kind(file, "mission", _AGAIN, max_bytes=_MAX_BYTES)
     check_version(document, 1, file, _AGAIN)
     return validated(MissionRecord, document, file, _AGAIN)
-
-
-def mission_schema() -> str:
-    """JSON Schema (2020-12) of mission.json, as text that ends in a newline."""
-    return schema_text(MissionRecord.model_json_schema(mode="validation"))

@@ -8,21 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from fieldkit.geometry import Intrinsics, Pose
-
-Vector = tuple[float, float, float]
-Count = Annotated[int, Field(ge=0)]
-Length = Annotated[float, Field(ge=0)]
-
-
-class Strict(BaseModel):
-    """Unknown keys, other types and numbers that are not finite are errors; values are never coerced."""
-
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
+from fieldkit.results.fields import Count, Heading, Length, Pitch, Strict, Vector
 
 
 class Station(Strict):
@@ -30,9 +19,9 @@ class Station(Strict):
 
     position_m: Vector
     """Plot frame."""
-    yaw_deg: Annotated[float, Field(ge=-360, le=360)]
+    yaw_deg: Heading
     """Of the optical axis, clockwise from the plot frame's y axis."""
-    pitch_deg: Annotated[float, Field(ge=-90, le=90)]
+    pitch_deg: Pitch
     """Of the gimbal: 0 at the horizon, −90 straight down."""
 
     @property
@@ -136,7 +125,7 @@ class Plan(Strict):
     """Version that wrote it."""
     stations: Annotated[tuple[Station, ...], Field(min_length=1)]
     camera: PlanCamera | None = None
-    row_heading_deg: Annotated[float, Field(ge=-360, le=360)] | None = None
+    row_heading_deg: Heading | None = None
     """Compass heading of the plot frame's x axis."""
     envelope: PlanEnvelope | None = None
     plants: PlanPlants | None = None

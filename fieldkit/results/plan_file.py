@@ -1,4 +1,4 @@
-"""Reading and writing plan.json, and its JSON Schema."""
+"""Reading and writing plan.json."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit import __version__
-from fieldkit.documents.json_file import check_version, read_json_object, schema_text, validated
-from fieldkit.errors import MetadataError
+from fieldkit.documents.json_file import check_version, read_kind, validated
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.results.plan import Plan, PlanCamera, Station
@@ -61,13 +60,6 @@ def load_plan(path: Path) -> Plan:
     """
     path = Path(path)
     file = path / PLAN_FILE if path.is_dir() else path
-    document = read_json_object(file, _AGAIN, noun="plan", max_bytes=_MAX_BYTES)
-    if document.get("kind") != "plan":
-        raise MetadataError(f'is not a plan: its "kind" is {document.get("kind")!r}', path=file, remedy=_AGAIN)
+    document = read_kind(file, "plan", _AGAIN, max_bytes=_MAX_BYTES)
     check_version(document, 1, file, _AGAIN)
     return validated(Plan, document, file, _AGAIN)
-
-
-def plan_schema() -> str:
-    """JSON Schema (2020-12) of plan.json, as text that ends in a newline."""
-    return schema_text(Plan.model_json_schema(mode="validation"))

@@ -1,25 +1,28 @@
-"""Reading and writing reference.json and evaluation.json, and the JSON Schema of all results but plans."""
+"""Reading and writing reference.json and evaluation.json, and the JSON Schemas of results (docs/schemas)."""
 
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
-from fieldkit.documents.json_file import check_version, read_json_object, schema_text
+from fieldkit.documents.json_file import check_version, read_kind, schema_text, validated
 from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, FileEntry, ReferenceReport
+from fieldkit.results.mission import MissionRecord
+from fieldkit.results.plan import Plan
 from fieldkit.results.visit import Visit
 
 REFERENCE_FILE = "reference.json"
 EVALUATION_FILE = "evaluation.json"
 SCHEMA_FILES: dict[str, type[BaseModel]] = {
+    "plan.schema.json": Plan,
+    "mission.schema.json": MissionRecord,
     "reference.schema.json": ReferenceReport,
     "evaluation.schema.json": EvaluationReport,
     "comparison.schema.json": ComparisonReport,
@@ -93,41 +96,11 @@ def json_schema(model: type[BaseModel]) -> str:
     return schema_text(model.model_json_schema(mode="validation"))
 
 
-def write_schemas(folder: Path) -> None:
-    """Write the JSON Schema of every report into ``folder`` (docs/schemas)."""
-    for name, model in SCHEMA_FILES.items():
-        write_atomic(folder / name, json_schema(model))
-
-
 def _load(path: Path, name: str, model: type[_Report], kind: str) -> _Report:
     path = Path(path)
     file = path / name if path.is_dir() else path
     command = "fieldkit reference" if kind == "reference" else "fieldkit evaluate"
     again = f"Give the folder that `{command}` wrote, or run it again."
-    document = read_json_object(file, again, noun="report", max_bytes=_MAX_BYTES)
-    found = document.get("kind")
-    if found != kind:
-        was = f'its "kind" is {found!r}' if "kind" in document else 'it has no "kind"'
-        raise MetadataError(f"is not a fieldkit {kind}: {was}", path=file, remedy=again)
+    document = read_kind(file, kind, again, max_bytes=_MAX_BYTES)
     check_version(document, model.model_fields["version"].default, file, again)
-    try:
-        # From text, so that arrays may become tuples while everything else stays strict.
-        return model.model_validate_json(json.dumps(document))
-    except ValidationError as error:
-        raise MetadataError(_sentence(error), path=file, remedy=again) from error
-
-
-def _sentence(error: ValidationError) -> str:
-    """The first problem as ``field: what is wrong``, and how many more there are."""
-    problems = error.errors(include_url=False, include_context=False)
-    first = problems[0]
-    field = ".".join(str(part) for part in first["loc"]) or "the object"
-    match first["type"]:
-        case "missing":
-            problem = "is missing"
-        case "extra_forbidden":
-            problem = "is not known to this version of the format"
-        case _:
-            problem = first["msg"][:1].lower() + first["msg"][1:]
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"{field}: {problem}{more}"
+    return validated(model, document, file, again)

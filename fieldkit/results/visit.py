@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field
 
-from fieldkit.results.evaluation import ByDistance, Count, PlotEvaluation, Strict
+from fieldkit.results.evaluation import ByDistance, PlotEvaluation
+from fieldkit.results.fields import Count, Strict
 
 VISITS_FOLDER = "visits"
 

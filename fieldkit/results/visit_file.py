@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from fieldkit.documents.json_file import check_version, read_json_object, validated
-from fieldkit.errors import MetadataError
+from fieldkit.documents.json_file import check_version, read_kind, validated
 from fieldkit.files import write_atomic
 from fieldkit.results.visit import Visit
 
@@ -31,11 +30,7 @@ def visit_document(folder: Path) -> dict[str, Any]:
     Raises:
         MetadataError: it is missing, not JSON, or no visit.
     """
-    file = folder / VISIT_FILE
-    document = read_json_object(file, _REMEDY, noun="visit", max_bytes=_MAX_BYTES)
-    if document.get("kind") != "visit":
-        raise MetadataError(f'is not a visit: its "kind" is {document.get("kind")!r}', path=file, remedy=_REMEDY)
-    return document
+    return read_kind(folder / VISIT_FILE, "visit", _REMEDY, max_bytes=_MAX_BYTES)
 
 
 def visit_of_document(document: dict[str, Any], folder: Path) -> Visit:
@@ -47,12 +42,3 @@ def visit_of_document(document: dict[str, Any], folder: Path) -> Visit:
     file = folder / VISIT_FILE
     check_version(document, _VERSION, file, _REMEDY)
     return validated(Visit, document, file, _REMEDY)
-
-
-def load_visit(folder: Path) -> Visit:
-    """The visit of a folder.
-
-    Raises:
-        MetadataError: as `visit_document` and `visit_of_document`.
-    """
-    return visit_of_document(visit_document(folder), folder)

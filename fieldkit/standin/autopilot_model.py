@@ -12,11 +12,11 @@ import numpy as np
 
 from fieldkit.mavlink.dialect import mavlink
 from fieldkit.mavlink.frames import Message
-from fieldkit.missions.link.item_rules import WireItem
-from fieldkit.missions.link.transfers import Acknowledge, Answers, Ask, Count, Item, ItemList, Kind, Peer, Text
+from fieldkit.missions.link.item_rules import Kind, WireItem
 from fieldkit.standin import autopilot_commands
 from fieldkit.standin.autopilot_commands import text_message
 from fieldkit.standin.autopilot_state import Autopilot, Step, sender
+from fieldkit.standin.transfers import Acknowledge, Answers, Ask, Count, Item, ItemList, Peer, Text
 
 _FLOAT_WARNING = "got MISSION_ITEM; GCS should send MISSION_ITEM_INT"
 _TRANSFERS = (

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from fieldkit.mavlink.frames import Message
 from fieldkit.missions.autopilots.ardupilot.modes import STABILIZE
-from fieldkit.missions.link.item_rules import WireItem
-from fieldkit.missions.link.transfers import ItemList, Kind, Peer
+from fieldkit.missions.link.item_rules import Kind, WireItem
+from fieldkit.standin.transfers import ItemList, Peer
 
 _NO_MISSION, _NO_FENCE, _NO_RALLY = ItemList(Kind.MISSION), ItemList(Kind.FENCE), ItemList(Kind.RALLY)
 

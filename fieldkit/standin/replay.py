@@ -20,15 +20,15 @@ from fieldkit.missions.autopilots.ardupilot.accepting import Result, in_centimet
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.missions.link.compare import home_item, to_wire
 from fieldkit.missions.link.filter_flags import uses_gps
-from fieldkit.missions.link.item_rules import stored
+from fieldkit.missions.link.item_rules import Kind, stored
 from fieldkit.missions.link.signing import Signer
-from fieldkit.missions.link.transfers import ItemList, Kind
 from fieldkit.missions.link.wires import parse_address
 from fieldkit.standin import autopilot_model
 from fieldkit.standin.autopilot_state import Autopilot
 from fieldkit.standin.faults import Channel, Faults
 from fieldkit.standin.recording import Recording, Telemetry
 from fieldkit.standin.telemetry_source import TelemetrySource
+from fieldkit.standin.transfers import ItemList
 
 _HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
 _HOME = mavlink.MAVLINK_MSG_ID_HOME_POSITION

@@ -17,7 +17,7 @@ from fieldkit.campaign.earlier_formats import read_earlier_table
 from fieldkit.campaign.sqlite_table import write_table
 from fieldkit.campaign.visit_folders import adopt_earlier_visits, read_visits
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
-from fieldkit.results.visit_file import load_visit
+from fieldkit.results.visit_file import visit_document, visit_of_document
 from tests.campaign.examples import campaign_folder, field
 
 _COLUMNS = """
@@ -94,7 +94,8 @@ def test_a_campaign_of_an_earlier_fieldkit_goes_on_without_losing_a_row(tmp_path
     file.unlink()
     assert read_campaign(folder).visits == shown
     for visit in shown:
-        assert load_visit(folder / "visits" / visit.plot / visit.date) == visit
+        its = folder / "visits" / visit.plot / visit.date
+        assert visit_of_document(visit_document(its), its) == visit
 
 
 def test_which_of_a_row_and_its_folder_is_newer(tmp_path: Path) -> None:

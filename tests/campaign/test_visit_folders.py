@@ -22,7 +22,7 @@ from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.conversion import failed_plot
 from fieldkit.results.evaluation import PlantEntry, PredictionEntry
 from fieldkit.results.visit import ROW
-from fieldkit.results.visit_file import load_visit, visit_of_document
+from fieldkit.results.visit_file import visit_document, visit_of_document
 from tests.campaign.test_earlier_formats import FAILED, FULL
 
 
@@ -80,7 +80,7 @@ def test_values_that_nobody_wrote(change: dict[str, object], tmp_path: Path) -> 
     keep_visit(tmp_path, FULL)
     file = tmp_path / FULL.folder / "visit.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | change))
-    for read in (lambda: load_visit(file.parent), lambda: read_visits(tmp_path)):
+    for read in (lambda: visit_of_document(visit_document(file.parent), file.parent), lambda: read_visits(tmp_path)):
         with pytest.raises(MetadataError) as caught:
             read()
         assert caught.value.path == file

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -28,10 +29,12 @@ from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
+from fieldkit.present.sections.read_results import read_results
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.epipolar import relative_pose
+from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan import Plan
-from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.results.plan_file import plan_bytes, plan_from_poses
 
 ROOT = Path(__file__).parents[2]
 
@@ -338,10 +341,18 @@ class TestRefly:
     def test_stations_keep_their_numbers(self, tmp_path: Path) -> None:
         plan = plan_from_poses([Pose(p.rotation, p.center + np.array([0.0, 0.0, 1.5])) for p in stations()])
         files = write_refly([9, 4], plan, "px4-gimbal", self.site, tmp_path / "again.plan")
-        assert [file.name for file in files] == ["again.plan", "again.geojson"]
-        features = json.loads(files[1].read_text("utf-8"))["features"]
+        assert [file.name for file in files] == ["again.plan", "again.mission.json", "again.geojson"]
+        features = json.loads(files[2].read_text("utf-8"))["features"]
         flown = {f["properties"]["station"] for f in features if f["properties"].get("kind") == "station"}
         assert flown == {4, 9}
+        # What `export-mission` writes of itself, so that a report shows it.
+        record = load_mission(files[1])
+        assert {station.station for flight in record.flights for station in flight.stations} == {4, 9}
+        assert record.plots[0].plan.sha256 == hashlib.sha256(plan_bytes(plan)).hexdigest()  # the whole plan's
+        assert {entry.name for entry in record.files} == {"again.plan", "again.geojson"}
+        assert record.name.endswith(", again")
+        shown = read_results(tmp_path)
+        assert [each.record for each in shown.missions] == [record]
         with pytest.raises(UsageError, match="exists already"):
             write_refly([4], plan, "px4-gimbal", self.site, tmp_path / "again.plan")
 

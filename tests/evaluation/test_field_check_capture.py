@@ -13,7 +13,7 @@ from benchmarks.rigs import RIG_FILE, read_rig
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.errors import CaptureError, MetadataError, UsageError
-from fieldkit.evaluation.field_check import CheckReport, CheckSettings, check_capture, check_captures
+from fieldkit.evaluation.field_check import CheckReport, CheckSettings, check_captures
 from fieldkit.evaluation.field_check.ties import find_ties
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.orientation import orient_cameras
@@ -58,7 +58,8 @@ def copy(rig: tuple[Path, Plan, StageCache], tmp_path: Path) -> Path:
 
 
 def check(folder: Path, rig: tuple[Path, Plan, StageCache]) -> CheckReport:
-    return check_capture(folder, rig[1], cache=rig[2], workers=1)
+    (report,) = check_captures(folder, rig[1], cache=rig[2], workers=1)
+    return report
 
 
 def photographs(folder: Path) -> list[Path]:

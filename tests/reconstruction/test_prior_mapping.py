@@ -23,6 +23,7 @@ from fieldkit.reconstruction.prior_mapping import (
     map_with_priors,
     region_of_interest,
 )
+from fieldkit.scenes.simulation import poses_from_csv
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, perturbed, random_descriptors, ring
 
 SIGMA_M, SIGMA_DEG = 0.01, 1.0
@@ -140,6 +141,24 @@ def test_a_survey_from_above_has_no_common_centre(heading: float) -> None:
     centers, angles = shape_errors(mapping, scene)
     assert centers.max() < 0.05
     assert angles.max() < 0.15
+
+
+def test_a_chain_of_three_photographs_does_not_roll() -> None:
+    """Two pairs of few matches each: bundle adjustment alone rolls their three cameras by 20°."""
+    folder = Path(__file__).parents[1] / "data" / "small_plot"
+    poses = list(poses_from_csv(folder / "poses.csv"))[:3]
+    images = [read_image(folder / f"IMG_000{k}.jpg", gray=True) for k in (1, 2, 3)]
+    features = [
+        extract_features(image, FeatureSettings(max_features=4096, contrast_threshold=0.02)) for image in images
+    ]
+    names = ["1", "2", "3"]
+    priors = [RoughPose(pose, np.full(3, 0.003), 3.0) for pose in poses]
+    camera = Intrinsics.pinhole(320, 240, 304.0)
+    mapping = map_with_priors(
+        names, features, [camera], [0] * 3, priors, PriorMappingSettings(), fixed_intrinsics=True
+    )  # fmt: skip
+    found = model_poses(mapping.model)
+    assert max(rotation_angle_deg(found[n].rotation, p.rotation) for n, p in zip(names, poses, strict=True)) < 5.0
 
 
 def test_rounds_are_reported(scene: FeatureScene) -> None:

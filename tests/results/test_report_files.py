@@ -60,7 +60,7 @@ def test_round_trip(tmp_path: Path, reference: ReferenceReport, evaluation: Eval
 
 @pytest.mark.parametrize("name", SCHEMA_FILES)
 def test_committed_schemas_are_current(name: str) -> None:
-    """Else: python -c 'from fieldkit.results.report_files import *; write_schemas(Path("docs/schemas"))'."""
+    """Else: python scripts/make_scenes.py."""
     assert (DOCS / "schemas" / name).read_text("utf-8") == json_schema(SCHEMA_FILES[name])
 
 
@@ -131,8 +131,8 @@ def test_newer_version_asks_for_a_newer_fieldkit(tmp_path: Path, reference: Refe
         (b'{"kind": "reference",', "is not JSON: line 1"),
         (b"\xff\xfe\x00", "is not text in UTF-8"),
         (b"[1, 2]", "is not a JSON object"),
-        (b"[" * 100_000, "is not JSON that a report could hold"),
-        (b"[" + b"9" * 10_000 + b"]", "is not JSON that a report could hold"),
+        (b"[" * 100_000, "is not JSON that a reference could hold"),
+        (b"[" + b"9" * 10_000 + b"]", "is not JSON that a reference could hold"),
     ],
 )
 def test_other_files(tmp_path: Path, content: bytes, message: str) -> None:

@@ -1,6 +1,6 @@
 """Before leaving the field: will the photographs of a plot do, and which stations are to be flown again?"""
 
-from fieldkit.evaluation.field_check.check import check_capture, check_captures
+from fieldkit.evaluation.field_check.check import check_captures
 from fieldkit.evaluation.field_check.model import CheckFinding, CheckReport, CheckSettings, StationCheck
 from fieldkit.evaluation.field_check.refly import write_refly
 
@@ -9,7 +9,6 @@ __all__ = [
     "CheckReport",
     "CheckSettings",
     "StationCheck",
-    "check_capture",
     "check_captures",
     "write_refly",
 ]

@@ -39,42 +39,6 @@ _MOVED_M, _TOLD_SHIFT_M, _TOLD_TURN_DEG = 0.5, 0.1, 2.0
 _COARSE_SCATTER_M = 0.12
 
 
-def check_capture(
-    captures: Path,
-    plan: Path | Plan,
-    *,
-    site: Path | Site | None = None,
-    plot: str | None = None,
-    log: Path | None = None,
-    settings: CheckSettings | None = None,
-    cache: StageCache | None = None,
-    workers: int | None = None,
-    progress: Progress | None = None,
-) -> CheckReport:
-    """Say whether the photographs of one plot will do, and which stations to fly again.
-
-    Args:
-        captures: folder of the photographs, which are only read.
-        plan: that was flown.
-        site: where the plot lies; None takes the plan's row heading, or fits by shape.
-        plot: of the site; None takes the one with the folder's name, or the only one.
-        log: flight log whose poses count instead of the photographs' own.
-        settings: limits; None takes the defaults.
-        cache: of stages; None keeps nothing.
-        workers: threads; None takes the machine's cores.
-        progress: told of stages.
-
-    Raises:
-        UsageError: the site has several plots and none is named, or none of that name.
-        CaptureError: there are no photographs that can be read, or more than `MAX_PHOTOGRAPHS`.
-        MetadataError: the plan, the site, the log or a sidecar cannot be used.
-    """
-    (report,) = _check(
-        [(Path(captures).absolute().name, Path(captures))], plan, site, plot, log, settings, cache, workers, progress
-    )
-    return report
-
-
 def check_captures(
     captures: Path,
     plan: Path | Plan,
@@ -87,10 +51,23 @@ def check_captures(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> tuple[CheckReport, ...]:
-    """`check_capture` of a folder of photographs, or of a folder of such folders, one per plot.
+    """Say of one or several plots whether the photographs will do, and which stations to fly again.
+
+    Args:
+        captures: folder of the photographs of one plot, or of such folders, one per plot; they are only read.
+        plan: that was flown.
+        site: where the plots lie; None takes the plan's row heading, or fits by shape.
+        plot: of the site, where there is one folder; None takes the one with the folder's name, or the only one.
+        log: flight log whose poses count instead of the photographs' own.
+        settings: limits; None takes the defaults.
+        cache: of stages; None keeps nothing.
+        workers: threads; None takes the machine's cores.
+        progress: told of stages.
 
     Raises:
-        UsageError: ``plot`` is given and there are several folders; else as `check_capture`.
+        UsageError: the site has several plots and none is named, or none of that name, or one for several folders.
+        CaptureError: there are no photographs that can be read, or more than `MAX_PHOTOGRAPHS` of a plot.
+        MetadataError: the plan, the site, the log or a sidecar cannot be used.
     """
     plots, empty = find_plots(captures)
     if empty and progress is not None:
@@ -100,13 +77,6 @@ def check_captures(
             f"--plot names one plot, and there are {len(plots)} folders of photographs", path=captures,
             remedy="Give one plot's folder, or leave it out: folders are then matched with plots by their names.",
         )  # fmt: skip
-    return _check(plots, plan, site, plot, log, settings, cache, workers, progress)
-
-
-def _check(
-    plots: list[tuple[str, Path]], plan: Path | Plan, site: Path | Site | None, plot: str | None, log: Path | None,
-    settings: CheckSettings | None, cache: StageCache | None, workers: int | None, progress: Progress | None,
-) -> tuple[CheckReport, ...]:  # fmt: skip
     loaded = plan if isinstance(plan, Plan) else load_plan(plan)
     if len(loaded.stations) > MAX_STATIONS:
         raise UsageError(

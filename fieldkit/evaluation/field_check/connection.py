@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from fieldkit.evaluation.field_check.model import CheckFinding
 from fieldkit.evaluation.field_check.pose_graph import tie_errors_deg
@@ -73,7 +75,7 @@ def connect(
     matches = {s: sum(n for pair, n in ties.items() if s in pair) for s in good}
     neighbours = {s: frozenset(other for pair in ties if s in pair for other in pair if other != s) for s in good}
     bridges = {(a, b) for a in again for b in range(len(plan.stations)) if a != b and angles[a, b] <= _BRIDGE_DEG}
-    groups = _groups(set(good) | again, {*ties, *bridges})
+    groups = _groups(sorted({*good, *again}), {*ties, *bridges})
     parts = sorted((sorted(group - again) for group in groups), key=lambda part: (-len(part), part))
     parts = [part for part in parts if part]
     lonely = {s for s in good if s not in held and any(angles[s, o] <= _NEAR_DEG for o in good if o != s)}
@@ -110,13 +112,10 @@ def _view_angles(plan: Plan) -> NDArray[np.float64]:
     return angles
 
 
-def _groups(nodes: set[int], pairs: set[tuple[int, int]]) -> list[set[int]]:
-    left, groups = set(nodes), []
-    while left:
-        group, new = set[int](), {min(left)}
-        while new:
-            group |= new
-            new = {other for pair in pairs if set(pair) & new for other in pair if other in nodes} - group
-        groups.append(group)
-        left -= group
-    return groups
+def _groups(nodes: Sequence[int], pairs: Collection[tuple[int, int]]) -> list[set[int]]:
+    """Nodes that pairs of them join."""
+    place = {node: k for k, node in enumerate(nodes)}
+    ends = np.array([(place[a], place[b]) for a, b in pairs if a in place and b in place], dtype=np.intp).reshape(-1, 2)
+    links = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(place), len(place)))
+    count, group_of = connected_components(links, directed=False)
+    return [{node for node, k in place.items() if group_of[k] == group} for group in range(count)]

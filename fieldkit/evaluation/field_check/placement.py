@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fieldkit.captures import Capture
 from fieldkit.evaluation.field_check.model import Placement
+from fieldkit.geometry import Pose
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.missions.plan_site.placement import PlotFrame
@@ -194,10 +195,5 @@ def _without_shift(found: Placed) -> Placed:
 
 def axis_turn_deg(yaw_a: float, pitch_a: float, yaw_b: float, pitch_b: float) -> float:
     """Angle between two optical axes, degrees."""
-    a, b = (_axis(*angles) for angles in ((yaw_a, pitch_a), (yaw_b, pitch_b)))
+    a, b = (Pose.from_yaw_pitch(np.zeros(3), *angles).forward for angles in ((yaw_a, pitch_a), (yaw_b, pitch_b)))
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
-
-
-def _axis(yaw_deg: float, pitch_deg: float) -> Array:
-    yaw, pitch = np.radians([yaw_deg, pitch_deg])
-    return np.array([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), np.sin(pitch)])

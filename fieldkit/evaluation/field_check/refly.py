@@ -7,9 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.errors import UsageError
-from fieldkit.files import write_atomic
 from fieldkit.missions.export import Routed, route_plan
-from fieldkit.missions.files.writing import FORMATS, mission_bytes
+from fieldkit.missions.export_mission import flown_plans, mission_contents, mission_path, write_mission
 from fieldkit.missions.mission import Mission, Shot
 from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.site_file import load_site, with_plots
@@ -32,7 +31,7 @@ def write_refly(
     overwrite: bool = False,
     seed: int = 0,
 ) -> tuple[Path, ...]:
-    """Write missions of a part of a plan's stations, each with its route as GeoJSON, over one plot of a site.
+    """Write missions of a part of a plan's stations over one plot of a site: mission.json and routes beside them.
 
     Args:
         stations: numbers in the plan, from 0.
@@ -52,28 +51,17 @@ def write_refly(
         MissionError: see `fieldkit.missions.export.route_plan`; stations are named by the plan's numbers.
         StorageError: the place is full or not writable.
     """
-    if format not in FORMATS:
-        raise UsageError(f"no such format: {format}", remedy=f"Choose one of {', '.join(FORMATS)}.")
-    suffix = FORMATS[format][0]
-    if output.suffix and output.suffix != suffix:
-        raise UsageError(
-            f"{format} missions are {suffix} files", path=output, remedy=f"Name it {output.with_suffix(suffix).name}."
-        )
+    output = mission_path(output, format)
     loaded = plan if isinstance(plan, Plan) else load_plan(plan)
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     place = _one_plot(site if isinstance(site, Site) else load_site(site), plot)
+    place = place.model_copy(update={"name": f"{place.name}, again"})
     routed = route_plan(part_of_plan(loaded, stations), profile, place, adjust=adjust, seed=seed)
-    contents: dict[Path, bytes] = {}
-    for number, mission in enumerate(_missions(routed, sorted(set(stations))), 1):
-        stem = output.stem if len(routed.flights) == 1 else f"{output.stem}-{number}"
-        file = output.with_name(stem + suffix)
-        contents[file] = mission_bytes(format, mission, profile)
-        contents[file.with_suffix(".geojson")] = mission_bytes("geojson", mission, profile)
-    for file in contents:
-        if file.exists() and not overwrite:
-            raise UsageError("exists already", path=file, remedy="Give --overwrite to replace it, or another name.")
-    for file, content in contents.items():
-        write_atomic(file, content)
+    contents = mission_contents(
+        _renumbered(routed, sorted(set(stations))), profile, place, output, format,
+        plans=flown_plans(plan, loaded, place), profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name,
+    )  # fmt: skip
+    write_mission(contents, overwrite=overwrite)
     return tuple(contents)
 
 
@@ -105,16 +93,11 @@ def _one_plot(site: Site, name: str | None) -> Site:
     return with_plots(site, [plot])
 
 
-def _missions(routed: Routed, numbers: Sequence[int]) -> list[Mission]:
-    """The flights' missions, with the whole plan's numbers."""
-    return [
-        replace(
-            each.mission,
-            name=f"{each.mission.name}, again",
-            stops=tuple(
-                replace(stop, station=numbers[stop.station]) if isinstance(stop, Shot) else stop
-                for stop in each.mission.stops
-            ),
-        )
-        for each in routed.flights
-    ]
+def _renumbered(routed: Routed, numbers: Sequence[int]) -> Routed:
+    """The flights with the whole plan's numbers."""
+
+    def numbered(mission: Mission) -> Mission:
+        stops = (replace(s, station=numbers[s.station]) if isinstance(s, Shot) else s for s in mission.stops)
+        return replace(mission, stops=tuple(stops))
+
+    return replace(routed, flights=tuple(replace(each, mission=numbered(each.mission)) for each in routed.flights))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, on_earth
 from fieldkit.missions.mission import GeoPoint
 from fieldkit.missions.plan_site.vehicle import Speeds
 from fieldkit.missions.routing.motion import turn_deg
@@ -140,9 +140,7 @@ def distance(a: GeoPoint, b: GeoPoint) -> tuple[float, float]:
 @lru_cache(maxsize=8)  # a leg is measured as the next one, as the one that is flown, and as the one before
 def offset(a: GeoPoint, b: GeoPoint) -> tuple[float, float, float]:
     """Metres east, north and up from a to b; 0 where a place is none on Earth or a height is not known."""
-    if not all(map(math.isfinite, (a.latitude_deg, a.longitude_deg, b.latitude_deg, b.longitude_deg))):
-        return 0.0, 0.0, 0.0
-    if abs(a.latitude_deg) > 90.0 or abs(b.latitude_deg) > 90.0:
+    if not all(on_earth(place.latitude_deg, place.longitude_deg) for place in (a, b)):
         return 0.0, 0.0, 0.0
     east, north, _ = LocalFrame(a.latitude_deg, a.longitude_deg).to_local(b.latitude_deg, b.longitude_deg, 0.0)[0]
     up = b.height_m - a.height_m

@@ -237,7 +237,7 @@ class Flight:
                     self.offset = float(int(p2)) if whole else p2
             case Command.DO_SET_ROI | Command.DO_SET_ROI_LOCATION:
                 latitude, longitude, altitude = item.params[4:]
-                off = (latitude == 0.0 and longitude == 0.0) or not abs(latitude) <= 90.0
+                off = (latitude == 0.0 and longitude == 0.0) or not on_earth(latitude, longitude)
                 self.roi = None if off else GeoPoint(latitude, longitude, self._height(item.frame, altitude))
                 self.turned_s = now
             case Command.DO_SET_ROI_NONE:

@@ -6,6 +6,7 @@ import math
 import re
 from pathlib import Path
 
+from fieldkit.documents.file_bytes import decoded, file_bytes
 from fieldkit.errors import MetadataError
 
 MAX_BYTES = 16 << 20
@@ -23,17 +24,7 @@ def read_bytes(path: Path) -> bytes:
     Raises:
         MetadataError: it is missing, unreadable or far too large.
     """
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except FileNotFoundError as error:
-        raise MetadataError("there is no such file", path=path, remedy=REMEDY) from error
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = getattr(error, "strerror", None) or str(error)
-        raise MetadataError(f"cannot be read: {reason}", path=path, remedy=REMEDY) from error
-    if len(data) > MAX_BYTES:
-        raise MetadataError("is far too large for a mission", path=path, remedy=REMEDY)
-    return data
+    return file_bytes(path, REMEDY, MAX_BYTES, noun="mission")
 
 
 def read_text(path: Path) -> str:
@@ -42,11 +33,7 @@ def read_text(path: Path) -> str:
     Raises:
         MetadataError: as `read_bytes`, or it is not text.
     """
-    data = read_bytes(path)
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise MetadataError("is not text in UTF-8", path=path, remedy=REMEDY) from error
+    text = decoded(read_bytes(path), path)
     if "\0" in text:
         raise MetadataError("is not text", path=path, remedy=REMEDY)
     return text

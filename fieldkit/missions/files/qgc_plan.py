@@ -14,6 +14,7 @@ from typing import Any
 
 from fieldkit.documents.json_file import read_json_object
 from fieldkit.errors import MetadataError
+from fieldkit.geometry.geodesy import LocalFrame, on_earth
 from fieldkit.missions.files.limits import MAX_BYTES, MAX_ITEMS, MAX_POINTS, json_number
 from fieldkit.missions.files.read_mission import ReadMission, Remark
 from fieldkit.missions.items import MissionItem, Params, plain_frame
@@ -170,7 +171,7 @@ def _read_home(path: Path, value: object, remarks: list[Remark]) -> Home | None:
         remarks.append(Remark("no-home", "it has no plannedHomePosition", error=True))
         return None
     numbers = _numbers(value, (2, 3))
-    if numbers is None or abs(numbers[0]) > 90.0 or abs(numbers[1]) > 180.0:
+    if numbers is None or not on_earth(numbers[0], numbers[1]):
         raise _error(path, 'its "plannedHomePosition" is not latitude, longitude and altitude')
     # 0 is what programs write that do not know it.
     amsl = numbers[2] if len(numbers) == 3 and numbers[2] != 0.0 else None
@@ -211,8 +212,6 @@ def _circle(path: Path, entry: object, inclusion: bool) -> tuple[tuple[float, fl
     if not isinstance(circle, dict) or radius is None or not 0.0 < radius <= 1e5:
         raise _error(path, "a fence circle has no radius between 0 and 100 km")
     latitude, longitude = _place(path, circle.get("center"))
-    from fieldkit.geometry.geodesy import LocalFrame
-
     # The polygon lies within an inclusion circle and around an exclusion circle, so that it never forgives a leg.
     reach = radius if inclusion else radius / math.cos(math.pi / _CIRCLE_CORNERS)
     angles = [2.0 * math.pi * k / _CIRCLE_CORNERS for k in range(_CIRCLE_CORNERS)]
@@ -245,7 +244,7 @@ def _listed(path: Path, value: dict[str, Any], key: str) -> list[Any]:
 
 def _place(path: Path, value: object) -> tuple[float, float]:
     numbers = _numbers(value, (2, 3))
-    if numbers is None or abs(numbers[0]) > 90.0 or abs(numbers[1]) > 180.0:
+    if numbers is None or not on_earth(numbers[0], numbers[1]):
         raise _error(path, "a corner of a fence is not a latitude and a longitude")
     return numbers[0], numbers[1]
 

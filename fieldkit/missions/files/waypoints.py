@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
+from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
 from fieldkit.missions.files.read_mission import ReadMission, Remark
 from fieldkit.missions.items import Command, Frame, MissionItem
@@ -66,7 +67,7 @@ def read_waypoints(path: Path) -> ReadMission:
         rows.append(item)
     if rows and _is_home(rows[0]):
         latitude, longitude, altitude = rows[0].params[4:]
-        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and math.isfinite(altitude)):
+        if not (on_earth(latitude, longitude) and math.isfinite(altitude)):
             raise _error(path, "row 0, home, is not at a latitude, longitude and altitude")
         home = None if latitude == longitude == 0.0 else Home(latitude, longitude, altitude or None)
         return ReadMission("waypoints", items=tuple(rows[1:]), home=home, remarks=tuple(remarks))

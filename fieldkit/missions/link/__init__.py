@@ -1,1 +1,1 @@
-"""The link to a vehicle: recordings, an autopilot's side of the mission protocol, and uploading."""
+"""The link to a vehicle: uploading a mission, and starting it."""

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from fieldkit.errors import MissionError
+from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.ardupilot.accepting import MEASURED
 from fieldkit.missions.items import MissionItem, command_name, plain_frame
-from fieldkit.missions.link.item_rules import WireItem, stored, stored_fence_item
+from fieldkit.missions.link.item_rules import Kind, WireItem, stored, stored_fence_item
 from fieldkit.missions.link.listener import ARDUPILOT
-from fieldkit.missions.link.transfers import Kind
 from fieldkit.missions.mission import Fence, Home
 
 _COMMON_UNITS = (1, 1, 0.011)
@@ -50,7 +50,7 @@ def fence_items(fence: Fence) -> tuple[WireItem, ...]:
             if len(polygon) < 3:
                 raise MissionError("a polygon of the fence has fewer than three corners", remedy="Correct the fence.")
             for latitude, longitude in polygon:
-                if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
+                if not on_earth(latitude, longitude):
                     raise MissionError(
                         f"a corner of the fence is nowhere on earth: {latitude}, {longitude}",
                         remedy="Correct the fence.",

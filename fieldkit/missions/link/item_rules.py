@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from enum import IntEnum
 
 from fieldkit.missions.autopilots.ardupilot.accepting import (
     FRAMES,
@@ -21,8 +22,18 @@ from fieldkit.missions.autopilots.ardupilot.accepting import (
     u8,
 )
 
+MAX_ITEMS = 650
+"""Of a mission; measured with the stock parameters of the simulator."""
 _UNITS = 1e7
 """Of latitude and longitude, to a degree."""
+
+
+class Kind(IntEnum):
+    """Of a list of items: MAV_MISSION_TYPE."""
+
+    MISSION = 0
+    FENCE = 1
+    RALLY = 2
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,10 @@
 """A vehicle through MAVSDK 4.1's mission_raw, over a wire that fieldkit opens itself ("raw://").
 
 So signing, which MAVSDK's API lacks, can be put between, and what the vehicle says can be read beside MAVSDK: the exact
-MAV_MISSION_RESULT, the item it was about, the filter's state.
+MAV_MISSION_RESULT, the item it was about, the filter's state. What else stands here the uploads over bad links need:
+INVALID_SEQUENCE kept from MAVSDK, its time-outs set, and a greeting, without which a vehicle that waits for stations is
+found a second later. pymavlink's own links need pyserial and hide what breaks; its signing believes the time of a frame
+before it has checked the signature.
 """
 
 from __future__ import annotations
@@ -17,10 +20,9 @@ from typing import Any
 from fieldkit.errors import LinkError
 from fieldkit.mavlink.dialect import mavlink
 from fieldkit.mavlink.frames import Splitter
-from fieldkit.missions.link.item_rules import WireItem
+from fieldkit.missions.link.item_rules import Kind, WireItem
 from fieldkit.missions.link.listener import Listener
 from fieldkit.missions.link.signing import Signer
-from fieldkit.missions.link.transfers import Kind
 from fieldkit.missions.link.wires import Wire
 
 _STATION = (245, 190)

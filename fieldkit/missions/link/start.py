@@ -11,7 +11,7 @@ import time
 from dataclasses import dataclass
 
 from fieldkit.errors import LinkError, MissionError
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, on_earth
 from fieldkit.mavlink.frames import Message
 from fieldkit.missions.autopilots.ardupilot.modes import AUTO
 from fieldkit.missions.link.filter_flags import uses_gps
@@ -74,7 +74,7 @@ def check_standing(
     if gps.fix_type < _FIX_3D:
         raise MissionError("the vehicle's GPS has no 3D fix", remedy="Wait for it, in the open.")
     latitude, longitude = position.lat * 1e-7, position.lon * 1e-7
-    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+    if not on_earth(latitude, longitude):
         raise MissionError("the vehicle's position is no place on earth", remedy="Restart the vehicle.")
     local = LocalFrame(home.latitude_deg, home.longitude_deg).to_local(latitude, longitude, 0.0)[0]
     distance_m = math.hypot(float(local[0]), float(local[1]))

@@ -14,11 +14,10 @@ from fieldkit.errors import FieldkitError, LinkError, MissionError
 from fieldkit.missions.autopilots.ardupilot.accepting import Result
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.missions.link.compare import differences, fence_items, home_item, roundings, to_wire
-from fieldkit.missions.link.item_rules import WireItem
+from fieldkit.missions.link.item_rules import MAX_ITEMS, Kind, WireItem
 from fieldkit.missions.link.listener import ARDUPILOT, PX4
 from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle, TransferFailed
 from fieldkit.missions.link.signing import Signer
-from fieldkit.missions.link.transfers import MAX_ITEMS, Kind
 from fieldkit.missions.link.upload_outcome import (
     PATIENCE,
     Held,
@@ -248,7 +247,7 @@ class _Upload:
         return None
 
     def _watch(self) -> None:
-        # MAVSDK ends every transfer by itself; should it not, nobody waits for ever.
+        # MAVSDK ends a transfer that falls silent; one that announces 65,535 items and trickles would last for hours.
         if time.monotonic() > self._end + _GRACE_S:
             raise LinkError("the time for it is over", remedy="Check the link.")
 

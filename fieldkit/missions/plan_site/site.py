@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.plan_site.terrain import STEEPEST_PERCENT, Gradient, gradient, with_plane
 from fieldkit.missions.plan_site.vehicle import Positive
-from fieldkit.results.plan import Strict
+from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
 
 Datum = Literal["home", "amsl", "ellipsoid"]
 """What a height is above: home, mean sea level, the WGS 84 ellipsoid."""
@@ -36,9 +36,6 @@ def _open_ring(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
     return corners
 
 
-Latitude = Annotated[float, Field(ge=-90, le=90)]
-Longitude = Annotated[float, Field(ge=-180, le=180)]
-Heading = Annotated[float, Field(ge=-360, le=360)]
 Height = Annotated[float, Field(ge=-1000, le=10_000)]
 Side = Annotated[float, Field(ge=0.1, le=1000)]
 PlantHeight = Annotated[float, Field(ge=0, le=20)]

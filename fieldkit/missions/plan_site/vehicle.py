@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from fieldkit.results.plan import PlanCamera, Strict
+from fieldkit.results.fields import Pitch, Strict
+from fieldkit.results.plan import PlanCamera
 
 Dialect = Literal["ardupilot", "px4", "dji"]
 Positive = Annotated[float, Field(ge=1e-3, le=1e6)]
 NotNegative = Annotated[float, Field(ge=0, le=1e6)]
-Pitch = Annotated[float, Field(ge=-90, le=90)]
 
 
 _ROUNDING_DEG = 1e-3

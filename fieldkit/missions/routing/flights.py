@@ -116,12 +116,7 @@ def plan_flights(
     """
     if not stops:
         raise MissionError("there are no stations to fly to", remedy="Give a plan with stations.")
-    for what, height in (("take-off", takeoff_m), ("transit", transit_m)):
-        if not height <= obstacles.highest_m:
-            raise MissionError(
-                f"the {what} height of {height:g} m above home is above the ceiling of {obstacles.ceiling_m} m",
-                remedy="Fly lower, or correct the ceiling.",
-            )
+    _check_heights(takeoff_m, transit_m, obstacles)
     names = [stop.name or f"station {k} of {stop.plot}" for k, stop in enumerate(stops)]
     check_places(np.array([stop.position_m for stop in stops], dtype=np.float64), names, obstacles)
     start = np.array([*home[:2], home[2] + takeoff_m])
@@ -130,12 +125,8 @@ def plan_flights(
     members: dict[str, list[int]] = {}
     for index, stop in enumerate(stops):
         members.setdefault(stop.plot, []).append(index)
-    plots = [
-        plot_tour(
-            _group(plot, [stops[k] for k in rows], [names[k] for k in rows]), obstacles, vehicle.speeds, seed=seed
-        )
-        for plot, rows in members.items()
-    ]
+    groups = [_group(plot, [stops[k] for k in rows], [names[k] for k in rows]) for plot, rows in members.items()]
+    plots = [plot_tour(group, obstacles, vehicle.speeds, seed=seed) for group in groups]
     ends = (_end("take-off", start), _end("landing", finish))
     field = _Field(plots, ends, obstacles, vehicle, transit_m)
     flights = [_flight(field, order, list(members.values()), stops) for order in _flights_of_plots(field, seed)]
@@ -306,6 +297,15 @@ def _group(plot: str, stops: Sequence[Stop], names: Sequence[str]) -> Group:
 
 def _end(name: str, place: Array) -> Group:
     return Group(name, place[None], np.full(1, np.nan), (f"the {name}",))
+
+
+def _check_heights(takeoff_m: float, transit_m: float, obstacles: Obstacles) -> None:
+    for what, height in (("take-off", takeoff_m), ("transit", transit_m)):
+        if not height <= obstacles.highest_m:
+            raise MissionError(
+                f"the {what} height of {height:g} m above home is above the ceiling of {obstacles.ceiling_m} m",
+                remedy="Fly lower, or correct the ceiling.",
+            )
 
 
 def _check_uprights(home: Array, start: Array, landing: Array, finish: Array, obstacles: Obstacles) -> None:

@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from fieldkit.errors import MissionError
 from fieldkit.missions.plan_site.vehicle import Speeds
@@ -82,39 +82,6 @@ class Legs:
         return np.stack([a, b]) if np.isnan(over) else _without_repeats(_over(np.stack([a, b]), float(over)))
 
 
-def safe_leg(
-    a: ArrayLike,
-    b: ArrayLike,
-    obstacles: Obstacles,
-    speeds: Speeds,
-    *,
-    level_m: float | None = None,
-    names: tuple[str, str] = ("the start", "the end"),
-) -> Leg:
-    """The quickest safe way found from a to b.
-
-    Straight where that is clear. Else the quicker of two: straight up, across over everything that is in the way, and
-    straight down; or around what is in the way, past its corners, the height changing evenly. Where neither is, both
-    at once: up to a height that clears some of it and around the rest.
-
-    Args:
-        a, b: (3,) metres east, north and above home.
-        obstacles: to be clear of.
-        speeds: of the vehicle.
-        level_m: least height of the way between the upright stretches at both ends; None where it may be straight.
-        names: of both ends, for errors.
-
-    Raises:
-        MissionError: an end is in an obstacle, or there is no safe way; it names what is in the way.
-    """
-    start, stop = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
-    check_places(np.stack([start, stop]), names, obstacles)
-    legs = legs_between(start[None], stop[None], obstacles, speeds, level_m=level_m)
-    if np.isinf(legs.time_s[0]):
-        raise no_way(start, stop, names, obstacles, level_m)
-    return leg_of(legs.places(0), speeds)
-
-
 def leg_of(places: Array, speeds: Speeds) -> Leg:
     """A leg through these places (k, 3)."""
     length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
@@ -173,7 +140,12 @@ def no_way(a: Array, b: Array, names: tuple[str, str], obstacles: Obstacles, lev
 
 
 def legs_between(a: Array, b: Array, obstacles: Obstacles, speeds: Speeds, *, level_m: float | None = None) -> Legs:
-    """The quickest safe ways from each of a to each of b, (n, 3) each, as `safe_leg` says.
+    """The quickest safe ways found from each of a to each of b, (n, 3) each: metres east, north and above home.
+
+    Straight where that is clear. Else the quicker of two: straight up, across over everything that is in the way, and
+    straight down; or around what is in the way, past its corners, the height changing evenly. Where neither is, both
+    at once: up to a height that clears some of it and around the rest. ``level_m`` is the least height of the way
+    between the upright stretches at both ends; None where it may be straight.
 
     Obstacles around which many of them lead are looked at once for all, so legs of a neighbourhood belong in one call.
     """

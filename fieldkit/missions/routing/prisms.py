@@ -72,13 +72,13 @@ class Prisms:
             a, b: both ends.
             active: (count,) solids that are looked at; all unless given.
         """
-        shares: Array = _entries(a, b, *self._arrays, self._used(active))
+        shares: Array = _entries(a, b, *self._arrays, self._used(active), False)
         return shares
 
     def blocked(self, a: Array, b: Array, active: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
         """(n,) whether legs are in a solid; as `entries`, faster."""
-        found: NDArray[np.bool_] = _blocked(a, b, *self._arrays, self._used(active))
-        return found
+        shares: Array = _entries(a, b, *self._arrays, self._used(active), True)
+        return shares < np.inf
 
     def met(self, a: Array, b: Array) -> NDArray[np.bool_]:
         """(count,) whether any of the legs is in each solid."""
@@ -182,7 +182,7 @@ def _beside(span, spans, index):
 
 
 @kernel
-def _entries(a, b, edges, first, tops, spans, blocks, block_tops, used):
+def _entries(a, b, edges, first, tops, spans, blocks, block_tops, used, any_will_do):
     shares = np.full(len(a), np.inf)
     span = np.empty((len(_AXES), 2))
     for leg in range(len(a)):
@@ -195,25 +195,11 @@ def _entries(a, b, edges, first, tops, spans, blocks, block_tops, used):
                 if used[solid] and low < tops[solid] and not _beside(span, spans, solid):
                     share = _entry(a, b, leg, edges, first[solid], first[solid + 1], tops[solid])
                     shares[leg] = min(shares[leg], share)
-    return shares
-
-
-@kernel
-def _blocked(a, b, edges, first, tops, spans, blocks, block_tops, used):
-    found = np.zeros(len(a), dtype=np.bool_)
-    span = np.empty((len(_AXES), 2))
-    for leg in range(len(a)):
-        _span(a, b, leg, span)
-        low = min(a[leg, 2], b[leg, 2])
-        for block in range(len(blocks)):
-            if found[leg] or low >= block_tops[block] or _beside(span, blocks, block):
-                continue
-            for solid in range(block * _BLOCK, min(block * _BLOCK + _BLOCK, len(tops))):
-                if used[solid] and low < tops[solid] and not _beside(span, spans, solid):
-                    found[leg] = _entry(a, b, leg, edges, first[solid], first[solid + 1], tops[solid]) < np.inf
-                    if found[leg]:
+                    if any_will_do and share < np.inf:
                         break
-    return found
+            if any_will_do and shares[leg] < np.inf:
+                break
+    return shares
 
 
 @kernel

@@ -21,7 +21,7 @@ from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.problem import Result, Trial
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.results.plan import Count, Length, Strict
+from fieldkit.results.fields import Count, Length, Strict
 
 SETTINGS_FILE, LOG_FILE = "search.json", "evaluations.jsonl"
 _MAX_BYTES = 1 << 20

@@ -20,7 +20,8 @@ from fieldkit.planning.settings import SearchSettings
 from fieldkit.present.pictures.curves import png
 from fieldkit.present.pictures.plants_apart import draw_plants_apart
 from fieldkit.present.pictures.search import draw_plan, draw_search
-from fieldkit.results.plan import Count, Length, Plan, PlanMethod, PlanPlants, Strict
+from fieldkit.results.fields import Count, Length, Strict
+from fieldkit.results.plan import Plan, PlanMethod, PlanPlants
 from fieldkit.results.plan_file import PLAN_FILE, plan_from_poses, save_plan
 
 OUTCOME_FILE, PROGRESS_FILE, SEARCH_PICTURE, PLAN_PICTURE = "outcome.json", "progress.csv", "search.png", "plan.png"

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from fieldkit.errors import MissionError
 from fieldkit.missions.items import MissionItem
 from fieldkit.missions.link.compare import differences, fence_items, home_item, roundings, to_wire
-from fieldkit.missions.link.item_rules import WireItem, stored
+from fieldkit.missions.link.item_rules import Kind, WireItem, stored
 from fieldkit.missions.link.listener import ARDUPILOT, PX4
-from fieldkit.missions.link.transfers import Kind
 from fieldkit.missions.mission import Fence, Home
 
 HOME = home_item(None)

@@ -15,10 +15,10 @@ from fieldkit.errors import MissionError
 from fieldkit.missions.plan_site.vehicle import Battery, Vehicle
 from fieldkit.missions.routing.flight_time import flight_time, landing_s, path_time_s, takeoff_s, turn_time_s
 from fieldkit.missions.routing.flights import Flight, Stop, plan_flights
-from fieldkit.missions.routing.legs import safe_leg
 from fieldkit.missions.routing.obstacles import Obstacles, Volume
 from fieldkit.missions.routing.splitting import Costs, split
 from tests.missions.clearance import is_clear
+from tests.missions.routing.single_leg import safe_leg
 from tests.missions.vehicles import vehicle
 
 HOME = (0.0, 0.0, 0.0)

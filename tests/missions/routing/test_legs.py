@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from fieldkit.errors import MissionError
 from fieldkit.missions.plan_site.vehicle import Speeds
 from fieldkit.missions.routing.flight_time import path_time_s, stretch_time_s
-from fieldkit.missions.routing.legs import legs_between, safe_leg
+from fieldkit.missions.routing.legs import legs_between
 from fieldkit.missions.routing.obstacles import TOLERANCE_M, Obstacles, Volume
 from tests.missions.clearance import is_clear
+from tests.missions.routing.single_leg import safe_leg
 
 SPEEDS = Speeds(cruise_mps=2.0, climb_mps=1.5, descent_mps=1.0, acceleration_mps2=1.0, yaw_dps=60.0)
 PLOT = ((-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0))

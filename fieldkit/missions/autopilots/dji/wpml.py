@@ -18,6 +18,7 @@ from xml.etree.ElementTree import Element
 from fieldkit.documents.xml_tree import XmlError, escaped, parse_local
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.dji.models import DjiModel, dji_model
 from fieldkit.missions.autopilots.stops import LEAST_EXPOSURE_S
 from fieldkit.missions.files.archive import read_members, zip_bytes
@@ -218,7 +219,7 @@ def read_wpml(path: Path) -> ReadMission:
 def _read_home(root: Element) -> Home | None:
     text = root.findtext("Document/missionConfig/takeOffRefPoint")
     values = [number(part) for part in (text or "").split(",")]
-    if len(values) < 2 or values[0] is None or values[1] is None or abs(values[0]) > 90 or abs(values[1]) > 180:
+    if len(values) < 2 or values[0] is None or values[1] is None or not on_earth(values[0], values[1]):
         return None
     return Home(values[0], values[1], None)
 

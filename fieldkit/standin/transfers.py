@@ -9,10 +9,11 @@ INVALID_SEQUENCE and the transfer goes on. Fences are checked and taken as a who
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import IntEnum
 
 from fieldkit.missions.autopilots.ardupilot.accepting import Result
 from fieldkit.missions.link.item_rules import (
+    MAX_ITEMS,
+    Kind,
     WireItem,
     fence_problem,
     stored,
@@ -20,21 +21,11 @@ from fieldkit.missions.link.item_rules import (
     stored_rally_item,
 )
 
-MAX_ITEMS = 650
-"""Of a mission; measured with the stock parameters of the simulator."""
 ASK_AGAIN_S = 1.0
 GIVE_UP_S = 8.0
 
 Peer = tuple[int, int]
 """System and component id of a ground station."""
-
-
-class Kind(IntEnum):
-    """MAV_MISSION_TYPE."""
-
-    MISSION = 0
-    FENCE = 1
-    RALLY = 2
 
 
 @dataclass(frozen=True)

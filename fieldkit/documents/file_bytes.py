@@ -1,0 +1,58 @@
+"""Reading small files that may come from anywhere: a larger one is refused, and errors are for people."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fieldkit.errors import InputError, MetadataError
+
+
+def file_bytes(
+    path: Path,
+    remedy: str,
+    max_bytes: int,
+    *,
+    noun: str,
+    name: str = "file",
+    missing: str | None = None,
+    error: type[InputError] = MetadataError,
+) -> bytes:
+    """The content of a file.
+
+    Args:
+        path: to read.
+        remedy: of every error that has no better one.
+        max_bytes: of a larger file no more is read; it is refused.
+        noun: what the file is, for its errors: "plan", "site file".
+        name: what is said not to be there.
+        missing: the remedy where there is no such file, if it is another one.
+        error: what is raised.
+
+    Raises:
+        InputError: of the kind ``error``: the file is missing, unreadable or too large.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(max_bytes + 1)
+    except FileNotFoundError as caught:
+        raise error(f"there is no such {name}", path=path, remedy=missing or remedy) from caught
+    except OSError as caught:
+        denied = "Check its permissions." if isinstance(caught, PermissionError) else remedy
+        raise error(f"cannot be read: {caught.strerror}", path=path, remedy=denied) from caught
+    except ValueError as caught:  # a NUL in the path
+        raise error(f"cannot be read: it is no path of a {noun}", path=path, remedy=remedy) from caught
+    if len(data) > max_bytes:
+        raise error(f"is far too large for a {noun}", path=path, remedy=remedy)
+    return data
+
+
+def decoded(data: bytes, path: Path, *, error: type[InputError] = MetadataError) -> str:
+    """The text of a file in UTF-8, with or without a byte order mark.
+
+    Raises:
+        InputError: of the kind ``error``: it is none.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as caught:
+        raise error("is not text in UTF-8", path=path, remedy="Save it as UTF-8.") from caught
