@@ -11,12 +11,14 @@ from fieldkit.cli.boundary import emit_json, say
 from fieldkit.cli.help_page import OUTPUT, RUN
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from collections.abc import Iterable
+
+    from rich.console import Console, RenderableType
     from rich.table import Table
 
 __all__ = [
     "SEED", "DebugOption", "JsonOption", "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption",
-    "console", "emit_json", "say", "table",
+    "console", "emit_json", "say", "show", "table",
 ]  # fmt: skip
 
 JsonOption = Annotated[
@@ -42,6 +44,15 @@ def console() -> Console:
     from rich.console import Console
 
     return Console(stderr=True, highlight=False)
+
+
+def show(things: Iterable[RenderableType], *lines: object) -> None:
+    """Print tables and texts for people, then lines that are neither markup nor broken, such as paths."""
+    out = console()
+    for thing in things:
+        out.print(thing)
+    for line in lines:
+        out.print(str(line), markup=False, soft_wrap=True)
 
 
 def table(title: str, *columns: str) -> Table:
