@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say, table
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -110,8 +110,6 @@ def _show(cache: StageCache, as_json: bool) -> None:
         stages = {stage: {"entries": size.entries, "bytes": size.bytes} for stage, size in sizes.items()}
         emit_json({"folder": cache.root, "bytes": total, "stages": stages})
         return
-    rows = table(f"{cache.root}", "stage", "entries>", "size>")
-    for stage, size in sizes.items():
-        rows.add_row(stage, str(size.entries), format_size(size.bytes))
-    rows.add_row("[bold]all[/]", str(sum(size.entries for size in sizes.values())), format_size(total))
-    console().print(rows)
+    rows = [(stage, str(size.entries), format_size(size.bytes)) for stage, size in sizes.items()]
+    rows.append(("all", str(sum(size.entries for size in sizes.values())), format_size(total)))
+    show(table(f"{cache.root}", ["stage", "entries>", "size>"], rows))

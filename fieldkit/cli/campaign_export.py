@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
+from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, OverwriteOption, emit_json, say
 
 
 class Format(StrEnum):
@@ -21,9 +21,7 @@ class Format(StrEnum):
 
 def command(
     output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg.")],
-    folder: Annotated[
-        Path | None, typer.Argument(help="The campaign's folder; the one about the current folder where not given.")
-    ] = None,
+    folder: CampaignArgument = None,
     format_: Annotated[Format | None, typer.Option("--format", help="Where the file's name does not say it.")] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say, table
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.present.style import format_length, format_seconds
 
@@ -106,16 +106,11 @@ def _facts(report: Report) -> dict[str, Any]:
 
 def _show(report: Report, file: Path) -> None:
     if report.findings:
-        rows = table(f"Findings in {file.name}", "", "code", "item>", "photo>", "what")
-        for finding in report.findings[:_MOST_ROWS]:
-            rows.add_row(
-                finding.severity,
-                finding.code,
-                "" if finding.item is None else str(finding.item),
-                "" if finding.station is None else str(finding.station),
-                finding.message,
-            )
-        console().print(rows)
+        rows = [
+            (f.code, f.severity, *("" if k is None else str(k) for k in (f.item, f.station)), f.message)
+            for f in report.findings[:_MOST_ROWS]
+        ]
+        show(table(f"Findings in {file.name}", ["code", "severity", "item>", "photo>", "what"], rows))
         if len(report.findings) > _MOST_ROWS:
             say(f"and {len(report.findings) - _MOST_ROWS} more: --json lists all of them")
     if report.deviations:

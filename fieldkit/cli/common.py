@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -11,14 +11,15 @@ from fieldkit.cli.boundary import emit_json, say
 from fieldkit.cli.help_page import OUTPUT, RUN
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator, Sequence
 
     from rich.console import Console, RenderableType
-    from rich.table import Table
+
+    from fieldkit.present.content import Cell
 
 __all__ = [
-    "SEED", "DebugOption", "JsonOption", "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption",
-    "console", "emit_json", "say", "show", "table",
+    "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "JsonOption", "MissionFormat", "MissionOutputOption",
+    "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption", "console", "emit_json", "say", "show", "table",
 ]  # fmt: skip
 
 JsonOption = Annotated[
@@ -32,6 +33,16 @@ SEED = typer.Option(
     "--seed", min=0, max=2**31 - 1, rich_help_panel=RUN, help="The same seed gives the same result, byte for byte."
 )
 SeedOption = Annotated[int, SEED]
+CampaignArgument = Annotated[
+    Path | None, typer.Argument(help="The campaign's folder; the one about the current folder where not given.")
+]
+MissionFormat = Literal["plan", "waypoints", "wpml", "litchi", "kml"]
+MissionOutputOption = Annotated[
+    Path, typer.Option("--output", "-o", help="The mission file; its suffix may be left out.")
+]
+AdjustOption = Annotated[
+    bool, typer.Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
+]
 OutputOption = Annotated[
     Path, typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
 ]
@@ -47,16 +58,18 @@ def console() -> Console:
 
 
 def show(things: Iterable[RenderableType], *lines: object) -> None:
-    """Print tables and texts for people, then lines that are neither markup nor broken, such as paths."""
+    """Print tables and texts for people, then lines that are not broken, such as paths. No string is markup."""
     out = console()
     for thing in things:
-        out.print(thing)
+        out.print(thing, markup=False)
     for line in lines:
         out.print(str(line), markup=False, soft_wrap=True)
 
 
-def table(title: str, *columns: str) -> Table:
-    """An empty table in the one style all commands use; columns whose name ends in ">" are set flush right."""
-    from fieldkit.present.style import table
+def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Iterator[RenderableType]:
+    """A table with all its rows, for `show`; columns whose name ends in ">" hold figures."""
+    from fieldkit.present.content import Column, Table
+    from fieldkit.present.terminal.blocks import rendered
 
-    return table(title, *columns)
+    labels = tuple(Column(name.rstrip(">"), numeric=name.endswith(">")) for name in columns)
+    return rendered([Table(caption, labels, tuple(map(tuple, rows)))], most_rows=None)

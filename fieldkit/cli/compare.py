@@ -12,9 +12,8 @@ from fieldkit.cli.common import (
     JsonOption,
     OverwriteOption,
     SeedOption,
-    console,
     emit_json,
-    say,
+    show,
 )
 
 
@@ -70,8 +69,4 @@ def command(
         return
     from fieldkit.present.terminal.results import comparison_output
 
-    show = console()
-    for shown in comparison_output(done.report):
-        show.print(shown)
-    if done.output is not None:
-        say(f"{done.output}")
+    show(comparison_output(done.report), *([] if done.output is None else [done.output]))

@@ -54,10 +54,8 @@ def command(
     from fieldkit.present.style import format_seconds
     from fieldkit.present.terminal.blocks import rendered
 
-    show(
-        rendered([*_story(demo), _scores(demo)]),
-        f"In {format_seconds(demo.seconds)}. Open the report in a browser:", demo.report,
-    )  # fmt: skip
+    end = f"In {format_seconds(demo.seconds)}. Open the report in a browser:"
+    show(rendered([*_story(demo), _scores(demo)]), end, demo.report)
 
 
 def _story(demo: Demo) -> Iterator[Paragraph]:

@@ -201,10 +201,11 @@ def _in_campaign(folder: Path, captures: Path, cache: StageCache, run: RunOption
         )  # fmt: skip
     else:
         from fieldkit.campaign.overview import campaign_tables
+        from fieldkit.present.terminal.blocks import rendered
 
         left = f"; {len(done.left_out)} files left out" if done.left_out else ""
         show(
-            campaign_tables(done.campaign),
+            rendered(campaign_tables(done.campaign), most_rows=None),
             f"{len(done.evaluated)} visits evaluated, {len(done.kept)} were there already, {done.failed} failed{left}",
         )
     return ReconstructionError.exit_code if done.failed == len(done.evaluated) + len(done.kept) else EXIT_OK

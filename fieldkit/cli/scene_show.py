@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, console, emit_json, say, table
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -76,10 +76,8 @@ def _show_all(as_json: bool) -> None:
     if as_json:
         emit_json({"scenes": {name: _facts(scene) for name, scene in scenes.items()}})
         return
-    rows = table("Scenes that come with fieldkit", "name", "plants>", "what it is")
-    for name, scene in scenes.items():
-        rows.add_row(name, str(len(scene.plot.plants)), scene.notes)
-    console().print(rows)
+    rows = [(name, str(len(scene.plot.plants)), scene.notes) for name, scene in scenes.items()]
+    show(table("Scenes that come with fieldkit", ["name", "plants>", "what it is"], rows))
 
 
 def _facts(description: SceneDescription) -> dict[str, object]:
