@@ -76,19 +76,14 @@ def command(
             overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if as_json:
-        emit_json(
+        plots = [
             {
-                "date": day,
-                "files": list(made.mission.files),
-                "plots": [
-                    {
-                        "plot": each.plot, "made_of": each.date, "expected_m": each.expected_m,
-                        "carried_m": each.carried_m, "seconds": each.seconds,
-                    }
-                    for each in made.plans
-                ],
+                "plot": each.plot, "made_of": each.date, "expected_m": each.expected_m, "carried_m": each.carried_m,
+                "seconds": each.seconds,
             }
-        )  # fmt: skip
+            for each in made.plans
+        ]  # fmt: skip
+        emit_json({"date": day, "files": list(made.mission.files), "plots": plots})
         return
     from fieldkit.present.style import format_length
 

@@ -3,17 +3,36 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
+from fieldkit.cli.option_groups import grouped
 from fieldkit.present.style import format_seconds
 
 
+@dataclass(frozen=True)
+class FaultOptions:
+    """What the link does wrong."""
+
+    loss: Annotated[float, typer.Option("--loss", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")] = (
+        0.0
+    )
+    duplicate: Annotated[
+        float, typer.Option("--duplicate", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
+    ] = 0.0
+    delay: Annotated[
+        float, typer.Option("--delay", metavar="S", min=0.0, max=60.0, help="Mean time under way, each way.")
+    ] = 0.0
+
+
+@grouped
 def command(
     recording: Annotated[Path, typer.Argument(help="Telemetry log of a flight (.tlog).")],
+    *,
     serve: Annotated[
         str,
         typer.Option(
@@ -30,15 +49,7 @@ def command(
     rate: Annotated[
         float | None, typer.Option("--rate", metavar="HZ", help="At most so many of each message per vehicle second.")
     ] = None,
-    loss: Annotated[
-        float, typer.Option("--loss", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
-    ] = 0.0,
-    duplicate: Annotated[
-        float, typer.Option("--duplicate", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
-    ] = 0.0,
-    delay: Annotated[
-        float, typer.Option("--delay", metavar="S", min=0.0, max=60.0, help="Mean time under way, each way.")
-    ] = 0.0,
+    faults: FaultOptions,
     signing_key: Annotated[
         Path | None, typer.Option("--signing-key", metavar="FILE", help="Sign with it, and hear nobody who does not.")
     ] = None,
@@ -70,9 +81,11 @@ def command(
     from fieldkit.standin.replay import Replay
 
     key = None if signing_key is None else read_key(signing_key)
-    faults = Faults(loss=loss, duplicate=duplicate, delay_s=delay, seed=seed)
     source = read_recording(recording)
-    vehicle = Replay(source, serve=serve, speed=speed, faults=faults, begin_s=begin, rate_hz=rate, key=key)
+    vehicle = Replay(
+        source, serve=serve, speed=speed, begin_s=begin, rate_hz=rate, key=key,
+        faults=Faults(loss=faults.loss, duplicate=faults.duplicate, delay_s=faults.delay, seed=seed),
+    )  # fmt: skip
     with vehicle:
         if not as_json:
             say(
