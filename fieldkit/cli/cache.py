@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -18,18 +17,11 @@ _SIZE_UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 _TIME_UNITS = {"m": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
 
 
-class Action(StrEnum):
-    """What to do with the cache."""
-
-    SHOW = "show"
-    PRUNE = "prune"
-    CLEAR = "clear"
+Action = Literal["show", "prune", "clear"]
 
 
 def command(
-    action: Annotated[
-        Action, typer.Argument(help="show sizes, prune what is old or too much, or clear all.")
-    ] = Action.SHOW,
+    action: Annotated[Action, typer.Argument(help="show sizes, prune what is old or too much, or clear all.")] = "show",
     max_size: Annotated[
         str, typer.Option(metavar="SIZE", help="prune: the longest unused goes until this is left, e.g. 500M or 10G.")
     ] = "",
@@ -59,17 +51,17 @@ def command(
     """
     from fieldkit.cache import StageCache, default_cache_root
 
-    if action is Action.PRUNE and not (max_size or older_than):
+    if action == "prune" and not (max_size or older_than):
         raise UsageError("prune what?", remedy="Give --max-size or --older-than, or use `fieldkit cache clear`.")
-    if action is not Action.PRUNE and (max_size or older_than):
+    if action != "prune" and (max_size or older_than):
         raise UsageError(f"{action} takes neither --max-size nor --older-than", remedy="Use `fieldkit cache prune`.")
     limit = parse_size(max_size) if max_size else None
     age = parse_time(older_than) if older_than else None
     cache = StageCache(default_cache_root())
-    if action is Action.SHOW:
+    if action == "show":
         _show(cache, as_json)
         return
-    removed = cache.clear() if action is Action.CLEAR else cache.prune(max_bytes=limit, older_than=age)
+    removed = cache.clear() if action == "clear" else cache.prune(max_bytes=limit, older_than=age)
     left = sum(size.bytes for size in cache.sizes().values())
     if as_json:
         emit_json({"removed_entries": removed.entries, "removed_bytes": removed.bytes, "bytes": left})

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, OverwriteOption, emit_json, say
 
-
-class Format(StrEnum):
-    """Of the file."""
-
-    CSV = "csv"
-    GEOJSON = "geojson"
-    GPKG = "gpkg"
+Format = Literal["csv", "geojson", "gpkg"]
 
 
 def command(
@@ -48,7 +41,7 @@ def command(
     from fieldkit.campaign.reading import campaign_folder, read_campaign
 
     campaign = read_campaign(campaign_folder(folder))
-    written = export_campaign(campaign, output, format_=None if format_ is None else format_.value, overwrite=overwrite)
+    written = export_campaign(campaign, output, format_=format_, overwrite=overwrite)
     if as_json:
         emit_json({"output": output, "format": written, "visits": len(campaign.visits), "plots": len(campaign.plots)})
     else:

@@ -13,13 +13,13 @@ from fieldkit.cli.help_page import OUTPUT, RUN
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from rich.console import Console, RenderableType
+    from rich.console import RenderableType
 
     from fieldkit.present.content import Cell
 
 __all__ = [
     "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "JsonOption", "MissionFormat", "MissionOutputOption",
-    "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption", "console", "emit_json", "say", "show", "table",
+    "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption", "emit_json", "say", "show", "table",
 ]  # fmt: skip
 
 JsonOption = Annotated[
@@ -50,16 +50,11 @@ OverwriteOption = Annotated[bool, typer.Option("--overwrite", rich_help_panel=RU
 ResumeOption = Annotated[bool, typer.Option("--resume", rich_help_panel=RUN, help="Go on with an interrupted run.")]
 
 
-def console() -> Console:
-    """Rich's console for people, on stderr."""
-    from rich.console import Console
-
-    return Console(stderr=True, highlight=False)
-
-
 def show(things: Iterable[RenderableType], *lines: object) -> None:
     """Print tables and texts for people, then lines that are not broken, such as paths. No string is markup."""
-    out = console()
+    from rich.console import Console
+
+    out = Console(stderr=True, highlight=False)
     for thing in things:
         out.print(thing, markup=False)
     for line in lines:

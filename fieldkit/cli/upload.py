@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.present.style import format_length
@@ -197,5 +197,6 @@ def _start(vehicle: MavsdkVehicle, site: Site, within_m: float, items: int) -> S
 
 
 def _confirmed(question: str) -> bool:
-    console().print(question, end="", markup=False)
+    sys.stderr.write(question)
+    sys.stderr.flush()
     return sys.stdin.readline().strip() == _WORD
