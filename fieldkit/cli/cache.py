@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
@@ -21,12 +21,12 @@ Action = Literal["show", "prune", "clear"]
 
 
 def command(
-    action: Annotated[Action, typer.Argument(help="show sizes, prune what is old or too much, or clear all.")] = "show",
+    action: Annotated[Action, Argument(help="show sizes, prune what is old or too much, or clear all.")] = "show",
     max_size: Annotated[
-        str, typer.Option(metavar="SIZE", help="prune: the longest unused goes until this is left, e.g. 500M or 10G.")
+        str, Option(metavar="SIZE", help="prune: the longest unused goes until this is left, e.g. 500M or 10G.")
     ] = "",
     older_than: Annotated[
-        str, typer.Option(metavar="TIME", help="prune: what was not used for this long goes, e.g. 12h or 30d.")
+        str, Option(metavar="TIME", help="prune: what was not used for this long goes, e.g. 12h or 30d.")
     ] = "",
     as_json: JsonOption = False,
     debug: DebugOption = False,

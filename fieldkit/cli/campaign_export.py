@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
+from typer import Option
 
 from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, OverwriteOption, emit_json, say
 
@@ -13,9 +13,9 @@ Format = Literal["csv", "geojson", "gpkg"]
 
 
 def command(
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg.")],
+    output: Annotated[Path, Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg.")],
     folder: CampaignArgument = None,
-    format_: Annotated[Format | None, typer.Option("--format", help="Where the file's name does not say it.")] = None,
+    format_: Annotated[Format | None, Option("--format", help="Where the file's name does not say it.")] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,

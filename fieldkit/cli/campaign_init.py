@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
 from fieldkit.cli.option_groups import grouped
@@ -15,24 +15,24 @@ from fieldkit.errors import UsageError
 
 @grouped
 def command(
-    folder: Annotated[Path, typer.Argument(help="The campaign's folder: new, or empty.")],
-    plan: Annotated[Path, typer.Option("--plan", help="plan.json, or its folder: flown over every plot.")],
-    site: Annotated[Path, typer.Option("--site", help="Site file: home, fence, plots.")],
+    folder: Annotated[Path, Argument(help="The campaign's folder: new, or empty.")],
+    plan: Annotated[Path, Option("--plan", help="plan.json, or its folder: flown over every plot.")],
+    site: Annotated[Path, Option("--site", help="Site file: home, fence, plots.")],
     *,
     plots: Annotated[
-        Path | None, typer.Option("--plots", help="GeoJSON of the plots, in place of the site file's own.")
+        Path | None, Option("--plots", help="GeoJSON of the plots, in place of the site file's own.")
     ] = None,
-    vehicle: Annotated[str | None, typer.Option("--vehicle", help="Profile, by name or path.")] = None,
+    vehicle: Annotated[str | None, Option("--vehicle", help="Profile, by name or path.")] = None,
     camera: Annotated[
-        Path | None, typer.Option("--camera", help="camera.toml for photographs that have none beside them.")
+        Path | None, Option("--camera", help="camera.toml for photographs that have none beside them.")
     ] = None,
     reference: Annotated[
         list[str] | None,
-        typer.Option("--reference", metavar="PLOT=REF", help="A plot's own reference. May be given several times."),
+        Option("--reference", metavar="PLOT=REF", help="A plot's own reference. May be given several times."),
     ] = None,
-    name: Annotated[str | None, typer.Option("--name", help="In words; the folder's name where not given.")] = None,
+    name: Annotated[str | None, Option("--name", help="In words; the folder's name where not given.")] = None,
     refine: Annotated[
-        bool, typer.Option("--refine", help="Move each cloud onto its plot's reference by ICP before scoring.")
+        bool, Option("--refine", help="Move each cloud onto its plot's reference by ICP before scoring.")
     ] = False,
     distances: DistancesOption = DISTANCES,
     reconstruction: ReconstructionOptions,

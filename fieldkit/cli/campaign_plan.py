@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from fieldkit.cli.common import (
     CampaignArgument,
@@ -27,18 +27,17 @@ def command(
     output: MissionOutputOption,
     folder: CampaignArgument = None,
     date: Annotated[
-        str, typer.Option("--date", metavar="DATE", help="Of the visit, 2026-07-02; today where not given.")
+        str, Option("--date", metavar="DATE", help="Of the visit, 2026-07-02; today where not given.")
     ] = "",
     growth: Annotated[
-        float, typer.Option("--growth", metavar="FACTOR", help="By which plants have grown since the last visit.")
+        float, Option("--growth", metavar="FACTOR", help="By which plants have grown since the last visit.")
     ] = 1.15,
     vehicle: Annotated[
-        str | None,
-        typer.Option("--vehicle", metavar="NAME", help="A profile's name or file, in place of the campaign's."),
+        str | None, Option("--vehicle", metavar="NAME", help="A profile's name or file, in place of the campaign's.")
     ] = None,
-    format: Annotated[MissionFormat, typer.Option("--format", help="As of export-mission.")] = "plan",  # noqa: A002
+    format: Annotated[MissionFormat, Option("--format", help="As of export-mission.")] = "plan",  # noqa: A002
     seed: SeedOption = 0,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 1,
+    workers: Annotated[int, Option("--workers", min=1, help="Processes.")] = 1,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import (
     AdjustOption,
@@ -38,13 +38,13 @@ class AgainOptions:
 
     vehicle: Annotated[
         str | None,
-        typer.Option("--vehicle", metavar="NAME", help="A profile's name or file: for the mission that flies again."),
+        Option("--vehicle", metavar="NAME", help="A profile's name or file: for the mission that flies again."),
     ] = None
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Mission file for the stations to fly again; needs --vehicle and --site."),
+        Option("--output", "-o", help="Mission file for the stations to fly again; needs --vehicle and --site."),
     ] = None
-    format: Annotated[MissionFormat, typer.Option("--format", help="Of that mission, as in export-mission.")] = "plan"
+    format: Annotated[MissionFormat, Option("--format", help="Of that mission, as in export-mission.")] = "plan"
     adjust: AdjustOption = False
 
     def check(self, site: Path | None) -> None:
@@ -57,24 +57,24 @@ class AgainOptions:
 
 @grouped
 def command(
-    captures: Annotated[Path, typer.Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
-    plan: Annotated[Path, typer.Option("--plan", help="plan.json that was flown, or the folder that holds it.")],
+    captures: Annotated[Path, Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
+    plan: Annotated[Path, Option("--plan", help="plan.json that was flown, or the folder that holds it.")],
     *,
     site: Annotated[
-        Path | None, typer.Option("--site", help="Site file: where the plots lie, so that places can be checked.")
+        Path | None, Option("--site", help="Site file: where the plots lie, so that places can be checked.")
     ] = None,
     plot: Annotated[
-        str | None, typer.Option("--plot", metavar="NAME", help="Of the site; else the one called as the folder is.")
+        str | None, Option("--plot", metavar="NAME", help="Of the site; else the one called as the folder is.")
     ] = None,
     log: Annotated[
-        Path | None, typer.Option("--log", help="Flight log (.tlog, .BIN, .ulg): its poses instead of EXIF's.")
+        Path | None, Option("--log", help="Flight log (.tlog, .BIN, .ulg): its poses instead of EXIF's.")
     ] = None,
     again: AgainOptions,
     position_tolerance: Annotated[
-        float, typer.Option("--position-tolerance", metavar="M", min=0.01, max=100.0, help="Farthest from a station.")
+        float, Option("--position-tolerance", metavar="M", min=0.01, max=100.0, help="Farthest from a station.")
     ] = 0.25,
     angle_tolerance: Annotated[
-        float, typer.Option("--angle-tolerance", metavar="DEG", min=0.1, max=180.0, help="Most turned from the plan.")
+        float, Option("--angle-tolerance", metavar="DEG", min=0.1, max=180.0, help="Most turned from the plan.")
     ] = 8.0,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,

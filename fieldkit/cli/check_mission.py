@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
@@ -21,16 +21,14 @@ _MOST_ROWS = 60
 
 
 def command(
-    file: Annotated[Path, typer.Argument(help="A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.")],
-    vehicle: Annotated[str, typer.Option("--vehicle", help="Vehicle profile: a name or a TOML file.")],
-    plan: Annotated[
-        Path | None, typer.Option("--plan", help="plan.json: compare the photographs with its stations.")
-    ] = None,
+    file: Annotated[Path, Argument(help="A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.")],
+    vehicle: Annotated[str, Option("--vehicle", help="Vehicle profile: a name or a TOML file.")],
+    plan: Annotated[Path | None, Option("--plan", help="plan.json: compare the photographs with its stations.")] = None,
     site: Annotated[
-        Path | None, typer.Option("--site", help="Site file: check legs against its fence, zones and obstacles.")
+        Path | None, Option("--site", help="Site file: check legs against its fence, zones and obstacles.")
     ] = None,
     fit: Annotated[
-        bool, typer.Option("--fit", help="The mission was exported with --fit: compare with the fitted stations.")
+        bool, Option("--fit", help="The mission was exported with --fit: compare with the fitted stations.")
     ] = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.boundary import emit_json, say
 from fieldkit.cli.help_page import OUTPUT, RUN
@@ -23,31 +23,29 @@ __all__ = [
 ]  # fmt: skip
 
 JsonOption = Annotated[
-    bool, typer.Option("--json", rich_help_panel=OUTPUT, help="Print one JSON object on stdout and nothing else there.")
+    bool, Option("--json", rich_help_panel=OUTPUT, help="Print one JSON object on stdout and nothing else there.")
 ]
 DebugOption = Annotated[
-    bool, typer.Option("--debug", rich_help_panel=OUTPUT, help="Show tracebacks and other libraries' warnings.")
+    bool, Option("--debug", rich_help_panel=OUTPUT, help="Show tracebacks and other libraries' warnings.")
 ]
 # COLMAP takes no larger seed.
-SEED = typer.Option(
+SEED = Option(
     "--seed", min=0, max=2**31 - 1, rich_help_panel=RUN, help="The same seed gives the same result, byte for byte."
 )
 SeedOption = Annotated[int, SEED]
 CampaignArgument = Annotated[
-    Path | None, typer.Argument(help="The campaign's folder; the one about the current folder where not given.")
+    Path | None, Argument(help="The campaign's folder; the one about the current folder where not given.")
 ]
 MissionFormat = Literal["plan", "waypoints", "wpml", "litchi", "kml"]
-MissionOutputOption = Annotated[
-    Path, typer.Option("--output", "-o", help="The mission file; its suffix may be left out.")
-]
+MissionOutputOption = Annotated[Path, Option("--output", "-o", help="The mission file; its suffix may be left out.")]
 AdjustOption = Annotated[
-    bool, typer.Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
+    bool, Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
 ]
 OutputOption = Annotated[
-    Path, typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
+    Path, Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
 ]
-OverwriteOption = Annotated[bool, typer.Option("--overwrite", rich_help_panel=RUN, help="Replace an existing result.")]
-ResumeOption = Annotated[bool, typer.Option("--resume", rich_help_panel=RUN, help="Go on with an interrupted run.")]
+OverwriteOption = Annotated[bool, Option("--overwrite", rich_help_panel=RUN, help="Replace an existing result.")]
+ResumeOption = Annotated[bool, Option("--resume", rich_help_panel=RUN, help="Go on with an interrupted run.")]
 
 
 def show(things: Iterable[RenderableType], *lines: object) -> None:

@@ -16,12 +16,7 @@ if TYPE_CHECKING:
 
 
 @grouped
-def command(
-    output: OutputOption,
-    run: RunOptions,
-    as_json: JsonOption = False,
-    debug: DebugOption = False,
-) -> None:
+def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False, debug: DebugOption = False) -> None:
     """Try fieldkit without a drone: the whole way from a dense capture to scores, on two simulated plots of maize.
 
     Photographs two plots densely and builds their references; plans ten views for plots like the first; writes the

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Context, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show
 from fieldkit.cli.option_groups import grouped
@@ -40,18 +40,16 @@ class FlightOptions:
 
     log: Annotated[
         Path | None,
-        typer.Option(
-            "--log", help="Flight log (.tlog, .BIN, .ulg): poses of its triggers instead of poses.csv or GPS."
-        ),
+        Option("--log", help="Flight log (.tlog, .BIN, .ulg): poses of its triggers instead of poses.csv or GPS."),
     ] = None
-    plan: Annotated[
-        Path | None, typer.Option("--plan", help="plan.json that was flown: how the photographs kept to it.")
-    ] = None
+    plan: Annotated[Path | None, Option("--plan", help="plan.json that was flown: how the photographs kept to it.")] = (
+        None
+    )
     mission: Annotated[
-        Path | None, typer.Option("--mission", help="With --plan: the mission file that the vehicle was given.")
+        Path | None, Option("--mission", help="With --plan: the mission file that the vehicle was given.")
     ] = None
     vehicle: Annotated[
-        str, typer.Option("--vehicle", help="With --mission: the vehicle's profile, a name or a TOML file.")
+        str, Option("--vehicle", help="With --mission: the vehicle's profile, a name or a TOML file.")
     ] = ""
 
     def flown(self) -> tuple[Path, str] | None:
@@ -67,33 +65,28 @@ class FlightOptions:
 
 @grouped
 def command(
-    context: typer.Context,
+    context: Context,
     captures: Annotated[
-        Path,
-        typer.Argument(
-            help="Folder of photographs of one plot, or a folder of such folders; in a campaign any folder."
-        ),
+        Path, Argument(help="Folder of photographs of one plot, or a folder of such folders; in a campaign any folder.")
     ],
     *,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete."),
+        Path | None, Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
     ] = None,
     campaign: Annotated[
-        Path | None,
-        typer.Option("--campaign", help="Campaign to add to. Without -o: the one about the current folder."),
+        Path | None, Option("--campaign", help="Campaign to add to. Without -o: the one about the current folder.")
     ] = None,
     reference: Annotated[
-        Path | None, typer.Option("--reference", help="What `fieldkit reference` wrote. Without: no distances.")
+        Path | None, Option("--reference", help="What `fieldkit reference` wrote. Without: no distances.")
     ] = None,
     flight: FlightOptions,
     refine: Annotated[
-        bool, typer.Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
+        bool, Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
     ] = False,
     distances: DistancesOption = DISTANCES,
     reconstruction: ReconstructionOptions,
     no_wait: Annotated[
-        bool, typer.Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
+        bool, Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
     ] = False,
     run: RunOptions,
     as_json: JsonOption = False,
@@ -153,7 +146,7 @@ def command(
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
 
 
-def _campaign_folder(context: typer.Context, campaign: Path | None, flight: FlightOptions) -> Path:
+def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOptions) -> Path:
     """The campaign that is meant.
 
     Raises:
@@ -211,6 +204,6 @@ def _in_campaign(folder: Path, captures: Path, cache: StageCache, run: RunOption
     return ReconstructionError.exit_code if done.failed == len(done.evaluated) + len(done.kept) else EXIT_OK
 
 
-def _was_given(context: typer.Context, name: str) -> bool:
+def _was_given(context: Context, name: str) -> bool:
     source = context.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import (
     AdjustOption,
@@ -33,22 +33,22 @@ _MOST_NAMED = 3
 
 
 def command(
-    plan: Annotated[Path, typer.Argument(help="plan.json, or the folder that holds it.")],
-    vehicle: Annotated[str, typer.Option("--vehicle", metavar="NAME", help="A profile's name or file.")],
-    site: Annotated[Path, typer.Option("--site", help="Site file: home, plots, fence, obstacles.")],
+    plan: Annotated[Path, Argument(help="plan.json, or the folder that holds it.")],
+    vehicle: Annotated[str, Option("--vehicle", metavar="NAME", help="A profile's name or file.")],
+    site: Annotated[Path, Option("--site", help="Site file: home, plots, fence, obstacles.")],
     output: MissionOutputOption,
     format: Annotated[  # noqa: A002 - the option's name
         MissionFormat,
-        typer.Option("--format", help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at."),
+        Option("--format", help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at."),
     ] = "plan",
     plots: Annotated[
-        Path | None, typer.Option("--plots", help="GeoJSON of plots, in place of those of the site file.")
+        Path | None, Option("--plots", help="GeoJSON of plots, in place of those of the site file.")
     ] = None,
     fit: Annotated[
-        bool, typer.Option("--fit", help="Fit the plan to each plot's plant height and size, as the site gives them.")
+        bool, Option("--fit", help="Fit the plan to each plot's plant height and size, as the site gives them.")
     ] = False,
     adjust: AdjustOption = False,
-    no_picture: Annotated[bool, typer.Option("--no-picture", help="Do not draw the flights.")] = False,
+    no_picture: Annotated[bool, Option("--no-picture", help="Do not draw the flights.")] = False,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
 from fieldkit.cli.numbers import read_numbers
@@ -25,12 +25,12 @@ class FrameOptions:
 
     origin: Annotated[
         str,
-        typer.Option(
+        Option(
             "--origin", metavar="LAT,LON,ALT", help="Of the local frame, altitude above sea level. Without: the home."
         ),
     ] = ""
-    site: Annotated[Path | None, typer.Option("--site", help="Site file: its plot is the origin.")] = None
-    plot: Annotated[str, typer.Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = ""
+    site: Annotated[Path | None, Option("--site", help="Site file: its plot is the origin.")] = None
+    plot: Annotated[str, Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = ""
 
     def frame(self) -> LocalFrame | None:
         """East-north-up; None for the log's home.
@@ -58,20 +58,19 @@ class FrameOptions:
 
 @grouped
 def command(
-    images: Annotated[Path, typer.Argument(help="Folder of the photographs of one flight.")],
-    log: Annotated[Path, typer.Option("--log", help="Flight log: .tlog, .BIN or .ulg, also as .gz.")],
+    images: Annotated[Path, Argument(help="Folder of the photographs of one flight.")],
+    log: Annotated[Path, Option("--log", help="Flight log: .tlog, .BIN or .ulg, also as .gz.")],
     *,
-    output: Annotated[Path, typer.Option("--output", "-o", help="poses.csv to write.")] = Path("poses.csv"),
+    output: Annotated[Path, Option("--output", "-o", help="poses.csv to write.")] = Path("poses.csv"),
     frame: FrameOptions,
     mount: Annotated[
-        str, typer.Option("--mount", metavar="PITCH[,YAW]", help="Of a camera without a gimbal, against the vehicle.")
+        str, Option("--mount", metavar="PITCH[,YAW]", help="Of a camera without a gimbal, against the vehicle.")
     ] = "",
     accuracy: Annotated[
-        float | None, typer.Option("--accuracy", metavar="M", min=0.001, help="Of the positions. Without: the log's.")
+        float | None, Option("--accuracy", metavar="M", min=0.001, help="Of the positions. Without: the log's.")
     ] = None,
     camera_offset: Annotated[
-        float | None,
-        typer.Option("--camera-offset", metavar="S", help="Camera's clock less UTC, where several offsets fit."),
+        float | None, Option("--camera-offset", metavar="S", help="Camera's clock less UTC, where several offsets fit.")
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,

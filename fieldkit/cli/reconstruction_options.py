@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
 
-import typer
+from typer import Option
 
 from fieldkit.cli.common import OverwriteOption, ResumeOption, SeedOption
 from fieldkit.cli.help_page import RUN
@@ -26,13 +26,13 @@ Mask = Literal["exg", "none", "file"]
 Backend = Literal["auto", "cpu", "cuda"]
 DISTANCES = "0.002,0.005,0.010,0.020"
 DistancesOption = Annotated[
-    str, typer.Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
+    str, Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
 ]
 WorkersOption = Annotated[
-    int, typer.Option("--workers", min=1, rich_help_panel=RUN, help="Processes. The result does not depend on it.")
+    int, Option("--workers", min=1, rich_help_panel=RUN, help="Processes. The result does not depend on it.")
 ]
 NoCacheOption = Annotated[
-    bool, typer.Option("--no-cache", rich_help_panel=RUN, help="Neither use nor keep what stages computed.")
+    bool, Option("--no-cache", rich_help_panel=RUN, help="Neither use nor keep what stages computed.")
 ]
 
 
@@ -43,26 +43,21 @@ class ReconstructionOptions:
     panel: ClassVar[str] = "Reconstruction"
 
     mapping: Annotated[
-        Mapping,
-        typer.Option("--mapping", help="How poses are found; auto: prior with known positions, else incremental."),
+        Mapping, Option("--mapping", help="How poses are found; auto: prior with known positions, else incremental.")
     ] = "auto"
     fidelity: Annotated[
         Fidelity,
-        typer.Option(
-            "--fidelity", help="Size of dense stereo: 500×375, 750×562, 1000×750 pixels, or the photographs'."
-        ),
+        Option("--fidelity", help="Size of dense stereo: 500×375, 750×562, 1000×750 pixels, or the photographs'."),
     ] = "standard"
     mask: Annotated[
-        Mask,
-        typer.Option("--mask", help="What is plant: exg what is green, none everything, file masks/NAME.png."),
+        Mask, Option("--mask", help="What is plant: exg what is green, none everything, file masks/NAME.png.")
     ] = "exg"
     backend: Annotated[
-        Backend,
-        typer.Option("--backend", help="What computes depth; auto: cuda with the CUDA build and a GPU, else cpu."),
+        Backend, Option("--backend", help="What computes depth; auto: cuda with the CUDA build and a GPU, else cpu.")
     ] = "auto"
     bounds: Annotated[
         str,
-        typer.Option(
+        Option(
             "--bounds",
             metavar="X,Y,Z,X,Y,Z",
             help="Lowest and highest corner of the volume of interest, metres in the plot frame. Found where not "

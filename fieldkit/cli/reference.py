@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.option_groups import grouped
@@ -14,13 +14,11 @@ from fieldkit.cli.reconstruction_options import ReconstructionOptions, RunOption
 
 @grouped
 def command(
-    images: Annotated[Path, typer.Argument(help="Folder of photographs of one plot, 45 or more for a good reference.")],
+    images: Annotated[Path, Argument(help="Folder of photographs of one plot, 45 or more for a good reference.")],
     output: OutputOption,
     reconstruction: ReconstructionOptions,
     run: RunOptions,
-    no_scene: Annotated[
-        bool, typer.Option("--no-scene", help="Leave out scene.ply, which has the ground too.")
-    ] = False,
+    no_scene: Annotated[bool, Option("--no-scene", help="Leave out scene.ply, which has the ground too.")] = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
 from fieldkit.cli.option_groups import grouped
@@ -18,40 +18,34 @@ from fieldkit.present.style import format_seconds
 class FaultOptions:
     """What the link does wrong."""
 
-    loss: Annotated[float, typer.Option("--loss", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")] = (
-        0.0
-    )
+    loss: Annotated[float, Option("--loss", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")] = 0.0
     duplicate: Annotated[
-        float, typer.Option("--duplicate", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
+        float, Option("--duplicate", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
     ] = 0.0
     delay: Annotated[
-        float, typer.Option("--delay", metavar="S", min=0.0, max=60.0, help="Mean time under way, each way.")
+        float, Option("--delay", metavar="S", min=0.0, max=60.0, help="Mean time under way, each way.")
     ] = 0.0
 
 
 @grouped
 def command(
-    recording: Annotated[Path, typer.Argument(help="Telemetry log of a flight (.tlog).")],
+    recording: Annotated[Path, Argument(help="Telemetry log of a flight (.tlog).")],
     *,
     serve: Annotated[
         str,
-        typer.Option(
-            "--serve", metavar="URL", help="udpout://127.0.0.1:PORT, as the SITL does, or udpin://127.0.0.1:PORT."
-        ),
+        Option("--serve", metavar="URL", help="udpout://127.0.0.1:PORT, as the SITL does, or udpin://127.0.0.1:PORT."),
     ] = "udpout://127.0.0.1:14550",
-    speed: Annotated[float, typer.Option("--speed", metavar="X", help="Vehicle seconds per second.")] = 1.0,
-    begin: Annotated[
-        float, typer.Option("--from", metavar="S", min=0.0, help="Where in the recording to begin.")
-    ] = 0.0,
+    speed: Annotated[float, Option("--speed", metavar="X", help="Vehicle seconds per second.")] = 1.0,
+    begin: Annotated[float, Option("--from", metavar="S", min=0.0, help="Where in the recording to begin.")] = 0.0,
     duration: Annotated[
-        float | None, typer.Option("--for", metavar="S", min=0.0, help="Stop after this time; else at Ctrl-C.")
+        float | None, Option("--for", metavar="S", min=0.0, help="Stop after this time; else at Ctrl-C.")
     ] = None,
     rate: Annotated[
-        float | None, typer.Option("--rate", metavar="HZ", help="At most so many of each message per vehicle second.")
+        float | None, Option("--rate", metavar="HZ", help="At most so many of each message per vehicle second.")
     ] = None,
     faults: FaultOptions,
     signing_key: Annotated[
-        Path | None, typer.Option("--signing-key", metavar="FILE", help="Sign with it, and hear nobody who does not.")
+        Path | None, Option("--signing-key", metavar="FILE", help="Sign with it, and hear nobody who does not.")
     ] = None,
     seed: SeedOption = 0,
     as_json: JsonOption = False,

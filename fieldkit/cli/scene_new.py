@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
+from typer import Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, emit_json, say
 from fieldkit.errors import UsageError
@@ -14,16 +14,14 @@ Layout = Literal["rows", "grid", "random"]
 
 
 def command(
-    plants: Annotated[int, typer.Option("--plants", min=1, max=60, help="How many.")] = 3,
-    layout: Annotated[Layout, typer.Option("--layout", help="In rows along x, on a grid, or at random.")] = "rows",
-    spacing: Annotated[float, typer.Option("--spacing", min=0.05, max=2.0, help="Between plants, metres.")] = 0.22,
-    row_spacing: Annotated[
-        float, typer.Option("--row-spacing", min=0.05, max=3.0, help="Between rows, metres.")
-    ] = 0.50,
+    plants: Annotated[int, Option("--plants", min=1, max=60, help="How many.")] = 3,
+    layout: Annotated[Layout, Option("--layout", help="In rows along x, on a grid, or at random.")] = "rows",
+    spacing: Annotated[float, Option("--spacing", min=0.05, max=2.0, help="Between plants, metres.")] = 0.22,
+    row_spacing: Annotated[float, Option("--row-spacing", min=0.05, max=3.0, help="Between rows, metres.")] = 0.50,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The scene file. Without: the text goes to stdout.")
+        Path | None, Option("--output", "-o", help="The scene file. Without: the text goes to stdout.")
     ] = None,
-    complete: Annotated[bool, typer.Option("--complete", help="Write every key, also those at their default.")] = False,
+    complete: Annotated[bool, Option("--complete", help="Write every key, also those at their default.")] = False,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 def command(
     scene: Annotated[
-        Path | None, typer.Argument(help="Scene file, folder or name. Without: lists fieldkit's own scenes.")
+        Path | None, Argument(help="Scene file, folder or name. Without: lists fieldkit's own scenes.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Draw the scene into this picture (PNG or JPEG).")
+        Path | None, Option("--output", "-o", help="Draw the scene into this picture (PNG or JPEG).")
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,

@@ -7,7 +7,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, SeedOption, emit_json, say
 from fieldkit.cli.numbers import read_numbers
@@ -25,15 +25,13 @@ if TYPE_CHECKING:
 class StationOptions:
     """Where photographs are taken from."""
 
-    plan: Annotated[Path | None, typer.Option("--plan", help="plan.json: photograph from its stations.")] = None
-    poses: Annotated[Path | None, typer.Option("--poses", help="poses.csv with yaw_deg and pitch_deg, plot frame.")] = (
-        None
-    )
+    plan: Annotated[Path | None, Option("--plan", help="plan.json: photograph from its stations.")] = None
+    poses: Annotated[Path | None, Option("--poses", help="poses.csv with yaw_deg and pitch_deg, plot frame.")] = None
     ring: Annotated[
-        str, typer.Option("--ring", metavar="N[,RADIUS,HEIGHT]", help="N stations on a circle about the plants.")
+        str, Option("--ring", metavar="N[,RADIUS,HEIGHT]", help="N stations on a circle about the plants.")
     ] = ""
     dense: Annotated[
-        int, typer.Option("--dense", metavar="N", min=0, help="N stations on three circles, for a reference.")
+        int, Option("--dense", metavar="N", min=0, help="N stations on three circles, for a reference.")
     ] = 0
 
     def circle(self) -> tuple[float, ...]:
@@ -70,22 +68,20 @@ class InexactOptions:
     """What is not as commanded; the scene's where not given."""
 
     pose_noise: Annotated[
-        str, typer.Option("--pose-noise", metavar="M,DEG", help="True against commanded poses, standard deviations.")
+        str, Option("--pose-noise", metavar="M,DEG", help="True against commanded poses, standard deviations.")
     ] = ""
     image_noise: Annotated[
-        float | None, typer.Option("--image-noise", metavar="GREY", help="Standard deviation per channel.")
+        float | None, Option("--image-noise", metavar="GREY", help="Standard deviation per channel.")
     ] = None
     gps_noise: Annotated[
-        str, typer.Option("--gps-noise", metavar="M[,M]", help="Of GPS positions: horizontal and vertical.")
+        str, Option("--gps-noise", metavar="M[,M]", help="Of GPS positions: horizontal and vertical.")
     ] = ""
-    blur: Annotated[
-        float | None, typer.Option("--blur", metavar="S", help="Exposure time: the drone drifts meanwhile.")
-    ] = None
+    blur: Annotated[float | None, Option("--blur", metavar="S", help="Exposure time: the drone drifts meanwhile.")] = (
+        None
+    )
     wind: Annotated[
         float | None,
-        typer.Option(
-            "--wind", metavar="M", min=0.0, max=0.2, help="Leaves sway by this, half a metre out; 0 for none."
-        ),
+        Option("--wind", metavar="M", min=0.0, max=0.2, help="Leaves sway by this, half a metre out; 0 for none."),
     ] = None
 
     def noise(self) -> dict[str, Any]:
@@ -107,16 +103,16 @@ class InexactOptions:
 
 @grouped
 def command(
-    scene: Annotated[Path, typer.Argument(help="Scene file, a folder with scene.toml, or a name such as case-1.")],
+    scene: Annotated[Path, Argument(help="Scene file, a folder with scene.toml, or a name such as case-1.")],
     output: OutputOption,
     stations: StationOptions,
     *,
-    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Of the photographs, pixels.")] = "",
+    size: Annotated[str, Option("--size", metavar="WxH", help="Of the photographs, pixels.")] = "",
     inexact: InexactOptions,
-    no_poses: Annotated[bool, typer.Option("--no-poses", help="Leave out poses.csv and camera.toml.")] = False,
-    no_gps: Annotated[bool, typer.Option("--no-gps", help="Leave out GPS and gimbal angles.")] = False,
+    no_poses: Annotated[bool, Option("--no-poses", help="Leave out poses.csv and camera.toml.")] = False,
+    no_gps: Annotated[bool, Option("--no-gps", help="Leave out GPS and gimbal angles.")] = False,
     truth_cloud: Annotated[
-        Path | None, typer.Option("--truth-cloud", help="Also write the plants' true surfaces there (PLY).")
+        Path | None, Option("--truth-cloud", help="Also write the plants' true surfaces there (PLY).")
     ] = None,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,

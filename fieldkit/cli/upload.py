@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
 from fieldkit.cli.option_groups import grouped
@@ -30,18 +30,14 @@ _WORD = "START"
 class LinkOptions:
     """Of the link to the vehicle."""
 
-    signed: Annotated[bool, typer.Option("--signed", help="Refuse to run over an unsigned link.")] = False
+    signed: Annotated[bool, Option("--signed", help="Refuse to run over an unsigned link.")] = False
     signing_key: Annotated[
-        Path | None,
-        typer.Option("--signing-key", metavar="FILE", help="MAVLink key: 32 bytes or 64 hex digits."),
+        Path | None, Option("--signing-key", metavar="FILE", help="MAVLink key: 32 bytes or 64 hex digits.")
     ] = None
-    attempts: Annotated[int, typer.Option("--attempts", min=1, max=100, help="Uploads before it is given up.")] = 6
-    timeout: Annotated[
-        float, typer.Option("--timeout", metavar="S", min=1.0, max=600.0, help="To hear the vehicle.")
-    ] = 10.0
+    attempts: Annotated[int, Option("--attempts", min=1, max=100, help="Uploads before it is given up.")] = 6
+    timeout: Annotated[float, Option("--timeout", metavar="S", min=1.0, max=600.0, help="To hear the vehicle.")] = 10.0
     reply: Annotated[
-        float,
-        typer.Option("--reply", metavar="S", min=0.05, max=30.0, help="Time for an answer; more on slow radios."),
+        float, Option("--reply", metavar="S", min=0.05, max=30.0, help="Time for an answer; more on slow radios.")
     ] = 0.5
 
     def key(self) -> bytes | None:
@@ -62,21 +58,20 @@ class LinkOptions:
 
 @grouped
 def command(
-    mission: Annotated[Path, typer.Argument(help="Mission with MAVLink items: .plan or .waypoints.")],
+    mission: Annotated[Path, Argument(help="Mission with MAVLink items: .plan or .waypoints.")],
     connect: Annotated[
-        str,
-        typer.Option("--connect", metavar="URL", help="udpin://0.0.0.0:14550, udpout://…, tcpout://… or serial://…"),
+        str, Option("--connect", metavar="URL", help="udpin://0.0.0.0:14550, udpout://…, tcpout://… or serial://…")
     ],
     *,
     site: Annotated[
-        Path | None, typer.Option("--site", metavar="FILE", help="Site file: its fence is uploaded, its home checked.")
+        Path | None, Option("--site", metavar="FILE", help="Site file: its fence is uploaded, its home checked.")
     ] = None,
-    no_fence: Annotated[bool, typer.Option("--no-fence", help="Leave the vehicle's fence as it is.")] = False,
+    no_fence: Annotated[bool, Option("--no-fence", help="Leave the vehicle's fence as it is.")] = False,
     start: Annotated[
-        bool, typer.Option("--start", help="Arm and start, after checks and a typed confirmation; needs --site.")
+        bool, Option("--start", help="Arm and start, after checks and a typed confirmation; needs --site.")
     ] = False,
     within: Annotated[
-        float, typer.Option("--within", metavar="M", min=0.5, max=1000.0, help="From the site's home, to start.")
+        float, Option("--within", metavar="M", min=0.5, max=1000.0, help="From the site's home, to start.")
     ] = 10.0,
     link: LinkOptions,
     as_json: JsonOption = False,
