@@ -60,8 +60,8 @@ class FrameOptions:
 def command(
     images: Annotated[Path, Argument(help="Folder of the photographs of one flight.")],
     log: Annotated[Path, Option("--log", help="Flight log: .tlog, .BIN or .ulg, also as .gz.")],
-    *,
     output: Annotated[Path, Option("--output", "-o", help="poses.csv to write.")] = Path("poses.csv"),
+    *,
     frame: FrameOptions,
     mount: Annotated[
         str, Option("--mount", metavar="PITCH[,YAW]", help="Of a camera without a gimbal, against the vehicle.")

@@ -33,7 +33,12 @@ def grouped(command: Callable[..., _Result]) -> Callable[..., _Result]:
             for each in fields(group)
         ]
 
-    def flat(**values: Any) -> _Result:
+    signature = inspect.Signature(parameters)
+
+    def flat(*args: Any, **options: Any) -> _Result:
+        given = signature.bind(*args, **options)
+        given.apply_defaults()
+        values = given.arguments
         made = {
             name: group(**{each.name: values.pop(each.name) for each in fields(group)})
             for name, group in groups.items()
@@ -41,7 +46,7 @@ def grouped(command: Callable[..., _Result]) -> Callable[..., _Result]:
         return command(**made, **values)
 
     flat.__name__, flat.__doc__ = command.__name__, command.__doc__
-    flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    flat.__signature__ = signature  # type: ignore[attr-defined]
     flat.__annotations__ = {}
     return flat
 

@@ -47,7 +47,8 @@ def test_fields_stand_in_the_group_s_place_and_come_back_as_the_group() -> None:
     assert command.__doc__ == "Do it."
     parser_of(command).main(["--first", "a", "--wide", "5", "--name", "b", "--name", "c"], standalone_mode=False)
     parser_of(command).main(["--first", "a", "--last"], standalone_mode=False)
-    assert called == [("a", Size(5, ["b", "c"]), False), ("a", Size(), True)]
+    command("a", width=4)
+    assert called == [("a", Size(5, ["b", "c"]), False), ("a", Size(), True), ("a", Size(4), False)]
 
 
 def test_a_group_has_a_heading_for_options_that_name_none() -> None:
