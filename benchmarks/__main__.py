@@ -12,8 +12,7 @@ from typing import Annotated, Literal
 import typer
 
 from fieldkit.cli.boundary import Boundary
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, console, emit_json
-from fieldkit.cli.common import table as new_table
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, show, table
 from fieldkit.cli.main import parser_of
 from fieldkit.cli.reconstruction_options import open_cache, run_context
 from fieldkit.errors import UsageError
@@ -219,16 +218,12 @@ def command(
     if as_json:
         emit_json({"output": output, **report(results)})
         return
-    show = console()
     for result in results:
         for found in result.tables:
-            drawn = new_table(found.title, *found.columns)
-            for row in found.rows:
-                drawn.add_row(*("–" if cell is None else str(cell) for cell in row))
-            show.print(drawn)
-        for note in result.notes:
-            show.print(note, markup=False)
-    show.print(f"{output}", markup=False, soft_wrap=True)
+            rows = ([None if cell is None else str(cell) for cell in row] for row in found.rows)
+            show(table(found.title, found.columns, rows))
+        show(result.notes)
+    show([], output)
 
 
 def _counts(count: int) -> dict[str, int]:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import fieldkit
 from fieldkit.campaign.engine import changed_stages, is_current
-from fieldkit.campaign.ranking import Drift, Ranked, drift, measured_noise_m, ranking, score_of
+from fieldkit.campaign.ranking import Drift, Ranked, Score, drift, measured_noise_m, ranking, score_of
 from fieldkit.campaign.reading import Campaign
-from fieldkit.present.style import format_length, table
+from fieldkit.present.content import Column, Table
+from fieldkit.present.style import format_length, percent, with_unit
 from fieldkit.results.visit import Visit
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 _FIGURES = {
     "chamfer_m": "chamfer", "predicted_chamfer_m": "predicted chamfer", "height_m": "height", "cover": "cover",
@@ -105,16 +103,17 @@ def _computed_by(campaign: Campaign) -> Iterator[str]:
 def _grid(campaign: Campaign) -> Table:
     dates = campaign.dates[-_MANY_DATES:]
     more = f", the last {_MANY_DATES} dates" if len(dates) < len(campaign.dates) else ""
-    grid = table(f"Campaign {campaign.name}{more}", "plot", *(f"{date}>" for date in dates))
     by_key = {(visit.plot, visit.date): visit for visit in campaign.visits}
-    for plot in [*(plot.id for plot in campaign.plots), *campaign.vanished]:
-        grid.add_row(_plain(plot), *(_cell(by_key.get((plot, date)), campaign) for date in dates))
-    return grid
+    rows = tuple(
+        (plot, *(_cell(by_key.get((plot, date)), campaign) for date in dates))
+        for plot in [*(plot.id for plot in campaign.plots), *campaign.vanished]
+    )
+    return Table(f"Campaign {campaign.name}{more}", (Column("plot"), *map(Column, dates)), rows)
 
 
-def _cell(visit: Visit | None, campaign: Campaign) -> str:
+def _cell(visit: Visit | None, campaign: Campaign) -> str | None:
     if visit is None:
-        return "–"
+        return None
     mark = "" if is_current(visit) else " †"
     if visit.error:
         return f"failed{mark}"
@@ -126,24 +125,27 @@ def _cell(visit: Visit | None, campaign: Campaign) -> str:
 
 
 def _ranking_table(campaign: Campaign, date: str) -> Table:
-    shown = table(
-        f"Ranking on {date}, the best first", "rank>", "plot", "chamfer>", "nine in ten>", "height>", "cover>"
-    )
-    for entry in ranking(campaign.visits, campaign.plan, date):
-        score = entry.score
-        noise = "–" if score.noise_m is None else f"± {format_length(score.noise_m)}"
-        if score.predicted:
-            low, high = score.visit.predicted_low_m, score.visit.predicted_high_m
-            noise = "–" if low is None or high is None else f"{format_length(low)} to {format_length(high)}"
-        shown.add_row(
-            f"{entry.rank}{'=' if entry.tied else ''}",
-            _plain(score.visit.plot),
-            f"{'≈ ' if score.predicted else ''}{format_length(score.value_m)}",
-            noise,
-            format_length(score.visit.height_m),
-            "–" if score.visit.cover is None else f"{100 * score.visit.cover:.0f} %",
+    columns = (
+        Column("plot"), Column("rank", True), Column("chamfer", True), Column("nine in ten", True),
+        Column("height", True), Column("cover", True),
+    )  # fmt: skip
+    rows = tuple(
+        (
+            entry.score.visit.plot, f"{entry.rank}{'=' if entry.tied else ''}",
+            f"{'≈ ' if entry.score.predicted else ''}{format_length(entry.score.value_m)}", _scatter(entry.score),
+            format_length(entry.score.visit.height_m), with_unit(percent(entry.score.visit.cover, 0), "%"),
         )
-    return shown
+        for entry in ranking(campaign.visits, campaign.plan, date)
+    )  # fmt: skip
+    return Table(f"Ranking on {date}, the best first", columns, rows)
+
+
+def _scatter(score: Score) -> str | None:
+    """The interval of a prediction, or the noise of a measured distance."""
+    if not score.predicted:
+        return None if score.noise_m is None else f"± {format_length(score.noise_m)}"
+    low, high = score.visit.predicted_low_m, score.visit.predicted_high_m
+    return None if low is None or high is None else f"{format_length(low)} to {format_length(high)}"
 
 
 def _drift_table(changes: list[Drift]) -> Table:
@@ -154,15 +156,13 @@ def _drift_table(changes: list[Drift]) -> Table:
     title, dates = "Change since each plot's first date", ["from", "to"]
     if len(spans) == 1:
         title, dates = "Change from {} to {}".format(*spans.pop()), []
-    shown = table(title, "plot", *dates, *(f"{_FIGURES[figure]}>" for figure in figures))
+    rows = []
     for plot in dict.fromkeys(plot for plot, _ in last):
         own = {figure: change for (name, figure), change in last.items() if name == plot}
         longest = max(own.values(), key=lambda change: change.date)
-        shown.add_row(
-            _plain(plot), *([longest.first_date, longest.date] if dates else []),
-            *(_changed(own[figure]) if figure in own else "–" for figure in figures),
-        )  # fmt: skip
-    return shown
+        span = (longest.first_date, longest.date) if dates else ()
+        rows.append((plot, *span, *(_changed(own[figure]) if figure in own else None for figure in figures)))
+    return Table(title, tuple(map(Column, ["plot", *dates, *(_FIGURES[figure] for figure in figures)])), tuple(rows))
 
 
 def _changed(change: Drift) -> str:
@@ -186,10 +186,3 @@ def _ranked(entry: Ranked) -> dict[str, Any]:
         "rank": entry.rank, "tied": entry.tied, "plot": score.visit.plot, "chamfer_m": score.value_m,
         "predicted": score.predicted, "noise_m": score.noise_m,
     }  # fmt: skip
-
-
-def _plain(text: str) -> str:
-    """Text that Rich shows as it is."""
-    from rich.markup import escape
-
-    return escape(text)

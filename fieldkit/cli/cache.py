@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say, table
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -18,23 +17,16 @@ _SIZE_UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 _TIME_UNITS = {"m": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
 
 
-class Action(StrEnum):
-    """What to do with the cache."""
-
-    SHOW = "show"
-    PRUNE = "prune"
-    CLEAR = "clear"
+Action = Literal["show", "prune", "clear"]
 
 
 def command(
-    action: Annotated[
-        Action, typer.Argument(help="show sizes, prune what is old or too much, or clear all.")
-    ] = Action.SHOW,
+    action: Annotated[Action, Argument(help="show sizes, prune what is old or too much, or clear all.")] = "show",
     max_size: Annotated[
-        str, typer.Option(metavar="SIZE", help="prune: the longest unused goes until this is left, e.g. 500M or 10G.")
+        str, Option(metavar="SIZE", help="prune: the longest unused goes until this is left, e.g. 500M or 10G.")
     ] = "",
     older_than: Annotated[
-        str, typer.Option(metavar="TIME", help="prune: what was not used for this long goes, e.g. 12h or 30d.")
+        str, Option(metavar="TIME", help="prune: what was not used for this long goes, e.g. 12h or 30d.")
     ] = "",
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -59,17 +51,17 @@ def command(
     """
     from fieldkit.cache import StageCache, default_cache_root
 
-    if action is Action.PRUNE and not (max_size or older_than):
+    if action == "prune" and not (max_size or older_than):
         raise UsageError("prune what?", remedy="Give --max-size or --older-than, or use `fieldkit cache clear`.")
-    if action is not Action.PRUNE and (max_size or older_than):
+    if action != "prune" and (max_size or older_than):
         raise UsageError(f"{action} takes neither --max-size nor --older-than", remedy="Use `fieldkit cache prune`.")
     limit = parse_size(max_size) if max_size else None
     age = parse_time(older_than) if older_than else None
     cache = StageCache(default_cache_root())
-    if action is Action.SHOW:
+    if action == "show":
         _show(cache, as_json)
         return
-    removed = cache.clear() if action is Action.CLEAR else cache.prune(max_bytes=limit, older_than=age)
+    removed = cache.clear() if action == "clear" else cache.prune(max_bytes=limit, older_than=age)
     left = sum(size.bytes for size in cache.sizes().values())
     if as_json:
         emit_json({"removed_entries": removed.entries, "removed_bytes": removed.bytes, "bytes": left})
@@ -110,8 +102,6 @@ def _show(cache: StageCache, as_json: bool) -> None:
         stages = {stage: {"entries": size.entries, "bytes": size.bytes} for stage, size in sizes.items()}
         emit_json({"folder": cache.root, "bytes": total, "stages": stages})
         return
-    rows = table(f"{cache.root}", "stage", "entries>", "size>")
-    for stage, size in sizes.items():
-        rows.add_row(stage, str(size.entries), format_size(size.bytes))
-    rows.add_row("[bold]all[/]", str(sum(size.entries for size in sizes.values())), format_size(total))
-    console().print(rows)
+    rows = [(stage, str(size.entries), format_size(size.bytes)) for stage, size in sizes.items()]
+    rows.append(("all", str(sum(size.entries for size in sizes.values())), format_size(total)))
+    show(table(f"{cache.root}", ["stage", "entries>", "size>"], rows))

@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-import typer
+from typer import Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
+from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, OverwriteOption, emit_json, say
 
-
-class Format(StrEnum):
-    """Of the file."""
-
-    CSV = "csv"
-    GEOJSON = "geojson"
-    GPKG = "gpkg"
+Format = Literal["csv", "geojson", "gpkg"]
 
 
 def command(
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg.")],
-    folder: Annotated[
-        Path | None, typer.Argument(help="The campaign's folder; the one about the current folder where not given.")
-    ] = None,
-    format_: Annotated[Format | None, typer.Option("--format", help="Where the file's name does not say it.")] = None,
+    output: Annotated[Path, Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg.")],
+    folder: CampaignArgument = None,
+    format_: Annotated[Format | None, Option("--format", help="Where the file's name does not say it.")] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -50,7 +41,7 @@ def command(
     from fieldkit.campaign.reading import campaign_folder, read_campaign
 
     campaign = read_campaign(campaign_folder(folder))
-    written = export_campaign(campaign, output, format_=None if format_ is None else format_.value, overwrite=overwrite)
+    written = export_campaign(campaign, output, format_=format_, overwrite=overwrite)
     if as_json:
         emit_json({"output": output, "format": written, "visits": len(campaign.visits), "plots": len(campaign.plots)})
     else:

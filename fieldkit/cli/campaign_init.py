@@ -5,52 +5,37 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
-from fieldkit.cli.reconstruction_options import (
-    DISTANCES,
-    Backend,
-    BackendOption,
-    BoundsOption,
-    DistancesOption,
-    Fidelity,
-    FidelityOption,
-    Mapping,
-    MappingOption,
-    Mask,
-    MaskOption,
-    parse_bounds,
-    parse_distances,
-)
+from fieldkit.cli.option_groups import grouped
+from fieldkit.cli.reconstruction_options import DISTANCES, DistancesOption, ReconstructionOptions, parse_distances
 from fieldkit.errors import UsageError
 
 
+@grouped
 def command(
-    folder: Annotated[Path, typer.Argument(help="The campaign's folder: new, or empty.")],
-    plan: Annotated[Path, typer.Option("--plan", help="plan.json, or its folder: flown over every plot.")],
-    site: Annotated[Path, typer.Option("--site", help="Site file: home, fence, plots.")],
+    folder: Annotated[Path, Argument(help="The campaign's folder: new, or empty.")],
+    plan: Annotated[Path, Option("--plan", help="plan.json, or its folder: flown over every plot.")],
+    site: Annotated[Path, Option("--site", help="Site file: home, fence, plots.")],
+    *,
     plots: Annotated[
-        Path | None, typer.Option("--plots", help="GeoJSON of the plots, in place of the site file's own.")
+        Path | None, Option("--plots", help="GeoJSON of the plots, in place of the site file's own.")
     ] = None,
-    vehicle: Annotated[str | None, typer.Option("--vehicle", help="Profile, by name or path.")] = None,
+    vehicle: Annotated[str | None, Option("--vehicle", help="Profile, by name or path.")] = None,
     camera: Annotated[
-        Path | None, typer.Option("--camera", help="camera.toml for photographs that have none beside them.")
+        Path | None, Option("--camera", help="camera.toml for photographs that have none beside them.")
     ] = None,
     reference: Annotated[
         list[str] | None,
-        typer.Option("--reference", metavar="PLOT=REF", help="A plot's own reference. May be given several times."),
+        Option("--reference", metavar="PLOT=REF", help="A plot's own reference. May be given several times."),
     ] = None,
-    name: Annotated[str | None, typer.Option("--name", help="In words; the folder's name where not given.")] = None,
+    name: Annotated[str | None, Option("--name", help="In words; the folder's name where not given.")] = None,
     refine: Annotated[
-        bool, typer.Option("--refine", help="Move each cloud onto its plot's reference by ICP before scoring.")
+        bool, Option("--refine", help="Move each cloud onto its plot's reference by ICP before scoring.")
     ] = False,
     distances: DistancesOption = DISTANCES,
-    mapping: MappingOption = Mapping.AUTO,
-    fidelity: FidelityOption = Fidelity.STANDARD,
-    mask: MaskOption = Mask.EXG,
-    backend: BackendOption = Backend.AUTO,
-    bounds: BoundsOption = "",
+    reconstruction: ReconstructionOptions,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -73,8 +58,7 @@ def command(
     See Also:
         fieldkit evaluate, fieldkit campaign show
     """
-    corners = parse_bounds(bounds) if bounds else None
-    distances_m = parse_distances(distances)
+    corners, distances_m = reconstruction.corners, parse_distances(distances)
     from pydantic import ValidationError
 
     from fieldkit.campaign.campaign_file import EvaluationTable
@@ -84,8 +68,8 @@ def command(
 
     try:
         evaluation = EvaluationTable(
-            mapping=mapping.value, fidelity=fidelity.value, mask=mask.value, backend=backend.value, bounds_m=corners,
-            refine=refine, distances_m=distances_m, seed=seed,
+            mapping=reconstruction.mapping, fidelity=reconstruction.fidelity, mask=reconstruction.mask,
+            backend=reconstruction.backend, bounds_m=corners, refine=refine, distances_m=distances_m, seed=seed,
         )  # fmt: skip
     except ValidationError as error:
         raise UsageError(sentence(error), remedy="'fieldkit campaign init --help' explains the options.") from error

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import datetime
-from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from fieldkit.cli.common import (
+    CampaignArgument,
     DebugOption,
     JsonOption,
+    MissionFormat,
+    MissionOutputOption,
     OverwriteOption,
     SeedOption,
-    console,
     emit_json,
+    show,
     table,
 )
 from fieldkit.cli.reconstruction_options import run_context
@@ -22,23 +24,20 @@ from fieldkit.errors import UsageError
 
 
 def command(
-    output: Annotated[Path, typer.Option("--output", "-o", help="The mission file; its suffix may be left out.")],
-    folder: Annotated[
-        Path | None, typer.Argument(help="The campaign's folder; the one about the current folder where not given.")
-    ] = None,
+    output: MissionOutputOption,
+    folder: CampaignArgument = None,
     date: Annotated[
-        str, typer.Option("--date", metavar="DATE", help="Of the visit, 2026-07-02; today where not given.")
+        str, Option("--date", metavar="DATE", help="Of the visit, 2026-07-02; today where not given.")
     ] = "",
     growth: Annotated[
-        float, typer.Option("--growth", metavar="FACTOR", help="By which plants have grown since the last visit.")
+        float, Option("--growth", metavar="FACTOR", help="By which plants have grown since the last visit.")
     ] = 1.15,
     vehicle: Annotated[
-        str | None,
-        typer.Option("--vehicle", metavar="NAME", help="A profile's name or file, in place of the campaign's."),
+        str | None, Option("--vehicle", metavar="NAME", help="A profile's name or file, in place of the campaign's.")
     ] = None,
-    format: Annotated[str, typer.Option("--format", help="As of export-mission.")] = "plan",  # noqa: A002
+    format: Annotated[MissionFormat, Option("--format", help="As of export-mission.")] = "plan",  # noqa: A002
     seed: SeedOption = 0,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Processes.")] = 1,
+    workers: Annotated[int, Option("--workers", min=1, help="Processes.")] = 1,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -76,31 +75,24 @@ def command(
             overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if as_json:
-        emit_json(
+        plots = [
             {
-                "date": day,
-                "files": list(made.mission.files),
-                "plots": [
-                    {
-                        "plot": each.plot, "made_of": each.date, "expected_m": each.expected_m,
-                        "carried_m": each.carried_m, "seconds": each.seconds,
-                    }
-                    for each in made.plans
-                ],
+                "plot": each.plot, "made_of": each.date, "expected_m": each.expected_m, "carried_m": each.carried_m,
+                "seconds": each.seconds,
             }
-        )  # fmt: skip
+            for each in made.plans
+        ]  # fmt: skip
+        emit_json({"date": day, "files": list(made.mission.files), "plots": plots})
         return
     from fieldkit.present.style import format_length
 
-    rows = table(f"Plans for {day}", "plot", "last visit", "expected>", "campaign's plan there>")
-    for each in made.plans:
-        lengths = map(format_length, (each.expected_m, each.carried_m))
-        rows.add_row(each.plot, each.date or "none: the campaign's plan", *lengths)
-    show = console()
-    show.print(rows)
-    show.print("Expected by the geometric score: it ranks sets of one plot, and is no chamfer distance.")
-    for file in made.mission.files:
-        show.print(str(file), soft_wrap=True)
+    rows = [
+        (each.plot, each.date or "none: the campaign's plan", *map(format_length, (each.expected_m, each.carried_m)))
+        for each in made.plans
+    ]
+    plans = table(f"Plans for {day}", ["plot", "last visit", "expected>", "campaign's plan there>"], rows)
+    note = "Expected by the geometric score: it ranks sets of one plot, and is no chamfer distance."
+    show([*plans, note], *made.mission.files)
 
 
 def _day(date: str) -> str:

@@ -2,21 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json
+from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, emit_json, show
 
 
-def command(
-    folder: Annotated[
-        Path | None, typer.Argument(help="The campaign's folder; the one about the current folder where not given.")
-    ] = None,
-    as_json: JsonOption = False,
-    debug: DebugOption = False,
-) -> None:
+def command(folder: CampaignArgument = None, as_json: JsonOption = False, debug: DebugOption = False) -> None:
     """Show a campaign: its plots and dates, which plots are best, and what changed over the dates.
 
     Ranks are by chamfer distance, measured against the plot's own reference or predicted without one. Plots that differ
@@ -41,8 +30,6 @@ def command(
     if as_json:
         emit_json(campaign_object(campaign))
         return
-    show = console()
-    for table in campaign_tables(campaign):
-        show.print(table)
-    for remark in remarks(campaign):
-        show.print(remark, markup=False, soft_wrap=True)
+    from fieldkit.present.terminal.blocks import rendered
+
+    show(rendered(campaign_tables(campaign), most_rows=None), *remarks(campaign))

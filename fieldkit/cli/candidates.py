@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
 
 from typer.core import TyperArgument, TyperCommand, TyperOption
 
@@ -120,15 +118,13 @@ def _option_names(command: TyperCommand, given: set[str]) -> Iterator[tuple[str,
 
 def _values(param: Parameter, partial: str) -> tuple[Choices, str, bool]:
     """The values a parameter takes, what is typed of it, and whether files are among them."""
-    kind: Any = param.type_descriptor.annotation
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        return [(str(choice.value), "") for choice in kind], partial, False
-    if get_origin(kind) is Literal:
-        return [(choice, "") for choice in get_args(kind)], partial, False
+    kind = param.type_descriptor
+    if kind.choices is not None:
+        return [(str(choice), "") for choice in kind.choices], partial, False
     known = _KNOWN.get(param.name or "")
     if known is not None:
         return [(name, "") for name in known()], partial, True
-    return [], partial, isinstance(kind, type) and issubclass(kind, Path)
+    return [], partial, kind.annotation is Path
 
 
 def _vehicles() -> list[str]:

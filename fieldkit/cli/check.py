@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say
+from fieldkit.cli.common import (
+    AdjustOption,
+    DebugOption,
+    JsonOption,
+    MissionFormat,
+    OverwriteOption,
+    SeedOption,
+    emit_json,
+    say,
+    show,
+)
+from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import NoCacheOption, open_cache, run_context
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from fieldkit.evaluation.field_check import CheckReport
     from fieldkit.present.content import Block, Level
@@ -21,47 +32,49 @@ if TYPE_CHECKING:
 _LEVELS: Mapping[str, Level] = {"fine": "good", "fix tags": "note", "fly again": "problem"}
 
 
-class Format(StrEnum):
-    """Of the mission that flies stations again."""
+@dataclass(frozen=True)
+class AgainOptions:
+    """The mission that flies stations again."""
 
-    PLAN = "plan"
-    WAYPOINTS = "waypoints"
-    WPML = "wpml"
-    LITCHI = "litchi"
-    KML = "kml"
-
-
-def command(
-    captures: Annotated[Path, typer.Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
-    plan: Annotated[Path, typer.Option("--plan", help="plan.json that was flown, or the folder that holds it.")],
-    site: Annotated[
-        Path | None, typer.Option("--site", help="Site file: where the plots lie, so that places can be checked.")
-    ] = None,
-    plot: Annotated[
-        str | None, typer.Option("--plot", metavar="NAME", help="Of the site; else the one called as the folder is.")
-    ] = None,
-    log: Annotated[
-        Path | None, typer.Option("--log", help="Flight log (.tlog, .BIN, .ulg): its poses instead of EXIF's.")
-    ] = None,
     vehicle: Annotated[
         str | None,
-        typer.Option("--vehicle", metavar="NAME", help="A profile's name or file: for the mission that flies again."),
-    ] = None,
+        Option("--vehicle", metavar="NAME", help="A profile's name or file: for the mission that flies again."),
+    ] = None
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Mission file for the stations to fly again; needs --vehicle and --site."),
+        Option("--output", "-o", help="Mission file for the stations to fly again; needs --vehicle and --site."),
+    ] = None
+    format: Annotated[MissionFormat, Option("--format", help="Of that mission, as in export-mission.")] = "plan"
+    adjust: AdjustOption = False
+
+    def check(self, site: Path | None) -> None:
+        """Raise UsageError where a mission needs more than is given, or a vehicle is given without one."""
+        if self.output is not None and (self.vehicle is None or site is None):
+            raise UsageError("a mission needs a vehicle and a site", remedy="Give --vehicle and --site with -o.")
+        if self.vehicle is not None and self.output is None:
+            raise UsageError("--vehicle is of the mission to write", remedy="Say with -o where to, or leave it out.")
+
+
+@grouped
+def command(
+    captures: Annotated[Path, Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
+    plan: Annotated[Path, Option("--plan", help="plan.json that was flown, or the folder that holds it.")],
+    *,
+    site: Annotated[
+        Path | None, Option("--site", help="Site file: where the plots lie, so that places can be checked.")
     ] = None,
-    format: Annotated[  # noqa: A002 - the option's name
-        Format, typer.Option("--format", help="Of that mission, as in export-mission.")
-    ] = Format.PLAN,
-    adjust: Annotated[
-        bool, typer.Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
-    ] = False,
+    plot: Annotated[
+        str | None, Option("--plot", metavar="NAME", help="Of the site; else the one called as the folder is.")
+    ] = None,
+    log: Annotated[
+        Path | None, Option("--log", help="Flight log (.tlog, .BIN, .ulg): its poses instead of EXIF's.")
+    ] = None,
+    again: AgainOptions,
     position_tolerance: Annotated[
-        float, typer.Option("--position-tolerance", metavar="M", min=0.01, max=100.0, help="Farthest from a station.")
+        float, Option("--position-tolerance", metavar="M", min=0.01, max=100.0, help="Farthest from a station.")
     ] = 0.25,
     angle_tolerance: Annotated[
-        float, typer.Option("--angle-tolerance", metavar="DEG", min=0.1, max=180.0, help="Most turned from the plan.")
+        float, Option("--angle-tolerance", metavar="DEG", min=0.1, max=180.0, help="Most turned from the plan.")
     ] = 8.0,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
@@ -89,70 +102,63 @@ def command(
     See Also:
         fieldkit evaluate, fieldkit upload
     """
-    if output is not None and (vehicle is None or site is None):
-        raise UsageError("a mission needs a vehicle and a site", remedy="Give --vehicle and --site with -o.")
-    if vehicle is not None and output is None:
-        raise UsageError("--vehicle is of the mission to write", remedy="Say with -o where to, or leave it out.")
+    again.check(site)
     cache = open_cache(no_cache=no_cache, resume=False)
-    from fieldkit.evaluation.field_check import CheckSettings, check_captures, write_refly
+    from fieldkit.evaluation.field_check import CheckSettings, check_captures
 
     settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
     with run_context(as_json=as_json) as progress:
         reports = check_captures(
             captures, plan, site=site, plot=plot, log=log, settings=settings, cache=cache, progress=progress
         )
-    files: list[Path] = []
-    for report in reports:
-        if output is None or site is None or vehicle is None or not report.fly_again:
-            continue
-        target = output if len(reports) == 1 else output.with_name(f"{output.stem}-{report.name}{output.suffix}")
-        files += write_refly(
-            report.fly_again, plan, vehicle, site, target, plot=report.plot, format=format.value, adjust=adjust,
-            overwrite=overwrite, seed=seed,
-        )  # fmt: skip
+    files = list(_missions(reports, plan, site, again, overwrite=overwrite, seed=seed))
     if as_json:
         plots = [_plain(report) for report in reports]
         one = plots[0] if len(plots) == 1 else {}
         emit_json({**one, "ok": all(r.ok for r in reports), "plots": plots, "files": files})
+    else:
+        _tell(reports)
+        show([], *files)
+
+
+def _missions(
+    reports: Sequence[CheckReport], plan: Path, site: Path | None, again: AgainOptions, *, overwrite: bool, seed: int
+) -> Iterator[Path]:
+    """Write the missions that are asked for, one for each plot with stations to fly again."""
+    from fieldkit.evaluation.field_check import write_refly
+
+    output, vehicle = again.output, again.vehicle
+    if output is None or site is None or vehicle is None:
         return
+    for report in reports:
+        if not report.fly_again:
+            continue
+        target = output if len(reports) == 1 else output.with_name(f"{output.stem}-{report.name}{output.suffix}")
+        yield from write_refly(
+            report.fly_again, plan, vehicle, site, target, plot=report.plot, format=again.format, adjust=again.adjust,
+            overwrite=overwrite, seed=seed,
+        )  # fmt: skip
+
+
+def _tell(reports: Sequence[CheckReport]) -> None:
+    from rich.text import Text
+
     from fieldkit.present.style import format_seconds
     from fieldkit.present.terminal.blocks import rendered
 
-    show = console()
     for report in reports:
-        for shown in rendered(check_blocks(report), most_rows=None):
-            show.print(shown)
+        show(rendered(check_blocks(report), most_rows=None))
         for sentence in report.unchecked:
             say(sentence)
         head = f"{report.name}: " if len(reports) > 1 else ""
-        show.print(f"{head}{report.summary()}", markup=False, style="bold")
+        show([Text(f"{head}{report.summary()}", "bold")])
         say(f"{format_seconds(report.seconds)} ({format_seconds(report.cpu_seconds)} of CPU).")
-    for file in files:
-        show.print(str(file), markup=False, soft_wrap=True)
 
 
 def _plain(report: CheckReport) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    return {
-        "name": report.name,
-        "plot": report.plot,
-        "ok": report.ok,
-        "summary": report.summary(),
-        "photographs": report.photographs,
-        "fly_again": list(report.fly_again),
-        "fix_tags": list(report.fix_tags),
-        "stations": [asdict(each) for each in report.stations],
-        "findings": [asdict(each) for each in report.findings],
-        "extra": list(report.extra),
-        "placement": report.placement,
-        "shift_m": report.shift_m,
-        "turn_deg": report.turn_deg,
-        "components": list(report.components),
-        "unchecked": list(report.unchecked),
-        "seconds": report.seconds,
-        "cpu_seconds": report.cpu_seconds,
-    }
+    facts = {name: value for name, value in asdict(report).items() if name != "folder"}
+    told = {"ok": report.ok, "summary": report.summary(), "fly_again": report.fly_again, "fix_tags": report.fix_tags}
+    return facts | told
 
 
 def check_blocks(report: CheckReport) -> list[Block]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say, table
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.present.style import format_length, format_seconds
 
@@ -21,16 +21,14 @@ _MOST_ROWS = 60
 
 
 def command(
-    file: Annotated[Path, typer.Argument(help="A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.")],
-    vehicle: Annotated[str, typer.Option("--vehicle", help="Vehicle profile: a name or a TOML file.")],
-    plan: Annotated[
-        Path | None, typer.Option("--plan", help="plan.json: compare the photographs with its stations.")
-    ] = None,
+    file: Annotated[Path, Argument(help="A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.")],
+    vehicle: Annotated[str, Option("--vehicle", help="Vehicle profile: a name or a TOML file.")],
+    plan: Annotated[Path | None, Option("--plan", help="plan.json: compare the photographs with its stations.")] = None,
     site: Annotated[
-        Path | None, typer.Option("--site", help="Site file: check legs against its fence, zones and obstacles.")
+        Path | None, Option("--site", help="Site file: check legs against its fence, zones and obstacles.")
     ] = None,
     fit: Annotated[
-        bool, typer.Option("--fit", help="The mission was exported with --fit: compare with the fitted stations.")
+        bool, Option("--fit", help="The mission was exported with --fit: compare with the fitted stations.")
     ] = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -106,16 +104,11 @@ def _facts(report: Report) -> dict[str, Any]:
 
 def _show(report: Report, file: Path) -> None:
     if report.findings:
-        rows = table(f"Findings in {file.name}", "", "code", "item>", "photo>", "what")
-        for finding in report.findings[:_MOST_ROWS]:
-            rows.add_row(
-                finding.severity,
-                finding.code,
-                "" if finding.item is None else str(finding.item),
-                "" if finding.station is None else str(finding.station),
-                finding.message,
-            )
-        console().print(rows)
+        rows = [
+            (f.code, f.severity, *("" if k is None else str(k) for k in (f.item, f.station)), f.message)
+            for f in report.findings[:_MOST_ROWS]
+        ]
+        show(table(f"Findings in {file.name}", ["code", "severity", "item>", "photo>", "what"], rows))
         if len(report.findings) > _MOST_ROWS:
             say(f"and {len(report.findings) - _MOST_ROWS} more: --json lists all of them")
     if report.deviations:

@@ -3,49 +3,66 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.boundary import emit_json, say
 from fieldkit.cli.help_page import OUTPUT, RUN
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from rich.console import RenderableType
+
+    from fieldkit.present.content import Cell
 
 __all__ = [
-    "SEED", "DebugOption", "JsonOption", "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption",
-    "console", "emit_json", "say", "table",
+    "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "JsonOption", "MissionFormat", "MissionOutputOption",
+    "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption", "emit_json", "say", "show", "table",
 ]  # fmt: skip
 
 JsonOption = Annotated[
-    bool, typer.Option("--json", rich_help_panel=OUTPUT, help="Print one JSON object on stdout and nothing else there.")
+    bool, Option("--json", rich_help_panel=OUTPUT, help="Print one JSON object on stdout and nothing else there.")
 ]
 DebugOption = Annotated[
-    bool, typer.Option("--debug", rich_help_panel=OUTPUT, help="Show tracebacks and other libraries' warnings.")
+    bool, Option("--debug", rich_help_panel=OUTPUT, help="Show tracebacks and other libraries' warnings.")
 ]
 # COLMAP takes no larger seed.
-SEED = typer.Option(
+SEED = Option(
     "--seed", min=0, max=2**31 - 1, rich_help_panel=RUN, help="The same seed gives the same result, byte for byte."
 )
 SeedOption = Annotated[int, SEED]
-OutputOption = Annotated[
-    Path, typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
+CampaignArgument = Annotated[
+    Path | None, Argument(help="The campaign's folder; the one about the current folder where not given.")
 ]
-OverwriteOption = Annotated[bool, typer.Option("--overwrite", rich_help_panel=RUN, help="Replace an existing result.")]
-ResumeOption = Annotated[bool, typer.Option("--resume", rich_help_panel=RUN, help="Go on with an interrupted run.")]
+MissionFormat = Literal["plan", "waypoints", "wpml", "litchi", "kml"]
+MissionOutputOption = Annotated[Path, Option("--output", "-o", help="The mission file; its suffix may be left out.")]
+AdjustOption = Annotated[
+    bool, Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
+]
+OutputOption = Annotated[
+    Path, Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
+]
+OverwriteOption = Annotated[bool, Option("--overwrite", rich_help_panel=RUN, help="Replace an existing result.")]
+ResumeOption = Annotated[bool, Option("--resume", rich_help_panel=RUN, help="Go on with an interrupted run.")]
 
 
-def console() -> Console:
-    """Rich's console for people, on stderr."""
+def show(things: Iterable[RenderableType], *lines: object) -> None:
+    """Print tables and texts for people, then lines that are not broken, such as paths. No string is markup."""
     from rich.console import Console
 
-    return Console(stderr=True, highlight=False)
+    out = Console(stderr=True, highlight=False)
+    for thing in things:
+        out.print(thing, markup=False)
+    for line in lines:
+        out.print(str(line), markup=False, soft_wrap=True)
 
 
-def table(title: str, *columns: str) -> Table:
-    """An empty table in the one style all commands use; columns whose name ends in ">" are set flush right."""
-    from fieldkit.present.style import table
+def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Iterator[RenderableType]:
+    """A table with all its rows, for `show`; columns whose name ends in ">" hold figures."""
+    from fieldkit.present.content import Column, Table
+    from fieldkit.present.terminal.blocks import rendered
 
-    return table(title, *columns)
+    labels = tuple(Column(name.rstrip(">"), numeric=name.endswith(">")) for name in columns)
+    return rendered([Table(caption, labels, tuple(map(tuple, rows)))], most_rows=None)

@@ -5,35 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
-from fieldkit.cli.common import (
-    DebugOption,
-    JsonOption,
-    OverwriteOption,
-    SeedOption,
-    console,
-    emit_json,
-    say,
-)
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, emit_json, show
 
 
 def command(
     evaluations: Annotated[
         list[str],
-        typer.Argument(
-            metavar="EVAL...", help="What `fieldkit evaluate` wrote, in order of dates: PATH, or LABEL=PATH."
-        ),
+        Argument(metavar="EVAL...", help="What `fieldkit evaluate` wrote, in order of dates: PATH, or LABEL=PATH."),
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The result's folder. Without: only the tables.")
+        Path | None, Option("--output", "-o", help="The result's folder. Without: only the tables.")
     ] = None,
     reference: Annotated[
-        Path | None,
-        typer.Option("--reference", help="That all were scored against: its cloud tells the distances' noise."),
+        Path | None, Option("--reference", help="That all were scored against: its cloud tells the distances' noise.")
     ] = None,
     plan: Annotated[
-        Path | None, typer.Option("--plan", help="plan.json that was flown: its repeats tell the chamfer's noise.")
+        Path | None, Option("--plan", help="plan.json that was flown: its repeats tell the chamfer's noise.")
     ] = None,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
@@ -70,8 +59,4 @@ def command(
         return
     from fieldkit.present.terminal.results import comparison_output
 
-    show = console()
-    for shown in comparison_output(done.report):
-        show.print(shown)
-    if done.output is not None:
-        say(f"{done.output}")
+    show(comparison_output(done.report), *([] if done.output is None else [done.output]))

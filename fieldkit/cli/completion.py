@@ -7,7 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument
 
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json
 
@@ -23,7 +23,7 @@ class Shell(StrEnum):
 
 
 def command(
-    shell: Annotated[Shell, typer.Argument(help="bash, zsh or fish.")],
+    shell: Annotated[Shell, Argument(help="bash, zsh or fish.")],
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, table
+from typing import TYPE_CHECKING
 
-_STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show, table
+
+if TYPE_CHECKING:
+    from fieldkit.present.content import Level
+
+_LEVELS: dict[str, Level] = {"ok": "good", "warn": "note", "fail": "problem"}
 EXIT_UNUSABLE = 3
 
 
@@ -27,19 +32,18 @@ def command(as_json: JsonOption = False, debug: DebugOption = False) -> int:
     from fieldkit.doctor.diagnostics import diagnose
 
     checks = list(diagnose())
-    worst = max((check.status for check in checks), key=list(_STYLES).index)
+    worst = max((check.status for check in checks), key=list(_LEVELS).index)
     if as_json:
         emit_json({"status": worst, "checks": [asdict(check) for check in checks]})
     else:
-        rows = table("fieldkit doctor", "check", "status", "found")
-        for check in checks:
-            remedy = f"\n→ {check.remedy}" if check.remedy else ""
-            rows.add_row(check.name, f"[{_STYLES[check.status]}]{check.status}[/]", _escape(check.detail + remedy))
-        console().print(rows)
+        from fieldkit.present.content import Mark
+
+        rows = [
+            (
+                check.name, Mark(_LEVELS[check.status], check.status),
+                f"{check.detail}\n→ {check.remedy}" if check.remedy else check.detail,
+            )
+            for check in checks
+        ]  # fmt: skip
+        show(table("fieldkit doctor", ["check", "status", "found"], rows))
     return EXIT_UNUSABLE if worst == "fail" else 0
-
-
-def _escape(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)

@@ -2,36 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Context, Option
 
-from fieldkit.cli.common import (
-    DebugOption,
-    JsonOption,
-    OverwriteOption,
-    ResumeOption,
-    SeedOption,
-    console,
-    emit_json,
-)
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show
+from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
-    Backend,
-    BackendOption,
-    BoundsOption,
     DistancesOption,
-    Fidelity,
-    FidelityOption,
-    Mapping,
-    MappingOption,
-    Mask,
-    MaskOption,
-    NoCacheOption,
-    WorkersOption,
-    make_settings,
-    open_cache,
+    ReconstructionOptions,
+    RunOptions,
     parse_distances,
     run_context,
 )
@@ -40,65 +23,72 @@ from fieldkit.errors import EXIT_OK, ReconstructionError, UsageError
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
 
-# What campaign.toml says for all visits alike, by the name of its parameter here.
+# Parameters of which campaign.toml says for all visits alike what they are.
 _OF_CAMPAIGN = {
-    "reference": "--reference", "plan": "--plan", "refine": "--refine", "distances": "--distances",
-    "mapping": "--mapping", "fidelity": "--fidelity", "mask": "--mask", "backend": "--backend", "bounds": "--bounds",
-    "seed": "--seed",
-}  # fmt: skip
+    "reference",
+    "plan",
+    "refine",
+    "distances",
+    "seed",
+    *(each.name for each in fields(ReconstructionOptions)),
+}
 
 
-def command(
-    context: typer.Context,
-    captures: Annotated[
-        Path,
-        typer.Argument(
-            help="Folder of photographs of one plot, or a folder of such folders; in a campaign any folder."
-        ),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="The result's folder. It appears when the run is complete."),
-    ] = None,
-    campaign: Annotated[
-        Path | None,
-        typer.Option("--campaign", help="Campaign to add to. Without -o: the one about the current folder."),
-    ] = None,
-    reference: Annotated[
-        Path | None, typer.Option("--reference", help="What `fieldkit reference` wrote. Without: no distances.")
-    ] = None,
+@dataclass(frozen=True)
+class FlightOptions:
+    """What was flown."""
+
     log: Annotated[
         Path | None,
-        typer.Option(
-            "--log", help="Flight log (.tlog, .BIN, .ulg): poses of its triggers instead of poses.csv or GPS."
-        ),
-    ] = None,
-    plan: Annotated[
-        Path | None, typer.Option("--plan", help="plan.json that was flown: how the photographs kept to it.")
-    ] = None,
+        Option("--log", help="Flight log (.tlog, .BIN, .ulg): poses of its triggers instead of poses.csv or GPS."),
+    ] = None
+    plan: Annotated[Path | None, Option("--plan", help="plan.json that was flown: how the photographs kept to it.")] = (
+        None
+    )
     mission: Annotated[
-        Path | None, typer.Option("--mission", help="With --plan: the mission file that the vehicle was given.")
-    ] = None,
+        Path | None, Option("--mission", help="With --plan: the mission file that the vehicle was given.")
+    ] = None
     vehicle: Annotated[
-        str, typer.Option("--vehicle", help="With --mission: the vehicle's profile, a name or a TOML file.")
-    ] = "",
+        str, Option("--vehicle", help="With --mission: the vehicle's profile, a name or a TOML file.")
+    ] = ""
+
+    def flown(self) -> tuple[Path, str] | None:
+        """The mission and its vehicle's profile.
+
+        Raises:
+            UsageError: one of them is missing.
+        """
+        if (self.mission is None) != (not self.vehicle):
+            raise UsageError("--mission and --vehicle belong together", remedy="Give both, or leave both out.")
+        return None if self.mission is None else (self.mission, self.vehicle)
+
+
+@grouped
+def command(
+    context: Context,
+    captures: Annotated[
+        Path, Argument(help="Folder of photographs of one plot, or a folder of such folders; in a campaign any folder.")
+    ],
+    *,
+    output: Annotated[
+        Path | None, Option("--output", "-o", help="The result's folder. It appears when the run is complete.")
+    ] = None,
+    campaign: Annotated[
+        Path | None, Option("--campaign", help="Campaign to add to. Without -o: the one about the current folder.")
+    ] = None,
+    reference: Annotated[
+        Path | None, Option("--reference", help="What `fieldkit reference` wrote. Without: no distances.")
+    ] = None,
+    flight: FlightOptions,
     refine: Annotated[
-        bool, typer.Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
+        bool, Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
     ] = False,
     distances: DistancesOption = DISTANCES,
-    mapping: MappingOption = Mapping.AUTO,
-    fidelity: FidelityOption = Fidelity.STANDARD,
-    mask: MaskOption = Mask.EXG,
-    backend: BackendOption = Backend.AUTO,
-    bounds: BoundsOption = "",
-    workers: WorkersOption = 1,
+    reconstruction: ReconstructionOptions,
     no_wait: Annotated[
-        bool, typer.Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
+        bool, Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
     ] = False,
-    seed: SeedOption = 0,
-    overwrite: OverwriteOption = False,
-    resume: ResumeOption = False,
-    no_cache: NoCacheOption = False,
+    run: RunOptions,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -130,35 +120,21 @@ def command(
     See Also:
         fieldkit check, fieldkit campaign init, fieldkit compare, fieldkit report
     """
-    cache = open_cache(no_cache=no_cache, resume=resume)
-    if output is None and mission is not None:
-        raise UsageError("--mission is not taken in a campaign", remedy="Leave it out, or give -o.")
+    cache = run.cache()
     if output is None:
-        return _in_campaign(context, captures, campaign, cache, log, workers, not no_wait, overwrite, as_json)
+        folder = _campaign_folder(context, campaign, flight)
+        return _in_campaign(folder, captures, cache, run, wait=not no_wait, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
-    if (mission is None) != (not vehicle):
-        raise UsageError("--mission and --vehicle belong together", remedy="Give both, or leave both out.")
-    distances_m = parse_distances(distances)
-    settings = make_settings(mapping=mapping, fidelity=fidelity, mask=mask, backend=backend, bounds=bounds, seed=seed)
+    mission, distances_m, settings = flight.flown(), parse_distances(distances), reconstruction.settings(run.seed)
     from fieldkit.evaluation.evaluate import evaluate_captures
 
     with run_context(as_json=as_json) as progress:
         report = evaluate_captures(
-            captures,
-            output,
-            settings,
-            reference=reference,
-            refine=refine,
-            distances_m=distances_m,
-            log=log,
-            plan=plan,
-            mission=None if mission is None else (mission, vehicle),
-            cache=cache,
-            progress=progress,
-            overwrite=overwrite,
-            workers=workers,
-        )
+            captures, output, settings, reference=reference, refine=refine, distances_m=distances_m, log=flight.log,
+            plan=flight.plan, mission=mission, cache=cache, progress=progress, overwrite=run.overwrite,
+            workers=run.workers,
+        )  # fmt: skip
     if as_json:
         emit_json(
             {"output": output, **report.model_dump(mode="json", exclude={"plots": {"__all__": {"image_reports"}}})}
@@ -166,39 +142,45 @@ def command(
     else:
         from fieldkit.present.terminal.results import evaluation_output
 
-        show = console()
-        for shown in evaluation_output(report):
-            show.print(shown)
-        show.print(f"{output}", markup=False, soft_wrap=True)
+        show(evaluation_output(report), output)
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
 
 
-def _in_campaign(
-    context: typer.Context, captures: Path, campaign: Path | None, cache: StageCache, log: Path | None, workers: int,
-    wait: bool, overwrite: bool, as_json: bool,
-) -> int:  # fmt: skip
-    """Evaluate the photographs' visits in a campaign."""
+def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOptions) -> Path:
+    """The campaign that is meant.
+
+    Raises:
+        UsageError: there is none, or an option is given that is not taken in one.
+    """
     from fieldkit.campaign.reading import find_campaign
 
+    if flight.mission is not None:
+        raise UsageError("--mission is not taken in a campaign", remedy="Leave it out, or give -o.")
     folder = campaign or find_campaign(Path.cwd())
     if folder is None:
         raise UsageError("missing option '--output' / '-o'", remedy="Give -o FOLDER, or --campaign CAMPAIGN.")
-    given = [flag for name, flag in _OF_CAMPAIGN.items() if _was_given(context, name)]
-    if given:
-        raise UsageError(
-            f"{given[0]} is one for all visits of a campaign", remedy=f"Edit campaign.toml in {folder}, or give -o."
-        )
-    if log is not None:
+    for param in context.command.params:
+        if param.name in _OF_CAMPAIGN and _was_given(context, param.name):
+            raise UsageError(
+                f"{param.opts[0]} is one for all visits of a campaign",
+                remedy=f"Edit campaign.toml in {folder}, or give -o.",
+            )
+    if flight.log is not None:
         raise UsageError(
             "--log is not taken in a campaign", remedy="Write the poses with `fieldkit geotag` first, or give -o."
         )
+    return folder
+
+
+def _in_campaign(folder: Path, captures: Path, cache: StageCache, run: RunOptions, *, wait: bool, as_json: bool) -> int:
+    """Evaluate the photographs' visits in a campaign."""
     from dataclasses import asdict
 
     from fieldkit.campaign.run import evaluate_campaign
 
     with run_context(as_json=as_json) as progress:
         done = evaluate_campaign(
-            folder, captures, cache=cache, progress=progress, workers=workers, wait=wait, overwrite=overwrite
+            folder, captures, cache=cache, progress=progress, workers=run.workers, wait=wait, overwrite=run.overwrite
         )
     if as_json:
         emit_json(
@@ -212,18 +194,16 @@ def _in_campaign(
         )  # fmt: skip
     else:
         from fieldkit.campaign.overview import campaign_tables
+        from fieldkit.present.terminal.blocks import rendered
 
-        show = console()
-        for table in campaign_tables(done.campaign):
-            show.print(table)
         left = f"; {len(done.left_out)} files left out" if done.left_out else ""
-        show.print(
+        show(
+            rendered(campaign_tables(done.campaign), most_rows=None),
             f"{len(done.evaluated)} visits evaluated, {len(done.kept)} were there already, {done.failed} failed{left}",
-            markup=False, soft_wrap=True,
-        )  # fmt: skip
+        )
     return ReconstructionError.exit_code if done.failed == len(done.evaluated) + len(done.kept) else EXIT_OK
 
 
-def _was_given(context: typer.Context, name: str) -> bool:
+def _was_given(context: Context, name: str) -> bool:
     source = context.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"

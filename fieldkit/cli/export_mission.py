@@ -4,50 +4,51 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, console, emit_json, say, table
-from fieldkit.present.style import format_length, format_seconds
+from fieldkit.cli.common import (
+    AdjustOption,
+    DebugOption,
+    JsonOption,
+    MissionFormat,
+    MissionOutputOption,
+    OverwriteOption,
+    SeedOption,
+    emit_json,
+    say,
+    show,
+    table,
+)
+from fieldkit.present.style import count, format_length, format_seconds
 
 if TYPE_CHECKING:
+    from fieldkit.missions.export_mission import ExportedMission
     from fieldkit.missions.plan_site.fit import FitFinding
 
 _MOST_MOVED = 20
 _MOST_NAMED = 3
 
 
-class Format(StrEnum):
-    """Of mission files."""
-
-    PLAN = "plan"
-    WAYPOINTS = "waypoints"
-    WPML = "wpml"
-    LITCHI = "litchi"
-    KML = "kml"
-
-
 def command(
-    plan: Annotated[Path, typer.Argument(help="plan.json, or the folder that holds it.")],
-    vehicle: Annotated[str, typer.Option("--vehicle", metavar="NAME", help="A profile's name or file.")],
-    site: Annotated[Path, typer.Option("--site", help="Site file: home, plots, fence, obstacles.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The mission file; its suffix may be left out.")],
+    plan: Annotated[Path, Argument(help="plan.json, or the folder that holds it.")],
+    vehicle: Annotated[str, Option("--vehicle", metavar="NAME", help="A profile's name or file.")],
+    site: Annotated[Path, Option("--site", help="Site file: home, plots, fence, obstacles.")],
+    output: MissionOutputOption,
     format: Annotated[  # noqa: A002 - the option's name
-        Format, typer.Option("--format", help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at.")
-    ] = Format.PLAN,
+        MissionFormat,
+        Option("--format", help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at."),
+    ] = "plan",
     plots: Annotated[
-        Path | None, typer.Option("--plots", help="GeoJSON of plots, in place of those of the site file.")
+        Path | None, Option("--plots", help="GeoJSON of plots, in place of those of the site file.")
     ] = None,
     fit: Annotated[
-        bool, typer.Option("--fit", help="Fit the plan to each plot's plant height and size, as the site gives them.")
+        bool, Option("--fit", help="Fit the plan to each plot's plant height and size, as the site gives them.")
     ] = False,
-    adjust: Annotated[
-        bool, typer.Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
-    ] = False,
-    no_picture: Annotated[bool, typer.Option("--no-picture", help="Do not draw the flights.")] = False,
+    adjust: AdjustOption = False,
+    no_picture: Annotated[bool, Option("--no-picture", help="Do not draw the flights.")] = False,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -78,37 +79,44 @@ def command(
     from fieldkit.missions.export_mission import export_mission
 
     done = export_mission(
-        plan, vehicle, site, output, format=format.value, plots=plots, fit=fit, adjust=adjust,
+        plan, vehicle, site, output, format=format, plots=plots, fit=fit, adjust=adjust,
         picture=not no_picture, overwrite=overwrite, seed=seed,
     )  # fmt: skip
-    routed = done.routed
     if as_json:
-        emit_json(
+        emit_json(_facts(done))
+    else:
+        _say_stations(done)
+        _say_fit(done.routed.fit)
+        _show_flights(done)
+
+
+def _facts(done: ExportedMission) -> dict[str, object]:
+    routed = done.routed
+    return {
+        "stations": routed.photographs,
+        "photographs": routed.photographs,
+        "length_m": routed.length_m,
+        "time_s": routed.time_s,
+        "files": list(done.files),
+        "flights": [
             {
-                "stations": routed.photographs,
-                "photographs": routed.photographs,
-                "length_m": routed.length_m,
-                "time_s": routed.time_s,
-                "files": list(done.files),
-                "flights": [
-                    {
-                        "file": file,
-                        "photographs": len(each.mission.shots),
-                        "plots": list(each.flight.plots),
-                        "length_m": each.flight.length_m,
-                        "time_s": each.flight.time.total_s,
-                        "battery": each.flight.time.battery,
-                    }
-                    for file, each in zip(done.files, routed.flights, strict=False)
-                ],
-                "lowest_m": routed.lowest_m,
-                "nearest_plant_m": routed.plants_m,
-                "moved": [str(each) for each in routed.moved],
-                "fit": [asdict(each) for each in routed.fit],
-                "fitted": [each.fit.model_dump() for each in routed.own.values() if each.fit is not None],
+                "file": file, "photographs": len(each.mission.shots), "plots": list(each.flight.plots),
+                "length_m": each.flight.length_m, "time_s": each.flight.time.total_s,
+                "battery": each.flight.time.battery,
             }
-        )
-        return
+            for file, each in zip(done.files, routed.flights, strict=False)
+        ],
+        "lowest_m": routed.lowest_m,
+        "nearest_plant_m": routed.plants_m,
+        "moved": [str(each) for each in routed.moved],
+        "fit": [asdict(each) for each in routed.fit],
+        "fitted": [each.fit.model_dump() for each in routed.own.values() if each.fit is not None],
+    }  # fmt: skip
+
+
+def _say_stations(done: ExportedMission) -> None:
+    """Which stations are not flown as planned."""
+    routed = done.routed
     for pose in routed.moved[:_MOST_MOVED]:
         say(f"Moved: {pose}")
     if len(routed.moved) > _MOST_MOVED:
@@ -121,27 +129,27 @@ def command(
             f"Fitted to {name}: plants {flown.fit.height:.2f} times as high, {flown.fit.length:.2f} times as far along "
             f"and {flown.fit.width:.2f} times across; evaluate its photographs with --plan {done.plans[name].name}."
         )
-    _say_fit(routed.fit)
-    rows = table("Flights", "flight", "plots>", "photographs>", "length>", "time>", "battery>")
-    for file, each in zip(done.files, routed.flights, strict=False):
-        rows.add_row(
+
+
+def _show_flights(done: ExportedMission) -> None:
+    routed = done.routed
+    rows = [
+        (
             file.name, str(len(each.flight.plots)), str(len(each.mission.shots)), format_length(each.flight.length_m),
             format_seconds(each.flight.time.total_s), f"{each.flight.time.battery:.0%}",
-        )  # fmt: skip
-    show = console()
-    show.print(rows)
+        )
+        for file, each in zip(done.files, routed.flights, strict=False)
+    ]  # fmt: skip
     plants = "not known" if routed.plants_m is None else f"{format_length(routed.plants_m)} at the nearest"
-    count = len({shot.plot for each in routed.flights for shot in each.mission.shots})
-    on = f"{routed.photographs // count} stations on " + ("1 plot" if count == 1 else f"{count} plots")
-    batteries = "1 battery" if len(routed.flights) == 1 else f"{len(routed.flights)} batteries"
-    show.print(
-        f"{on}: {routed.photographs} photographs, {format_length(routed.length_m)}, "
-        f"{format_seconds(routed.time_s)} in the air, {batteries}; "
-        f"lowest camera {format_length(routed.lowest_m)} above the ground; plants: {plants}."
+    plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
+    summary = (
+        f"{routed.photographs // plots} stations on {count(plots, 'plot')}: {routed.photographs} photographs, "
+        f"{format_length(routed.length_m)}, {format_seconds(routed.time_s)} in the air, "
+        f"{count(len(routed.flights), 'battery', 'batteries')}; lowest camera {format_length(routed.lowest_m)} above "
+        f"the ground; plants: {plants}."
     )
-    show.print("Battery: share of its usable time, reserve left out.")
-    for file in done.files:
-        show.print(str(file), soft_wrap=True)
+    flights = table("Flights", ["flight", "plots>", "photographs>", "length>", "time>", "battery>"], rows)
+    show([*flights, summary, "Battery: share of its usable time, reserve left out."], *done.files)
 
 
 def _say_fit(findings: Sequence[FitFinding]) -> None:

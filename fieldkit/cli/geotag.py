@@ -2,41 +2,75 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
 from fieldkit.cli.numbers import read_numbers
+from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
     from fieldkit.captures.flight_logs import FixedMount
+    from fieldkit.captures.geotag import GeotagReport
     from fieldkit.geometry.geodesy import LocalFrame
 
 
-def command(
-    images: Annotated[Path, typer.Argument(help="Folder of the photographs of one flight.")],
-    log: Annotated[Path, typer.Option("--log", help="Flight log: .tlog, .BIN or .ulg, also as .gz.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="poses.csv to write.")] = Path("poses.csv"),
+@dataclass(frozen=True)
+class FrameOptions:
+    """Where the local frame lies."""
+
     origin: Annotated[
         str,
-        typer.Option(
+        Option(
             "--origin", metavar="LAT,LON,ALT", help="Of the local frame, altitude above sea level. Without: the home."
         ),
-    ] = "",
-    site: Annotated[Path | None, typer.Option("--site", help="Site file: its plot is the origin.")] = None,
-    plot: Annotated[str, typer.Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = "",
+    ] = ""
+    site: Annotated[Path | None, Option("--site", help="Site file: its plot is the origin.")] = None
+    plot: Annotated[str, Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = ""
+
+    def frame(self) -> LocalFrame | None:
+        """East-north-up; None for the log's home.
+
+        Raises:
+            UsageError: the options contradict each other or say no place.
+            MetadataError: the site file cannot be used.
+        """
+        if self.origin and self.site is not None:
+            raise UsageError("--origin and --site both say where the frame lies", remedy="Give one of them.")
+        if self.plot and self.site is None:
+            raise UsageError("--plot names a plot of a site file", remedy="Give --site, too.")
+        if self.site is not None:
+            return _of_site(self.site, self.plot)
+        if not self.origin:
+            return None
+        latitude, longitude, altitude = read_numbers("--origin", self.origin, (3,), least=-1000.0)
+        if abs(latitude) > 90.0 or abs(longitude) > 180.0 or altitude > 10_000.0:
+            remedy = "Write it like --origin 50.865,6.4473,92 (latitude first)."
+            raise UsageError(f"--origin: not on Earth: {self.origin}", remedy=remedy)
+        from fieldkit.geometry.geodesy import LocalFrame
+
+        return LocalFrame(latitude, longitude, altitude, "sea level")
+
+
+@grouped
+def command(
+    images: Annotated[Path, Argument(help="Folder of the photographs of one flight.")],
+    log: Annotated[Path, Option("--log", help="Flight log: .tlog, .BIN or .ulg, also as .gz.")],
+    output: Annotated[Path, Option("--output", "-o", help="poses.csv to write.")] = Path("poses.csv"),
+    *,
+    frame: FrameOptions,
     mount: Annotated[
-        str, typer.Option("--mount", metavar="PITCH[,YAW]", help="Of a camera without a gimbal, against the vehicle.")
+        str, Option("--mount", metavar="PITCH[,YAW]", help="Of a camera without a gimbal, against the vehicle.")
     ] = "",
     accuracy: Annotated[
-        float | None, typer.Option("--accuracy", metavar="M", min=0.001, help="Of the positions. Without: the log's.")
+        float | None, Option("--accuracy", metavar="M", min=0.001, help="Of the positions. Without: the log's.")
     ] = None,
     camera_offset: Annotated[
-        float | None,
-        typer.Option("--camera-offset", metavar="S", help="Camera's clock less UTC, where several offsets fit."),
+        float | None, Option("--camera-offset", metavar="S", help="Camera's clock less UTC, where several offsets fit.")
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -60,63 +94,47 @@ def command(
     See Also:
         fieldkit evaluate --log
     """
-    frame, fixed = _origin(origin, site, plot), _mount(mount)
+    origin, fixed = frame.frame(), _mount(mount)
     from fieldkit.captures.geotag import geotag
 
     report = geotag(
-        images, log, output, origin=frame, mount=fixed, accuracy_m=accuracy, offset_s=camera_offset,
+        images, log, output, origin=origin, mount=fixed, accuracy_m=accuracy, offset_s=camera_offset,
         overwrite=overwrite,
     )  # fmt: skip
-    matches = report.matches
     if as_json:
-        emit_json(
-            {
-                "output": output,
-                "images": report.images,
-                "triggers": report.triggers,
-                "matched": len(report.poses),
-                "images_without_trigger": list(matches.photographs),
-                "ambiguous": list(matches.ambiguous),
-                "triggers_without_image": list(matches.triggers),
-                "clock_offset_s": matches.offset_s,
-                "clock_drift_ppm": matches.drift_ppm,
-                "origin": {
-                    "latitude_deg": report.origin.latitude_deg,
-                    "longitude_deg": report.origin.longitude_deg,
-                    "altitude_m": report.origin.altitude_m,
-                    "datum": report.origin.datum,
-                    "source": report.origin_source,
-                },
-                "remarks": list(report.remarks),
-            }
-        )
-        return
+        emit_json({"output": output, **_facts(report)})
+    else:
+        _tell(report, output)
+
+
+def _facts(report: GeotagReport) -> dict[str, object]:
+    matches, origin = report.matches, report.origin
+    return {
+        "images": report.images,
+        "triggers": report.triggers,
+        "matched": len(report.poses),
+        "images_without_trigger": matches.photographs,
+        "ambiguous": matches.ambiguous,
+        "triggers_without_image": matches.triggers,
+        "clock_offset_s": matches.offset_s,
+        "clock_drift_ppm": matches.drift_ppm,
+        "origin": {
+            "latitude_deg": origin.latitude_deg, "longitude_deg": origin.longitude_deg,
+            "altitude_m": origin.altitude_m, "datum": origin.datum, "source": report.origin_source,
+        },
+        "remarks": report.remarks,
+    }  # fmt: skip
+
+
+def _tell(report: GeotagReport, output: Path) -> None:
+    matches = report.matches
     say(f"{len(report.poses)} of {report.images} photographs matched to the log's {report.triggers} triggers: {output}")
     if matches.photographs:
         say(f"without a trigger: {', '.join(matches.photographs)}")
     if matches.triggers:
-        say(f"triggers without a photograph: {', '.join(str(k) for k in matches.triggers)}")
+        say(f"triggers without a photograph: {', '.join(map(str, matches.triggers))}")
     for remark in report.remarks:
         say(remark)
-
-
-def _origin(text: str, site: Path | None, plot: str) -> LocalFrame | None:
-    if text and site is not None:
-        raise UsageError("--origin and --site both say where the frame lies", remedy="Give one of them.")
-    if plot and site is None:
-        raise UsageError("--plot names a plot of a site file", remedy="Give --site, too.")
-    if site is not None:
-        return _of_site(site, plot)
-    if not text:
-        return None
-    latitude, longitude, altitude = read_numbers("--origin", text, (3,), least=-1000.0)
-    if abs(latitude) > 90.0 or abs(longitude) > 180.0 or altitude > 10_000.0:
-        raise UsageError(
-            f"--origin: not on Earth: {text}", remedy="Write it like --origin 50.865,6.4473,92 (latitude first)."
-        )
-    from fieldkit.geometry.geodesy import LocalFrame
-
-    return LocalFrame(latitude, longitude, altitude, "sea level")
 
 
 def _of_site(path: Path, name: str) -> LocalFrame:

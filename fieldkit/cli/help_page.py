@@ -17,10 +17,10 @@ from typing import Any
 
 from typer.core import TyperArgument, TyperCommand, TyperOption
 
-SECTIONS = ("Example", "Examples", "Files", "Exit codes", "See Also")
+SECTIONS = ("Examples", "Files", "Exit codes", "See Also")
 RUN, OUTPUT = "Run", "Output"
 _LAST_GROUPS = (RUN, OUTPUT)  # of all commands, behind a command's own
-_HEADING = re.compile(rf"({'|'.join(SECTIONS)}): *")
+_HEADING = re.compile(rf"(Example|{'|'.join(SECTIONS)}): *")
 _KINDS = {"int": "N", "float": "X", "int range": "N", "float range": "X", "path": "PATH", "str": "TEXT"}
 _LONGEST_CHOICE = 24
 
@@ -56,7 +56,7 @@ class HelpPage(TyperCommand):
                 name = argument_word(param)
                 pieces.append(name if param.required else f"[{name}]")
             elif isinstance(param, TyperOption) and param.required:
-                pieces.append(f"{shortest(param.opts)} {value_word(param, ctx)}")
+                pieces.append(f"{min(param.opts, key=len)} {value_word(param, ctx)}")
         return [*pieces, "[OPTIONS]"]
 
     def format_help_text(self, ctx: Any, formatter: Any) -> None:
@@ -86,9 +86,7 @@ class HelpPage(TyperCommand):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         sections = split_docstring(self.help or "")[1]
-        for title in ("Examples", "Files", "Exit codes", "See Also"):
-            if title not in sections:
-                continue
+        for title in (title for title in SECTIONS if title in sections):
             with formatter.section(title.capitalize()):
                 if title == "Examples":
                     for line in sections[title]:
@@ -97,11 +95,6 @@ class HelpPage(TyperCommand):
                     formatter.write_text(" ".join(sections[title]))
                 else:
                     formatter.write_dl(_pairs(sections[title]))
-
-
-def shortest(names: Sequence[str]) -> str:
-    """The name of an option that is typed fastest."""
-    return min(names, key=len)
 
 
 def value_word(param: TyperOption | TyperArgument, ctx: Any) -> str:

@@ -9,6 +9,15 @@ from fieldkit.errors import UsageError
 _REMEDY = {1: "Write one number", 2: "Write two numbers with a comma between", 3: "Write three numbers with commas"}
 
 
+def finite_numbers(text: str) -> tuple[float, ...]:
+    """Numbers with commas between; none where any part of the text is no number."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return ()
+    return numbers if all(map(isfinite, numbers)) else ()
+
+
 def read_numbers(option: str, text: str, counts: tuple[int, ...], *, least: float = 0.0) -> tuple[float, ...]:
     """The numbers of an option such as ``--pose-noise 0.02,1``.
 
@@ -21,11 +30,8 @@ def read_numbers(option: str, text: str, counts: tuple[int, ...], *, least: floa
     Raises:
         UsageError: it is no such list.
     """
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) not in counts or not all(isfinite(n) and n >= least for n in numbers):
+    numbers = finite_numbers(text)
+    if len(numbers) not in counts or min(numbers) < least:
         raise UsageError(
             f"{option}: cannot be {text}", remedy=" or ".join(_REMEDY[n] for n in counts) + f", not below {least:g}."
         )

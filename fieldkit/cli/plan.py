@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, console, emit_json
+from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.plan_options import (
     EnvelopeOptions,
@@ -111,30 +111,26 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     from fieldkit.present.style import format_length, format_seconds
     from fieldkit.present.terminal.blocks import rendered
 
-    show = console()
-    for shown in rendered([finalist_table(outcome)]):
-        show.print(shown)
     why = {
         "evaluations": "its evaluations are used up", "time": "its time is used up",
         "exhausted": "the method has no more to try",
         "converged": f"stopped after {outcome.evaluations}: nothing left above ± {format_length(outcome.noise_m)}",
     }[outcome.stopped]  # fmt: skip
     expected = "" if outcome.expected_m is None else f" (expected {format_length(outcome.expected_m)})"
-    show.print(
+    told = (
         f"{outcome.cameras} cameras by {outcome.method}: {format_length(outcome.chamfer_m)}{expected} on "
         f"{_planned_on(settings)}, {outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) "
-        f"and {outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}.",
-        markup=False, soft_wrap=True,
-    )  # fmt: skip
+        f"and {outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}."
+    )
+    lines: list[object] = [told]
     if not outcome.confirmations:
-        show.print(
+        lines.append(
             "This plan is NOT CONFIRMED: no photograph was taken of it. Of two sets of which as much is expected, one "
-            "can be half as good as the other.",
-            soft_wrap=True,
+            "can be half as good as the other."
         )
     if outcome.photographs:
-        show.print(f"photographs: {', '.join(outcome.photographs)}", markup=False, soft_wrap=True)
-    show.print(f"{output / 'plan.json'}\n{output / 'plan.png'}", markup=False, soft_wrap=True)
+        lines.append(f"photographs: {', '.join(outcome.photographs)}")
+    show(rendered([finalist_table(outcome)]), *lines, output / "plan.json", output / "plan.png")
 
 
 def _planned_on(settings: SearchSettings) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-import typer
+from typer import Option
 
 from fieldkit.cli.common import SEED, OverwriteOption, ResumeOption
 from fieldkit.cli.help_page import RUN
@@ -16,7 +16,6 @@ from fieldkit.errors import UsageError
 if TYPE_CHECKING:
     from fieldkit.planning.run.request import PlanRequest
 
-_PLOT, _SEARCH, _NOISE, _ENVELOPE = "What to plan on", "Search", "Noise to plan for", "Where cameras may be"
 _FROM = "from:"
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 Preset = Literal["field", "paper"]
@@ -33,54 +32,36 @@ Mapping = Literal["prior", "incremental", "global"]
 class PlotOptions:
     """What is planned on."""
 
+    panel: ClassVar[str] = "What to plan on"
+
     scenes: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--scene",
-            rich_help_panel=_PLOT,
-            metavar="SCENE",
-            help="Plan on a scene: a file, a folder or a name such as case-1. Repeatable.",
+        Option(
+            "--scene", metavar="SCENE", help="Plan on a scene: a file, a folder or a name such as case-1. Repeatable."
         ),
     ] = None
     references: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             "--reference",
-            rich_help_panel=_PLOT,
             metavar="REF",
             help="Plan on a proxy of a reference; repeatable. With --captures: their truth.",
         ),
     ] = None
-    captures: Annotated[
-        Path | None,
-        typer.Option("--captures", rich_help_panel=_PLOT, help="Choose of recorded photographs with known poses."),
-    ] = None
+    captures: Annotated[Path | None, Option("--captures", help="Choose of recorded photographs with known poses.")] = (
+        None
+    )
     images: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--images",
-            rich_help_panel=_PLOT,
-            metavar="FOLDER",
-            help="Photographs of each --reference, for a finer proxy.",
-        ),
+        Option("--images", metavar="FOLDER", help="Photographs of each --reference, for a finer proxy."),
     ] = None
     purpose: Annotated[
         Purpose | None,
-        typer.Option(
-            "--for",
-            rich_help_panel=_PLOT,
-            help="kind: plots like this one, which field and score plan for; this-plot: it alone.",
-        ),
+        Option("--for", help="kind: plots like this one, which field and score plan for; this-plot: it alone."),
     ] = None
     plots: Annotated[
         int | None,
-        typer.Option(
-            "--vary",
-            rich_help_panel=_PLOT,
-            metavar="K",
-            min=1,
-            help="Plots of the kind, those given among them; 8 where not given.",
-        ),
+        Option("--vary", metavar="K", min=1, help="Plots of the kind, those given among them; 8 where not given."),
     ] = None
 
 
@@ -88,62 +69,36 @@ class PlotOptions:
 class SearchOptions:
     """How cameras are looked for."""
 
-    cameras: Annotated[int | None, typer.Option("--cameras", "-n", min=3, help="N; 10 where not given.")] = None
+    panel: ClassVar[str] = "Search"
+
+    cameras: Annotated[
+        int | None, Option("--cameras", "-n", rich_help_panel="Options", min=3, help="N; 10 where not given.")
+    ] = None
     preset: Annotated[
-        Preset | None,
-        typer.Option(
-            "--preset", rich_help_panel=_SEARCH, help="paper: Algorithm 1, blind incremental mapping, 50 initial."
-        ),
+        Preset | None, Option("--preset", help="paper: Algorithm 1, blind incremental mapping, 50 initial.")
     ] = None
-    method: Annotated[
-        Method | None, typer.Option("--method", rich_help_panel=_SEARCH, help="Instead of the preset's.")
-    ] = None
-    evaluations: Annotated[
-        int | None,
-        typer.Option("--evaluations", rich_help_panel=_SEARCH, min=1, help="At most; 100 where not given."),
-    ] = None
+    method: Annotated[Method | None, Option("--method", help="Instead of the preset's.")] = None
+    evaluations: Annotated[int | None, Option("--evaluations", min=1, help="At most; 100 where not given.")] = None
     at_least: Annotated[
-        int | None,
-        typer.Option(
-            "--at-least", rich_help_panel=_SEARCH, min=0, help="Evaluations before the search may end itself."
-        ),
+        int | None, Option("--at-least", min=0, help="Evaluations before the search may end itself.")
     ] = None
-    initial: Annotated[
-        int | None, typer.Option("--initial", rich_help_panel=_SEARCH, min=1, help="Trials before a model is asked.")
-    ] = None
+    initial: Annotated[int | None, Option("--initial", min=1, help="Trials before a model is asked.")] = None
     time_budget_s: Annotated[
-        str,
-        typer.Option(
-            "--time-budget", rich_help_panel=_SEARCH, metavar="TIME", help="No trial starts later: 600, 10m, 2h."
-        ),
+        str, Option("--time-budget", metavar="TIME", help="No trial starts later: 600, 10m, 2h.")
     ] = ""
-    fidelity: Annotated[
-        Fidelity | None,
-        typer.Option("--fidelity", rich_help_panel=_SEARCH, help="Of the search; standard where not given."),
-    ] = None
+    fidelity: Annotated[Fidelity | None, Option("--fidelity", help="Of the search; standard where not given.")] = None
     confirm_fidelity: Annotated[
-        Fidelity | None,
-        typer.Option("--confirm", rich_help_panel=_SEARCH, help="Of the finalists; fine where not given."),
+        Fidelity | None, Option("--confirm", help="Of the finalists; fine where not given.")
     ] = None
-    finalists: Annotated[
-        int | None, typer.Option("--finalists", rich_help_panel=_SEARCH, min=1, help="Evaluated again at fresh seeds.")
-    ] = None
-    repeats: Annotated[
-        int | None,
-        typer.Option("--repeats", rich_help_panel=_SEARCH, min=0, help="Fresh seeds for each; 0: no confirmation."),
-    ] = None
+    finalists: Annotated[int | None, Option("--finalists", min=1, help="Evaluated again at fresh seeds.")] = None
+    repeats: Annotated[int | None, Option("--repeats", min=0, help="Fresh seeds for each; 0: no confirmation.")] = None
     weights: Annotated[
         str,
-        typer.Option(
-            "--weights",
-            rich_help_panel=_SEARCH,
-            metavar="GAP,NOISE,TIE",
-            help="Of the geometric score's terms; from:RUN fits them to a run.",
+        Option(
+            "--weights", metavar="GAP,NOISE,TIE", help="Of the geometric score's terms; from:RUN fits them to a run."
         ),
     ] = ""
-    mapping: Annotated[
-        Mapping | None, typer.Option("--mapping", rich_help_panel=_SEARCH, help="Of the evaluations.")
-    ] = None
+    mapping: Annotated[Mapping | None, Option("--mapping", help="Of the evaluations.")] = None
 
     def values(self) -> dict[str, Any]:
         """By the keys of `SearchSettings`; None where nothing is given."""
@@ -157,38 +112,29 @@ class SearchOptions:
 class NoiseOptions:
     """What a plan shall survive."""
 
+    panel: ClassVar[str] = "Noise to plan for"
+
     pose: Annotated[
         str,
-        typer.Option(
+        Option(
             "--pose-noise",
-            rich_help_panel=_NOISE,
             metavar="M,DEG",
             help="Plan for flights that miss stations by this; from:EVAL as one. For a kind: the vehicle's; 0,0: none.",
         ),
     ] = ""
     image_grey: Annotated[
-        float | None,
-        typer.Option(
-            "--image-noise", rich_help_panel=_NOISE, metavar="GREY", min=0, help="Plan for noise of this size."
-        ),
+        float | None, Option("--image-noise", metavar="GREY", min=0, help="Plan for noise of this size.")
     ] = None
     wind_m: Annotated[
-        float | None,
-        typer.Option(
-            "--wind", rich_help_panel=_NOISE, metavar="M", min=0, max=0.2, help="Plan for leaves that sway by this."
-        ),
+        float | None, Option("--wind", metavar="M", min=0, max=0.2, help="Plan for leaves that sway by this.")
     ] = None
     risk: Annotated[
-        float | None,
-        typer.Option(
-            "--risk", rich_help_panel=_NOISE, metavar="SHARE", help="Count the worst share of repeats (CVaR); 1: all."
-        ),
+        float | None, Option("--risk", metavar="SHARE", help="Count the worst share of repeats (CVaR); 1: all.")
     ] = None
     refine: Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--refine/--no-refine",
-            rich_help_panel=_NOISE,
             help="Move clouds onto the reference before they are scored; of a kind's plots they are.",
         ),
     ] = None
@@ -206,39 +152,24 @@ class NoiseOptions:
 class EnvelopeOptions:
     """Where cameras may be, and whose."""
 
+    panel: ClassVar[str] = "Where cameras may be"
+
     margin_m: Annotated[
-        float | None,
-        typer.Option("--margin", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="Beyond the plants, for cameras."),
+        float | None, Option("--margin", metavar="M", min=0, help="Beyond the plants, for cameras.")
     ] = None
-    height_m: Annotated[
-        str, typer.Option("--height", rich_help_panel=_ENVELOPE, metavar="LOW,HIGH", help="Above the ground, metres.")
-    ] = ""
-    clearance_m: Annotated[
-        float | None,
-        typer.Option("--clearance", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="From cameras to plants."),
-    ] = None
-    pitch_deg: Annotated[
-        str, typer.Option("--pitch", rich_help_panel=_ENVELOPE, metavar="LOW,HIGH", help="Of the gimbal, degrees.")
-    ] = ""
+    height_m: Annotated[str, Option("--height", metavar="LOW,HIGH", help="Above the ground, metres.")] = ""
+    clearance_m: Annotated[float | None, Option("--clearance", metavar="M", min=0, help="From cameras to plants.")] = (
+        None
+    )
+    pitch_deg: Annotated[str, Option("--pitch", metavar="LOW,HIGH", help="Of the gimbal, degrees.")] = ""
     vehicle: Annotated[
         str | None,
-        typer.Option(
-            "--vehicle",
-            rich_help_panel=_ENVELOPE,
-            metavar="NAME",
-            help="A profile's name or file: plan what it can fly, with its camera.",
-        ),
+        Option("--vehicle", metavar="NAME", help="A profile's name or file: plan what it can fly, with its camera."),
     ] = None
     camera_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--camera-file", rich_help_panel=_ENVELOPE, help="camera.toml: instead of the vehicle's or the scene's."
-        ),
+        Path | None, Option("--camera-file", help="camera.toml: instead of the vehicle's or the scene's.")
     ] = None
-    separation_m: Annotated[
-        float | None,
-        typer.Option("--separation", rich_help_panel=_ENVELOPE, metavar="M", min=0, help="Between stations."),
-    ] = None
+    separation_m: Annotated[float | None, Option("--separation", metavar="M", min=0, help="Between stations.")] = None
 
     def values(self) -> dict[str, Any]:
         """By the keys of `EnvelopeSettings`; None where nothing is given."""
@@ -255,20 +186,16 @@ class EnvelopeOptions:
 class RunOptions:
     """How the search is run."""
 
+    panel: ClassVar[str] = RUN
+
     seed: Annotated[int | None, SEED] = None
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", rich_help_panel=RUN, min=1, help="Processes; as many as cores where not given."),
-    ] = None
+    workers: Annotated[int | None, Option("--workers", min=1, help="Processes; as many as cores where not given.")] = (
+        None
+    )
     scheduler: Annotated[
-        str,
-        typer.Option(
-            "--scheduler", rich_help_panel=RUN, metavar="URL", help="Evaluate on a Dask cluster: tcp://host:8786."
-        ),
+        str, Option("--scheduler", metavar="URL", help="Evaluate on a Dask cluster: tcp://host:8786.")
     ] = ""
-    deterministic: Annotated[
-        bool, typer.Option("--deterministic", rich_help_panel=RUN, help="The same plan whatever --workers is.")
-    ] = False
+    deterministic: Annotated[bool, Option("--deterministic", help="The same plan whatever --workers is.")] = False
     resume: ResumeOption = False
     overwrite: OverwriteOption = False
 

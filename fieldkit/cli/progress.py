@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TextIO
 
 from fieldkit.cli.boundary import say
 from fieldkit.present.style import format_seconds
@@ -30,9 +29,6 @@ def open_progress(*, as_json: bool) -> Iterator[Progress]:
 class Lines:
     """A line when a stage starts, at most one every ten seconds meanwhile, and one with its time at the end."""
 
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = stream
-
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
         """A stage in plain lines."""
@@ -47,21 +43,15 @@ class Lines:
                 shown = now
                 left_s = (now - start) * (total - count) / count if total and count else None
                 left = "" if left_s is None else f", {format_seconds(left_s)} left"
-                self._print(f"{name}: {count}{f' of {total}' if total else ''}{left}")
+                say(f"{name}: {count}{f' of {total}' if total else ''}{left}")
 
-        self._print(f"{name} …")
+        say(f"{name} …")
         yield advance
-        self._print(f"{name}: done in {format_seconds(time.monotonic() - start)}")
+        say(f"{name}: done in {format_seconds(time.monotonic() - start)}")
 
     def note(self, message: str) -> None:
         """A finding on a line of its own."""
-        self._print(f"note: {message}")
-
-    def _print(self, text: str) -> None:
-        if self._stream is None:
-            say(text)
-        else:
-            self._stream.write(text + "\n")
+        say(f"note: {message}")
 
 
 @contextmanager

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
-from math import isfinite
-from typing import TYPE_CHECKING, Annotated
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
 
-import typer
+from typer import Option
 
+from fieldkit.cli.common import OverwriteOption, ResumeOption, SeedOption
 from fieldkit.cli.help_page import RUN
+from fieldkit.cli.numbers import finite_numbers
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -18,124 +19,97 @@ if TYPE_CHECKING:
     from fieldkit.reconstruction.settings import ReconstructionSettings
     from fieldkit.runtime.progress import Progress
 
-_GROUP = "Reconstruction"
-
-
-class Mapping(StrEnum):
-    """How camera poses are found."""
-
-    AUTO = "auto"
-    INCREMENTAL = "incremental"
-    GLOBAL = "global"
-    PRIOR = "prior"
-
-
-class Fidelity(StrEnum):
-    """Working size of dense stereo."""
-
-    DRAFT = "draft"
-    STANDARD = "standard"
-    FINE = "fine"
-    FULL = "full"
-
-
-class Mask(StrEnum):
-    """Which pixels are plant."""
-
-    EXG = "exg"
-    NONE = "none"
-    FILE = "file"
-
-
-class Backend(StrEnum):
-    """What computes depth maps."""
-
-    AUTO = "auto"
-    CPU = "cpu"
-    CUDA = "cuda"
-
-
-MappingOption = Annotated[
-    Mapping,
-    typer.Option(
-        "--mapping",
-        rich_help_panel=_GROUP,
-        help="How poses are found; auto: prior with known positions, else incremental.",
-    ),
-]
-FidelityOption = Annotated[
-    Fidelity,
-    typer.Option(
-        "--fidelity",
-        rich_help_panel=_GROUP,
-        help="Size of dense stereo: 500×375, 750×562, 1000×750 pixels, or the photographs'.",
-    ),
-]
-MaskOption = Annotated[
-    Mask,
-    typer.Option(
-        "--mask", rich_help_panel=_GROUP, help="What is plant: exg what is green, none everything, file masks/NAME.png."
-    ),
-]
-BackendOption = Annotated[
-    Backend,
-    typer.Option(
-        "--backend",
-        rich_help_panel=_GROUP,
-        help="What computes depth; auto: cuda with the CUDA build and a GPU, else cpu.",
-    ),
-]
+Box: TypeAlias = tuple[float, float, float, float, float, float]
+Mapping = Literal["auto", "incremental", "global", "prior"]
+Fidelity = Literal["draft", "standard", "fine", "full"]
+Mask = Literal["exg", "none", "file"]
+Backend = Literal["auto", "cpu", "cuda"]
 DISTANCES = "0.002,0.005,0.010,0.020"
 DistancesOption = Annotated[
-    str, typer.Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
-]
-BoundsOption = Annotated[
-    str,
-    typer.Option(
-        "--bounds",
-        rich_help_panel=_GROUP,
-        metavar="X,Y,Z,X,Y,Z",
-        help="Lowest and highest corner of the volume of interest, metres in the plot frame. Found where not given.",
-    ),
+    str, Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
 ]
 WorkersOption = Annotated[
-    int, typer.Option("--workers", min=1, rich_help_panel=RUN, help="Processes. The result does not depend on it.")
+    int, Option("--workers", min=1, rich_help_panel=RUN, help="Processes. The result does not depend on it.")
 ]
 NoCacheOption = Annotated[
-    bool, typer.Option("--no-cache", rich_help_panel=RUN, help="Neither use nor keep what stages computed.")
+    bool, Option("--no-cache", rich_help_panel=RUN, help="Neither use nor keep what stages computed.")
 ]
 
 
-def make_settings(
-    *, mapping: Mapping, fidelity: Fidelity, mask: Mask, backend: Backend, bounds: str, seed: int
-) -> ReconstructionSettings:
-    """The library's settings for these options.
+@dataclass(frozen=True)
+class ReconstructionOptions:
+    """How photographs are reconstructed."""
 
-    Raises:
-        UsageError: ``bounds`` is no box.
-    """
-    corners = parse_bounds(bounds) if bounds else None
-    from fieldkit.clouds.volume import Volume
-    from fieldkit.reconstruction.settings import ReconstructionSettings
+    panel: ClassVar[str] = "Reconstruction"
 
-    return ReconstructionSettings(
-        mapping=mapping.value,
-        fidelity=fidelity.value,
-        mask=mask.value,
-        backend=backend.value,
-        bounds=None if corners is None else Volume(corners[:3], corners[3:]),
-        seed=seed,
-    )
+    mapping: Annotated[
+        Mapping, Option("--mapping", help="How poses are found; auto: prior with known positions, else incremental.")
+    ] = "auto"
+    fidelity: Annotated[
+        Fidelity,
+        Option("--fidelity", help="Size of dense stereo: 500×375, 750×562, 1000×750 pixels, or the photographs'."),
+    ] = "standard"
+    mask: Annotated[
+        Mask, Option("--mask", help="What is plant: exg what is green, none everything, file masks/NAME.png.")
+    ] = "exg"
+    backend: Annotated[
+        Backend, Option("--backend", help="What computes depth; auto: cuda with the CUDA build and a GPU, else cpu.")
+    ] = "auto"
+    bounds: Annotated[
+        str,
+        Option(
+            "--bounds",
+            metavar="X,Y,Z,X,Y,Z",
+            help="Lowest and highest corner of the volume of interest, metres in the plot frame. Found where not "
+            "given.",
+        ),
+    ] = ""
+
+    @property
+    def corners(self) -> Box | None:
+        """The numbers of --bounds.
+
+        Raises:
+            UsageError: it is no box.
+        """
+        return parse_bounds(self.bounds) if self.bounds else None
+
+    def settings(self, seed: int) -> ReconstructionSettings:
+        """The library's settings for these options.
+
+        Raises:
+            UsageError: ``bounds`` is no box.
+        """
+        corners = self.corners
+        from fieldkit.clouds.volume import Volume
+        from fieldkit.reconstruction.settings import ReconstructionSettings
+
+        return ReconstructionSettings(
+            mapping=self.mapping, fidelity=self.fidelity, mask=self.mask, backend=self.backend,
+            bounds=None if corners is None else Volume(corners[:3], corners[3:]), seed=seed,
+        )  # fmt: skip
 
 
-def parse_bounds(text: str) -> tuple[float, float, float, float, float, float]:
+@dataclass(frozen=True)
+class RunOptions:
+    """How the stages of a reconstruction are run."""
+
+    workers: WorkersOption = 1
+    seed: SeedOption = 0
+    overwrite: OverwriteOption = False
+    resume: ResumeOption = False
+    no_cache: NoCacheOption = False
+
+    def cache(self) -> StageCache:
+        """The stage cache, as `open_cache` gives it."""
+        return open_cache(no_cache=self.no_cache, resume=self.resume)
+
+
+def parse_bounds(text: str) -> Box:
     """The six numbers of --bounds: xmin,ymin,zmin,xmax,ymax,zmax."""
     remedy = "Write it like --bounds -1.5,-0.75,0,1.5,0.75,1.2 (xmin,ymin,zmin,xmax,ymax,zmax; metres)."
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError as error:
-        raise UsageError(f"--bounds: not six numbers: {text}", remedy=remedy) from error
-    if len(numbers) != 6 or not all(isfinite(n) for n in numbers):
+    numbers = finite_numbers(text)
+    if len(numbers) != 6:
         raise UsageError(f"--bounds: not six numbers: {text}", remedy=remedy)
     x0, y0, z0, x1, y1, z1 = numbers
     if not (x0 < x1 and y0 < y1 and z0 < z1):
@@ -145,12 +119,9 @@ def parse_bounds(text: str) -> tuple[float, float, float, float, float, float]:
 
 def parse_distances(text: str) -> tuple[float, ...]:
     """The metres of --distances, ascending and each once."""
-    remedy = "Write it like --distances 0.002,0.005,0.01 (metres)."
-    try:
-        numbers = sorted({float(part) for part in text.split(",")})
-    except ValueError as error:
-        raise UsageError(f"--distances: not numbers: {text}", remedy=remedy) from error
-    if not all(isfinite(n) and n > 0 for n in numbers):
+    numbers = sorted(set(finite_numbers(text)))
+    if not numbers or numbers[0] <= 0:
+        remedy = "Write it like --distances 0.002,0.005,0.01 (metres)."
         raise UsageError(f"--distances: not positive numbers: {text}", remedy=remedy)
     return tuple(numbers)
 

@@ -5,52 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
-from fieldkit.cli.common import (
-    DebugOption,
-    JsonOption,
-    OutputOption,
-    OverwriteOption,
-    ResumeOption,
-    SeedOption,
-    console,
-    emit_json,
-)
-from fieldkit.cli.reconstruction_options import (
-    Backend,
-    BackendOption,
-    BoundsOption,
-    Fidelity,
-    FidelityOption,
-    Mapping,
-    MappingOption,
-    Mask,
-    MaskOption,
-    NoCacheOption,
-    WorkersOption,
-    make_settings,
-    open_cache,
-    run_context,
-)
+from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json, show
+from fieldkit.cli.option_groups import grouped
+from fieldkit.cli.reconstruction_options import ReconstructionOptions, RunOptions, run_context
 
 
+@grouped
 def command(
-    images: Annotated[Path, typer.Argument(help="Folder of photographs of one plot, 45 or more for a good reference.")],
+    images: Annotated[Path, Argument(help="Folder of photographs of one plot, 45 or more for a good reference.")],
     output: OutputOption,
-    mapping: MappingOption = Mapping.AUTO,
-    fidelity: FidelityOption = Fidelity.STANDARD,
-    mask: MaskOption = Mask.EXG,
-    backend: BackendOption = Backend.AUTO,
-    bounds: BoundsOption = "",
-    workers: WorkersOption = 1,
-    no_scene: Annotated[
-        bool, typer.Option("--no-scene", help="Leave out scene.ply, which has the ground too.")
-    ] = False,
-    seed: SeedOption = 0,
-    overwrite: OverwriteOption = False,
-    resume: ResumeOption = False,
-    no_cache: NoCacheOption = False,
+    reconstruction: ReconstructionOptions,
+    run: RunOptions,
+    no_scene: Annotated[bool, Option("--no-scene", help="Leave out scene.ply, which has the ground too.")] = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -81,27 +49,17 @@ def command(
     See Also:
         fieldkit plan, fieldkit evaluate, fieldkit scene from-reference
     """
-    cache = open_cache(no_cache=no_cache, resume=resume)
-    settings = make_settings(mapping=mapping, fidelity=fidelity, mask=mask, backend=backend, bounds=bounds, seed=seed)
+    cache, settings = run.cache(), reconstruction.settings(run.seed)
     from fieldkit.evaluation.reference import build_reference
 
     with run_context(as_json=as_json) as progress:
         report = build_reference(
-            images,
-            output,
-            settings,
-            cache=cache,
-            progress=progress,
-            overwrite=overwrite,
-            workers=workers,
+            images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.workers,
             scene=not no_scene,
-        )
+        )  # fmt: skip
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})
         return
     from fieldkit.present.terminal.results import reference_output
 
-    show = console()
-    for shown in reference_output(report):
-        show.print(shown)
-    show.print(f"{output}", markup=False, soft_wrap=True)
+    show(reference_output(report), output)

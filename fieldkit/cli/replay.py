@@ -3,44 +3,49 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
+from fieldkit.cli.option_groups import grouped
 from fieldkit.present.style import format_seconds
 
 
+@dataclass(frozen=True)
+class FaultOptions:
+    """What the link does wrong."""
+
+    loss: Annotated[float, Option("--loss", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")] = 0.0
+    duplicate: Annotated[
+        float, Option("--duplicate", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
+    ] = 0.0
+    delay: Annotated[
+        float, Option("--delay", metavar="S", min=0.0, max=60.0, help="Mean time under way, each way.")
+    ] = 0.0
+
+
+@grouped
 def command(
-    recording: Annotated[Path, typer.Argument(help="Telemetry log of a flight (.tlog).")],
+    recording: Annotated[Path, Argument(help="Telemetry log of a flight (.tlog).")],
+    *,
     serve: Annotated[
         str,
-        typer.Option(
-            "--serve", metavar="URL", help="udpout://127.0.0.1:PORT, as the SITL does, or udpin://127.0.0.1:PORT."
-        ),
+        Option("--serve", metavar="URL", help="udpout://127.0.0.1:PORT, as the SITL does, or udpin://127.0.0.1:PORT."),
     ] = "udpout://127.0.0.1:14550",
-    speed: Annotated[float, typer.Option("--speed", metavar="X", help="Vehicle seconds per second.")] = 1.0,
-    begin: Annotated[
-        float, typer.Option("--from", metavar="S", min=0.0, help="Where in the recording to begin.")
-    ] = 0.0,
+    speed: Annotated[float, Option("--speed", metavar="X", help="Vehicle seconds per second.")] = 1.0,
+    begin: Annotated[float, Option("--from", metavar="S", min=0.0, help="Where in the recording to begin.")] = 0.0,
     duration: Annotated[
-        float | None, typer.Option("--for", metavar="S", min=0.0, help="Stop after this time; else at Ctrl-C.")
+        float | None, Option("--for", metavar="S", min=0.0, help="Stop after this time; else at Ctrl-C.")
     ] = None,
     rate: Annotated[
-        float | None, typer.Option("--rate", metavar="HZ", help="At most so many of each message per vehicle second.")
+        float | None, Option("--rate", metavar="HZ", help="At most so many of each message per vehicle second.")
     ] = None,
-    loss: Annotated[
-        float, typer.Option("--loss", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
-    ] = 0.0,
-    duplicate: Annotated[
-        float, typer.Option("--duplicate", metavar="SHARE", min=0.0, max=1.0, help="Of packets, each way.")
-    ] = 0.0,
-    delay: Annotated[
-        float, typer.Option("--delay", metavar="S", min=0.0, max=60.0, help="Mean time under way, each way.")
-    ] = 0.0,
+    faults: FaultOptions,
     signing_key: Annotated[
-        Path | None, typer.Option("--signing-key", metavar="FILE", help="Sign with it, and hear nobody who does not.")
+        Path | None, Option("--signing-key", metavar="FILE", help="Sign with it, and hear nobody who does not.")
     ] = None,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
@@ -70,9 +75,11 @@ def command(
     from fieldkit.standin.replay import Replay
 
     key = None if signing_key is None else read_key(signing_key)
-    faults = Faults(loss=loss, duplicate=duplicate, delay_s=delay, seed=seed)
     source = read_recording(recording)
-    vehicle = Replay(source, serve=serve, speed=speed, faults=faults, begin_s=begin, rate_hz=rate, key=key)
+    vehicle = Replay(
+        source, serve=serve, speed=speed, begin_s=begin, rate_hz=rate, key=key,
+        faults=Faults(loss=faults.loss, duplicate=faults.duplicate, delay_s=faults.delay, seed=seed),
+    )  # fmt: skip
     with vehicle:
         if not as_json:
             say(

@@ -5,22 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
 
 
 def command(
     folder: Annotated[
-        Path, typer.Argument(help="Folder of a reference, plan, mission, evaluation, campaign, or of several of these.")
+        Path, Argument(help="Folder of a reference, plan, mission, evaluation, campaign, or of several of these.")
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The HTML file; DIR/report.html where not given.")
+        Path | None, Option("--output", "-o", help="The HTML file; DIR/report.html where not given.")
     ] = None,
-    points: Annotated[
-        int, typer.Option("--points", help="At most so many points in all 3D views together.")
-    ] = 1_000_000,
-    title: Annotated[str, typer.Option("--title", help="Of the report; the folder's name where not given.")] = "",
+    points: Annotated[int, Option("--points", help="At most so many points in all 3D views together.")] = 1_000_000,
+    title: Annotated[str, Option("--title", help="Of the report; the folder's name where not given.")] = "",
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,

@@ -5,19 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, emit_json, say
 
 
 def command(
-    reference: Annotated[Path, typer.Argument(help="What `fieldkit reference` wrote, with scene.ply.")],
+    reference: Annotated[Path, Argument(help="What `fieldkit reference` wrote, with scene.ply.")],
     output: OutputOption,
     images: Annotated[
-        Path | None, typer.Option("--images", help="Its photographs: surfels take their pixels from them.")
+        Path | None, Option("--images", help="Its photographs: surfels take their pixels from them.")
     ] = None,
     max_surfels: Annotated[
-        int, typer.Option("--max-surfels", min=1000, max=4_000_000, help="Of everything but the plants.")
+        int, Option("--max-surfels", min=1000, max=4_000_000, help="Of everything but the plants.")
     ] = 1_000_000,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,

@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
-import typer
+from typer import Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, emit_json, say
 from fieldkit.errors import UsageError
 
-
-class Layout(StrEnum):
-    """How the plants stand."""
-
-    ROWS = "rows"
-    GRID = "grid"
-    RANDOM = "random"
+Layout = Literal["rows", "grid", "random"]
 
 
 def command(
-    plants: Annotated[int, typer.Option("--plants", min=1, max=60, help="How many.")] = 3,
-    layout: Annotated[Layout, typer.Option("--layout", help="In rows along x, on a grid, or at random.")] = Layout.ROWS,
-    spacing: Annotated[float, typer.Option("--spacing", min=0.05, max=2.0, help="Between plants, metres.")] = 0.22,
-    row_spacing: Annotated[
-        float, typer.Option("--row-spacing", min=0.05, max=3.0, help="Between rows, metres.")
-    ] = 0.50,
+    plants: Annotated[int, Option("--plants", min=1, max=60, help="How many.")] = 3,
+    layout: Annotated[Layout, Option("--layout", help="In rows along x, on a grid, or at random.")] = "rows",
+    spacing: Annotated[float, Option("--spacing", min=0.05, max=2.0, help="Between plants, metres.")] = 0.22,
+    row_spacing: Annotated[float, Option("--row-spacing", min=0.05, max=3.0, help="Between rows, metres.")] = 0.50,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="The scene file. Without: the text goes to stdout.")
+        Path | None, Option("--output", "-o", help="The scene file. Without: the text goes to stdout.")
     ] = None,
-    complete: Annotated[bool, typer.Option("--complete", help="Write every key, also those at their default.")] = False,
+    complete: Annotated[bool, Option("--complete", help="Write every key, also those at their default.")] = False,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -63,8 +54,8 @@ def command(
 
     name = f"plants-{plants}-seed-{seed}" if output is None else output.stem
     scene = new_scene(
-        plants, seed, layout=layout.value, spacing_m=spacing, row_spacing_m=row_spacing, name=name,
-        notes=f"fieldkit scene new --plants {plants} --seed {seed} --layout {layout.value}",
+        plants, seed, layout=layout, spacing_m=spacing, row_spacing_m=row_spacing, name=name,
+        notes=f"fieldkit scene new --plants {plants} --seed {seed} --layout {layout}",
     )  # fmt: skip
     text = scene_text(scene, complete=complete)
     if output is not None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, console, emit_json, say, table
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 def command(
     scene: Annotated[
-        Path | None, typer.Argument(help="Scene file, folder or name. Without: lists fieldkit's own scenes.")
+        Path | None, Argument(help="Scene file, folder or name. Without: lists fieldkit's own scenes.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Draw the scene into this picture (PNG or JPEG).")
+        Path | None, Option("--output", "-o", help="Draw the scene into this picture (PNG or JPEG).")
     ] = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
@@ -76,10 +76,8 @@ def _show_all(as_json: bool) -> None:
     if as_json:
         emit_json({"scenes": {name: _facts(scene) for name, scene in scenes.items()}})
         return
-    rows = table("Scenes that come with fieldkit", "name", "plants>", "what it is")
-    for name, scene in scenes.items():
-        rows.add_row(name, str(len(scene.plot.plants)), scene.notes)
-    console().print(rows)
+    rows = [(name, str(len(scene.plot.plants)), scene.notes) for name, scene in scenes.items()]
+    show(table("Scenes that come with fieldkit", ["name", "plants>", "what it is"], rows))
 
 
 def _facts(description: SceneDescription) -> dict[str, object]:

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
-from fieldkit.cli.common import (
-    DebugOption,
-    JsonOption,
-    OutputOption,
-    OverwriteOption,
-    SeedOption,
-    emit_json,
-    say,
-)
+from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, SeedOption, emit_json, say
 from fieldkit.cli.numbers import read_numbers
+from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -27,43 +21,98 @@ if TYPE_CHECKING:
     from fieldkit.scenes.simulation import Stations
 
 
-def command(
-    scene: Annotated[Path, typer.Argument(help="Scene file, a folder with scene.toml, or a name such as case-1.")],
-    output: OutputOption,
-    plan: Annotated[Path | None, typer.Option("--plan", help="plan.json: photograph from its stations.")] = None,
-    poses: Annotated[
-        Path | None, typer.Option("--poses", help="poses.csv with yaw_deg and pitch_deg, plot frame.")
-    ] = None,
+@dataclass(frozen=True)
+class StationOptions:
+    """Where photographs are taken from."""
+
+    plan: Annotated[Path | None, Option("--plan", help="plan.json: photograph from its stations.")] = None
+    poses: Annotated[Path | None, Option("--poses", help="poses.csv with yaw_deg and pitch_deg, plot frame.")] = None
     ring: Annotated[
-        str,
-        typer.Option("--ring", metavar="N[,RADIUS,HEIGHT]", help="N stations on a circle about the plants."),
-    ] = "",
+        str, Option("--ring", metavar="N[,RADIUS,HEIGHT]", help="N stations on a circle about the plants.")
+    ] = ""
     dense: Annotated[
-        int, typer.Option("--dense", metavar="N", min=0, help="N stations on three circles, for a reference.")
-    ] = 0,
-    size: Annotated[str, typer.Option("--size", metavar="WxH", help="Of the photographs, pixels.")] = "",
+        int, Option("--dense", metavar="N", min=0, help="N stations on three circles, for a reference.")
+    ] = 0
+
+    def circle(self) -> tuple[float, ...]:
+        """The numbers of --ring, which may be none.
+
+        Raises:
+            UsageError: they are none of a ring; or not one way of saying the stations is given.
+        """
+        if sum([self.plan is not None, self.poses is not None, bool(self.ring), self.dense > 0]) != 1:
+            raise UsageError("which stations?", remedy="Give one of --plan, --poses, --ring and --dense.")
+        numbers = read_numbers("--ring", self.ring, (1, 3)) if self.ring else ()
+        if numbers and not (numbers[0].is_integer() and 1 <= numbers[0] <= 1000 and min(numbers) > 0):
+            remedy = "Write it like --ring 10 or --ring 10,1.5,1.2 (metres)."
+            raise UsageError(f"--ring: not a ring: {self.ring}", remedy=remedy)
+        return numbers
+
+    def read(self) -> tuple[Stations | Sequence[Pose], Intrinsics | None]:
+        """The stations; and the camera that a plan is for."""
+        circle = self.circle()
+        from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about
+
+        if self.plan is not None:
+            from fieldkit.results.plan_file import load_plan
+
+            loaded = load_plan(self.plan)
+            return [s.pose for s in loaded.stations], None if loaded.camera is None else loaded.camera.intrinsics
+        if self.poses is not None:
+            return poses_from_csv(self.poses), None
+        return ring_about(int(circle[0]), *circle[1:]) if circle else dense_about(self.dense), None
+
+
+@dataclass(frozen=True)
+class InexactOptions:
+    """What is not as commanded; the scene's where not given."""
+
     pose_noise: Annotated[
-        str, typer.Option("--pose-noise", metavar="M,DEG", help="True against commanded poses, standard deviations.")
-    ] = "",
+        str, Option("--pose-noise", metavar="M,DEG", help="True against commanded poses, standard deviations.")
+    ] = ""
     image_noise: Annotated[
-        float | None, typer.Option("--image-noise", metavar="GREY", help="Standard deviation per channel.")
-    ] = None,
+        float | None, Option("--image-noise", metavar="GREY", help="Standard deviation per channel.")
+    ] = None
     gps_noise: Annotated[
-        str, typer.Option("--gps-noise", metavar="M[,M]", help="Of GPS positions: horizontal and vertical.")
-    ] = "",
-    blur: Annotated[
-        float | None, typer.Option("--blur", metavar="S", help="Exposure time: the drone drifts meanwhile.")
-    ] = None,
+        str, Option("--gps-noise", metavar="M[,M]", help="Of GPS positions: horizontal and vertical.")
+    ] = ""
+    blur: Annotated[float | None, Option("--blur", metavar="S", help="Exposure time: the drone drifts meanwhile.")] = (
+        None
+    )
     wind: Annotated[
         float | None,
-        typer.Option(
-            "--wind", metavar="M", min=0.0, max=0.2, help="Leaves sway by this, half a metre out; 0 for none."
-        ),
-    ] = None,
-    no_poses: Annotated[bool, typer.Option("--no-poses", help="Leave out poses.csv and camera.toml.")] = False,
-    no_gps: Annotated[bool, typer.Option("--no-gps", help="Leave out GPS and gimbal angles.")] = False,
+        Option("--wind", metavar="M", min=0.0, max=0.2, help="Leaves sway by this, half a metre out; 0 for none."),
+    ] = None
+
+    def noise(self) -> dict[str, Any]:
+        """By the parameters of `with_noise`; None where nothing is given.
+
+        Raises:
+            UsageError: a value is not written as its option takes it.
+        """
+        pose = read_numbers("--pose-noise", self.pose_noise, (2,)) if self.pose_noise else None
+        gps = read_numbers("--gps-noise", self.gps_noise, (1, 2)) if self.gps_noise else None
+        for name, number in (("--image-noise", self.image_noise), ("--blur", self.blur)):
+            if number is not None and not (isfinite(number) and number >= 0):
+                raise UsageError(f"{name}: cannot be {number}", remedy="Give 0 (off) or more.")
+        if self.blur is not None and self.blur > 1:
+            remedy = "Give the exposure time in seconds, such as 0.002."
+            raise UsageError(f"--blur: {self.blur:g} s is too long", remedy=remedy)
+        return {"pose": pose, "image": self.image_noise, "gps": None if gps is None else (gps[0], gps[-1])}
+
+
+@grouped
+def command(
+    scene: Annotated[Path, Argument(help="Scene file, a folder with scene.toml, or a name such as case-1.")],
+    output: OutputOption,
+    stations: StationOptions,
+    *,
+    size: Annotated[str, Option("--size", metavar="WxH", help="Of the photographs, pixels.")] = "",
+    inexact: InexactOptions,
+    no_poses: Annotated[bool, Option("--no-poses", help="Leave out poses.csv and camera.toml.")] = False,
+    no_gps: Annotated[bool, Option("--no-gps", help="Leave out GPS and gimbal angles.")] = False,
     truth_cloud: Annotated[
-        Path | None, typer.Option("--truth-cloud", help="Also write the plants' true surfaces there (PLY).")
+        Path | None, Option("--truth-cloud", help="Also write the plants' true surfaces there (PLY).")
     ] = None,
     seed: SeedOption = 0,
     overwrite: OverwriteOption = False,
@@ -94,21 +143,9 @@ def command(
     See Also:
         fieldkit scene new, fieldkit reference, fieldkit evaluate
     """
-    if sum([plan is not None, poses is not None, bool(ring), dense > 0]) != 1:
-        raise UsageError("which stations?", remedy="Give one of --plan, --poses, --ring and --dense.")
-    ring_numbers = read_numbers("--ring", ring, (1, 3)) if ring else ()
-    if ring and not (ring_numbers[0].is_integer() and 1 <= ring_numbers[0] <= 1000 and min(ring_numbers) > 0):
-        raise UsageError(f"--ring: not a ring: {ring}", remedy="Write it like --ring 10 or --ring 10,1.5,1.2 (metres).")
-    pose = read_numbers("--pose-noise", pose_noise, (2,)) if pose_noise else None
-    gps = read_numbers("--gps-noise", gps_noise, (1, 2)) if gps_noise else None
-    width_height = _size(size) if size else None
-    for name, number in (("--image-noise", image_noise), ("--blur", blur)):
-        if number is not None and not (isfinite(number) and number >= 0):
-            raise UsageError(f"{name}: cannot be {number}", remedy="Give 0 (off) or more.")
-    if blur is not None and blur > 1:
-        raise UsageError(f"--blur: {blur:g} s is too long", remedy="Give the exposure time in seconds, such as 0.002.")
-
-    from dataclasses import replace
+    stations.circle()
+    noise, pixels = inexact.noise(), _size(size) if size else None
+    from dataclasses import asdict, replace
 
     from fieldkit.cli.progress import open_progress
     from fieldkit.scenes.library import find_scene
@@ -116,46 +153,21 @@ def command(
     from fieldkit.scenes.simulation import simulate, with_noise
 
     description = read_scene(find_scene(scene))
-    stations, camera = _stations(plan, poses, ring_numbers, dense)
+    commanded, camera = stations.read()
     camera = camera or description.camera
-    if width_height is not None:
-        camera = _at_size(camera, *width_height)
-    noise = with_noise(
-        description.noise, pose=None if pose is None else (pose[0], pose[1]), image=image_noise,
-        gps=None if gps is None else (gps[0], gps[-1]),
-    )  # fmt: skip
     effects = description.camera_effects
-    if blur is not None:
-        effects = replace(effects, exposure_s=blur)
     with open_progress(as_json=as_json) as progress:
         done = simulate(
-            description, stations, output, intrinsics=camera, noise=noise, effects=effects, seed=seed,
-            wind_m=wind, poses_csv=not no_poses, gps=not no_gps,
-            truth_cloud=truth_cloud, overwrite=overwrite, progress=progress,
+            description, commanded, output, intrinsics=camera if pixels is None else _at_size(camera, *pixels),
+            noise=with_noise(description.noise, **noise),
+            effects=effects if inexact.blur is None else replace(effects, exposure_s=inexact.blur), seed=seed,
+            wind_m=inexact.wind, poses_csv=not no_poses, gps=not no_gps, truth_cloud=truth_cloud, overwrite=overwrite,
+            progress=progress,
         )  # fmt: skip
     if as_json:
-        from dataclasses import asdict
-
         emit_json({"output": output, "scene": description.name, **asdict(done)})
     else:
         say(f"{done.photographs} photographs in {output}; their true poses in {done.truth}")
-
-
-def _stations(
-    plan: Path | None, poses: Path | None, ring: tuple[float, ...], dense: int
-) -> tuple[Stations | Sequence[Pose], Intrinsics | None]:
-    from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about
-
-    if plan is not None:
-        from fieldkit.results.plan_file import load_plan
-
-        loaded = load_plan(plan)
-        return [s.pose for s in loaded.stations], None if loaded.camera is None else loaded.camera.intrinsics
-    if poses is not None:
-        return poses_from_csv(poses), None
-    if ring:
-        return ring_about(int(ring[0]), *ring[1:]), None
-    return dense_about(dense), None
 
 
 def _at_size(camera: Intrinsics, width: int, height: int) -> Intrinsics:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, console, emit_json, say
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
+from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.present.style import format_length
 
@@ -17,41 +19,61 @@ if TYPE_CHECKING:
     from fieldkit.missions.files.read_mission import ReadMission
     from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle
     from fieldkit.missions.link.start import Standing
+    from fieldkit.missions.link.upload_outcome import UploadReport
     from fieldkit.missions.mission import Fence
     from fieldkit.missions.plan_site.site import Site
 
 _WORD = "START"
 
 
+@dataclass(frozen=True)
+class LinkOptions:
+    """Of the link to the vehicle."""
+
+    signed: Annotated[bool, Option("--signed", help="Refuse to run over an unsigned link.")] = False
+    signing_key: Annotated[
+        Path | None, Option("--signing-key", metavar="FILE", help="MAVLink key: 32 bytes or 64 hex digits.")
+    ] = None
+    attempts: Annotated[int, Option("--attempts", min=1, max=100, help="Uploads before it is given up.")] = 6
+    timeout: Annotated[float, Option("--timeout", metavar="S", min=1.0, max=600.0, help="To hear the vehicle.")] = 10.0
+    reply: Annotated[
+        float, Option("--reply", metavar="S", min=0.05, max=30.0, help="Time for an answer; more on slow radios.")
+    ] = 0.5
+
+    def key(self) -> bytes | None:
+        """The MAVLink key.
+
+        Raises:
+            UsageError: --signed without one.
+            MetadataError: the file holds none.
+        """
+        if self.signing_key is None:
+            if self.signed:
+                raise UsageError("--signed needs a key", remedy="Give --signing-key FILE.")
+            return None
+        from fieldkit.missions.link.signing import read_key
+
+        return read_key(self.signing_key)
+
+
+@grouped
 def command(
-    mission: Annotated[Path, typer.Argument(help="Mission with MAVLink items: .plan or .waypoints.")],
+    mission: Annotated[Path, Argument(help="Mission with MAVLink items: .plan or .waypoints.")],
     connect: Annotated[
-        str,
-        typer.Option("--connect", metavar="URL", help="udpin://0.0.0.0:14550, udpout://…, tcpout://… or serial://…"),
+        str, Option("--connect", metavar="URL", help="udpin://0.0.0.0:14550, udpout://…, tcpout://… or serial://…")
     ],
+    *,
     site: Annotated[
-        Path | None, typer.Option("--site", metavar="FILE", help="Site file: its fence is uploaded, its home checked.")
+        Path | None, Option("--site", metavar="FILE", help="Site file: its fence is uploaded, its home checked.")
     ] = None,
-    no_fence: Annotated[bool, typer.Option("--no-fence", help="Leave the vehicle's fence as it is.")] = False,
+    no_fence: Annotated[bool, Option("--no-fence", help="Leave the vehicle's fence as it is.")] = False,
     start: Annotated[
-        bool, typer.Option("--start", help="Arm and start, after checks and a typed confirmation; needs --site.")
+        bool, Option("--start", help="Arm and start, after checks and a typed confirmation; needs --site.")
     ] = False,
     within: Annotated[
-        float, typer.Option("--within", metavar="M", min=0.5, max=1000.0, help="From the site's home, to start.")
+        float, Option("--within", metavar="M", min=0.5, max=1000.0, help="From the site's home, to start.")
     ] = 10.0,
-    signed: Annotated[bool, typer.Option("--signed", help="Refuse to run over an unsigned link.")] = False,
-    signing_key: Annotated[
-        Path | None,
-        typer.Option("--signing-key", metavar="FILE", help="MAVLink key: 32 bytes or 64 hex digits."),
-    ] = None,
-    attempts: Annotated[int, typer.Option("--attempts", min=1, max=100, help="Uploads before it is given up.")] = 6,
-    timeout: Annotated[
-        float, typer.Option("--timeout", metavar="S", min=1.0, max=600.0, help="To hear the vehicle.")
-    ] = 10.0,
-    reply: Annotated[
-        float,
-        typer.Option("--reply", metavar="S", min=0.05, max=30.0, help="Time for an answer; more on slow radios."),
-    ] = 0.5,
+    link: LinkOptions,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -74,8 +96,7 @@ def command(
     See Also:
         fieldkit check-mission, fieldkit replay
     """
-    if signed and signing_key is None:
-        raise UsageError("--signed needs a key", remedy="Give --signing-key FILE.")
+    key = link.key()
     if start and site is None:
         raise UsageError("--start needs to know where home is", remedy="Give --site SITE.toml.")
     if start and not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -84,23 +105,14 @@ def command(
         )
 
     from fieldkit.cli.progress import open_progress
-    from fieldkit.missions.files.reading import read_mission
-    from fieldkit.missions.link.signing import read_key
     from fieldkit.missions.link.upload import check_size, connected, upload_to
     from fieldkit.missions.link.upload_outcome import Patience
     from fieldkit.missions.plan_site.site_file import load_site
 
-    key = None if signing_key is None else read_key(signing_key)
-    read = read_mission(mission)
-    place = None if site is None else load_site(site)
-    if not read.items:
-        raise MissionError(
-            f"a {read.format} file holds no MAVLink items", path=mission,
-            remedy="Export the mission as .plan or .waypoints; take this one over with its own app.",
-        )  # fmt: skip
+    read, place = _with_items(mission), None if site is None else load_site(site)
     check_size(read.items)
     fence = None if no_fence else _fence(read, place)
-    patience = Patience(connect_s=timeout, attempts=attempts, reply_s=reply)
+    patience = Patience(connect_s=link.timeout, attempts=link.attempts, reply_s=link.reply)
     standing = None
     with connected(connect, key=key, patience=patience) as vehicle:
         with open_progress(as_json=as_json) as progress, progress.stage("upload", len(read.items)) as advance:
@@ -109,7 +121,7 @@ def command(
                 patience=patience, advance=advance,
             )  # fmt: skip
         if not as_json:
-            _tell(report.items, report.fence_items, report.attempts, report.autopilot, report.roundings, read)
+            _tell(report, read)
         if start and place is not None:
             standing = _start(vehicle, place, within, report.items)
     if as_json:
@@ -122,6 +134,18 @@ def command(
         })  # fmt: skip
 
 
+def _with_items(mission: Path) -> ReadMission:
+    from fieldkit.missions.files.reading import read_mission
+
+    read = read_mission(mission)
+    if not read.items:
+        raise MissionError(
+            f"a {read.format} file holds no MAVLink items", path=mission,
+            remedy="Export the mission as .plan or .waypoints; take this one over with its own app.",
+        )  # fmt: skip
+    return read
+
+
 def _fence(read: ReadMission, site: Site | None) -> Fence | None:
     from fieldkit.missions.mission import Fence
 
@@ -132,13 +156,12 @@ def _fence(read: ReadMission, site: Site | None) -> Fence | None:
     return None
 
 
-def _tell(
-    items: int, fence_items: int, attempts: int, autopilot: str, roundings: tuple[str, ...], read: ReadMission
-) -> None:
-    tries = "" if attempts == 1 else f" in {attempts} attempts"
-    corners = f", a fence of {fence_items} corners" if fence_items else ""
-    say(f"The {autopilot} holds the new mission whole: {items} items{corners}, read back and compared{tries}.")
-    alike = Counter(note.split(" ", 2)[2] for note in roundings)  # without "item N"
+def _tell(report: UploadReport, read: ReadMission) -> None:
+    tries = "" if report.attempts == 1 else f" in {report.attempts} attempts"
+    corners = f", a fence of {report.fence_items} corners" if report.fence_items else ""
+    held = f"{report.items} items{corners}, read back and compared{tries}"
+    say(f"The {report.autopilot} holds the new mission whole: {held}.")
+    alike = Counter(note.split(" ", 2)[2] for note in report.roundings)  # without "item N"
     for note, count in alike.most_common(10):
         say(f"note: {note}{f' ({count} items)' if count > 1 else ''}")
     if len(alike) > 10:
@@ -169,5 +192,6 @@ def _start(vehicle: MavsdkVehicle, site: Site, within_m: float, items: int) -> S
 
 
 def _confirmed(question: str) -> bool:
-    console().print(question, end="", markup=False)
+    sys.stderr.write(question)
+    sys.stderr.flush()
     return sys.stdin.readline().strip() == _WORD

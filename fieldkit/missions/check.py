@@ -20,6 +20,7 @@ from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.site import SiteHome
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.routing.obstacles import Obstacles, Volume
+from fieldkit.present.style import format_seconds
 
 _MOST_LEG_FINDINGS = 50
 
@@ -66,7 +67,9 @@ def check_mission(
     findings += _leg_findings(read, flown, obstacles, home)
     usable = vehicle.battery.usable_s
     if flown.seconds > usable:
-        message = f"takes about {flown.seconds:.0f} s; a battery gives {usable:.0f} s with its reserve"
+        message = (
+            f"takes about {format_seconds(flown.seconds)}; a battery gives {format_seconds(usable)} with its reserve"
+        )
         findings.append(error("endurance", message))
     if planned and home is not None:
         findings += plan_findings(matched, flown.photographs, planned)

@@ -13,6 +13,7 @@ from fieldkit.missions.findings import Finding, error, warning
 from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.missions.mission import GeoPoint, Home
 from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.present.style import format_length
 
 FAR_M = 5000.0
 """Farther from home than few-view missions go: a coordinate is wrong."""
@@ -126,7 +127,7 @@ def place_findings(read: ReadMission, origin: Home | None) -> Iterator[Finding]:
                 "other-home", f"the file's home is {away / 1000:.1f} km from the site's{_swapped(read.home, home)}"
             )
         elif away > 20.0:
-            yield warning("other-home", f"the file's home is {away:.0f} m from the site's")
+            yield warning("other-home", f"the file's home is {format_length(away)} from the site's")
     places = [
         (number, GeoPoint(item.params[4], item.params[5], 0.0))
         for number, item in enumerate(read.items, read.first_number)

@@ -7,11 +7,12 @@ Everything here is plain text: nothing is markup until `fieldkit.present.html.do
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from fieldkit.present.html.charts import LineChart
-from fieldkit.present.html.plot_map import PlotMap
-from fieldkit.present.html.scene import ViewerScene
+if TYPE_CHECKING:  # tables need no NumPy
+    from fieldkit.present.html.charts import LineChart
+    from fieldkit.present.html.plot_map import PlotMap
+    from fieldkit.present.html.scene import ViewerScene
 
 Level = Literal["good", "fact", "note", "problem"]
 

@@ -230,9 +230,9 @@ class TestShow:
         assert [entry["plot"] for entry in found["ranking"]["2026-06-18"]] == ["r1c1", "r1c2", "r2c1"]
         assert len(found["visits"]) == 5
         _, _, changes = campaign_tables(made)
-        assert changes.title == "Change from 2026-06-18 to 2026-06-25"
-        assert [column.header for column in changes.columns] == ["plot", "chamfer", "height"]
-        assert [list(column.cells) for column in changes.columns] == [["r1c1"], ["+10.0 mm, beyond noise"], ["+0.20 m"]]
+        assert changes.caption == "Change from 2026-06-18 to 2026-06-25"
+        assert [column.label for column in changes.columns] == ["plot", "chamfer", "height"]
+        assert changes.rows == (("r1c1", "+10.0 mm, beyond noise", "+0.20 m"),)
 
     def test_an_empty_campaign(self, tmp_path: Path) -> None:
         made = campaign(tmp_path, ())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import pty
 import subprocess
@@ -26,17 +25,16 @@ with open_progress(as_json=False) as progress:
 """
 
 
-def test_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lines(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     seconds = iter([0.0, 11.0, 12.0, 22.0, 90.0])
     monkeypatch.setattr(progress.time, "monotonic", lambda: next(seconds))
-    stream = io.StringIO()
-    lines = Lines(stream)
+    lines = Lines()
     with lines.stage("features", 10) as advance:
         advance(5)
         advance(1)  # only a second later: no line
         advance(3)
     lines.note("IMG_1 is blurred")
-    assert stream.getvalue().splitlines() == [
+    assert capsys.readouterr().err.splitlines() == [
         "features …",
         "features: 5 of 10, 11.0 s left",
         "features: 9 of 10, 2.4 s left",
@@ -45,11 +43,10 @@ def test_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     ]
 
 
-def test_a_failed_stage_is_not_called_done() -> None:
-    stream = io.StringIO()
-    with pytest.raises(ZeroDivisionError), Lines(stream).stage("features"):
+def test_a_failed_stage_is_not_called_done(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ZeroDivisionError), Lines().stage("features"):
         _ = 1 / 0
-    assert stream.getvalue() == "features …\n"
+    assert capsys.readouterr().err == "features …\n"
 
 
 def test_silent_with_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -16,7 +17,7 @@ from fieldkit.cli.reconstruction_options import (
     Fidelity,
     Mapping,
     Mask,
-    make_settings,
+    ReconstructionOptions,
     open_cache,
     parse_bounds,
     parse_distances,
@@ -40,21 +41,15 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_choices_are_the_librarys(chosen, library) -> None:  # type: ignore[no-untyped-def]
-    assert [choice.value for choice in chosen] == list(library.__args__)
+    assert get_args(chosen) == get_args(library)
 
 
 def test_settings() -> None:
-    made = make_settings(
-        mapping=Mapping.PRIOR, fidelity=Fidelity.FINE, mask=Mask.NONE, backend=Backend.CPU, bounds="-1,-2,0,1,2,3.5",
-        seed=7,
-    )  # fmt: skip
+    made = ReconstructionOptions("prior", "fine", "none", "cpu", "-1,-2,0,1,2,3.5").settings(seed=7)
     assert (made.mapping, made.fidelity, made.mask, made.backend, made.seed) == ("prior", "fine", "none", "cpu", 7)
     assert made.bounds is not None
     assert (made.bounds.lower, made.bounds.upper) == ((-1, -2, 0), (1, 2, 3.5))
-    default = settings.ReconstructionSettings()
-    assert default == make_settings(
-        mapping=Mapping.AUTO, fidelity=Fidelity.STANDARD, mask=Mask.EXG, backend=Backend.AUTO, bounds="", seed=0
-    )
+    assert settings.ReconstructionSettings() == ReconstructionOptions().settings(seed=0)
 
 
 @pytest.mark.parametrize("command", ["reference", "evaluate"])

@@ -18,6 +18,7 @@ from fieldkit.missions.link.filter_flags import uses_gps
 from fieldkit.missions.link.listener import ARDUPILOT
 from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle
 from fieldkit.missions.mission import Home
+from fieldkit.present.style import format_length
 
 WITHIN_M = 10.0
 """Distance from the site's home that counts as there, where none is given."""
@@ -81,13 +82,14 @@ def check_standing(
     height_m = position.relative_alt * 1e-3
     if not distance_m <= within_m:
         raise MissionError(
-            f"the vehicle is {distance_m:.1f} m from the site's home, at {latitude:.7f}, {longitude:.7f}; "
+            f"the vehicle is {format_length(distance_m)} from the site's home, at {latitude:.7f}, {longitude:.7f}; "
             f"{within_m:g} m are allowed",
             remedy="Carry it to the site's home, or correct home in the site file.",
         )
     if abs(height_m) > ON_THE_GROUND_M:
         raise MissionError(
-            f"the vehicle says it is {height_m:.1f} m above its home", remedy="Restart it on the ground at home."
+            f"the vehicle says it is {format_length(height_m)} above its home",
+            remedy="Restart it on the ground at home.",
         )
     return Standing(distance_m, height_m, gps.satellites_visible)
 

@@ -20,6 +20,7 @@ from fieldkit.planning.settings import SearchSettings
 from fieldkit.present.pictures.curves import png
 from fieldkit.present.pictures.plants_apart import draw_plants_apart
 from fieldkit.present.pictures.search import draw_plan, draw_search
+from fieldkit.present.style import format_length
 from fieldkit.results.fields import Count, Length, Strict
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants
 from fieldkit.results.plan_file import PLAN_FILE, plan_from_poses, save_plan
@@ -160,7 +161,8 @@ def write_outcome(
         write_atomic(run.path / SEARCH_PICTURE, png(figure))
     cameras = chosen.trial.cameras
     like = "" if settings.plots == 1 else "plots like "
-    title = f"{like}{settings.source.name}: {settings.cameras} cameras, {_worth(outcome)}"
+    worth = "not confirmed" if outcome.chamfer_m is None else f"chamfer distance {format_length(outcome.chamfer_m)}"
+    title = f"{like}{settings.source.name}: {settings.cameras} cameras, {worth}"
     views = setup.problem.views
     figure = draw_plan(
         title, cameras.positions, cameras.forward, setup.problem.reference,
@@ -172,12 +174,6 @@ def write_outcome(
         write_atomic(run.path / picture, png(draw_plants_apart(name, plants, apart)))
     save_plan(run.path / PLAN_FILE, _plan(run, setup, chosen, outcome))
     return outcome
-
-
-def _worth(outcome: Outcome) -> str:
-    if outcome.chamfer_m is not None:
-        return f"chamfer distance {1000 * outcome.chamfer_m:.1f} mm"
-    return "not confirmed"
 
 
 def read_outcome(path: Path) -> Outcome:

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 MOST_ROWS = 20
 """Of a table; how many more there are is said."""
 
-_LEAST_WIDTH = 7  # of a column of words: a narrow terminal breaks them, and drops none
+_WIDTH = 80  # characters that every table has room in
+_LEAST_WIDTH = 7  # of a column of words, where the columns are few: a narrow terminal breaks them, and drops none
 _COLORS = {"good": "green", "fact": "", "note": "yellow", "problem": "red"}
 
 
@@ -69,11 +70,12 @@ def _table(block: Table, most_rows: int | None) -> RichTable:
     if block.note:
         result.caption, result.caption_justify, result.caption_style = _text(block.note), "left", "dim"
     result.collapse_padding, result.pad_edge = True, False
+    least = min(_LEAST_WIDTH, _WIDTH // max(1, len(columns)) - 2)
     for place, column in enumerate(columns):
         texts = [row[place].plain for row in rows]
         result.add_column(
             _label(column, texts), justify="right" if column.numeric else "left", overflow="fold",
-            no_wrap=column.numeric, min_width=min(_LEAST_WIDTH, max(map(len, texts), default=1)),
+            no_wrap=column.numeric, min_width=max(1, min(least, max(map(len, texts), default=1))),
         )  # fmt: skip
     above = ""
     for row in rows[:most_rows]:
