@@ -1,4 +1,4 @@
-"""What a planning run was asked for: search.json, written before the run starts and read to go on with it.
+"""The settings of a planning run: search.json, written before the run starts and read to resume it.
 
 Units are in the keys: _m metres, _deg degrees, _s seconds.
 """
@@ -56,7 +56,7 @@ class SearchVehicle(Strict):
 
 
 class NoiseSettings(Strict):
-    """What a plan shall survive; nothing by default."""
+    """The noise that a plan must survive; none by default."""
 
     pose_m: Length = 0.0
     """Standard deviation of each coordinate of a position."""
@@ -71,12 +71,12 @@ class NoiseSettings(Strict):
 
     @property
     def any(self) -> bool:
-        """Whether evaluations differ from seed to seed by more than the sensor's noise."""
+        """Whether evaluations at different seeds differ by more than the sensor's noise."""
         return max(self.pose_m, self.pose_deg, self.image_grey, self.wind_m) > 0
 
 
 def unchanging(source: PlanSource, noise: NoiseSettings) -> bool:
-    """Whether a set's evaluations are the same at every seed: photographs are recorded, and taken as they are."""
+    """Whether a set has the same value at every seed: photographs are recorded, without added noise."""
     return source.kind == "captures" and not noise.any
 
 
@@ -91,7 +91,7 @@ class GivenPlot(Strict):
 
 
 class SearchSettings(Strict):
-    """search.json: everything that a run's outcome depends on, but the photographs or the scene themselves."""
+    """search.json: everything that a run's outcome depends on, except the photographs or the scene themselves."""
 
     model_config = ConfigDict(**Strict.model_config, protected_namespaces=())
 
@@ -160,21 +160,21 @@ class SearchSettings(Strict):
 
     @property
     def given(self) -> tuple[GivenPlot, ...]:
-        """The plots that it is planned on."""
+        """The given plots."""
         return (GivenPlot(source=self.source, path=self.path, images_path=self.images_path), *self.others)
 
     @property
     def blind(self) -> bool:
-        """Whether mapping must do without the commanded poses."""
+        """Whether mapping works without the commanded poses."""
         return self.mapping != "prior"
 
 
 def lag_for(workers: int, *, deterministic: bool) -> int:
-    """How far proposals run ahead of results.
+    """The number of trials by which proposals run ahead of results.
 
-    With one worker 0: every proposal knows everything. With W workers 2(W − 1), so that a worker that finishes early
-    finds a trial ready and none waits for the surrogate, as long as no evaluation takes twice as long as another. What
-    a run proposes depends on this number and not on when evaluations end, so it is repeatable for each W;
-    ``deterministic`` takes 6 whatever W is, for the same plan from any number of workers (up to 7 of them are busy).
+    0 with one worker: every proposal knows all results. 2(W − 1) with W workers, so that a worker that finishes early
+    finds a trial ready, as long as no evaluation takes twice as long as another. Proposals depend on this number and
+    not on when evaluations end, so a run is repeatable for each W; ``deterministic`` takes 6 whatever W is, for the
+    same plan from any number of workers (up to 7 of them are busy).
     """
     return 6 if deterministic else 2 * (workers - 1)

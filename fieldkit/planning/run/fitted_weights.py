@@ -1,4 +1,4 @@
-"""The geometric score's weights as a kept run's evaluations have them."""
+"""The geometric score's weights, fitted to a kept run's evaluations."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ LEAST = 8
 
 
 def weights_of_run(run: Path) -> Weights:
-    """The weights of gap, noise and tie that `fit_slopes` finds for a run's search, to four digits.
+    """The weights of gap, noise and tie fitted to a run's search by `fit_slopes`, to four digits.
 
-    They are pulled to `WEIGHTS`, the less the more evaluations there are. What no term explains is left out: it ranks
-    no set.
+    They are pulled to `WEIGHTS`, less so with more evaluations. The constant that no term explains is left out, since
+    it does not rank sets.
 
     Args:
         run: folder of a run on a scene or a reference, with commanded poses.
 
     Raises:
-        MetadataError: it is no run's folder, or damaged.
-        UsageError: fewer than `LEAST` sets were measured; the run chose among recorded photographs or was mapped
-            blind; what it was planned on is gone or has changed; or nothing of its values is explained.
-        InputError: what it was planned on cannot be used.
+        MetadataError: ``run`` is not a run's folder, or is damaged.
+        UsageError: fewer than `LEAST` sets were measured; the run chose among recorded photographs or used blind
+            mapping; its source is gone or has changed; or no term explains its values.
+        InputError: the run's source cannot be used.
     """
     settings = read_settings(run)
     if settings.source.kind == "captures":

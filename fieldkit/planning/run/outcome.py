@@ -1,4 +1,4 @@
-"""What a planning run ends with: outcome.json, progress.csv, the plan and its pictures."""
+"""The results of a planning run: outcome.json, progress.csv, the plan and its pictures."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _REMEDY = "Give the folder of a finished run of `fieldkit plan`."
 
 
 class FinalistReport(Strict):
-    """One set that was evaluated again."""
+    """A finalist with its confirmations."""
 
     number: Count
     """Of the trial."""
@@ -50,7 +50,7 @@ class FinalistReport(Strict):
 
 
 class Outcome(Strict):
-    """outcome.json: what came of a run."""
+    """outcome.json: the results of a run."""
 
     method: str
     cameras: Count
@@ -88,7 +88,7 @@ class Outcome(Strict):
 def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
     """Simple regret SR(t) of the paper, metres, with r(z*) = 0: the lowest value among the first t entries.
 
-    None before the first that was measured.
+    None before the first measured entry.
     """
     best: list[float | None] = []
     for entry in entries:
@@ -101,14 +101,14 @@ def write_outcome(
     run: RunFolder, setup: RunSetup, confirmed: Sequence[Finalist], ending: Ending,
     *, choice_s: tuple[float, float] = (0.0, 0.0),
 ) -> Outcome:  # fmt: skip
-    """Write everything a finished run gives; plan.json last, so that where it is the rest is, too.
+    """Write the results of a finished run; plan.json last, so that its presence means that all are there.
 
     Args:
-        run: of the folder.
-        setup: of the plan.
+        run: the run's folder.
+        setup: the run's problem and objective.
         confirmed: the finalists, the best first.
         ending: how the search ended.
-        choice_s: seconds and CPU seconds of a method that chose without a search.
+        choice_s: wall and CPU seconds of a method that chose without a search.
 
     Raises:
         StorageError: the disk is full or not writable.
@@ -212,12 +212,12 @@ def progress_table(entries: Sequence[LogEntry]) -> str:
 
 
 def models_of(entries: Sequence[LogEntry]) -> list[str]:
-    """The names of the models that any trial's weights tell of, sorted."""
+    """The names of all models with weights in any trial, sorted."""
     return sorted({name for entry in entries for name in weights_of(entry)})
 
 
 def weights_of(entry: LogEntry) -> dict[str, float]:
-    """The ensemble's weights when the trial was proposed, by model; empty where there was no ensemble."""
+    """The ensemble's weights when the trial was proposed, by model; empty without an ensemble."""
     weights = entry.notes.get("weights")
     if not isinstance(weights, dict):
         return {}
