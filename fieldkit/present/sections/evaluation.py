@@ -24,7 +24,7 @@ Views = Mapping[str, tuple[View | None, str]]
 def evaluation_section(
     result: EvaluationResult, anchor: str, views: Views, pictures: Mapping[str, Pictures]
 ) -> Section:  # fmt: skip
-    """How captures of one plot or many compare with the reference."""
+    """The comparison of one plot's or many plots' captures with the reference."""
     plots = result.report.plots
     blocks = list(_plot_blocks(plots[0], views, pictures) if len(plots) == 1 else _plots_blocks(plots, views, pictures))
     return Section(anchor, f"Evaluation: {result.report.source}", tuple(blocks))

@@ -1,4 +1,4 @@
-"""The glossary of a report: what its terms mean, for who has never met them."""
+"""The glossary of a report, for readers who do not know its terms."""
 
 from __future__ import annotations
 
