@@ -59,7 +59,7 @@ class PlanningProblem:
             raise UsageError(f"a plan needs at least {_LEAST} cameras, not {self.count}")
         if self.views is not None and len(self.views) < self.count:
             raise UsageError(
-                f"{self.count} cameras are asked of a set of {len(self.views)} photographs",
+                f"{self.count} cameras are asked for, but the set has {len(self.views)} photographs",
                 remedy="Ask for fewer cameras.",
             )
 

@@ -40,13 +40,13 @@ def weights_of_run(run: Path) -> Weights:
         )  # fmt: skip
     if settings.blind:
         raise UsageError(
-            "weights are fitted to a run with commanded poses: in blind mapping's values what registers counts most",
+            "weights are fitted to a run with commanded poses: with blind mapping, registration dominates the values",
             path=run, remedy="Give a run that was made with --mapping prior.",
         )  # fmt: skip
     results = [entry.result for entry in searched(read_log(run)) if entry.measured]
     if len(results) < LEAST:
         raise UsageError(
-            f"weights take {LEAST} evaluations of a search, and this run has {len(results)}", path=run,
+            f"weights need {LEAST} evaluations of a search, and this run has {len(results)}", path=run,
             remedy="Give a longer run, or numbers: --weights GAP,NOISE,TIE.",
         )  # fmt: skip
     problem = set_up_run(settings, run, cache=StageCache(None), progress=Silent()).problem

@@ -256,9 +256,7 @@ def _check_unchanged(plot: GivenPlot) -> None:
     path = Path(plot.path)
     file = path / REFERENCE_FILE if plot.source.kind == "reference" else _scene_file(path)
     if not file.is_file():
-        raise UsageError(
-            "what this run was planned on is gone", path=file, remedy="Put it back there, or start a new run."
-        )
+        raise UsageError("the source of this run is gone", path=file, remedy="Put it back there, or start a new run.")
     if sha256(file) != plot.source.sha256:
         raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
 

@@ -26,7 +26,8 @@ def assign(cameras: Cameras, views: Cameras, distance_m: float) -> NDArray[np.in
     """
     if len(cameras) > len(views):
         raise UsageError(
-            f"{len(cameras)} cameras are asked of a set of {len(views)} photographs", remedy="Ask for fewer cameras."
+            f"{len(cameras)} cameras are asked for, but the set has {len(views)} photographs",
+            remedy="Ask for fewer cameras.",
         )
     angle = np.arccos(np.clip(cameras.forward @ views.forward.T, -1.0, 1.0))
     cost = np.linalg.norm(cameras.positions[:, None] - views.positions[None], axis=2) + distance_m * angle

@@ -93,7 +93,7 @@ def above_soil(visible: Cloud, lowest_m: float = LOWEST_M) -> tuple[Cloud, Volum
     reference = visible.select(visible.points[:, 2] > lowest_m)
     if not len(reference):
         raise SceneError(
-            f"nothing of the plants is seen above {1000 * lowest_m:.0f} mm",
+            f"no part of the plants is visible above {1000 * lowest_m:.0f} mm",
             remedy="Let the plants stand on the ground and be higher than that.",
         )
     around = Volume.around(reference.points, margin_m=_MARGIN_M)

@@ -122,7 +122,7 @@ def _plain_color(number: int) -> str:
 
 def _color(layer: FrustumLayer | LineLayer) -> str:
     if not _COLOR.fullmatch(layer.color):
-        raise ValueError(f"{layer.name}: {layer.color!r} is no colour like #1a2b3c")
+        raise ValueError(f"{layer.name}: {layer.color!r} is not a colour such as #1a2b3c")
     return layer.color
 
 

@@ -168,7 +168,7 @@ class _Reader:
 
             self._try(file, read)
         if len(self.unreadable) > damaged:
-            return  # the given file may belong to these missions
+            return  # a route may belong to a damaged mission
         for route in sorted(folder.glob("*.geojson"))[:_MOST_MISSIONS]:
             wanted = not only or Path(only).stem == route.stem
             if wanted and route.name not in described and _is_route(route):
