@@ -36,7 +36,7 @@ def rehearsed_table(
         run: folder of a run that chose among the photographs for their kind.
         chosen: the photographs' cameras, by method.
         cache: of stages.
-        progress: told of stages.
+        progress: receives the stages.
     """
     opened = set_up_run(read_settings(run), run, cache=cache, progress=progress)
     objective = opened.objective.on(0)

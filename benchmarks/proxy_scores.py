@@ -90,7 +90,7 @@ def run_proxy(
         effects: camera effects of the renderings; None takes the scene file's.
         sets: names of `view_sets`; None takes all.
         cache: of stages.
-        progress: told of stages.
+        progress: receives the stages.
 
     Raises:
         RenderingError: this machine cannot render.

@@ -99,7 +99,7 @@ def run_score_prediction(
         data: folder of the recorded sets, or None.
         fitted, held_out: captures of each scene; see `designs`.
         cache: of stages, for the rigs.
-        progress: told of stages.
+        progress: receives the stages.
 
     Raises:
         RenderingError: this machine cannot render.

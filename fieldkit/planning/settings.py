@@ -18,7 +18,7 @@ Preset = Literal["field", "paper"]
 Range = tuple[float, float]
 
 CHANGEABLE = ("evaluations", "at_least", "time_budget_s", "finalists", "repeats")
-"""What a run that goes on may be told anew: none of them changes a proposal that was already made."""
+"""Settings that may change when a run is resumed: none changes an earlier proposal."""
 
 
 class EnvelopeSettings(Strict):
@@ -35,7 +35,7 @@ class EnvelopeSettings(Strict):
     separation_m: Length = 0.1
     """Between stations."""
     vehicle_clearance_m: Length | None = None
-    """That the vehicle keeps to plants; stations are then not below leaves. Null where no vehicle is planned for."""
+    """The vehicle's clearance to plants; stations are then not below leaves. Null without a vehicle."""
 
     @model_validator(mode="after")
     def _ranges_are_in_order(self) -> EnvelopeSettings:
@@ -49,7 +49,7 @@ class SearchVehicle(Strict):
     """The vehicle profile that the envelope's limits come from."""
 
     name: str
-    """Of a profile of fieldkit's own, or the file's."""
+    """Of fieldkit's profile, or of the file."""
     title: str
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
     """Of the file."""
@@ -63,7 +63,7 @@ class NoiseSettings(Strict):
     pose_deg: Length = 0.0
     """Of yaw and pitch."""
     image_grey: Length = 0.0
-    """Of each channel of each pixel; 0 leaves the scene's own sensor."""
+    """Of each channel of each pixel; 0 leaves only the scene's own sensor noise."""
     wind_m: Length = 0.0
     """Sway of the leaves between photographs, half a metre out."""
     risk: Annotated[float, Field(gt=0, le=1)] = 1.0
@@ -100,7 +100,7 @@ class SearchSettings(Strict):
     fieldkit: str
     """Version that started the run."""
     source: PlanSource
-    """What is planned on."""
+    """The given plot."""
     path: str
     """Where that was; the name of a scene that comes with fieldkit."""
     reference_path: str | None = None
@@ -108,41 +108,41 @@ class SearchSettings(Strict):
     images_path: str | None = None
     """Where the photographs of a reference's proxy were."""
     others: tuple[GivenPlot, ...] = ()
-    """Further plots that it is planned on, of the same kind of source."""
+    """Further given plots, of the same kind of source."""
     cameras: Annotated[int, Field(ge=3)]
-    """N."""
+    """N, the number of cameras."""
     camera: PlanCamera | None = None
-    """That the plan is made for, at its full size; null takes the scene's or the reference's."""
+    """The plan's camera at full size; null takes the scene's or the reference's."""
     vehicle: SearchVehicle | None = None
-    """That the plan is made for; its limits are in ``envelope``."""
+    """The plan's vehicle; its limits are in ``envelope``."""
     method: str
     preset: Preset = "field"
     seed: Count = 0
     evaluations: Annotated[int, Field(ge=1)] = 100
-    """Of the search, at most; confirmations of the finalists come on top."""
+    """Limit of the search; confirmations of the finalists come on top."""
     at_least: Count = 0
-    """Evaluations before the search may end because it has converged."""
+    """Evaluations before the search may end by convergence."""
     initial: Annotated[int, Field(ge=1)] | None = None
-    """Trials before the surrogate is asked; None takes the method's own."""
+    """Trials before the surrogate is used; None takes the method's own."""
     time_budget_s: Annotated[float, Field(gt=0)] | None = None
     """No trial starts later; finalists are still confirmed."""
     fidelity: FidelityName = "standard"
-    """Of the search. Draft costs two fifths less, and what it finds best among good sets is not."""
+    """Of the search. Draft costs two fifths less, but its best of good sets is not the best."""
     confirm_fidelity: FidelityName = "fine"
     """Of the confirmations."""
     mapping: MappingName = "prior"
     refine: bool = False
-    """Move each cloud onto the reference, and scale it, by ICP before it is scored."""
+    """Align and scale each cloud to the reference by ICP before it is scored."""
     finalists: Annotated[int, Field(ge=1)] = 3
     """Best sets that are evaluated again before one is chosen."""
     plots: Annotated[int, Field(ge=1)] = 1
-    """That the plan is for: those it is planned on, and others drawn of their kind."""
+    """Number of plots that the plan is for: the given ones, and others drawn of their kind."""
     repeats: Count = 2
     """Fresh seeds for each of them; 0 leaves the confirmation out."""
     weights: tuple[Length, Length, Length] = WEIGHTS
-    """Of the geometric score's gap, noise and tie, for methods that go by it."""
+    """Of the geometric score's gap, noise and tie, for methods that use it."""
     lag: Count = 0
-    """A proposal knows of no result nearer than this to its own number: so many are computed meanwhile."""
+    """A proposal for trial k knows the results up to k − lag − 1."""
     envelope: EnvelopeSettings = EnvelopeSettings()
     noise: NoiseSettings = NoiseSettings()
 

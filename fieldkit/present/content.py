@@ -105,7 +105,7 @@ class Mark:
 
 
 Cell: TypeAlias = str | Picture | Mark | None
-"""None is a dash: not given."""
+"""None is shown as a dash."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import re
 import unicodedata
 
 LONGEST = 600
-"""Characters of a foreign text that are shown; paths and messages are shorter."""
+"""Largest number of characters shown; paths and messages are shorter."""
 
 _UNIT = re.compile(r"(?<=\d) (?=(?:±|mm|m|m³|px|MB|s|h|min|%|°)(?:[\s.,;:)]|$))|(?<=±) (?=\d)")
 

@@ -15,7 +15,7 @@ from fieldkit.runtime.progress import Progress, Silent
 
 REPORT_FILE = "report.html"
 POINTS = 1_000_000
-"""Of all 3D views of a report together, where nobody asks for others."""
+"""Default limit of the points of all 3D views of a report together."""
 
 MOST_POINTS = 10_000_000
 

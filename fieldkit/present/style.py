@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 DASH = "–"
-"""For what is not given."""
+"""Stands for missing values."""
 
 _FIRST_METRE = 0.0995  # longer lengths are written in metres
 

@@ -14,7 +14,7 @@ from fieldkit.runtime.worker_pool import Limits, WorkerPool
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 _FINISH_S = 10.0
-"""That workers have for what they are writing when a map is interrupted."""
+"""Seconds that workers have to finish writing when a map is interrupted."""
 
 
 def map_parallel(

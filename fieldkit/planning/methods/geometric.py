@@ -46,7 +46,7 @@ class Triangulation:
     acts like a larger σ on all sets. It ignores matching and so favours views far apart.
 
     Args:
-        problem: what is planned.
+        problem: the planning problem.
     """
 
     def __init__(self, problem: PlanningProblem) -> None:
@@ -67,7 +67,7 @@ class GeometricOptimum:
 
     Args:
         name: as `--method` takes it.
-        problem: what is planned.
+        problem: the planning problem.
         cost: the criterion.
         seed: of the optimisation.
         effort: of it.

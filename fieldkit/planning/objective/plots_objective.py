@@ -19,7 +19,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 
 _OPEN = 2
-"""Plots that a process keeps ready for rendering; the renderer of a further one takes a second."""
+"""Number of plots that a process keeps ready to render; another renderer takes a second to start."""
 
 
 class PlotsObjective:

@@ -14,10 +14,10 @@ from fieldkit.planning.objective.recorded import RecordedSource, Rehearsal
 from fieldkit.planning.space.plots import Plot
 
 LEAST_KEPT = 0.3
-"""Plants of a kind differ in what their leaves match: by up to three times between the recorded rigs."""
+"""Least share of matches kept: the recorded rigs' matches differ by up to three times."""
 _STREAM, _GOLDEN = 53, (5**0.5 - 1) / 2
 _ALL_ROUND = 1.5
-"""Of the spacing of recorded views: how far a turned view may be from the one that stands for it, in the mean."""
+"""Largest mean distance of turned views from their recorded ones, in spacings of the recorded views."""
 
 
 @dataclass(frozen=True, eq=False)

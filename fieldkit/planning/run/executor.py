@@ -18,7 +18,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.worker_pool import Limits, WorkerPool
 
 ATTEMPTS = 2
-"""At an evaluation that breaks."""
+"""Attempts at an evaluation that breaks."""
 _LIMITS = Limits(seconds=600.0, memory_bytes=4 << 30)
 
 

@@ -14,7 +14,7 @@ from fieldkit.planning.score.cost_model import DOUBT, LEAST_M, NOISE, WEIGHTS, C
 from fieldkit.runtime.progress import Silent
 
 LEAST = 8
-"""Measured sets that a fit takes: as many as the method `field` asks for before it fits."""
+"""Least number of measured sets for a fit."""
 
 
 def weights_of_run(run: Path) -> Weights:

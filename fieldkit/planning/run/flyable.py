@@ -20,7 +20,7 @@ from fieldkit.runtime.progress import Progress
 
 _LEAST_BAND_M = 1.0
 _RTK_M, _ONE_FLIGHT_M, _TURNED_DEG = 0.02, 0.1, 1.0
-"""Without RTK positions of one flight are off together: what stations differ by is estimated at a decimetre."""
+"""Without RTK the positions of a flight share an offset; between stations a decimetre is assumed."""
 
 
 def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:

@@ -42,7 +42,7 @@ class LogEntry(Strict):
     """Of the photographs' noise."""
     fidelity: FidelityName
     plot: Count = 0
-    """Number of the plot that was photographed; 0 is the one that the plan is made on."""
+    """Number of the photographed plot; 0 is the plan's own."""
     cameras: Annotated[tuple[Row, ...], Field(min_length=1)]
     """x, y, z in metres, yaw and pitch in degrees, plot frame."""
     value_m: Length
@@ -64,9 +64,9 @@ class LogEntry(Strict):
     proposal_cpu_s: Length
     """Of the method, to propose the trial."""
     finished_s: Length
-    """Since the run began, interruptions left out."""
+    """Since the run began, without interruptions."""
     notes: dict[str, JsonValue]
-    """The method's: the model drawn, weights, what is still to be gained."""
+    """The method's: the drawn model, its weights, and others."""
 
     @classmethod
     def of(

@@ -19,7 +19,7 @@ Stopped = Literal["converged", "evaluations", "time", "exhausted"]
 Watch = Callable[[LogEntry], None]
 _POLL_S, _QUICK_POLL_S = 0.2, 0.02
 _FRESH_SEEDS = 1_000_000
-"""Seeds of confirmations begin here, so that no search has seen them."""
+"""First seed of confirmations; searches use smaller ones."""
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ KIND_METHOD = "score"
 KIND_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 3}
 """Plots differ by more than good sets do, so several optima are confirmed on several plots."""
 RECORDED_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 6}
-"""Which matches are withheld changes a value by more than sets differ; evaluations are cheap there."""
+"""The withheld matches change a value by more than sets differ; evaluations are cheap."""
 _OF_SEARCHES = ("evaluations", "at_least", "initial", "time_budget_s", "fidelity")
 Paths = Path | Sequence[Path]
 _DEFAULT_CAMERAS, KIND_PLOTS = 10, 8

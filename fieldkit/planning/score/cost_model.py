@@ -19,17 +19,17 @@ Weights = tuple[float, float, float]
 TERMS = 3
 """Gap, noise and tie."""
 WEIGHTS: Weights = (0.5, 1.24, 0.1)
-"""What a metre of each term adds to the value: fitted on tuning scenes, before a plot has results of its own."""
+"""Metres of value per metre of each term, fitted on tuning scenes: used until a plot has its own results."""
 DOUBT = 0.1
-"""Standard deviation of each weight, of plots whose values are as large as the score expects."""
+"""Standard deviation of each weight, over plots whose values are as large as the score expects."""
 CERTAINTY = 0.15
-"""Where mapping is blind, by how much more a set is expected to cost per e-fold that it is less likely to register."""
+"""Extra cost expected with blind mapping per e-fold by which a set is less likely to register."""
 NOISE = 0.05
-"""Standard deviation of an evaluation at least, as a share of its value."""
+"""Least standard deviation of an evaluation, as a share of its value."""
 LEAST_M = 1e-4
-"""Of a value and of a term, so that they have logarithms."""
+"""Least value and term, so that they have logarithms."""
 _REST_DOUBT = 1.0
-"""Standard deviation of what no term of the score explains, as a share of the value."""
+"""Standard deviation of the part that no term explains, as a share of the value."""
 
 
 class _Scored(NamedTuple):

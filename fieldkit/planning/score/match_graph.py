@@ -18,9 +18,9 @@ from fieldkit.runtime.progress import Progress
 
 _VERSION = 1
 _WIDEST_DEG = 60.0
-"""Leaves match no farther: docs/simulated-scenes.md has 9 of 309 matches left at 48°."""
+"""Leaves hardly match beyond: docs/simulated-scenes.md has 9 of 309 matches left at 48°."""
 _BAND_PX = 10.0
-"""Of a photograph 1600 pixels wide, as the first round that commanded poses are good enough for."""
+"""In a photograph 1600 pixels wide; commanded poses are good enough for it."""
 
 
 def match_graph(

@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from fieldkit.planning.space.cameras import Array
 
 PRIOR_M = 0.010
-"""Of a commanded position: what the simulated source claims, and RTK leaves (docs/objective.md)."""
+"""Standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/objective.md)."""
 MATCH_M = 0.010
-"""How well a single match fixes two cameras' positions to each other. A pixel at 1.5 m is about 1.1 mm in a picture
-1600 wide, and turning a camera undoes all but a tenth or so of the shift that moving it makes in a small plot."""
+"""Standard deviation of two cameras' relative position by a single match. A pixel at 1.5 m is about 1.1 mm in a picture
+1600 wide, and turning a camera compensates about nine tenths of a move in a small plot.
+"""
 _OCTAVES = 0.5
 
 

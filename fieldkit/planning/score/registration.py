@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from fieldkit.planning.space.cameras import Array
 
 THRESHOLD = 23.0
-"""Connectivity at which every other set registers whole."""
+"""Connectivity at which half of the sets register whole."""
 _DOUBT = 0.5
 _THRESHOLDS = np.linspace(-4.0, 4.0, 81)
 _WIDTHS = np.array([0.2, 0.3, 0.45])

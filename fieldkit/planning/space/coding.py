@@ -10,7 +10,7 @@ from fieldkit.planning.space.cameras import PER_CAMERA, Array, Cameras
 from fieldkit.planning.space.envelope import Envelope
 
 _AHEAD = 1e-3
-"""What the cosine between an optical axis and the way to the middle counts as at least."""
+"""Least cosine between an optical axis and the direction to the middle."""
 _NORTH, _EAST = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 
 

@@ -20,12 +20,12 @@ from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.results.plan import PlanPlants
 
 TOLERANCE = 1e-9
-"""Metres or degrees by which a constraint may be missed: rounding in files and changes of units."""
+"""Tolerance of constraints, metres or degrees, for rounding in files and changes of units."""
 _THINNED_M = 0.02
 _PLAN_CELL_M = 0.05
 _BESIDE_M = 0.5
 _OFF_BANDS_M = 0.001
-"""Kept from the vehicle's no-fly bands: files hold positions to less than that."""
+"""Distance kept from the vehicle's no-fly bands; files are more exact."""
 _SAMPLE_STREAM = 21
 _BATCH = 64
 _BATCHES = 500

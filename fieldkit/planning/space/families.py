@@ -17,7 +17,7 @@ from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.ranges import NARROWEST, reach_m
 
 SPAN_DEG = (60.0, 360.0)
-"""Of arcs: ten cameras 6° apart, up to all the way round. The prototype's best arc spanned 136°."""
+"""Span of arcs: from ten cameras 6° apart to the whole circle."""
 _ELLIPTIC = 0.35
 
 Values = Mapping[str, float]

@@ -23,8 +23,9 @@ from fieldkit.planning.surrogate.fit import above, fit, log_likelihood, noise_mo
 _LEAST_NOISE, _USUAL_NOISE, _LEAST_LENGTHSCALE = 1e-4, math.exp(-4.0), 2.5e-2
 """BoTorch's own, of y standardised and inputs in the unit cube."""
 _LEAST_PERIODIC = 0.1
-"""Of the periodic kernel's ℓ, which has no unit. Data without a pattern drive it to 0, where the kernel matrix
-underflows. At 0.1 points a tenth of a period apart are already uncorrelated (exp(−19))."""
+"""Least ℓ of the periodic kernel. Data without a pattern drive it to 0, where the kernel matrix underflows. At 0.1,
+points a tenth of a period apart are already uncorrelated (exp(−19)).
+"""
 _STARTS = 2
 
 

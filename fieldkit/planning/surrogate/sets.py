@@ -26,14 +26,14 @@ TERMS = slice(FEATURES, FEATURES + 3)
 _PLOT = FEATURES + 3
 COLUMNS = FEATURES + 4
 NO_PLOT = -1.0
-"""Where inputs have a plot's number: the mean of all plots."""
+"""Stands for the mean of all plots, in place of a plot's number."""
 _STREAM = 53
 REACH = 0.35
 _LENGTHSCALE, _LEAST_LENGTHSCALE = 0.4, 0.02
 _SAMPLES = 256
 _CONFIDENCE = 1.0
 _DEVIATION = 0.1
-"""Of ln(value) from what the score leads to expect: it ranks sets of tuning plots to within 7 to 9 %."""
+"""Standard deviation of ln(value) from the score's expectation: 7 to 9 % on tuning plots."""
 
 
 class SetEmbedding:

@@ -14,7 +14,7 @@ _LIGHT = 0.18  # relative luminance above which black reads better than white (W
 _POINT_M = 1.0  # half the side of a plot known only as a point
 
 RAMP = ("#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a")
-"""Blue to red by way of a light yellow: told apart by colour-blind eyes; the colours of comparison.png."""
+"""Blue through light yellow to red, safe for colour-blind eyes; as in comparison.png."""
 
 Ring = tuple[tuple[float, float], ...]
 

@@ -33,7 +33,7 @@ _RIGHT, _RIGHT_WIDTH = 8.1, 6.4
 _PANELS = (("up, m", 4.95, 1.5), ("yaw, °", 2.75, 1.5), ("pitch, °", 0.75, 1.3))
 _ARROW_SHARE = 0.25
 _COLORS = {"commanded": "#d98300", "reported": "#1f5fa8", "tagged": "#7a6fb0", "reconstructed": "#c0262d"}
-"""Apart for colour-blind eyes also by their markers."""
+"""Markers also differ, for colour-blind eyes."""
 _MARKERS = {"commanded": "D", "reported": "s", "tagged": "^", "reconstructed": "o"}
 _MOST_NUMBERS = 80
 

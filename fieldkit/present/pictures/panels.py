@@ -25,7 +25,7 @@ FAINT = "#8c8a82"
 GROUND = "#8a5a2b"
 BOX = "#7a6fb0"
 COLORS = ("#1f5fa8", "#c0262d", "#3f7d20", "#d98300", "#7a6fb0", "#5b5b5b", "#8a5a2b", "#12807f")
-"""Of lines told apart, in turn."""
+"""Colours of lines, in turn."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from fieldkit.present.tables.tabulated import MOST_ROWS
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation
 
 Views = Mapping[str, tuple[View | None, str]]
-"""By plot: its 3D view, or why there is none (or nothing)."""
+"""By plot: its 3D view, or the reason why there is none."""
 
 
 def evaluation_section(

@@ -13,7 +13,7 @@ from fieldkit.files import file_beside
 from fieldkit.present.content import Picture
 
 SIDE = 160
-"""Longer side of a thumbnail, pixels; it is shown at half of it."""
+"""Longer side of a thumbnail, pixels; shown at half the size."""
 
 _QUALITY = 72
 _LARGEST_BYTES = 64 << 20

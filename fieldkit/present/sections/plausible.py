@@ -9,7 +9,7 @@ from typing import Any
 from fieldkit.errors import MetadataError
 
 LARGEST = 1e9
-"""Of any number with a fraction: metres, pixels, seconds, degrees."""
+"""Largest number that is not a count: metres, pixels, seconds, degrees."""
 
 LARGEST_COUNT = 2**64
 

@@ -34,7 +34,7 @@ from fieldkit.results.report_files import (
 
 CAMPAIGN_FILE = "campaign.toml"
 DEPTH = 2
-"""So many levels below the folder are looked through."""
+"""Levels below the folder that are searched."""
 
 _REMEDY = (
     "Give a folder that a command of fieldkit wrote (reference, plan, export-mission, evaluate, campaign, demo), or "

@@ -10,7 +10,7 @@ from fieldkit.present.tables.reconstruction import finding_table, photograph_tab
 from fieldkit.results.evaluation import ReconstructionEntry
 
 Pictures = Mapping[str, Picture]
-"""Of photographs, by name."""
+"""Thumbnails of photographs, by name."""
 
 _OPEN_ROWS = 14
 _MOST_NAMES = 20

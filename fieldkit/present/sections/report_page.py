@@ -31,10 +31,10 @@ from fieldkit.results.evaluation import PlotEvaluation, ReconstructionEntry
 from fieldkit.runtime.progress import Progress
 
 MOST_THUMBNAILS = 300
-"""Of a report: more than 2 MB of it are of no use to anybody."""
+"""Largest number of a report's thumbnails, about 2 MB."""
 
 MOST_VIEWS = 10
-"""Of a report: browsers keep no more than sixteen views alive at once."""
+"""Largest number of a report's views: browsers keep at most sixteen alive."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import check_file
 
 MOST_VIEWS_OF_PLOTS = 4
-"""An evaluation of more plots shows those with the greatest distances: a browser draws a dozen views at once."""
+"""An evaluation of more plots shows those with the greatest distances: browsers draw about a dozen views at once."""
 
 CLOUD_FILE, SCENE_FILE = "cloud.ply", "scene.ply"
 _ACHIEVED, _PLANNED, _WRONG = "#2f9e6e", "#3b7dd8", "#d0383f"

@@ -14,7 +14,7 @@ ACHIEVED_BY = {
     "reconstructed": "the reconstruction",
     "tagged": "the photographs' tags",
 }
-"""Where achieved poses come from, by `AdherenceEntry.achieved_by`."""
+"""Sources of achieved poses, by `AdherenceEntry.achieved_by`."""
 
 _MOST_NAMES = 20
 _AXES = (("east_m", 3), ("north_m", 3), ("up_m", 3), ("yaw_deg", 2), ("pitch_deg", 2))

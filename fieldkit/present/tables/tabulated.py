@@ -8,7 +8,7 @@ from typing import TypeVar
 from fieldkit.present.content import Cell, Column, Table
 
 MOST_ROWS = 400
-"""Of a table; the files hold all."""
+"""Largest number of rows of a table; files hold all."""
 
 _Thing = TypeVar("_Thing")
 

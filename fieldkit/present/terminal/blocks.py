@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 MOST_ROWS = 20
-"""Of a table; how many more there are is said."""
+"""Largest number of rows of a table; the number of further ones is given."""
 
 _LEAST_WIDTH = 7  # of a column of words, so that a narrow terminal wraps words and drops none
 _COLORS = {"good": "green", "fact": "", "note": "yellow", "problem": "red"}
