@@ -1,4 +1,4 @@
-"""The methods `bosfm`, the paper's Algorithm 1 as it stands there, and `bosfm-tuned`, the same with better inputs."""
+"""The methods `bosfm`, the paper's Algorithm 1 unchanged, and `bosfm-tuned`, the same with better inputs."""
 
 from __future__ import annotations
 

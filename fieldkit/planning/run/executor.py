@@ -130,7 +130,7 @@ class Executor(ABC):
 
 
 class SerialExecutor(Executor):
-    """One evaluation after the other in this process, which ends with a crash: for tests and debugging.
+    """One evaluation after the other in this process, for tests and debugging. A crash ends the process.
 
     The caller limits the threads (`fieldkit.runtime.threads`).
 

@@ -81,7 +81,7 @@ def _places(near: Path, root: Path) -> Iterator[Path]:
 
 
 def _file(folder: Path, name: str) -> Path | None:
-    """The path of a photograph; never outside the folder, whatever its name is."""
+    """The path of a photograph, never outside the folder."""
     if not name or Path(name).is_absolute():
         return None
     try:
