@@ -1,1 +1,1 @@
-"""What is measured, behind `fieldkit benchmark`; used by the command line only."""
+"""The benchmarks: `python -m benchmarks`. The package does not use them."""

@@ -20,7 +20,7 @@ from fieldkit.runtime.threads import set_memory_environment, set_thread_environm
 
 
 class Suite(StrEnum):
-    """What is measured."""
+    """A suite of studies."""
 
     ENGINE = "engine"
     OBJECTIVE = "objective"
@@ -31,7 +31,7 @@ class Suite(StrEnum):
 
 
 class Study(StrEnum):
-    """A part of it."""
+    """A study of a suite."""
 
     HELP = "help"
     CLOUDS = "clouds"
@@ -156,15 +156,15 @@ def command(
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure this machine's speed and accuracy, ours and the alternative's in the same run.
+    """Measure speed and accuracy on this machine, fieldkit's and an alternative's in the same run.
 
     The engine's studies are help, clouds, dense, evaluation and scaling (speed), few-views, mappings, references,
     subset-scores, match-decay and blind-rings (quality); the objective's are cost (speed), throughput, ranks, noise,
     recorded and proxy; the planner's are simulated, transfer, surrogate, ablation, chosen and rehearsed (of recorded
     sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's are season, field-check,
-    plant-figures, score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise,
-    image-noise and new-plots, all of them where none is named. FIELDKIT_DATA names the recorded image sets; what needs
-    them is left out without it. The result holds results.json, results.md and pictures.
+    plant-figures, score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise, image-noise
+    and new-plots, all by default. FIELDKIT_DATA names the recorded image sets; studies that need them are skipped
+    without it. The result holds results.json, results.md and pictures.
 
     Examples:
         python -m benchmarks engine --only dense -o benchmark-results
@@ -173,7 +173,7 @@ def command(
     Exit codes:
         0  done
         2  wrong usage, or the output exists already
-        3  what is measured with cannot be used, or this machine cannot render
+        3 an input cannot be used, or this machine cannot render
 
     See Also:
         fieldkit doctor

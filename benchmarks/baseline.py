@@ -1,7 +1,7 @@
-"""The other side: pycolmap with its defaults, then OpenCV's semi-global matching.
+"""The baseline: pycolmap with its defaults, then OpenCV's semi-global matching.
 
-What differs from the defaults favours the baseline or makes the comparison possible: one thread, fixed seeds, and the
-calibrated camera instead of self-calibration.
+It differs from the defaults by one thread, fixed seeds and the calibrated camera instead of self-calibration; this
+favours it or makes the comparison possible.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.runtime.progress import Progress
 
 LEAST_POSES = 3
-"""Fewer make no dense cloud: a depth counts where two other views agree."""
+"""Fewer poses give no dense cloud: a depth counts if two other views agree."""
 
 
 class Baseline:
-    """One run of the baseline; afterwards ``stages`` has the CPU seconds by stage.
+    """A run of the baseline; ``stages`` then holds the CPU seconds by stage.
 
     Args:
         capture: with a calibrated camera and known positions.
         intrinsics: that camera.
         plot: frame, volume and ground.
         settings: fidelity and fusion rule.
-        progress: told of stages.
+        progress: receives the stages.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Baseline:
         return {time.name: time.cpu_s for time in self._timer.times({})}
 
     def poses(self) -> dict[str, Pose]:
-        """Poses in the plot frame of the photographs that agree with the known positions."""
+        """Poses, in the plot frame, of the photographs that agree with the known positions."""
         with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
             model = self._map(Path(folder))
         if model is None:
@@ -71,7 +71,7 @@ class Baseline:
         return right
 
     def cloud(self, poses: Mapping[str, Pose]) -> Cloud:
-        """SGBM's depth maps at the fidelity's size, masked like ours, through our fusion."""
+        """The cloud of SGBM's depth maps at the fidelity's size, masked and fused like ours."""
         volume, settings = self._plot.volume, self._settings
         with self._timer.stage("Undistortion"):
             views = [

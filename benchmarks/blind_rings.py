@@ -1,4 +1,4 @@
-"""What blind incremental mapping makes of uniform rings: the recorded rigs beside rendered scenes."""
+"""Blind incremental mapping of uniform rings, on the recorded rigs and on rendered scenes."""
 
 from __future__ import annotations
 
@@ -29,29 +29,29 @@ from fieldkit.scenes.renderer import Renderer
 COUNTS = (10, 13, 16, 20)
 RIGS = ("basil_rig", "arabidopsis_rig")
 FEATURES = {"": FeatureSettings(), " *": FeatureSettings(max_features=8192, contrast_threshold=0.04)}
-"""fieldkit's own, and (marked by a star) those that the recorded figures were taken with."""
+"""fieldkit's own, and (starred) those of the recorded figures."""
 
 RECORDED = (
     ("basil_rig (recorded figures) *", "3 of 10", "2 of 13", "9 of 16", "12 of 20"),
     ("arabidopsis_rig (recorded figures) *", None, None, None, "2 of 20"),
 )
-"""Registered, 8 seeds; basil's 9 of 16 are those of two models."""
+"""Registered with 8 seeds; basil's 9 of 16 are in two models."""
 
 Centers = Mapping[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
 class RingRun:
-    """One mapping of one ring.
+    """A mapping of a ring.
 
     Attributes:
-        name: of the set or scene, with a mark for its features.
+        name: of the set or scene, marked by its features.
         views: in the ring.
         seed: of the mapper.
         registered: images in the largest model.
         models: sizes of all models.
-        rms_m: of its centres against the known ones after a similarity fit; None below three images.
-        neighbours: verified matches of views that are next to each other, median.
+        rms_m: of the largest model's centres against the known ones after a similarity fit; None below three images.
+        neighbours: median of verified matches of neighbouring views.
     """
 
     name: str
@@ -66,13 +66,13 @@ class RingRun:
 def run_blind_rings(
     data: Path | None, scenes: Sequence[str] = (), *, counts: Sequence[int] = COUNTS, progress: Progress
 ) -> StudyResult:
-    """Map rings of the recorded rigs (where ``data`` is given) and about rendered scenes.
+    """Map rings of the recorded rigs (if ``data`` is given) and about rendered scenes.
 
     Args:
         data: folder of the recorded sets, or None.
         scenes: as `study_scenes` takes them.
-        counts: views of the rings.
-        progress: told of stages.
+        counts: numbers of views of the rings.
+        progress: receives the stages.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     runs: list[RingRun] = []
@@ -125,7 +125,7 @@ def scene_rings(study: SceneUnderStudy, counts: Sequence[int] = COUNTS, *, progr
 def map_ring(
     name: str, photos: Sequence[Photo], centers: Centers, *, seeds: int = 3, progress: Progress
 ) -> list[RingRun]:
-    """Map photographs of a ring, in its order, blindly: once for each kind of features and each seed."""
+    """Map a ring's photographs blindly, once for each kind of features and each seed."""
     runs = []
     for mark, settings in FEATURES.items():
         for seed, (sizes, found, neighbours) in enumerate(_map(photos, settings, seeds, progress)):
@@ -135,7 +135,7 @@ def map_ring(
 
 
 def ring_table(runs: Sequence[RingRun]) -> ResultTable:
-    """Registered images by ring, medians over seeds, with the recorded figures above."""
+    """Registered images by ring, medians over seeds, with the recorded figures in the first rows."""
     counts = sorted({run.views for run in runs})
     rows: list[tuple[Cell, ...]] = [
         (name, *(dict(zip(COUNTS, cells, strict=True)).get(count) for count in counts)) for name, *cells in RECORDED

@@ -1,4 +1,4 @@
-"""`python -m benchmarks campaign`: many plots and dates with one plan, what foretells their scores, and the report."""
+"""`python -m benchmarks campaign`: many plots and dates with one plan, predictions of their scores, and the report."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from fieldkit.cache import StageCache
 from fieldkit.runtime.progress import Progress
 
 CAPTURES = 80
-"""Of 13 photographs: a campaign of 40 plots on two dates."""
+"""Captures of 13 photographs: a campaign of 40 plots on two dates."""
 SEASON_FOLDER, CAPTURES_FOLDER = "season", "captures"
 
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """What the studies are run with.
+    """Options of the studies.
 
     Attributes:
         data: folder of the recorded image sets, or None.
-        cache: of stages.
-        scenes: of ``field-check``, where none takes those that nothing was tuned on; of ``plan-reuse`` the first.
-        count: captures of ``field-check`` (80), plots of ``season`` (40), of each scene in ``next-visit`` (1).
+        cache: the stage cache.
+        scenes: of ``field-check``, by default the held-out ones; ``plan-reuse`` takes the first.
+        count: captures of ``field-check`` (80), plots of ``season`` (40) and of each scene in ``next-visit`` (1).
         width_px: of the photographs of ``season``.
         seed: of everything random.
-        workers: threads and processes.
-        work: keeps photographs and evaluations; a temporary folder where None.
+        workers: number of threads and processes.
+        work: keeps photographs and evaluations; None takes a temporary folder.
     """
 
     data: Path | None = None
@@ -118,10 +118,10 @@ def run_campaign(
         output: folder of the result.
         names: of `STUDIES`; none takes `DEFAULT`.
         options: for all of them.
-        progress: told of stages.
+        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
 
     Raises:
-        UsageError: there is no such study, or ``output`` exists.
+        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, list(DEFAULT), options, progress=progress, overwrite=overwrite)

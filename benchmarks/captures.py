@@ -22,7 +22,7 @@ from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, camera_toml, poses_table, simulate_capture
 
 LOWEST_M = 0.03
-"""The rendered soil is bumpy: what lies lower is counted on neither side."""
+"""The rendered soil is bumpy: lower points are left out of cloud and truth."""
 _TRUTH_POINTS = 200_000
 
 
@@ -41,7 +41,7 @@ class RenderedPlot:
     volume: Volume
 
     def known(self) -> KnownPlot:
-        """What a reference of the plot would fix: the frame of poses.csv is the plot frame."""
+        """The known plot, as from a reference: the frame of poses.csv is the plot frame."""
         return KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), self.volume, None)
 
 
@@ -57,7 +57,7 @@ def rendered_plot(split: Split, index: int) -> RenderedPlot:
 def rendered_capture(
     folder: Path, plot: RenderedPlot, *, count: int = 10, noise: CaptureNoise, seed: int = 0, progress: Progress
 ) -> list[Pose]:
-    """Photograph a benchmark scene; poses.csv has the commanded poses, camera.toml the camera. Gives the true poses.
+    """Photograph a benchmark scene; poses.csv has the commanded poses, camera.toml the camera. Returns the true poses.
 
     Raises:
         RenderingError: this machine cannot render.

@@ -1,4 +1,4 @@
-"""Scoring two clouds: ours against SciPy and, where it is installed, point-cloud-utils."""
+"""Scoring two clouds: fieldkit against SciPy and, if installed, point-cloud-utils."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NOISE_M = 0.002
 
 @dataclass(frozen=True)
 class CloudRun:
-    """One method at one size: CPU seconds and the chamfer distance it gave, metres."""
+    """A method at one size: CPU seconds and the resulting chamfer distance, metres."""
 
     points: int
     method: str
@@ -53,10 +53,10 @@ def run_clouds(sizes: Sequence[int] = SIZES, *, progress: Progress) -> StudyResu
 
 
 def measure(size: int) -> list[CloudRun]:
-    """Every method on the same two clouds; checks that their results agree."""
+    """Run every method on the same two clouds, and check that their results agree."""
     reference, estimate = leaves(size, 0), leaves(size, 1)
     index = ReferenceIndex(Cloud(reference))
-    index.index.distances_from(index.index)  # builds what is built on first use
+    index.index.distances_from(index.index)  # builds the index
     methods: dict[str, Callable[[], float]] = {
         "fieldkit score": lambda: score(Cloud(reference), Cloud(estimate)).chamfer.chamfer_m,
         "fieldkit score, reference kept": lambda: score(index, Cloud(estimate)).chamfer.chamfer_m,

@@ -1,4 +1,4 @@
-"""What a reconstruction costs against the number of its photographs."""
+"""The cost of a reconstruction against the number of its photographs."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from fieldkit.present.pictures.plot_axes import dress
 
 @dataclass(frozen=True)
 class Cost:
-    """One measured run.
+    """A measured run.
 
     Attributes:
-        name: of what was run; runs of one name make one line.
+        name: runs of one name make one line.
         images: photographs.
         cpu_s: CPU seconds, all processes.
-        memory_bytes: most that was resident.
+        memory_bytes: peak resident memory.
     """
 
     name: str

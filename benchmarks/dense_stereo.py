@@ -29,7 +29,7 @@ _SPLITS: tuple[Split, ...] = ("tuning", "test")
 
 @dataclass(frozen=True)
 class DenseRun:
-    """One method on one scene.
+    """A method on a scene.
 
     Attributes:
         prepare_s, depth_s, fusion_s: CPU seconds for reduction to working size with the mask, depth maps, fusion.
@@ -53,7 +53,7 @@ class DenseRun:
 
 
 def run_dense(*, progress: Progress) -> StudyResult:
-    """Both methods on the tuning and the test scenes."""
+    """Run both methods on the tuning and the test scenes."""
     wall, cpu = time.perf_counter(), time.process_time()
     runs: list[DenseRun] = []
     for split in _SPLITS:
@@ -101,7 +101,7 @@ def measure(
     volume: Volume,
     truth: Cloud,
 ) -> list[DenseRun]:
-    """Both methods on the same photographs."""
+    """Run both methods on the same photographs."""
     settings = Settings(fidelity="standard")
     runs = []
     for method in ("PatchMatch (fieldkit)", "SGBM (OpenCV), 3 pairs"):
@@ -131,7 +131,7 @@ def measure(
 def warm_up(
     photographs: Sequence[NDArray[np.uint8]], poses: Sequence[Pose], intrinsics: Intrinsics, volume: Volume
 ) -> None:
-    """Compile what is compiled on first use."""
+    """Compile the kernels."""
     views = _views(photographs[:3], poses[:3], intrinsics)
     settings = Settings(fidelity="standard")
     maps = compute_depth_maps(views, volume, settings, seed=0, progress=Silent(), cache=StageCache(None))

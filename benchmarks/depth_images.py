@@ -1,4 +1,4 @@
-"""Depth images of what a set of cameras reconstructs, ground included, against those of the true scene."""
+"""Depth images of a set's reconstruction, ground included, against those of the true scene."""
 
 from __future__ import annotations
 
@@ -18,24 +18,23 @@ from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.renderer import Renderer
 
 _WIDTH = 320
-"""Of the compared images, pixels: a cloud at standard has several points for each."""
+"""Width of the compared images, pixels: a cloud at standard has several points for each."""
 _AROUND_M, _BELOW_M = 0.5, 0.1
 
 
 def depth_error(source: SimulatedSource, cameras: Cameras, seed: int) -> DepthError:
     """Errors of depth images seen by the cameras themselves, pooled over them.
 
-    Everything is reconstructed at standard, soil, too, to half a metre about the volume of interest; what lies farther
-    has no depth in the true images either. A pixel's depth is that of the nearest point which falls into it; a pixel
-    without any has none.
+    Plants and soil are reconstructed at standard up to half a metre about the volume of interest; the true images have
+    no depth beyond it either. A pixel's depth is that of the nearest point in it; a pixel without points has none.
 
     Args:
-        source: of photographs, with exact poses.
+        source: photographs with exact poses.
         cameras: N of them.
         seed: of the photographs' noise.
 
     Returns:
-        Metres. Where nothing was reconstructed no pixel has a depth.
+        Errors in metres. If nothing was reconstructed, no pixel has a depth.
     """
     fidelity = FIDELITIES["standard"]
     proxy = source.proxy
@@ -75,7 +74,7 @@ def depth_image(points: NDArray[np.float64], pose: Pose, camera: Intrinsics) -> 
 
 
 def _within(depth: NDArray[np.float32], pose: Pose, camera: Intrinsics, volume: Volume) -> NDArray[np.float64]:
-    """A depth image (height, width) without what lies outside a volume."""
+    """A depth image (height, width) without depths outside a volume."""
     rows, columns = np.indices(depth.shape)
     rays = np.stack(
         [(columns + 0.5 - camera.cx) / camera.fx, (rows + 0.5 - camera.cy) / camera.fy, np.ones(depth.shape)], axis=-1

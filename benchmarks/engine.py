@@ -1,4 +1,4 @@
-"""`python -m benchmarks engine`: the studies of the engine's figures, each with both sides in the same run."""
+"""`python -m benchmarks engine`: studies of the engine, each with its alternative in the same run."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ NO_DATA = "FIELDKIT_DATA is unset; it names the folder with the recorded image s
 
 @dataclass(frozen=True)
 class EngineOptions:
-    """What the studies are run with.
+    """Options of the studies.
 
     Attributes:
         data: folder of the recorded sets, or None.
         draws: of the priors' noise and of the blind mappers' seeds.
         scene: in `scaling`, also build the scene with the ground.
-        scenes: of `match-decay` and `blind-rings`: names or files, "all" for every one of fieldkit's own; the tuning
-            scenes where empty.
+        scenes: of `match-decay` and `blind-rings`: names or files, "all" for all of fieldkit's; empty takes the tuning
+            scenes.
         whole_grid: in `few-views`, try every noise on every subset.
-        cache: for what is not measured (the dense models, the reference).
+        cache: for unmeasured stages (the dense models, the reference).
     """
 
     data: Path | None
@@ -113,7 +113,7 @@ Run = Callable[[EngineOptions, Progress], StudyResult]
 
 
 def _on_data(name: str, title: str, run: Callable[[Path, EngineOptions, Progress], StudyResult]) -> Run:
-    """A study of the recorded sets, which says so where there are none."""
+    """A study of the recorded sets, skipped with a reason without them."""
 
     def study(options: EngineOptions, progress: Progress) -> StudyResult:
         if options.data is None:
@@ -138,7 +138,7 @@ STUDIES: dict[str, Run] = {
     "subset-scores": _on_data("subset-scores", "Few views, scored", _subset_scores),
 }
 SPEED = ("help", "clouds", "dense", "evaluation", "scaling")
-"""The studies of speed, which run where nobody chooses; the others are about quality."""
+"""The studies of speed, run by default; the others are about quality."""
 
 
 def run_engine(
@@ -153,12 +153,12 @@ def run_engine(
 
     Args:
         output: folder of the result.
-        names: of `STUDIES`; none takes `SPEED`.
+        names: of `STUDIES`; empty takes `SPEED`.
         options: for all of them.
-        progress: told of stages.
+        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
 
     Raises:
-        UsageError: there is no such study, or ``output`` exists.
+        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, SPEED, options, progress=progress, overwrite=overwrite)

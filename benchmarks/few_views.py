@@ -1,4 +1,4 @@
-"""Few views of the recorded rigs: what registers, and whether it is right, with and without priors."""
+"""Few views of the recorded rigs: registered and right poses, with and without priors."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, load
 from fieldkit.runtime.progress import Progress
 
 RIG_ANGLE_SIGMA_DEG = 0.7
-"""What a commanded orientation of the rigs is good to, standard deviation per axis."""
+"""Accuracy of the rigs' commanded orientations, standard deviation per axis."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Of the priors: standard deviations per axis."""
+    """Noise of the priors: standard deviations per axis."""
 
     position_m: float
     angle_deg: float
@@ -47,13 +47,13 @@ GOAL = Noise(0.010, 1.0)
 
 @dataclass(frozen=True)
 class Plan:
-    """What is run.
+    """The trials to run.
 
     Attributes:
         subsets: sizes by rig.
-        goals: the sizes that have a goal: every noise of `GRID` at phase 0, `MAIN` at phase 1, whose photographs no
-            constant was chosen on. The others get `MAIN`, and at phase 1 `GOAL`.
-        draws: of every noise, and seeds of the blind mappers.
+        goals: sizes with a goal: every noise of `GRID` at phase 0, `MAIN` at phase 1, whose photographs were not used
+            for tuning. The others get `MAIN`, and at phase 1 `GOAL`.
+        draws: number of draws of every noise, and of seeds of the blind mappers.
         whole_grid: every noise on every subset and phase.
     """
 
@@ -63,7 +63,7 @@ class Plan:
     whole_grid: bool = False
 
     def noises(self, rig: str, size: int, phase: int) -> tuple[Noise, ...]:
-        """What is tried on one subset."""
+        """The noises tried on a subset."""
         steps = ((GOAL,), MAIN, GRID)
         return GRID if self.whole_grid else steps[1 + (size in self.goals.get(rig, ())) - phase]
 
@@ -74,7 +74,7 @@ GOALS = {"basil_rig": (10, 13), "arabidopsis_rig": (20,)}
 
 @dataclass(frozen=True)
 class Outcome:
-    """How the poses of a subset compare with the rig and with the model of all photographs.
+    """The poses of a subset compared with the rig and with the model of all photographs.
 
     Attributes:
         registered: with a pose.
@@ -99,7 +99,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Trial:
-    """One mapping of one subset."""
+    """A mapping of a subset."""
 
     rig: str
     phase: int
@@ -153,7 +153,7 @@ def _notes(draws: int) -> list[str]:
 def run_subset(
     rig: RigSet, size: int, phase: int, noises: Sequence[Noise], draws: int, cache: StageCache, progress: Progress
 ) -> list[Trial]:
-    """All methods and noises on one subset."""
+    """Run all methods and noises on a subset."""
     names = uniform_subset(rig.names, size, phase)
     settings = ReconstructionSettings()
     photos = [rig.capture.photo(name) for name in names]
@@ -163,7 +163,7 @@ def run_subset(
         found = [(method, "", draw, poses, cpu) for method, draw, poses, cpu in _blind(rig, names, keyed, draws)]
         advance(draws * len(METHODS))
         features = [k.features for k in keyed]
-        map_with_noise(rig, names[:4], features[:4], noises[0], 0, settings)  # compiles what is compiled on first use
+        map_with_noise(rig, names[:4], features[:4], noises[0], 0, settings)  # compiles the kernels
         for noise in noises:
             for draw in range(draws):
                 found.append(("prior", str(noise), draw, *map_with_noise(rig, names, features, noise, draw, settings)))
@@ -183,7 +183,7 @@ def run_subset(
 
 
 def assess(poses: Mapping[str, Pose], rig: RigSet) -> Outcome:
-    """Compare poses in any frame and scale with the rig and its dense model; below three nothing can be compared."""
+    """Compare at least three poses, in any frame and scale, with the rig and its dense model."""
     names = [name for name in rig.names if name in poses]
     if len(names) < 3:
         return Outcome(len(names), 0, None, None, None, None, None)
@@ -241,7 +241,7 @@ def trial_tables(trials: Sequence[Trial], draws: int) -> list[ResultTable]:
 def _residuals(source: np.ndarray, target: np.ndarray) -> np.ndarray | None:
     try:
         moved = fit_similarity(source, target).apply(source)
-    except ValueError:  # centres that fell together
+    except ValueError:  # coincident centres
         return None
     errors: np.ndarray = np.linalg.norm(moved - target, axis=1)
     return errors
@@ -276,7 +276,7 @@ def map_with_noise(
     rig: RigSet, names: Sequence[str], features: Sequence[Features], noise: Noise, draw: int,
     settings: ReconstructionSettings,
 ) -> tuple[dict[str, Pose], float]:  # fmt: skip
-    """Poses that prior mapping finds from commanded ones with noise, and the CPU seconds it took."""
+    """Poses of prior mapping from noisy commanded ones, and its CPU seconds."""
     noisy = perturb(rig.nominal, noise.position_m, noise.angle_deg, draw)
     position_sigma = np.full(3, np.hypot(noise.position_m, rig.accuracy_m))
     angle_sigma = float(np.hypot(noise.angle_deg, RIG_ANGLE_SIGMA_DEG))

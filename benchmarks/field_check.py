@@ -1,4 +1,4 @@
-"""What `fieldkit check` finds of faulty photographs on simulated plots, how often it cries wolf, and what it costs."""
+"""`fieldkit check` on simulated plots: faults found, false alarms, and cost."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.progress import Progress, Silent
 
 TUNING = ("tuning-1", "tuning-2")
-"""Limits were chosen on these."""
+"""Scenes that the limits were chosen on."""
 HELD_OUT = ("test-case-1", "test-case-2", "test-case-3", "test-case-4", "test-case-5", "case-1", "case-2", "case-3")
-"""Nothing was chosen on these."""
+"""Scenes not used for tuning."""
 
 _LARGE = 4000
 _NOTES = (
@@ -42,11 +42,11 @@ _FAMILIES = {
 
 @dataclass(frozen=True)
 class Outcome:
-    """One fault, or one alarm without one.
+    """A fault, or a false alarm.
 
     Attributes:
         scene, tags: of the capture.
-        station: of the plan.
+        station: number in the plan.
         kind, detail: of the fault; empty for a false alarm.
         found: whether the station's verdict is not "fine".
         codes: of its findings.
@@ -71,12 +71,12 @@ class Tally:
 
     @property
     def faults(self) -> list[Outcome]:
-        """Stations that a fault was put into."""
+        """Stations with a fault."""
         return [o for o in self.outcomes if o.kind]
 
     @property
     def alarms(self) -> list[Outcome]:
-        """Sound stations that were called faulty."""
+        """Sound stations reported as faulty."""
         return [o for o in self.outcomes if not o.kind]
 
 
@@ -87,14 +87,14 @@ def run_field_check(
     """Check captures with one or two faulty photographs of 13, and time a check.
 
     Args:
-        scenes: names; those held out where none is given.
-        captures: over all scenes.
+        scenes: names; empty takes the held-out ones.
+        captures: number over all scenes.
         seed: of stations, noise and faults.
         cache: of features and matches of sound photographs, which captures of a scene share.
         workers: threads of a check.
-        work: keeps photographs and finds them again; a temporary folder where None.
+        work: keeps photographs for later runs; None takes a temporary folder.
         timed: also time a check.
-        progress: told of scenes.
+        progress: receives the scenes.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     names = tuple(scenes) or HELD_OUT

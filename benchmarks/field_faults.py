@@ -1,7 +1,7 @@
-"""Captures with faults for the study of `fieldkit check`: photographs of a plot, of which some are spoilt.
+"""Captures with faults for the study of `fieldkit check`.
 
-A plot is photographed twice, as planned and from somewhere else, and every fault is made of these: pixels are blurred
-or exposed anew, tags exchanged, shifted or turned. Sound photographs keep their files, so their features are found
+A plot is photographed twice, as planned and from elsewhere. Faults are made of these photographs: pixels are blurred or
+exposed anew, tags exchanged, shifted or turned. Sound photographs keep their files, so their features are computed
 once.
 """
 
@@ -49,7 +49,7 @@ class PlotPhotographs:
     Attributes:
         name: of the scene.
         folder: of its photographs.
-        flown, strayed: folders: taken as planned, but for a flight's noise, and from elsewhere.
+        flown, strayed: folders of photographs taken as planned with a flight's noise, and from elsewhere.
         plan: of 13 stations.
         site: where the plot lies.
         commanded: text of a poses.csv.
@@ -68,7 +68,7 @@ class PlotPhotographs:
 
 @dataclass(frozen=True)
 class Fault:
-    """What was done to one photograph, or two whose tags were exchanged."""
+    """The fault of one photograph, or of two whose tags were exchanged."""
 
     kind: str
     detail: str
@@ -85,10 +85,10 @@ class FaultyCapture:
 
 
 def photograph_plot(scene: str, folder: Path, seed: int) -> PlotPhotographs:
-    """Photographs of a scene from 13 stations on an uneven ring, with the scene's camera; kept where they are there.
+    """Photographs of a scene from 13 stations on an uneven ring, with the scene's camera; existing ones are kept.
 
     Raises:
-        SceneError: there is no such scene, or it cannot be used.
+        SceneError: no scene has this name, or it cannot be used.
         RenderingError: this machine cannot render.
     """
     description = read_scene(find_scene(scene))
@@ -122,7 +122,7 @@ def draw_capture(plot: PlotPhotographs, work: Path, seed: int, number: int) -> F
     tags = ("RTK", "GPS", "commanded")[int(rng.integers(3))]
     flown, strayed = read_capture(plot.flown), read_capture(plot.strayed)
     photos: dict[int, Photo] = dict(enumerate(flown.photos))
-    rows: dict[int, int] = {k: k for k in photos}  # whose tags a photograph has
+    rows: dict[int, int] = {k: k for k in photos}  # index of each photograph's tags
     edits: dict[int, Callable[[GeoTag, tuple[float, float]], tuple[GeoTag, tuple[float, float]]]] = {}
     faults: list[Fault] = []
     free = list(rng.permutation(len(photos)))
@@ -167,7 +167,7 @@ def _stations(middle: NDArray[np.float64], rng: np.random.Generator) -> list[Pos
 
 
 def _astray(pose: Pose, middle: NDArray[np.float64], rng: np.random.Generator) -> Pose:
-    """Up to 1.2 m off, and turned as commanded, anyhow, or to the plot as before."""
+    """A pose up to 1.2 m off, turned as commanded, at random, or towards the plot."""
     while True:
         shift = rng.normal(size=3) * (1.0, 1.0, 0.3)
         place = pose.center + shift / np.linalg.norm(shift) * rng.uniform(*_STRAYED_M)
@@ -189,7 +189,7 @@ def _site(origin: LocalFrame, row_heading_deg: float) -> Site:
 
 
 def _spoil(photo: Photo, kind: str, grain: float, file: Path, rng: np.random.Generator) -> tuple[Path, str]:
-    """Blur a photograph, or expose it anew. What noise it had is blurred as well, so it gets the camera's again."""
+    """Blur a photograph, or change its exposure. Its noise is blurred too, so the camera's noise is added again."""
     image = cv2.imread(str(photo.path))
     assert image is not None
     pixels = image.astype(np.float32)
@@ -217,7 +217,7 @@ def _floats(values: NDArray[np.integer | np.floating]) -> NDArray[np.float32]:
 
 
 def _motion(length_px: float, angle_rad: float) -> NDArray[np.float32]:
-    """A line's kernel, its ends at parts of pixels."""
+    """The kernel of a line with subpixel ends."""
     half = int(np.ceil(length_px / 2.0)) + 1
     kernel = np.zeros((2 * half + 1, 2 * half + 1), np.float32)
     for t in np.linspace(-0.5, 0.5, 8 * half) * length_px:
@@ -290,7 +290,7 @@ def _tagged(
 
 
 def _source(photos: Mapping[int, Photo], flown: Capture, rows: Mapping[int, int], k: int) -> Photo:
-    """Whose tags a photograph has: its own, but where they were exchanged."""
+    """The photograph whose tags this one has: itself, unless they were exchanged."""
     return photos[k] if rows[k] == k else photos.get(rows[k], flown.photos[rows[k]])
 
 

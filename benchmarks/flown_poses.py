@@ -1,4 +1,4 @@
-"""Poses achieved in recorded flights, as fieldkit reads them from the log, against what the recording says of them."""
+"""Achieved poses of recorded flights, as read by fieldkit from the log, against the recordings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Flown:
         time_ms: of the shutter.
         position_m: in space, heights above home.
         yaw_deg, pitch_deg: of the camera.
-        track_m, track_yaw_deg: likewise of the vehicle, from the track at the shutter's time.
+        track_m, track_yaw_deg: the same for the vehicle, from the track at the shutter's time.
     """
 
     log: str
@@ -39,7 +39,7 @@ class Flown:
 
 
 def flown_poses(path: Path, told: Sequence[Mapping[str, Any]]) -> Flown:
-    """Compare a log with what its recording says of every photograph.
+    """Compare a log with its recording, photograph by photograph.
 
     Args:
         path: .tlog or .BIN.gz.

@@ -1,4 +1,4 @@
-"""One evaluation of ten images, photographs to chamfer distance: fieldkit against pycolmap's defaults and SGBM."""
+"""An evaluation of ten photographs to chamfer distance: fieldkit against pycolmap's defaults and SGBM."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ LENT = "pycolmap + SGBM, lent fieldkit's poses"
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A capture with the truth it is scored against."""
+    """A capture with its truth."""
 
     name: str
     folder: Path
@@ -50,16 +50,16 @@ class Case:
 
 @dataclass(frozen=True)
 class Side:
-    """What one side took and reached.
+    """Times and results of one side.
 
     Attributes:
         stages: CPU seconds by stage, scoring included.
-        cpu_s: of everything from reading the photographs to the score.
+        cpu_s: total, from reading the photographs to the score.
         registered, right: photographs.
-        chamfer_m, f_score: None where there is no cloud.
-        refined_chamfer_m, refined_f_score: after ICP onto the truth, which is not counted in the time.
+        chamfer_m, f_score: None without a cloud.
+        refined_chamfer_m, refined_f_score: after ICP to the truth, which is not timed.
         error: why there is no cloud.
-        poses: of the right photographs, plot frame; of our side only.
+        poses: of the right photographs, plot frame; only of fieldkit's side.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Side:
 
 
 def run_evaluation(data: Path | None, *, cache: StageCache, progress: Progress) -> StudyResult:
-    """Both sides on two rendered test scenes and, with the recorded sets, on ten views of basil_rig, twice."""
+    """Run both sides on two rendered test scenes and, with the recorded sets, on two tens of basil_rig's views."""
     wall, cpu = time.perf_counter(), time.process_time()
     results: dict[str, tuple[Side, ...]] = {}
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
@@ -125,8 +125,8 @@ def rendered_case(folder: Path, index: int, progress: Progress) -> Case:
 def basil_cases(folder: Path, data: Path, cache: StageCache, progress: Progress) -> list[Case]:
     """Ten views of basil_rig all around and ten close together, against the reference of all its photographs.
 
-    The volume is the plant's and not the plot's, which comes so near to the cameras that a pair has more disparities
-    to try than columns and the baseline has nothing to match.
+    The volume is the plant's, not the plot's: the plot's comes so near to the cameras that a pair has more disparities
+    than columns, and the baseline cannot match.
     """
     rig = load_rig(data, "basil_rig", cache=cache, progress=progress)
     reference = folder / "basil-reference"
@@ -147,7 +147,7 @@ def basil_cases(folder: Path, data: Path, cache: StageCache, progress: Progress)
 
 
 def compare(case: Case, progress: Progress) -> tuple[Side, ...]:
-    """Both sides on one case; the baseline also with our poses where it has too few of its own."""
+    """Run both sides on a case; the baseline also with fieldkit's poses if it has too few of its own."""
     with progress.stage(f"{case.name}: warming up"):
         ours(case, Silent())
     with progress.stage(f"{case.name}: fieldkit"):
@@ -172,7 +172,7 @@ def ours(case: Case, progress: Progress) -> Side:
 
 
 def theirs(case: Case, progress: Progress, lent: Mapping[str, Pose]) -> tuple[Side, ...]:
-    """The baseline's side; where it has too few poses, a second one with the ``lent`` in their place.
+    """The baseline's side; if it has too few poses, also a second one with the ``lent`` poses.
 
     The second side's time includes the first's.
     """

@@ -1,4 +1,4 @@
-"""Files changed at random and read again: what is not a plain answer or a FieldkitError is a defect."""
+"""Files changed at random and read again: anything but a result or a FieldkitError is a defect."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ import numpy as np
 from fieldkit.errors import FieldkitError
 
 LIMIT_S = 5.0
-"""Longer than this is a hang."""
+"""A longer reading is a hang."""
 _TOKENS = (
     b"", b"0", b"-1", b"1e999", b"NaN", b"nan", b"inf", b"-Infinity", b"null", b"true", b"[]", b"{}", b'""', b"9" * 40,
     b"1" + b"0" * 400, b"-0.0", b"\x00", b"\xff\xfe", "\ufeff".encode(), b"\r\n", b"\t", b",", b'"', b"<", b">", b"&",
@@ -34,12 +34,12 @@ _DIGITS = frozenset(b"0123456789.-+eE")
 
 @dataclass(frozen=True)
 class Target:
-    """What is fuzzed.
+    """A reader to fuzz.
 
     Attributes:
         suffix: of the files, with its dot.
         seeds: good files' contents.
-        read: reads a file; raises FieldkitError where it cannot be used.
+        read: reads a file; raises FieldkitError if it cannot be used.
     """
 
     suffix: str
@@ -49,16 +49,16 @@ class Target:
 
 @dataclass(frozen=True)
 class Fuzzed:
-    """What came of a target.
+    """The result of fuzzing a target.
 
     Attributes:
         files: that were read.
         accepted: of these, those that were read without an error.
         refused: those that ended in a FieldkitError.
-        defects: traces of other exceptions, one of each kind, with how often it came.
+        defects: traces of other exceptions, one of each kind, with their numbers.
         hangs: readings of more than `LIMIT_S`.
         slowest_s: the slowest reading.
-        written: files that reading wrote to, or removed.
+        written: files that were written or removed while reading.
     """
 
     files: int
@@ -89,7 +89,7 @@ def fuzz(target: Target, count: int, folder: Path, seed: int) -> Fuzzed:
     """Read ``count`` changed files.
 
     Args:
-        target: what reads them.
+        target: reads them.
         count: files.
         folder: empty; they are written there, one after the other.
         seed: of the changes.
@@ -149,7 +149,7 @@ def _token(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def _number(data: bytes, rng: np.random.Generator) -> bytes:
-    """A number, which text formats are full of, becomes something else."""
+    """Replace a number of a text format by something else."""
     if not data:
         return data
     place = int(rng.integers(len(data)))
@@ -163,7 +163,7 @@ def _number(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def _digit(data: bytes, rng: np.random.Generator) -> bytes:
-    """One digit becomes another: what is still a number of the same kind gets past the reader."""
+    """Change one digit, so that the number stays valid."""
     places = np.flatnonzero((np.frombuffer(data, np.uint8) >= 48) & (np.frombuffer(data, np.uint8) <= 57))
     if not len(places):
         return data
@@ -184,7 +184,7 @@ def _span(data: bytes, rng: np.random.Generator) -> tuple[int, int]:
 
 
 def _rezipped(data: bytes, rng: np.random.Generator) -> bytes:
-    """A zip file whose members are changed and packed again, so that the change gets past the archive's checks."""
+    """A zip file with changed members, packed again so that the archive's checks pass."""
     out = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as source, zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as target:
         for info in source.infolist():
@@ -199,7 +199,7 @@ def _rezipped(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 class _HangError(BaseException):
-    """Not an Exception, so that no reader swallows it."""
+    """A BaseException, so that no reader catches it."""
 
 
 def _stop(_: int, __: FrameType | None) -> None:
@@ -236,7 +236,7 @@ class _Written:
             self.paths.add(f"{event} {arguments[0]}")
 
     def clear_of(self, file: Path) -> None:
-        """Forget the file that is read: it was written by the fuzzer itself."""
+        """Forget the file to read, which the fuzzer itself wrote."""
         self.paths.discard(str(file))
 
 
@@ -246,7 +246,7 @@ _WRITING = frozenset({"open", "os.mkdir", "os.remove", "os.rename", "os.rmdir", 
 @contextmanager
 def _written() -> Iterator[_Written]:
     written = _Written()
-    sys.addaudithook(written.hook)  # cannot be taken out again, only switched off
+    sys.addaudithook(written.hook)  # cannot be removed, only switched off
     written.on = True
     try:
         yield written

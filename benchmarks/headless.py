@@ -1,4 +1,4 @@
-"""A headless Chromium that opens files and reaches nothing else: for studies and tests of pages."""
+"""A headless Chromium that opens only files, for studies and tests of pages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page, Route
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-# SwiftShader draws on the CPU, so that WebGL is there on machines without a GPU and draws the same on all of them.
+# SwiftShader renders WebGL on the CPU, on machines without a GPU and the same on all.
 ARGUMENTS = (
     "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
     "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
@@ -22,14 +22,14 @@ _REMEDY = "`make test` installs it on Debian where it may; elsewhere install the
 
 
 class NoBrowserError(RuntimeError):
-    """There is no Chromium here, or no Playwright to drive it; the message says what to do."""
+    """Chromium or Playwright is missing; the message says what to do."""
 
 
 def find_chromium() -> Path:
     """The browser on the path.
 
     Raises:
-        NoBrowserError: there is none.
+        NoBrowserError: no browser is installed.
     """
     for name in NAMES:
         if found := shutil.which(name):
@@ -67,7 +67,7 @@ def offline_page(
     browser: Browser, *, width: int = 1280, height: int = 900, dark: bool = False, touch: bool = False,
     reduced_motion: bool = True,
 ) -> Iterator[tuple[Page, list[str]]]:  # fmt: skip
-    """A page of a new profile, and what it complained of so far.
+    """A page of a new profile, and its complaints.
 
     Args:
         browser: from `headless_browser`.

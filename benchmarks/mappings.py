@@ -1,4 +1,4 @@
-"""The three ways to map, on all photographs of the recorded sets: what the default is chosen by."""
+"""The three ways of mapping on all photographs of the recorded sets."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.runtime.progress import Progress
 
 WAYS: tuple[tuple[MappingMethod, ...], ...] = (("incremental", "global"), ("prior",))
-"""What shares a cache: the blind mappers share their matches."""
+"""Ways that share a cache: the blind mappers share their matches."""
 
 
 @dataclass(frozen=True)
 class MappingRun:
-    """One set, mapped one way.
+    """A set, mapped one way.
 
     Attributes:
-        set_name, method: what was mapped how.
+        set_name, method: the set and the way.
         images, registered, right: photographs given, posed, and posed in agreement with what is known.
         model_sizes: registered photographs of every model, largest first.
-        rms_m: of the right centres against the known positions; None where none are right.
-        matching_s, mapping_s: CPU seconds, features left out. Blind mappers share one matching; prior mapping matches
-            inside its rounds, and its matching is that of calibrating and orienting the cameras.
+        rms_m: of the right centres against the known positions; None if none is right.
+        matching_s, mapping_s: CPU seconds without features. Blind mappers share one matching. Prior mapping matches
+            within its rounds; its ``matching_s`` is for calibrating and orienting the cameras.
     """
 
     set_name: str
@@ -78,11 +78,11 @@ def run_mappings(data: Path, names: Sequence[str] = SETS, *, progress: Progress)
 def map_set(
     name: str, data: Path, method: MappingMethod, cache: StageCache, progress: Progress, matching_s: float | None = None
 ) -> MappingRun:
-    """Map a recorded set; ``matching_s`` is what the matching in the cache took, None where there is none yet."""
+    """Map a recorded set; ``matching_s`` is the time of the cached matching, None if there is none yet."""
     timer = StageTimer(progress)
     capture = read_capture(data / name / "images")
     found = None
-    with suppress(ReconstructionError):  # no model at all is an answer
+    with suppress(ReconstructionError):  # no model is a result too
         found, _ = place(capture, ReconstructionSettings(mapping=method), [], cache, timer, 1, None)
     stages = {stage.name: stage.cpu_s for stage in timer.times({})}
     return MappingRun(

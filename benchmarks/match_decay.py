@@ -1,4 +1,4 @@
-"""How matches die with the angle between two views: the recorded rigs beside rendered scenes."""
+"""The decay of matches with the angle between two views, on the recorded rigs and on rendered scenes."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.simulation import wind_sway
 
 SETTINGS = FeatureSettings(working_side=1600, max_features=8192, contrast_threshold=0.04)
-"""OpenCV's own contrast threshold, as the recorded figures for field maize were taken with."""
+"""OpenCV's own contrast threshold, as in the recorded figures for field maize."""
 
 RATIO, ERROR_PX = 0.8, 1.5
 OFFSETS_DEG = (0.0, 6.0, 18.0, 45.0, 54.0)
-"""Views whose pairs are 6, 12, 18, 27, 36 and 48° apart (and 9°, 39° and others, which are left out)."""
+"""Views with pairs 6, 12, 18, 27, 36 and 48° apart (others, such as 9° and 39°, are left out)."""
 
 ANGLES = {6: (0, 1), 12: (1, 2), 18: (0, 2), 27: (2, 3), 36: (2, 4), 48: (1, 4)}
 RIGS = {"basil_rig": (1, 3, 4, 6, 8, 11), "arabidopsis_rig": (1, 2, 3, 5, 6, 8)}
-"""Steps around the circle, one a column of the tables: 4.6 to 50° and 6 to 48°."""
+"""Steps around the circle, one per column of the tables: 4.6 to 50° and 6 to 48°."""
 
 
 @dataclass(frozen=True)
 class PairCount:
-    """One pair of photographs.
+    """A pair of photographs.
 
     Attributes:
         angle_deg: between the views, about the plants.
@@ -61,7 +61,7 @@ class PairCount:
 
 @dataclass(frozen=True)
 class Decay:
-    """One set's figures per angle, medians over pairs; ``shares`` are relative to the smallest angle."""
+    """A set's figures by angle, medians over pairs; ``shares`` are relative to the smallest angle."""
 
     name: str
     angles_deg: tuple[float, ...]
@@ -74,13 +74,13 @@ class Decay:
 def run_match_decay(
     data: Path | None, scenes: Sequence[str] = (), *, bases: int = 3, progress: Progress
 ) -> StudyResult:
-    """Count the matches of the recorded rigs (where ``data`` is given) and of rendered scenes.
+    """Count the matches of the recorded rigs (if ``data`` is given) and of rendered scenes.
 
     Args:
         data: folder of the recorded sets, or None.
         scenes: as `study_scenes` takes them.
-        bases: places on the circle that pairs start from, per scene; rigs start from every sixth photograph.
-        progress: told of stages.
+        bases: number of places on the circle where pairs start, per scene; rigs start from every sixth photograph.
+        progress: receives the stages.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     pairs: dict[str, list[PairCount]] = {}
@@ -119,7 +119,7 @@ def inliers(a: Features, b: Features, scale: float) -> NDArray[np.uint32]:
     _, found = cv2.findFundamentalMat(
         a.points[matches[:, 0]] * scale, b.points[matches[:, 1]] * scale, cv2.USAC_MAGSAC, ERROR_PX, 0.9999, 20_000
     )
-    kept = np.atleast_1d(np.asarray(found)).ravel()  # None, which OpenCV's stubs do not know, where there is no matrix
+    kept = np.atleast_1d(np.asarray(found)).ravel()  # None without a matrix, which OpenCV's stubs omit
     return matches[kept > 0] if len(kept) == len(matches) else matches[:0]
 
 
@@ -183,7 +183,7 @@ def scene_pairs(study: SceneUnderStudy, bases: int, progress: Progress) -> list[
 
 
 def _take_the_moment(study: SceneUnderStudy, whole: Renderer, plants: Renderer, seed: int, photograph: int) -> None:
-    """Put the leaves where they were in a photograph."""
+    """Move the leaves to their state in a photograph."""
     sway = wind_sway(study.description.wind_m, seed)
     if sway is not None:
         whole.move(sway(study.scene, photograph))
@@ -191,14 +191,14 @@ def _take_the_moment(study: SceneUnderStudy, whole: Renderer, plants: Renderer, 
 
 
 def visible_plants(whole: Renderer, plants: Renderer, pose: Pose, camera: Intrinsics) -> NDArray[np.bool_]:
-    """(h, w) where a plant of the reference is the nearest surface, 2 px wider."""
+    """(h, w) mask of the reference's plants where they are the nearest surface, 2 px wider."""
     all_depth, plant_depth = whole.depth(pose, camera), plants.depth(pose, camera)
     seen = (plant_depth > 0) & (np.abs(plant_depth - all_depth) < 0.003)
     return np.asarray(cv2.dilate(seen.astype(np.uint8), np.ones((5, 5), np.uint8))) > 0
 
 
 def green(color: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(h, w) where excess green 2G − R − B is above 20 (Woebbecke et al. 1995), 2 px wider."""
+    """(h, w) mask of excess green 2G − R − B above 20 (Woebbecke et al. 1995), 2 px wider."""
     r, g, b = (color[..., i].astype(np.int16) for i in range(3))
     excess = cv2.blur((2 * g - r - b).astype(np.float32), (5, 5)) > 20
     return np.asarray(cv2.dilate(excess.astype(np.uint8), np.ones((5, 5), np.uint8))) > 0
@@ -221,7 +221,7 @@ def summarise(name: str, pairs: Sequence[PairCount]) -> Decay:
 
 
 def allowed(real: Sequence[Decay], column: int) -> tuple[float, float]:
-    """Least and most share at an angle: the span of the real sets, field maize among them, and 1.5 times beyond."""
+    """Least and greatest allowed share at an angle: the span of the real sets, field maize included, widened by 1.5."""
     values = [decay.shares[column] for decay in real]
     if FIELD_MAIZE[column] is not None:
         values.append(float(FIELD_MAIZE[column] or 0.0))

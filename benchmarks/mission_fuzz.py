@@ -1,4 +1,4 @@
-"""What reads files in a flight's way, with good files to change."""
+"""The readers of a flight's files, with good files to change."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from fieldkit.runtime.progress import Progress
 
 _LOG_BYTES = 60_000
 _SHARES = {"tlog read": 0.05, "tlog replayed": 0.05}
-"""Of the files, where not an even share of what is left."""
+"""Shares of the files; other targets share the rest evenly."""
 
 
 def targets(logs: Mapping[str, Path], plans: tuple[bytes, ...]) -> dict[str, Target]:
-    """Everything that reads a flight's files, by a name for people.
+    """All readers of a flight's files, by name.
 
     Args:
         logs: recordings (tlog) by name; pieces of them are changed.
@@ -79,7 +79,7 @@ def _checker(vehicle: Vehicle) -> Callable[[Path], None]:
 
 
 def _without_files(site: bytes) -> bytes:
-    """A site file that names no others: they do not lie beside a changed one."""
+    """A site file without references to other files, which are not beside a changed one."""
     return b"".join(line for line in site.splitlines(keepends=True) if b".geojson" not in line)
 
 

@@ -1,4 +1,4 @@
-"""Routes: tours against known shortest ones, and a field of many plots from plan to files."""
+"""Routes: tours against the known shortest ones, and a field of many plots from plan to files."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _COLUMNS, _EAST_M, _NORTH_M = 20, 10.0, 12.0
 
 @dataclass(frozen=True)
 class Tour:
-    """A tour against the shortest.
+    """A tour compared with the shortest.
 
     Attributes:
         name: of the places.
-        places: how many.
+        places: number of places.
         excess: length ÷ shortest − 1.
-        cpu_s: it took.
+        cpu_s: CPU seconds.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Field:
     """A field from plan to files.
 
     Attributes:
-        plots, stations, flights: how many.
+        plots, stations, flights: their numbers.
         length_m, time_s: of all flights.
         least_plants_m: distance of any leg to a plant.
         route_s, write_s: CPU seconds of placing and routing, and of writing.
@@ -61,7 +61,7 @@ class Field:
 
 
 def tours(seed: int) -> list[Tour]:
-    """TSPLIB's, then places on an ellipse (its outline is the shortest) and on an even grid (one step per place)."""
+    """Tours of TSPLIB, and of places on an ellipse (shortest: outline) and on a grid (shortest: a step per place)."""
     found = [_tour(name, distances(name), OPTIMA[name], seed) for name in OPTIMA]
     rng = np.random.default_rng(seed)
     for count in (100, 300):
@@ -78,7 +78,7 @@ def tours(seed: int) -> list[Tour]:
 def route_field(plots: int, stations: int, vehicle: Vehicle, seed: int) -> Field:
     """Place a plan on many plots, route, split, check every leg, and write every flight as .plan."""
     plan, site = _plan(stations), _site(plots)
-    route_plan(plan, vehicle, _site(2))  # compiles
+    route_plan(plan, vehicle, _site(2))  # compiles the kernels
     began = time.process_time()
     routed = route_plan(plan, vehicle, site, seed=seed)
     between = time.process_time()

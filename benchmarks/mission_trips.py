@@ -1,4 +1,4 @@
-"""Random missions, written and read back by the programs that will read them: pymavlink and MAVSDK."""
+"""Random missions, written and read back by pymavlink and MAVSDK."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _CONNECT_S = 30.0
 
 @dataclass(frozen=True)
 class Trips:
-    """What came of missions in one dialect and format.
+    """Round trips of missions in one dialect and format.
 
     Attributes:
         dialect, form, reader: of the trips.
-        missions, items, photographs: that made it there and back.
+        missions, items, photographs: numbers that came back right.
         wrong: descriptions of those that did not, at most ten.
         failures: how many did not.
     """
@@ -47,7 +47,7 @@ class Trips:
 
 
 def random_mission(rng: np.random.Generator, most: int = 13) -> Mission:
-    """One to ``most`` photographs within 100 m of a home anywhere but at the poles, pitched by −90…30°."""
+    """A mission of one to ``most`` photographs within 100 m of a home anywhere but at the poles, pitched −90…30°."""
     latitude, longitude = float(rng.uniform(-80, 80)), float(rng.uniform(0.1, 179.9) * rng.choice([-1, 1]))
 
     def place() -> GeoPoint:
@@ -69,8 +69,8 @@ def random_mission(rng: np.random.Generator, most: int = 13) -> Mission:
 def make_trips(count: int, vehicles: Sequence[Vehicle], folder: Path, seed: int) -> list[Trips]:
     """Write ``count`` random missions per vehicle as .plan and .waypoints and read them back.
 
-    A trip is right where every item comes back as rendered (places to 1e-7° and 1 cm), by the other program and by
-    fieldkit, and every photograph has a heading and a pitch of its own.
+    A trip is right if every item comes back as rendered (places to 1e-7° and 1 cm), by the other program and by
+    fieldkit, and every photograph has its own heading and pitch.
 
     Args:
         count: missions.
@@ -102,9 +102,9 @@ def by_pymavlink(path: Path) -> list[MissionItem]:
 
 @contextmanager
 def mavsdk_importer(dialect: str) -> Iterator[Any]:
-    """MAVSDK's importer of .plan files: a function from the file's text to what an upload would send, in degrees.
+    """MAVSDK's importer of .plan files: a function from the file's text to the items of an upload, in degrees.
 
-    It belongs to a vehicle: a heartbeat on loopback makes one.
+    It needs a vehicle: a heartbeat on loopback makes one.
     """
     from mavsdk.component_type import ComponentType
     from mavsdk.mavsdk import Configuration, Mavsdk
@@ -135,7 +135,7 @@ def mavsdk_importer(dialect: str) -> Iterator[Any]:
 
 
 def complete_photographs(items: Sequence[MissionItem], dialect: str) -> int:
-    """Photographs of items that have a heading and a pitch of their own."""
+    """The items' photographs with their own heading and pitch."""
     complete = 0
     heading = pitch = False
     for item in items:
@@ -152,13 +152,13 @@ def complete_photographs(items: Sequence[MissionItem], dialect: str) -> int:
 
 
 def difference(mission: Mission, vehicle: Vehicle, ours: Sequence[MissionItem], theirs: Sequence[MissionItem]) -> str:
-    """What is not as rendered in a mission that fieldkit and another program read; empty where all is right."""
+    """The differences of a mission read by fieldkit and another program from the rendered one; empty if it is right."""
     items = render(mission, vehicle)
     if not len(items) == len(ours) == len(theirs):
         return f"{len(items)} items became {len(ours)} and {len(theirs)}"
     for number, (item, own, other) in enumerate(zip(items, ours, theirs, strict=True)):
         wanted = item
-        if number == 0 and vehicle.dialect == "ardupilot":  # home, which MAVSDK makes of plannedHomePosition
+        if number == 0 and vehicle.dialect == "ardupilot":  # home, which MAVSDK makes from plannedHomePosition
             wanted = replace(item, params=(*other.params[:4], *item.params[4:]))
             own = replace(own, params=(*other.params[:4], *own.params[4:]))
         for reader, found in (("fieldkit", own), ("the other program", other)):
@@ -182,7 +182,7 @@ def _trips(
             ours = read_mission(path).upload_items(vehicle.dialect)
             theirs = read(path)
             if form == "waypoints" and vehicle.dialect != "ardupilot":
-                theirs = theirs[1:]  # row 0 is home also where the dialect has none
+                theirs = theirs[1:]  # row 0 is home even if the dialect has none
             problem = difference(mission, vehicle, ours, theirs)
         except FieldkitError as error:
             problem = str(error)

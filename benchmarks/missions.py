@@ -34,13 +34,13 @@ _SPEED = 16.0
 
 @dataclass(frozen=True)
 class MissionOptions:
-    """What the studies are run with.
+    """Options of the studies.
 
     Attributes:
-        data: folder of the recorded image sets; further recordings of flights lie in ``sitl`` beside it. None without.
+        data: folder of the recorded image sets, or None; further recordings of flights are in ``sitl`` beside it.
         seed: of everything random.
         missions: of ``trips``, in two formats and dialects each.
-        uploads: of ``uploads``, at each loss and with broken links.
+        uploads: number in ``uploads``, at each loss and with broken links.
         plots: of ``routes``.
         files: of ``fuzz``.
     """
@@ -54,7 +54,7 @@ class MissionOptions:
 
 
 def recordings() -> dict[str, Path]:
-    """The recorded flights that come with the repository, by name; none where it is not there."""
+    """The recorded flights in the repository, by name; empty without the repository."""
     folder = recordings_folder()
     return {name: file for name in _LOGS if (file := folder / f"{name}.tlog").is_file()}
 
@@ -236,12 +236,12 @@ def run_missions(
 
     Args:
         output: folder of the result.
-        names: of `STUDIES`; none takes ``poses`` and ``routes``.
+        names: of `STUDIES`; empty takes ``poses`` and ``routes``.
         options: for all of them.
-        progress: told of stages.
+        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
 
     Raises:
-        UsageError: there is no such study, or ``output`` exists.
+        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, ["poses", "routes"], options, progress=progress, overwrite=overwrite)

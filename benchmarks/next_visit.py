@@ -1,4 +1,4 @@
-"""`next-visit`: what stations chosen from a plot's last visit gain over the plan that is carried on."""
+"""`next-visit`: the gain of stations chosen from a plot's last visit over the carried plan."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ _WAYS = ("carried", "fitted", "next")
 
 @dataclass(frozen=True, eq=False)
 class Visited:
-    """One plot on its second date.
+    """A plot on its second date.
 
     Attributes:
         plot: its name.
-        growth: in height, of the true plants between the dates.
+        growth: factor of the true plants' height between the dates.
         seconds: that choosing stations took.
         found: evaluations of the second date, by how its stations came about.
     """
@@ -60,14 +60,14 @@ class Visited:
 def run_next_visit(scenes: Sequence[str], plots: int, *, progress: Progress) -> StudyResult:
     """Plots of each scene's kind, photographed twice: as they are, and with every plant one stage older.
 
-    The campaign's plan is the score's optimum for the scene's kind. It is flown on the first date; the second is flown
-    by it as it is, fitted to the plants' measured height times `GROWTH`, and by stations chosen for the first date's
-    cloud, grown by as much. Flights miss their stations as one with RTK does.
+    The campaign's plan is the score's optimum for the scene's kind. The first date is flown by it. The second is flown
+    by the same plan, by the plan fitted to the plants' measured height times `GROWTH`, and by stations chosen for the
+    first date's cloud, grown by as much. Flights miss their stations as with RTK.
 
     Args:
         scenes: names or files; `SCENES` where none are named.
         plots: of each.
-        progress: told of stages.
+        progress: receives the stages.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     visited: list[Visited] = []
@@ -93,7 +93,7 @@ def run_next_visit(scenes: Sequence[str], plots: int, *, progress: Progress) -> 
 
 
 def visit_table(visited: Sequence[Visited]) -> ResultTable:
-    """A row per plot, and the means of ratios to the carried plan."""
+    """A row per plot, and mean ratios to the carried plan."""
     rows: list[tuple[Cell, ...]] = []
     ratios: dict[str, list[float]] = {way: [] for way in _WAYS}
     for each in visited:
@@ -117,7 +117,7 @@ def visit_table(visited: Sequence[Visited]) -> ResultTable:
 
 
 def older(description: SceneDescription) -> SceneDescription:
-    """The plot with every plant one growth stage older, the last one excepted."""
+    """The plot with every plant one growth stage older, except plants at the last stage."""
     plants = tuple(
         replace(plant, stage=STAGES[min(STAGES.index(plant.stage) + 1, len(STAGES) - 1)])
         if isinstance(plant, MaizeDescription)

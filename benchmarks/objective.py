@@ -1,4 +1,4 @@
-"""`python -m benchmarks objective`: what an evaluation of r(z) costs, and how far it can be believed."""
+"""`python -m benchmarks objective`: the cost and the reliability of evaluations of r(z)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NO_DATA = "FIELDKIT_DATA is unset; it names the folder with the recorded image s
 
 @dataclass(frozen=True)
 class ObjectiveOptions:
-    """What the studies are run with.
+    """Options of the studies.
 
     Attributes:
         data: folder of the recorded sets, or None.
@@ -25,7 +25,7 @@ class ObjectiveOptions:
         configurations: of `ranks`, per scene, and subsets of `recorded`.
         scenes: of `ranks`.
         seeds: of `ranks` and `noise`.
-        workers: processes that `ranks` and `noise` use.
+        workers: number of processes of `ranks` and `noise`.
     """
 
     data: Path | None
@@ -102,12 +102,12 @@ def run_objective(
 
     Args:
         output: folder of the result.
-        names: of `STUDIES`; none takes ``cost``.
+        names: of `STUDIES`; empty takes ``cost``.
         options: for all of them.
-        progress: told of stages.
+        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
 
     Raises:
-        UsageError: there is no such study, or ``output`` exists.
+        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, ["cost"], options, progress=progress, overwrite=overwrite)

@@ -1,4 +1,4 @@
-"""What one evaluation costs, stage by stage, and what a second worker brings."""
+"""The cost of an evaluation by stage, and the gain of a second worker."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def run_cost(
     repeats: int = 3,
     progress: Progress,
 ) -> StudyResult:
-    """CPU seconds of an evaluation at each fidelity, medians; renderer and compiled kernels warm.
+    """Median CPU seconds of an evaluation at each fidelity, with renderer and compiled kernels warm.
 
-    Of each fidelity first with everything drawn anew, as sets far from all others need it, then with the drawings kept.
+    Each fidelity is timed with everything drawn anew, as for sets far from all others, and with kept drawings.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     plot = plot or tuning_plot(SCENE)
@@ -85,7 +85,7 @@ def run_throughput(
     evaluations: int = 100,
     progress: Progress,
 ) -> StudyResult:
-    """Evaluations per minute of one and of two worker processes, the same sets of cameras for both."""
+    """Evaluations per minute of one and of two worker processes, with the same sets of cameras."""
     wall, cpu = time.perf_counter(), time.process_time()
     plot = plot or tuning_plot()
     objective = Objective(plot.source, ObjectiveSettings(fidelity))
@@ -97,7 +97,7 @@ def run_throughput(
             ProcessExecutor(objective, workers=workers) as pool,
             progress.stage(f"{workers} workers", evaluations) as advance,
         ):
-            for _ in pool.run(Job(plot.ring) for _ in range(2 * workers)):  # every worker up and warm
+            for _ in pool.run(Job(plot.ring) for _ in range(2 * workers)):  # all workers started and warm
                 pass
             start = time.perf_counter()
             found = []

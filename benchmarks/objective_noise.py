@@ -36,7 +36,7 @@ def run_noise(
     workers: int = 1,
     progress: Progress,
 ) -> StudyResult:
-    """One configuration (the ring of ten) under each noise alone, over seeds."""
+    """Evaluate one configuration (the ring of ten) under each noise alone, over seeds."""
     wall, cpu = time.perf_counter(), time.process_time()
     plot = plot or tuning_plot()
     series: dict[str, dict[float, CaptureNoise]] = {
@@ -76,7 +76,7 @@ def run_noise(
 
 
 def noise_table(found: dict[str, dict[float, list[Evaluation]]]) -> ResultTable:
-    """A row per noise and level: median (least–most) of the value and its terms, and the photographs right."""
+    """A row per noise and level: median (least–most) of the value and its terms, and the right photographs."""
     rows: list[tuple[Cell, ...]] = [
         (
             name, f"{x:g}", spread([1000 * e.value_m for e in es], 2),

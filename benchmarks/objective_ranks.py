@@ -1,4 +1,4 @@
-"""Whether cheap evaluations rank sets of cameras as dear ones do, and how much of a value is noise."""
+"""Rank correlation of cheap and expensive evaluations, and the noise of values."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _NOISE_SETS = 5
 
 @dataclass(frozen=True)
 class Ranks:
-    """One scene's comparison.
+    """The comparison of a scene.
 
     Attributes:
         scene: its name.
         cheap, fine: values of the configurations at the two fidelities, metres.
-        repeats: per repeated configuration, cheap values over the seeds.
-        cpu_s: mean CPU seconds of an evaluation at each.
+        repeats: cheap values over the seeds, per repeated configuration.
+        cpu_s: mean CPU seconds of an evaluation at each fidelity.
     """
 
     scene: str
@@ -66,7 +66,7 @@ def run_ranks(
     fidelities: tuple[FidelityName, FidelityName] = ("standard", "fine"),
     progress: Progress,
 ) -> StudyResult:
-    """Random feasible configurations at two fidelities, and five of them at more seeds."""
+    """Evaluate random feasible configurations at two fidelities, and five of them at more seeds."""
     wall, cpu = time.perf_counter(), time.process_time()
     found = []
     for index in range(len(plots) if plots is not None else scenes):
@@ -103,7 +103,7 @@ def compare(
     workers: int,
     progress: Progress,
 ) -> Ranks:
-    """One scene at both fidelities."""
+    """Compare one scene at both fidelities."""
     sets = [plot.envelope.sample(VIEWS, seed) for seed in range(configurations)]
     values: list[list[Evaluation]] = []
     for name in fidelities:

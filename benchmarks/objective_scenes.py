@@ -1,4 +1,4 @@
-"""The tuning scenes that the objective is measured on."""
+"""The tuning scenes of the objective's studies."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ VIEWS = 10
 
 @dataclass(frozen=True, eq=False)
 class TuningPlot:
-    """A tuning scene ready for the objective.
+    """A tuning scene, built for the objective.
 
     Attributes:
         name: of the scene.
         source: of its photographs.
         envelope: its feasible set.
-        ring: ten cameras on a circle that the plants fill, moved where that is not free: the plain plan.
+        ring: ten cameras on a circle at which the plants fill the picture, made feasible: the plain plan.
     """
 
     name: str
@@ -36,10 +36,10 @@ class TuningPlot:
 
 
 def tuning_plot(name: str = SCENES[0]) -> TuningPlot:
-    """A scene that comes with fieldkit, built.
+    """One of fieldkit's scenes, built.
 
     Raises:
-        SceneError: there is none of this name.
+        SceneError: no scene has this name.
     """
     source = SimulatedSource.from_description(read_scene(find_scene(name)))
     proxy = source.proxy

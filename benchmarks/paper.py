@@ -1,4 +1,4 @@
-"""`python -m benchmarks paper`: the paper's tables and noise figures on our cases, and plans carried to new plots."""
+"""`python -m benchmarks paper`: the paper's tables and noise figures on our cases, and plans on new plots."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ TESTS: Mapping[str, str] = {
     "test-case-1": "case-1", "test-case-2": "case-2", "test-case-3": "case-3", "test-case-4": "case-1",
     "test-case-5": "case-3",
 }  # fmt: skip
-"""Test cases, and the cases whose plans are carried to them."""
+"""The case whose plans are carried to each test case."""
 PAPER: Mapping[str, float] = {
     "case-1": 0.836, "case-2": 0.797, "case-3": 0.754, "test-case-1": 0.872, "test-case-2": 0.973,
     "test-case-3": 0.895, "test-case-4": 0.783, "test-case-5": 0.930,
 }  # fmt: skip
-"""The paper's BOSfM ÷ its best baseline, CD."""
+"""CD of the paper's BOSfM ÷ its best baseline."""
 BASELINES = ("circle", "circle-aim", "two-rings", "mcp", "smith", "geometric")
 _SEEDLESS = ("mcp", "geometric", "smith")
-"""Methods that no seed changes much; their first seed stands for all."""
+"""Methods that hardly depend on the seed; they run with one."""
 _KIND = f"score{OF_A_KIND}"
-"""What `fieldkit plan` does unless it is told otherwise."""
+"""The default of `fieldkit plan`."""
 _CARRIED = ("circle", "bosfm", "field", f"field{OF_A_KIND}", _KIND)
 _QUICK = ("circle", "field", _KIND)
 _REPEATS = 2
@@ -55,26 +55,27 @@ _CAMERAS = 10
 _MAPPING: MappingName = "prior"
 _FIDELITY: FidelityName = "standard"
 NEW_PLANTS, _FLOWN, _PLANNED = 3, range(8001, 8011), range(8101, 8111)
-"""Plants and seeds of plots that plans are flown over and of those they are made on."""
+"""Number of plants, and seeds of the plots that plans are flown over and made on."""
 POSITIONS_M = (0.0, 0.005, 0.01, 0.02, 0.05)
 _DEG_PER_M = 50.0
-"""Angles go with positions: 1° at 2 cm."""
+"""Noise of angles per noise of positions: 1° at 2 cm."""
 GREY_LEVELS = (0.0, 5.0, 10.0, 20.0, 40.0)
 
 
 @dataclass(frozen=True)
 class PaperOptions:
-    """What the studies are run with.
+    """Options of the studies.
 
     Attributes:
-        cache: of stages.
-        runs: folder that keeps every run and evaluation: what is finished is not done again.
+        cache: the stage cache.
+        runs: folder that keeps every run and evaluation; finished ones are not repeated.
         evaluations: of each search, at most.
-        seeds: of methods that have one, and draws of the noise.
-        workers: processes.
-        scenes: test cases; all where empty.
+        seeds: number of seeds of methods that use one, and of draws of the noise.
+        workers: number of processes.
+        scenes: test cases; empty takes all.
         count: new plots, ten at most.
-        quick: case-1 with its two test cases, circles and our own methods, one seed, two new plots, few evaluations.
+        quick: case-1 with its two test cases, circles and fieldkit's own methods, one seed, two new plots, few
+            evaluations.
     """
 
     cache: StageCache
@@ -88,17 +89,17 @@ class PaperOptions:
 
     @property
     def tests(self) -> dict[str, str]:
-        """Test cases with their cases."""
+        """The test cases with their cases."""
         wanted = self.scenes or (("test-case-1", "test-case-4") if self.quick else tuple(TESTS))
         return {name: TESTS[name] for name in wanted if name in TESTS}
 
     @property
     def cases(self) -> list[str]:
-        """In their order."""
+        """The cases, in their order."""
         return [case for case in CASES if case in self.tests.values()]
 
     def contenders(self, methods: Sequence[str]) -> list[Contender]:
-        """Methods with what they may use."""
+        """The methods with their budgets."""
         seeds = tuple(range(1 if self.quick else self.seeds))
         return [
             Contender(
@@ -155,7 +156,7 @@ Plans = Mapping[str, Sequence["Ran | Carried"]]
 
 
 def distance_table(title: str, found: Mapping[str, Plans]) -> ResultTable:
-    """A row per method: CD × 100 and the ratio to the best baseline, by plot; the paper's ratio in the last row."""
+    """A row per method: CD × 100 and the ratio to the best baseline, by plot; the last row has the paper's ratio."""
     rows: list[tuple[Cell, ...]] = []
     best = {place: _best_baseline(plans) for place, plans in found.items()}
     for name in dict.fromkeys(name for plans in found.values() for name in plans):
@@ -176,7 +177,7 @@ def distance_table(title: str, found: Mapping[str, Plans]) -> ResultTable:
 
 
 def depth_table(title: str, found: Mapping[str, Mapping[str, DepthError]]) -> ResultTable:
-    """A row per method: both countings of the depth error, by plot."""
+    """A row per method: both kinds of the depth error, by plot."""
     names = dict.fromkeys(name for by in found.values() for name in by)
     rows: list[tuple[Cell, ...]] = [
         (name, *(f"{by[name].mae_whole_m:.3f} / {by[name].mae_common_m:.3f}" if name in by else None
@@ -213,7 +214,7 @@ def _carry(plans: Sequence[Ran], origin: str, place: Place, options: PaperOption
 def _at_home(
     plans: Sequence[Ran], case: str, options: PaperOptions, progress: Progress
 ) -> dict[str, list[Ran | Carried]]:
-    """Plans by method; those for a kind, which were confirmed on other plots under noise, evaluated at home too."""
+    """Plans by method; plans for a kind, confirmed on other plots under noise, are evaluated at home too."""
     for_kind = _carry([p for p in plans if p.method.endswith(OF_A_KIND)], case, Place.scene(case), options, progress)
     return {name: _by_method(for_kind).get(name, own) for name, own in _by_method(plans).items()}
 
@@ -226,7 +227,7 @@ def _by_method(plans: Sequence[Ran] | Sequence[Carried]) -> dict[str, list[Ran |
 
 
 def _depths(found: Mapping[str, Plans], options: PaperOptions, progress: Progress) -> dict[str, dict[str, DepthError]]:
-    """Depth errors of each method's first plan; kept beside the runs."""
+    """Depth errors of each method's first plan, kept beside the runs."""
     kept_file = options.runs / "depths.json"
     kept = json.loads(kept_file.read_text("utf-8")) if kept_file.is_file() else {}
     errors: dict[str, dict[str, DepthError]] = {}
@@ -263,7 +264,7 @@ def _image_noise(options: PaperOptions, progress: Progress) -> StudyResult:
 def _noise(
     name: str, title: str, axis: str, levels: Mapping[float, CaptureNoise], options: PaperOptions, progress: Progress
 ) -> StudyResult:
-    """Values of carried plans by noise: clouds are moved and scaled onto the plants, so what is left is their shape."""
+    """Values of carried plans by noise; clouds are aligned and scaled to the plants, so only their shape counts."""
     wall, cpu = time.perf_counter(), time.process_time()
     methods = tuple(m for m in _CARRIED if not options.quick or m in _QUICK)
     levels = dict(list(levels.items())[:: 4 if options.quick else 1])
@@ -310,7 +311,7 @@ def _noise(
 
 
 def _new_plots(options: PaperOptions, progress: Progress) -> StudyResult:
-    """One plan for the kind, made on ten plots, flown over ten others, against circles that are optimised there."""
+    """One plan for the kind, made on ten plots and flown over ten others, against circles optimised there."""
     wall, cpu = time.perf_counter(), time.process_time()
     count = min(options.count, 2 if options.quick else len(_FLOWN))
     origin = _several([_new_plot(seed, options.runs) for seed in _PLANNED])
@@ -372,12 +373,12 @@ def run_paper(
 
     Args:
         output: folder of the result.
-        names: of `STUDIES`; none takes all of them.
+        names: of `STUDIES`; empty takes all.
         options: for all of them.
-        progress: told of stages.
+        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
 
     Raises:
-        UsageError: there is no such study, or ``output`` exists.
+        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, list(STUDIES), options, progress=progress, overwrite=overwrite)

@@ -1,4 +1,4 @@
-"""`plan-reuse`: one plan on plots of other plants, row spacing, heading and slope."""
+"""`plan-reuse`: one plan on plots with other plants, row spacing, heading and slope."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene_file import read_scene
 
 VIEWS, RADIUS_M, HEIGHT_M, TARGET_M = 13, 1.3, 1.6, (0.0, 0.0, 0.3)
-"""Of the ring that is flown where no plan is given."""
+"""The ring flown if no plan is given."""
 PLANNED, ROWS_M = "the plan's plot", 0.75
 SLOPES_PERCENT = (5.0, 10.0, 20.0)
 DIRECTIONS = {"along the rows": 0.0, "across": 90.0}
-"""Of the ascent, anticlockwise from x."""
+"""Directions of the ascent, anticlockwise from x."""
 _F_M = 0.010
 _OTHER_PLANTS_DEG = 137.0
 
@@ -51,8 +51,8 @@ class Variant:
 
     Attributes:
         name: for people.
-        change: of the scene that the plan is for.
-        slope: rise along x and y; the plan is sheared with it as `export-mission` does.
+        change: of the plan's own scene.
+        slope: rise along x and y; the plan is sheared with it as by `export-mission`.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Variant:
 
 
 def variants() -> dict[str, Variant]:
-    """The plots of the study, by name; the plan's own comes first."""
+    """The plots of the study, by name; the plan's own is the first."""
     found = [
         Variant(PLANNED, lambda scene: scene),
         Variant("other plants", _other_plants),
@@ -85,19 +85,19 @@ def run_plan_reuse(
     evaluate: bool = True,
     progress: Progress,
 ) -> StudyResult:
-    """Evaluate a plan on the plot that it is for and on others, as it is; and compare ways of putting it on a slope.
+    """Evaluate a plan unchanged on its own plot and on others, and compare ways of putting it on a slope.
 
     Args:
-        plan: in the scene's plot frame; a ring of 13 unless given.
+        plan: in the scene's plot frame; None takes a ring of 13.
         scene: name or file; a row 0.75 m away on each side is added to it.
-        names: of `variants`; all unless given.
+        names: of `variants`; empty takes all.
         fidelity: of the evaluations.
-        repeats: evaluations of each plot, with noise of their own.
-        evaluate: render and reconstruct; else only what geometry says of slopes.
-        progress: told of stages.
+        repeats: number of evaluations of each plot, each with its own noise.
+        evaluate: render and reconstruct; else only score slopes by geometry.
+        progress: receives the stages.
 
     Raises:
-        UsageError: there is no such plot.
+        UsageError: no plot has this name.
         SceneError: the scene cannot be used.
         RenderingError: this machine cannot render.
     """
@@ -105,7 +105,7 @@ def run_plan_reuse(
     known = variants()
     for name in names:
         if name not in known:
-            raise UsageError(f"there is no plot {name!r}", remedy=f"Choose of {', '.join(known)}.")
+            raise UsageError(f"there is no plot {name!r}", remedy=f"Choose one of {', '.join(known)}.")
     description = _with_rows(read_scene(find_scene(scene)), ROWS_M)
     cameras = ring_plan() if plan is None else Cameras.from_poses(station.pose for station in plan.stations)
     with progress.stage("Ways of putting a plan on a slope"):
@@ -142,7 +142,7 @@ def run_plan_reuse(
 
 
 def ring_plan() -> Cameras:
-    """The ring that is flown where no plan is given."""
+    """The ring flown if no plan is given."""
     return Cameras.from_poses(ring(VIEWS, RADIUS_M, HEIGHT_M, TARGET_M))
 
 
@@ -150,7 +150,7 @@ def carried(
     description: SceneDescription, variant: Variant, cameras: Cameras, fidelity: FidelityName, repeats: int,
     progress: Progress,
 ) -> list[Evaluation]:  # fmt: skip
-    """A plan evaluated on another plot, as often as asked, with nothing optimised there.
+    """A plan evaluated on another plot, without optimisation.
 
     Raises:
         RenderingError: this machine cannot render.
@@ -173,10 +173,9 @@ def carried(
 
 
 def rescored(evaluation: Evaluation, cloud: Cloud, proxy: Proxy, rule: Rule) -> Evaluation:
-    """An evaluation by the cloud's points that are nearer to the plot's plants than to those of other rows.
+    """The evaluation with only the cloud's points that are nearer to the plot's plants than to other rows.
 
-    Leaves of other rows reach into the volume of interest, the farther the nearer these rows are. They are plants as
-    well; only the truth does not have them.
+    Leaves of near rows reach into the volume of interest; the truth lacks them.
     """
     others = neighbour_points(proxy.scene)
     if not len(cloud) or not len(others):
@@ -206,7 +205,7 @@ WAYS: Mapping[str, Callable[[Cameras, Gradient], Cameras]] = {
 def slope_ways(
     description: SceneDescription, cameras: Cameras, percents: Sequence[float] = SLOPES_PERCENT
 ) -> list[dict[str, float | str]]:
-    """What the geometric score says of each way on each slope, and on the level plot.
+    """The geometric score of each way on each slope, and on the level plot.
 
     Returns:
         Rows with slope_percent, direction, way, gap_m, noise_m, distance_m, covered and least_height_m, the lowest
@@ -278,13 +277,13 @@ def _millimetres(values: Sequence[float | None]) -> list[float | None]:
 
 
 def _with_rows(description: SceneDescription, spacing_m: float) -> SceneDescription:
-    """With one row on each side of the plot's plants."""
+    """The plot with one row on each side of its plants."""
     neighbours = replace(description.plot.neighbours, rows=1, row_spacing_m=spacing_m)
     return replace(description, plot=replace(description.plot, neighbours=neighbours))
 
 
 def _other_plants(description: SceneDescription) -> SceneDescription:
-    """The same places and stages, other individuals."""
+    """The plot with other individuals at the same places and stages."""
     plants = tuple(
         replace(plant, seed=plant.seed + 1, yaw_deg=(plant.yaw_deg + _OTHER_PLANTS_DEG) % 360.0)
         for plant in description.plot.plants
@@ -294,7 +293,7 @@ def _other_plants(description: SceneDescription) -> SceneDescription:
 
 
 def _turned(description: SceneDescription, degrees: float) -> SceneDescription:
-    """The sun as it stands to rows that are turned clockwise by an angle, at the same hour."""
+    """The sun relative to rows turned clockwise by an angle, at the same hour."""
     light, angle = description.plot.light, np.radians(degrees)
     x, y, z = light.sun
     c, s = float(np.cos(angle)), float(np.sin(angle))

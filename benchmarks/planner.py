@@ -1,4 +1,4 @@
-"""`python -m benchmarks planner`: methods side by side, on simulated plots and on recorded sets."""
+"""`python -m benchmarks planner`: comparison of methods on simulated plots and on recorded sets."""
 
 from __future__ import annotations
 
@@ -40,31 +40,31 @@ from fieldkit.scenes.scene_file import read_scene, write_scene
 RECORDED_FIDELITY: FidelityName = "standard"
 PLANNERS = ("bosfm", "bosfm-tuned", "field")
 _OPTIMISED = ("circle", "circle-aim", "two-rings", "hemisphere", "mcp", "geometric", "smith", "score")
-"""What plans carried to another plot are held against."""
+"""Methods optimised on another plot, to compare carried plans with."""
 _SIMULATED = ("random", *_OPTIMISED, *PLANNERS)
 _RECORDED = ("random", "uniform", "match-graph", *PLANNERS)
 _SEVERAL = ("random", "circle", "circle-aim", "two-rings", "hemisphere", "smith", "score", *PLANNERS)
-"""Methods whose outcome depends on the seed; that of circles by what registers in a trial's photographs."""
+"""Methods that depend on the seed; circles only through the photographs that register in a trial."""
 _KIND = {"score-kind": "score", "field-kind": "field"}
-"""Methods that plan for plots of a kind, by the names they have here."""
+"""Methods that plan for plots of a kind, by their names here."""
 _CARRIED = ("circle-aim", "score", *PLANNERS, *_KIND)
 _REPEATS = 2
 _SUBSETS = 20
 _LIKE, _LIKE_SEED = "like:", 7001
-"""Of plots that plans are carried to: no run's seed is as large."""
+"""Prefix and first seed of new plots; seeds of runs are smaller."""
 _OURS = ("score", "field", *_KIND)
-"""What is no baseline."""
+"""Methods that are not baselines."""
 
 
 @dataclass(frozen=True)
 class PlannerOptions:
-    """What the studies are run with.
+    """Options of the studies.
 
     Attributes:
         data: folder of the recorded sets, or None.
-        cache: of stages of recorded photographs.
-        runs: folder that keeps every run: finished ones are not done again, broken ones go on.
-        scenes: of ``simulated``, ``transfer`` and ``surrogate``; of ``chosen`` where they name recorded sets.
+        cache: stages of recorded photographs.
+        runs: folder that keeps every run; finished ones are not repeated, interrupted ones are resumed.
+        scenes: of ``simulated``, ``transfer`` and ``surrogate``; recorded sets of ``chosen``.
         evaluations: of each search.
         seeds: of methods that have one.
         cameras: N of ``simulated``.
@@ -72,8 +72,8 @@ class PlannerOptions:
         fidelity: of searches on simulated plots; recorded sets are searched at `RECORDED_FIDELITY`.
         workers: processes.
         methods: to compare; all where empty.
-        onto: scenes that plans of ``scenes`` are carried to in ``transfer``; "like:N" for N plots of each scene's kind
-            that no plan has met.
+        onto: scenes that plans of ``scenes`` are carried to in ``transfer``; "like:N" for N new plots of each scene's
+            kind.
     """
 
     data: Path | None
@@ -91,11 +91,11 @@ class PlannerOptions:
 
 
 RIGS: Mapping[str, tuple[int, ...]] = {"basil_rig": (13, 10), "arabidopsis_rig": (16,)}
-"""Recorded sets and the numbers of views that are chosen of them."""
+"""Recorded sets and the numbers of views to choose."""
 
 
 _REHEARSED = (13, 10)
-"""Numbers of views that are chosen for the kind."""
+"""Numbers of views to choose for the kind."""
 
 
 def _simulated(options: PlannerOptions, progress: Progress) -> StudyResult:
@@ -125,7 +125,7 @@ def _scene_notes(options: PlannerOptions) -> tuple[str, ...]:
 
 
 def _destinations(scene: str, options: PlannerOptions) -> list[str]:
-    """Scenes that a scene's plans are carried to; files of plots of its kind are written beside the runs."""
+    """Scenes that a scene's plans are carried to; plots of its kind are written beside the runs."""
     found: list[str] = []
     for name in options.onto:
         if not name.startswith(_LIKE):
@@ -147,7 +147,7 @@ def _destinations(scene: str, options: PlannerOptions) -> list[str]:
 def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
     wall, cpu = time.perf_counter(), time.process_time()
     tables, figures = [], {}
-    # All of them first: a name that is wrong shall not be found out after hours of planning.
+    # All of them first, so that a wrong name fails before hours of planning.
     targets = {scene: [(name, Place.scene(name)) for name in _destinations(scene, options)] for scene in options.scenes}
     for scene, places in targets.items():
         origin, plans = Place.scene(scene).name, _on_scene(scene, _CARRIED, options, progress)
@@ -323,14 +323,14 @@ def _rehearsed(options: PlannerOptions, progress: Progress) -> StudyResult:
 
 
 def _rig_place(data: Path, name: str, options: PlannerOptions, progress: Progress) -> Place:
-    """A rig's photographs with complete commanded poses, and the reference of all of them, kept beside the runs."""
+    """A rig's photographs with complete commanded poses, and their reference, kept beside the runs."""
     images, reference = options.runs / name, options.runs / f"{name}-reference"
     if not images.is_dir():
         rig = load_rig(data, name, cache=options.cache, progress=progress, workers=options.workers)
         part = images.with_name(f"{name}.part")
         shutil.rmtree(part, ignore_errors=True)
         rig_capture(part, rig, rig.names, rig.nominal, rig.accuracy_m)
-        part.rename(images)  # a copy that was broken off is not taken for a whole one
+        part.rename(images)  # so that an interrupted copy is not taken for a complete one
     if not reference.is_dir():
         build_reference(
             data / name / "images", reference, cache=options.cache, progress=progress, workers=options.workers,
@@ -370,7 +370,7 @@ def _study(
 
 
 def compare_table(place: str, runs: Sequence[Ran]) -> ResultTable:
-    """A row per method: its plans' values by confirmations, and against the best baseline's."""
+    """A row per method: confirmed values of its plans, and their ratio to the best baseline's."""
     methods = list(dict.fromkeys(run.method for run in runs))
     baselines = [_mean_value(runs, method) for method in methods if method not in _OURS]
     best = min(baselines, default=float("nan"))
@@ -411,7 +411,7 @@ def _evaluations_to(run: Ran, value_m: float) -> int | None:
 
 
 def _overhead(run: Ran) -> float:
-    """Share of the CPU time that is not evaluations."""
+    """Share of the CPU time outside evaluations."""
     spent = _cpu_s(run)
     return run.outcome.proposal_cpu_s / spent if spent > 0 else 0.0
 
@@ -445,12 +445,12 @@ def run_planner(
 
     Args:
         output: folder of the result.
-        names: of `STUDIES`; none takes ``simulated``.
+        names: of `STUDIES`; empty takes ``simulated``.
         options: for all of them.
-        progress: told of stages.
+        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
 
     Raises:
-        UsageError: there is no such study, or ``output`` exists.
+        UsageError: no study has this name, or ``output`` exists.
     """
     return run_studies(output, names, STUDIES, ["simulated"], options, progress=progress, overwrite=overwrite)

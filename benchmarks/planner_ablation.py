@@ -1,7 +1,7 @@
-"""`ablation`: the field method's settings one at a time, on a stand-in for the objective that costs milliseconds.
+"""`ablation`: settings of the method `field` one at a time, on a stand-in for the objective that costs milliseconds.
 
-The stand-in has the optimum's shape (sets of cameras, visibility, constraints) and none of an evaluation's price, so
-that every setting can be tried on several seeds.
+The stand-in has the objective's structure (sets of cameras, visibility, constraints) without its cost, so that every
+setting can be tried on several seeds.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.surrogate.sets import FEATURES, SetEmbedding
 
 NOISE = 0.05
-"""Standard deviation of an evaluation, as a share of its value: what draft evaluations were measured to have."""
+"""Standard deviation of an evaluation as a share of its value, as measured for draft evaluations."""
 _OTHER = ScoreSettings(best_angle_deg=14.0, tail_deg=17.0, pixel_m=0.006, error_px=0.7)
 _WEIGHTS = (0.4, 1.5, 0.2)
 _POINTS = 1800
@@ -33,10 +33,10 @@ Value = Callable[[Result], float]
 
 
 class StandIn:
-    """A value of sets that the field method's score foretells about as well as it foretells real evaluations.
+    """A value of sets that the geometric score predicts about as well as real evaluations.
 
-    It is a sum of the same terms with other weights, from a score with other constants, times what no score knows: a
-    smooth random function of the embedded set, e^(± 8 %) (random Fourier features of a Gaussian kernel).
+    It is a sum of the same terms with other weights, from a score with other constants, times a smooth random function
+    of the embedded set, e^(± 8 %) (random Fourier features of a Gaussian kernel).
 
     Args:
         problem: of a scene.
@@ -76,7 +76,7 @@ class Ended:
 
 
 def variants() -> dict[str, Callable[[PlanningProblem, int], Method]]:
-    """The field method first, then with one setting changed, then what else there is."""
+    """The method `field` first, then with one setting changed, then other methods."""
     settings = {
         "field": FieldSettings(),
         "4 initial trials": FieldSettings(initial=4),
@@ -134,7 +134,7 @@ def _chosen(method: Method, results: list[Result], true: list[float]) -> float:
 
 
 def ablation_table(found: Mapping[str, Mapping[str, tuple[Ended, ...]]]) -> ResultTable:
-    """A row per variant: what it ends at against `field`'s mean of the same scene and seeds.
+    """A row per variant: its final value against `field`'s mean over the same scene and seeds.
 
     Args:
         found: runs by scene and variant.

@@ -1,4 +1,4 @@
-"""Chosen photographs of recorded sets on plots like theirs: matches withheld, views missing, plants turned."""
+"""Chosen photographs of recorded sets on plots of their kind: matches withheld, views missing, plants turned."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Progress
 
 WITHHELD = tuple(Rehearsal(0.0, 0.4, draw) for draw in (101, 102, 103))
-"""60 % of all matches; no search has these draws."""
+"""60 % of all matches; searches use other draws."""
 TURNED = tuple(Rehearsal(turn_deg) for turn_deg in (70.0, 160.0, 250.0))
 _DRAWS, _PHASES = 3, 3
 _Found = Sequence[tuple[float, int]]
@@ -29,14 +29,14 @@ _Found = Sequence[tuple[float, int]]
 def rehearsed_table(
     title: str, run: Path, chosen: Mapping[str, Cameras], *, cache: StageCache, progress: Progress
 ) -> ResultTable:
-    """A row per set of views, and per phase of even ones.
+    """A row per set of views, and per phase of even sets.
 
     Args:
         title: of the table.
         run: folder of a run that chose among the photographs for their kind.
-        chosen: cameras of photographs, by what chose them.
+        chosen: the photographs' cameras, by method.
         cache: of stages.
-        progress: told of stages.
+        progress: receives the stages.
     """
     opened = set_up_run(read_settings(run), run, cache=cache, progress=progress)
     objective = opened.objective.on(0)
@@ -68,11 +68,11 @@ def rehearsed_table(
 def situations(
     cameras: Cameras, evaluate: Callable[[Cameras, Rehearsal, FidelityName], tuple[float, int]]
 ) -> dict[str, _Found]:
-    """What a set of views is worth: as it is, with matches withheld, without one view and two, with plants turned.
+    """Values of a set of views: unchanged, with matches withheld, without one and two views, with plants turned.
 
     Args:
         cameras: of the views.
-        evaluate: a set under a rehearsal at a fidelity: its value in metres and its right photographs.
+        evaluate: gives value in metres and right photographs of a set under a rehearsal at a fidelity.
     """
 
     def without(count: int) -> list[Cameras]:

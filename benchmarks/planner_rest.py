@@ -1,4 +1,4 @@
-"""Chosen photographs against a reference that is built of those that were not chosen."""
+"""Chosen photographs against a reference of those not chosen."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ _REFERENCE = "rest-reference"
 def value_against_rest(
     run: Path, place: Place, chosen: Collection[str], *, workers: int, cache: StageCache, progress: Progress
 ) -> float:
-    """The value in metres at the confirmations' fidelity; the reference is kept in the run's folder.
+    """The value in metres at the fidelity of confirmations; the reference is kept in the run's folder.
 
     Args:
-        run: folder of the run that chose.
-        place: recorded.
+        run: folder of the choosing run.
+        place: the recorded set.
         chosen: names of photographs.
         workers, cache, progress: as `planner_runs.run_all`.
 
     Raises:
-        FieldkitError: the rest does not reconstruct.
+        FieldkitError: the other photographs do not reconstruct.
     """
     reference = run / _REFERENCE
     if not reference.is_dir():

@@ -1,4 +1,4 @@
-"""Planning runs side by side, each in a folder of its own: a long comparison can be broken off and gone on with."""
+"""Planning runs side by side, each in its own folder, so that a long comparison can be interrupted and resumed."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from fieldkit.runtime.progress import Progress
 
 @dataclass(frozen=True)
 class Place:
-    """What is planned on.
+    """A source of planning runs.
 
     Attributes:
         name: for people and folders.
-        source: as plan.json tells it.
+        source: as in plan.json.
         path: of the scene file or the photographs.
         reference: of recorded photographs.
-        others: further plots that are planned on, where plans are for a kind.
+        others: further given plots, for plans for a kind.
     """
 
     name: str
@@ -48,12 +48,12 @@ class Place:
 
     @classmethod
     def scene(cls, name: str) -> Place:
-        """A scene that comes with fieldkit, or a file's. Raises SceneError."""
+        """One of fieldkit's scenes, or a file's. Raises SceneError."""
         ((source, path),) = describe_sources([Path(name)], (), None)
         return cls(path.stem, source, path)
 
     def settings(self, **more: Any) -> SearchSettings:
-        """Of a run at this place; ``more`` are fields of `SearchSettings`."""
+        """Settings of a run at this place; ``more`` are fields of `SearchSettings`."""
         reference = None if self.reference is None else str(self.reference)
         return SearchSettings(
             fieldkit=__version__, source=self.source, path=str(self.path), reference_path=reference,
@@ -62,12 +62,12 @@ class Place:
 
 
 OF_A_KIND = "-kind"
-"""Ends the name of a method whose plans are for several plots."""
+"""Suffix of the name of a method whose plans are for several plots."""
 
 
 @dataclass(frozen=True)
 class Contender:
-    """A method with what it may use.
+    """A method with its budget.
 
     Attributes:
         method: by name.
@@ -90,10 +90,10 @@ class Ran:
         method, seed: of it.
         outcome: its finalists by confirmations.
         cameras: of the plan.
-        views: photographs of the plan, of a recorded set by their names.
-        best_m: the best so far after each evaluation of the search; None before the first that was measured. Empty
-            where there was no search.
-        right: right photographs of the plan's confirmations, mean.
+        views: names of the plan's photographs, for a recorded set.
+        best_m: the best so far after each evaluation of the search; None before the first measured one. Empty without a
+            search.
+        right: mean number of right photographs of the plan's confirmations.
         accuracy_m, completeness_m: of the plan's confirmations, mean.
     """
 
@@ -109,17 +109,17 @@ class Ran:
 
     @property
     def found_m(self) -> float | None:
-        """The search's lowest value; None where nothing was measured."""
+        """The search's lowest value; None if nothing was measured."""
         return self.best_m[-1] if self.best_m else None
 
     @property
     def value_m(self) -> float:
-        """The plan's, by confirmations at fresh seeds."""
+        """The plan's value, by confirmations at fresh seeds."""
         return confirmed_m(self.outcome.chamfer_m)
 
 
 class Confirmed(Protocol):
-    """What confirmations say of a plan: `Ran`, and plans carried to another plot."""
+    """A plan's confirmations: of `Ran`, and of plans carried to another plot."""
 
     @property
     def value_m(self) -> float: ...
@@ -135,7 +135,7 @@ class Confirmed(Protocol):
 
 
 def figures(plans: Sequence[Confirmed], best_m: float) -> tuple[Cell, ...]:
-    """Of one method's plans: value, ÷ ``best_m`` (nan: unknown), accuracy, completeness, right photographs; in mm."""
+    """Figures of a method's plans: value, ÷ ``best_m`` (nan: unknown), accuracy, completeness (mm), photographs."""
     return (
         spread([1000 * plan.value_m for plan in plans], 2),
         spread([float(np.mean([plan.value_m for plan in plans])) / best_m], 2),
@@ -146,12 +146,12 @@ def figures(plans: Sequence[Confirmed], best_m: float) -> tuple[Cell, ...]:
 
 
 def name_of(planned: Contender | SearchSettings) -> str:
-    """The method's, with `OF_A_KIND` where plans are for several plots."""
+    """The method's name, with `OF_A_KIND` if plans are for several plots."""
     return f"{planned.method}{OF_A_KIND}" if planned.plots > 1 else planned.method
 
 
 def run_name(place: Place, cameras: int, mapping: MappingName, fidelity: FidelityName, method: str, seed: int) -> str:
-    """Of a run's folder."""
+    """Name of a run's folder."""
     return f"{place.name}-{cameras}-{mapping}-{fidelity}-{method}-{seed}"
 
 
@@ -169,10 +169,10 @@ def run_all(
     cache: StageCache,
     progress: Progress,
 ) -> list[Ran]:
-    """Every contender's runs on one place; what lies finished in ``folder`` is read, what lies unfinished goes on.
+    """Every contender's runs on one place; finished runs in ``folder`` are read, unfinished ones resumed.
 
-    No set of cameras is evaluated twice at one seed, whichever runs ask for it: the first trials of `bosfm` are those
-    of `random`, the grid of `circle-aim` is that of `circle`.
+    No set of cameras is evaluated twice at one seed: `bosfm` begins with the trials of `random`, and `circle-aim` with
+    the grid of `circle`.
 
     Raises:
         UsageError: a run in ``folder`` has other settings, or more evaluations.
@@ -189,7 +189,7 @@ def run_all(
     }  # fmt: skip
     known: dict[object, list[LogEntry]] = {}
     for output, settings in runs.items():
-        if _is_kept(output, settings):  # also of runs that come later here: an earlier call left them
+        if _is_kept(output, settings):  # also runs of later contenders, left by an earlier call
             known.setdefault(_photographed(settings), []).extend(read_log(output))
     found: list[Ran] = []
     for output, settings in runs.items():
@@ -203,7 +203,7 @@ def run_all(
 
 
 def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
-    """Fields of the settings of a plan for one plot with exact poses, or for a kind as `fieldkit plan` makes it."""
+    """Settings of a plan for one plot with exact poses, or for a kind as by `fieldkit plan`."""
     if contender.plots == 1:
         return {"plots": 1}
     if place.source.kind == "captures":
@@ -213,12 +213,12 @@ def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
 
 
 def _photographed(settings: SearchSettings) -> object:
-    """What has to be the same for a set's evaluation at one seed to be the same: which plots, and under what noise."""
+    """The settings that evaluations at one seed depend on: the plots and the noise."""
     return None if settings.plots == 1 else (settings.seed, settings.noise, settings.refine)
 
 
 def _is_kept(output: Path, settings: SearchSettings) -> bool:
-    """Whether there is a run of these settings, or of fewer evaluations.
+    """Whether there is a run with these settings, or with fewer evaluations.
 
     Raises:
         UsageError: the run there has other settings.
@@ -256,10 +256,10 @@ def _ran(settings: SearchSettings, outcome: Outcome, entries: Sequence[LogEntry]
 
 
 def confirmed_m(value_m: float | None) -> float:
-    """A value that confirmations have given.
+    """The confirmed value of a plan.
 
     Raises:
-        UsageError: there were none.
+        UsageError: there were no confirmations.
     """
     if value_m is None:
         raise UsageError(
@@ -270,6 +270,6 @@ def confirmed_m(value_m: float | None) -> float:
 
 
 def mean_of(entries: Sequence[LogEntry], key: str) -> float:
-    """The mean of a field of log entries where it has a value; nan where it has none."""
+    """The mean of a field of log entries over those that have it; nan if none does."""
     values = [float(value) for entry in entries if (value := getattr(entry, key)) is not None]
     return sum(values) / len(values) if values else float("nan")

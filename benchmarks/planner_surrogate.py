@@ -1,4 +1,4 @@
-"""`surrogate`: how well the field method's model, and others in its place, foretell the trials of finished runs."""
+"""`surrogate`: how well the model of `field`, and others, predict the trials of finished runs."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from fieldkit.planning.surrogate.sets import fit_sets
 
 _FIRST, _EVERY, _AHEAD = 20, 8, 12
 Fit = Callable[[Sequence[Result], Sequence[Result]], tuple[Array, Array]]
-"""From results to learn from and results to foretell: mean and variance of the latter's −ln(value), noise included."""
+"""From results to learn from and results to predict: mean and variance of the latter's −ln(value), noise included."""
 
 
 @dataclass(frozen=True)
 class Foretold:
-    """How a model foretold the next trials of a run, means over its stages.
+    """A model's predictions of the next trials of a run, means over its stages.
 
     Attributes:
         rmse: root mean squared error of ln(value).
-        rank: Spearman correlation with what came.
-        density: mean log predictive density of ln(value), the evaluations' noise included.
+        rank: Spearman correlation with the results.
+        density: mean log predictive density of ln(value), including the evaluations' noise.
     """
 
     rmse: float
@@ -40,7 +40,7 @@ class Foretold:
 
 
 def variants(problem: PlanningProblem) -> dict[str, Fit]:
-    """The field method's surrogate first, then others that differ in one thing, then the paper's."""
+    """The surrogate of `field` first, then others that differ in one setting, then the paper's."""
     settings = {
         "field": FieldSettings(),
         "noise of 1 % at least": FieldSettings(noise=0.01),
@@ -57,7 +57,7 @@ def variants(problem: PlanningProblem) -> dict[str, Fit]:
 
 
 def foretell(results: Sequence[Result], fit: Fit) -> Foretold:
-    """Learn from the first 20, 28, 36 … results of a run and foretell the 12 after them.
+    """Learn from the first 20, 28, 36 … results of a run and predict the next 12.
 
     Args:
         results: of one run by number; more than 24 of them measured.
@@ -77,12 +77,12 @@ def foretell(results: Sequence[Result], fit: Fit) -> Foretold:
 
 
 def foretell_all(problem: PlanningProblem, results: Sequence[Result]) -> dict[str, Foretold]:
-    """Every model's figures on one run; see `foretell`."""
+    """The figures of every model on one run; see `foretell`."""
     return {name: foretell(results, fit) for name, fit in variants(problem).items()}
 
 
 def surrogate_table(found: Mapping[str, Mapping[str, Foretold]]) -> ResultTable:
-    """A row per model, its figures averaged over runs.
+    """A row per model, averaged over runs.
 
     Args:
         found: by run and model.

@@ -1,4 +1,4 @@
-"""`transfer`: plans of one plot flown over others as they are, beside baselines that are optimised there."""
+"""`transfer`: plans of one plot flown unchanged over others, against baselines optimised there."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Progress
 
 _METHOD = "given"
-"""What search.json of such a folder says instead of a method's name."""
+"""Stands for the method in search.json of such a folder."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +31,9 @@ class Carried:
 
     Attributes:
         ran: the run that made it.
-        cameras: as they stand there.
+        cameras: on the other plot.
         value_m, accuracy_m, completeness_m, right: means over fresh seeds.
-        moved_m: how far its cameras had to move to be feasible there, at most.
+        moved_m: largest move of a camera to be feasible there.
     """
 
     ran: Ran
@@ -49,17 +49,17 @@ def carry(
     plans: Sequence[Ran], origin: str, place: Place, folder: Path, *, cameras: int, mapping: MappingName,
     fidelity: FidelityName, repeats: int, workers: int, cache: StageCache, progress: Progress,
 ) -> list[Carried]:  # fmt: skip
-    """Plans evaluated at ``fine`` on another plot, with nothing optimised there.
+    """Plans evaluated at ``fine`` on another plot, without optimisation.
 
-    What is infeasible there, a camera among taller plants, is moved as little as it takes. Evaluations are kept in a
-    run folder: what lies there is not done again.
+    Infeasible cameras, such as those among taller plants, are moved as little as needed. Evaluations are kept in a run
+    folder and not repeated.
 
     Args:
         plans: of the first plot.
         origin: that plot's name.
-        place: the other one.
+        place: the other plot.
         folder: of all runs.
-        fidelity: that the plans were searched at; here they are evaluated at fine.
+        fidelity: of the plans' searches; here they are evaluated at fine.
         cameras, mapping, repeats, workers, cache, progress: as `planner_runs.run_all`.
 
     Raises:
@@ -92,7 +92,7 @@ def _carried(ran: Ran, found: Finalist, moved_m: float) -> Carried:
 
 
 def transfer_table(origin: str, place: str, carried: Sequence[Carried], optimised: Sequence[Ran]) -> ResultTable:
-    """A row per method: its plans of the first plot as they are, then what is optimised on this one."""
+    """A row per method: carried plans of the first plot, then plans optimised on this one."""
     best = min((float(np.mean([r.value_m for r in runs])) for runs in _by_method(optimised)), default=float("nan"))
     rows: list[tuple[Cell, ...]] = []
     for method in dict.fromkeys(each.ran.method for each in carried):

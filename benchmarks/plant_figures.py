@@ -1,4 +1,4 @@
-"""How far figures of reconstructed plants are from those of the true plants: simulated plots, few photographs."""
+"""Errors of reconstructed plants' figures on simulated plots with few photographs."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def run_plant_figures(folder: Path, *, fitted: int = 3, held_out: int = 2, progr
     """Compare the figures of captures with the truth.
 
     Args:
-        folder: of captures; what it lacks is made, and kept for other runs and for `score_prediction`.
-        fitted, held_out: captures of each scene; see `designs`.
-        progress: told of stages.
+        folder: of captures; missing ones are made and kept, also for `score_prediction`.
+        fitted, held_out: numbers of captures of each scene; see `designs`.
+        progress: receives the stages.
 
     Raises:
         RenderingError: this machine cannot render.
@@ -79,7 +79,7 @@ def compare(folder: Path) -> list[dict[str, Any]]:
 def capture_figures(
     record: dict[str, Any], arrays: dict[str, NDArray[Any]], volume: Volume
 ) -> tuple[PlantFigures | None, bool]:
-    """Figures of a stored capture within the scene's volume, and whether it found a ground of its own."""
+    """Figures of a stored capture within the scene's volume, and whether a ground was found in it."""
     to_scene = Similarity.from_matrix(arrays["plot_from_source"]).inverse()
     ground = record["plot"]["frame"]["ground"]
     plane = _LEVEL
@@ -93,7 +93,7 @@ def capture_figures(
 
 
 def error_table(rows: Sequence[dict[str, Any]]) -> ResultTable:
-    """Errors of each figure, medians and nine in ten, of all captures and of good ones."""
+    """Errors of each figure, as median and 90th percentile, of all captures and of good ones."""
     cells: list[tuple[Cell, ...]] = []
     for label, chosen in (
         ("all", list(rows)), ("good", [row for row in rows if row["chamfer_m"] <= GOOD_M]),

@@ -1,4 +1,4 @@
-"""Whether a proxy made from a reference ranks sets of views as the photographs do that it was made from."""
+"""Rank correlation of a reference's proxy with the reference's photographs, over sets of views."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def view_sets(count: int, views: int, seed: int = 0) -> dict[str, NDArray[np.int
     """Ten sets of ``views`` out of ``count`` views around a circle, from even to clumped: names and sorted indices.
 
     Raises:
-        ValueError: the circle has less than twice as many views as a set.
+        ValueError: the circle has fewer than twice as many views as a set.
     """
     if count < 2 * views:
         raise ValueError(f"{views} of {count} views leave little to choose")
@@ -84,13 +84,13 @@ def run_proxy(
 
     Args:
         data: folder of the recorded sets.
-        rig_name: which of them.
+        rig_name: one of them.
         views: in each set.
-        fidelities: of the renderings' evaluations; the photographs' are those of the first.
-        effects: of the camera that takes the renderings; the scene file's where None.
-        sets: names of `view_sets`; all where None.
+        fidelities: of the renderings; the photographs are evaluated at the first one.
+        effects: camera effects of the renderings; None takes the scene file's.
+        sets: names of `view_sets`; None takes all.
         cache: of stages.
-        progress: told of stages.
+        progress: receives the stages.
 
     Raises:
         RenderingError: this machine cannot render.
@@ -119,7 +119,7 @@ def run_proxy(
         }
         try:
             for fidelity in fidelities:
-                # Where the photographs were taken, as the model of all of them says.
+                # Poses of the photographs in the model of all of them.
                 cameras = [dense.cameras(i) for i in asked]
                 found[f"proxy, {fidelity}"] = _evaluated(f"proxy, {fidelity}", proxy, cameras, fidelity, progress)
         finally:
@@ -183,13 +183,13 @@ def _evaluated(
 
 
 def rank_correlations(found: Found) -> dict[str, dict[str, float]]:
-    """Spearman's rank correlation of every way to evaluate with every other."""
+    """Spearman's rank correlation between all ways to evaluate."""
     values = {name: [e.value_m for e in each] for name, each in found.items()}
     return {a: {b: float(spearmanr(values[a], values[b]).statistic) for b in values} for a in values}
 
 
 def value_table(names: Sequence[str], found: Found) -> ResultTable:
-    """A row for each set: its value by each way, and how many views are right where not all are."""
+    """A row for each set: its value by each way, and the number of right views unless all are."""
     rows: list[tuple[Cell, ...]] = [
         (
             name,

@@ -1,4 +1,4 @@
-"""The objective on a recorded rig: random subsets, each scored against stereo of photographs never to be chosen."""
+"""The objective on a recorded rig: random subsets, scored against stereo of photographs that are never chosen."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from fieldkit.runtime.progress import Progress
 RIG, VIEWS = "basil_rig", 13
 LIMIT_S = 5.0
 BANDS_PX = (10.0, 3.0)
-"""A rig's poses are known to some millimetres, so two rounds of guided matching do what three do."""
+"""A rig's poses are known to some millimetres, so two rounds of guided matching suffice."""
 
 
 def run_recorded(
@@ -51,8 +51,8 @@ def run_recorded(
 ) -> StudyResult:
     """Random subsets of every other view of a rig by the objective, against dense stereo of the views between.
 
-    No photograph that a subset may take has a part in the truth's depth maps. What both share are the poses' frame and
-    the truth's poses: they come from mapping all photographs.
+    The truth's depth maps use no photograph that a subset may contain. Both share only the frame and the truth's poses,
+    which come from mapping all photographs.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     rig = load_rig(data, rig_name, cache=cache, progress=progress)
@@ -74,7 +74,7 @@ def run_recorded(
         fair.prepare()
         with progress.stage(f"{subsets} subsets", subsets) as advance:
             for index in chosen:
-                # The first fills the cache with features, views and pairs; the second, which counts, finds them there.
+                # The first fills the cache with features, views and pairs; only the second counts.
                 against_whole.append(Objective(whole, settings).evaluate(whole.cameras(index)))
                 found, cloud = Objective(fair, settings).evaluate_cloud(fair.cameras(index))
                 against_truth.append(found)
@@ -143,10 +143,10 @@ def witnessed_cloud(
 
     Args:
         capture: all photographs, as the reference was built from them.
-        names: of those to take.
+        names: of the photographs to use.
         plot: of the reference: its frame and volume.
-        cache: has the model of all photographs, if the reference was built with it.
-        progress: told of stages.
+        cache: holds the model of all photographs, if the reference was built with it.
+        progress: receives the stages.
     """
     settings = ReconstructionSettings()
     sparse, _ = place(capture, settings, [], cache, StageTimer(progress), 1, None)
@@ -180,7 +180,7 @@ def summary_table(found: dict[str, Sequence[Evaluation]], every: Evaluation) -> 
     for truth, each in found.items():
         values = [1000 * e.value_m for e in each]
         right = f"{np.mean([e.right for e in each]):.1f} of {each[0].images}"
-        timed = not rows  # the first truth's evaluations find everything in the cache
+        timed = not rows  # evaluations of the first truth use the cache
         rows.append((
             truth, len(each), spread(values, 2), f"{np.std(values):.2f}", right,
             spread([e.cpu_s for e in each]) if timed else None, f"{LIMIT_S:.0f}" if timed else None,

@@ -1,4 +1,4 @@
-"""References of the recorded sets, built by the command's own function and compared with what is known of them."""
+"""References of the recorded sets, built by the command's function and compared with known data."""
 
 from __future__ import annotations
 
@@ -28,16 +28,17 @@ _ICP_REACH_M = 0.02
 
 @dataclass(frozen=True)
 class ReferenceResult:
-    """What one recorded set gave.
+    """The reference of one recorded set.
 
     Attributes:
         name: of the set.
-        images, registered, right: photographs given, posed, and posed in agreement with what is known.
+        images, registered, right: photographs given, posed, and posed in agreement with the known positions.
         position_rms_m: of the known positions' residuals in the metric frame, as reported.
         aligned_rms_m: the same after the least-squares similarity between both sets of centres.
         points, scene_points: of cloud.ply and scene.ply.
-        recall: share of the published cloud's points within each distance of our scene, after ICP; None without one.
-        crs_epsg: of the LAZ; None where none is written.
+        recall: share of the published cloud's points within each distance of scene.ply, after ICP; None without a
+            cloud.
+        crs_epsg: of the LAZ file; None without one.
         seconds, cpu_seconds: of the whole run.
     """
 
@@ -107,7 +108,7 @@ def reference_of_set(
     cache: StageCache,
     progress: Progress,
 ) -> ReferenceResult:
-    """Build the reference of ``data``/``name``/images and compare it with what is known of the set."""
+    """Build the reference of ``data``/``name``/images and compare it with known data of the set."""
     folder = output / name
     report = build_reference(data / name / "images", folder, cache=cache, progress=progress)
     published = data / name / "reference_cloud.ply"
@@ -135,7 +136,7 @@ def reference_of_set(
 
 
 def recall_of(known: Cloud, scene: Cloud) -> dict[float, float]:
-    """Share of ``known``'s points within each distance of ``scene``, after ICP of the one onto the other."""
+    """Share of ``known``'s points within each distance of ``scene``, after ICP between the two."""
     motion, _ = icp(known, scene, max_distance_m=_ICP_REACH_M)
     distances, _ = PointIndex(scene.points).nearest(known.transformed(motion).points)
     return {limit: float(np.mean(distances <= limit)) for limit in RECALL_DISTANCES_M}

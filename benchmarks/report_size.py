@@ -1,4 +1,4 @@
-"""How large a report's 3D view is, and how long a browser takes to show and to turn it."""
+"""The size of a report's 3D view, and a browser's time to show and turn it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SCENE, _SAMPLES, _NOISE_M, _LIMIT_M = "case-1", 300_000, 0.0007, 0.005
 _TURNS, _WIDTH, _HEIGHT = 40, 1280, 900
 _READY = '.fk-view[data-state="ready"]'
 _LIMIT_MS = 120_000
-# Each turn is drawn before the next: a frame asked for, then one more, which comes when the first is on the screen.
+# Each turn is drawn before the next: a second frame is requested, which comes when the first is on the screen.
 _TURN = """async (turns) => {
     const view = document.querySelector(".fk-view").fieldkitView;
     const frame = () => new Promise((done) => requestAnimationFrame(done));
@@ -47,19 +47,19 @@ _TURN = """async (turns) => {
 
 @dataclass(frozen=True)
 class ReportSize:
-    """One page with one cloud of colours and values, and 13 cameras.
+    """A page with a cloud of colours and values, and 13 cameras.
 
     Attributes:
         points: in the cloud.
-        file_bytes: of the page; of these `script_bytes` are the view's script.
-        script_bytes: the same for any cloud and number of views.
-        write_s: making the page.
+        file_bytes: size of the page, including the view's script.
+        script_bytes: size of the view's script, the same for any cloud and number of views.
+        write_s: time to make the page.
         first_frame_s: from opening the file to the first picture of the cloud.
-        still_ms: a frame of all points, median.
-        moving_ms: a frame while the view turns, median after the first ten, in which the view finds how many points the
-            machine bears.
-        moving_points: drawn in these frames, median.
-        renderer: what WebGL says draws.
+        still_ms: median time of a frame of all points.
+        moving_ms: median time of a frame while the view turns, after the first ten, in which the view adapts its number
+            of points.
+        moving_points: median number of points drawn in these frames.
+        renderer: name of WebGL's renderer.
     """
 
     points: int
@@ -79,7 +79,7 @@ def study(*, counts: Sequence[int] = COUNTS, seed: int = 0, progress: Progress) 
     Args:
         counts: points of each page.
         seed: of the points.
-        progress: told of pages.
+        progress: receives the pages.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     try:
@@ -126,13 +126,13 @@ def scenes_of(counts: Sequence[int], seed: int = 0) -> list[ViewerScene]:
     scenes = []
     for count in counts:
         rng = np.random.default_rng([seed, count])
-        chosen = rng.integers(0, len(cloud.points), count)  # with the noise, one drawn twice is two points
+        chosen = rng.integers(0, len(cloud.points), count)  # with the noise, a point drawn twice is two points
         scenes.append(ViewerScene(f"{count:,} points", points=[_noisy(cloud, chosen, rng)], frusta=[cameras]))
     return scenes
 
 
 def page_of(scene: ViewerScene) -> str:
-    """A page of nothing but one view."""
+    """A page with one view only."""
     return (
         '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>View</title>'
         f'<style>{viewer_style()}</style></head><body>{viewer_html(scene, identifier="view")}'
@@ -144,7 +144,7 @@ def measure(browser: Browser, scene: ViewerScene) -> ReportSize:
     """Write a page, open it, turn it.
 
     Raises:
-        RuntimeError: the page complained of something.
+        RuntimeError: the page complained.
     """
     begun = time.perf_counter()
     text = page_of(scene)
@@ -156,7 +156,7 @@ def measure(browser: Browser, scene: ViewerScene) -> ReportSize:
         page.set_default_timeout(_LIMIT_MS)
         page.goto(file.as_uri())
         page.wait_for_selector(_READY)
-        # A picture read back is a picture drawn: the mark before it only says that the commands were sent.
+        # Reading the picture back waits until it is drawn; the mark before only means that the commands were sent.
         page.evaluate(_READ_BACK)
         first = float(page.evaluate("performance.now()"))
         still: list[float] = [page.evaluate(_STILL) for _ in range(5)]

@@ -1,4 +1,4 @@
-"""What a study gives: figures for machines, tables and sentences for people."""
+"""The result of a study: figures for machines, tables and sentences for people."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class ResultTable:
     """A table of a study.
 
     Attributes:
-        title: what it shows.
+        title: of the table.
         columns: names with units; those ending in ">" are set flush right.
-        rows: cells in the columns' order, ready to print; None is a dash.
+        rows: cells in the columns' order, as text; None is a dash.
     """
 
     title: str
@@ -40,14 +40,14 @@ class ResultTable:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """One study's outcome.
+    """The result of a study.
 
     Attributes:
         name: as `--only` takes it.
         title: in a few words.
-        skipped: why nothing was measured; empty where it was.
+        skipped: why nothing was measured; empty if it was.
         tables: for people.
-        notes: sentences that belong to the tables.
+        notes: sentences about the tables.
         figures: everything measured, plain values.
         pictures: PNG files by name.
         wall_s, cpu_s: of the whole study.
@@ -83,7 +83,7 @@ class StudyResult:
 
 
 def spread(values: Sequence[float | None], digits: int = 1) -> str:
-    """``median (least–most)``, ``median`` alone where all are alike, a dash without values (None, nan)."""
+    """``median (least–most)``, only ``median`` if all are equal, a dash without values (None, nan)."""
     known = [value for value in values if value is not None and not np.isnan(value)]
     if not known:
         return "–"

@@ -1,7 +1,7 @@
-"""The recorded rigs as benchmarks take them: commanded poses, dense poses, subsets and noise.
+"""The recorded rigs: commanded poses, dense poses, subsets and noise.
 
-A rig's file gives positions and the pan axis's angle, and nothing of how the camera sits on that axis. Its constant
-mount and the axis's tilt come from the model of all photographs; with them every commanded pose is complete.
+A rig's file gives positions and the pan axis's angle, but not the camera's mount on that axis. The constant mount and
+the axis's tilt come from the model of all photographs and complete the commanded poses.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ class RigSet:
     Attributes:
         name: of the set.
         capture: all photographs.
-        names: of those that the model of all has, in the circle's order.
+        names: of the photographs in the model of all, in the circle's order.
         nominal: commanded poses in the rig's frame, metres.
         dense: poses of the model of all photographs, by Sim3 in the rig's frame.
-        intrinsics: as that model calibrated them.
+        intrinsics: calibrated by that model.
         accuracy_m: of the commanded positions, standard deviation per axis as the set's poses.csv states it.
         rms_m: of the dense centres against the commanded ones.
         angle_rms_deg: of the dense rotations against the commanded ones.
@@ -62,7 +62,7 @@ def load_rig(data: Path, name: str, *, cache: StageCache, progress: Progress, wo
     """A rig of the recorded sets with the model of all its photographs (through the cache).
 
     Raises:
-        CaptureError: the set is not there.
+        CaptureError: the set does not exist.
         MetadataError: its file of commanded poses cannot be used.
     """
     capture = read_capture(data / name / "images")
@@ -125,15 +125,14 @@ def complete_poses(
 
 
 def uniform_subset(names: Sequence[str], count: int, phase: int = 0) -> tuple[str, ...]:
-    """``count`` of the names, evenly around the circle, the first one being number ``phase``."""
+    """``count`` of the names, evenly around the circle, starting at number ``phase``."""
     return tuple(names[(round(k * len(names) / count) + phase) % len(names)] for k in range(count))
 
 
 def perturb(poses: Mapping[str, Pose], noise_m: float, noise_deg: float, draw: int) -> dict[str, Pose]:
     """Poses with Gaussian noise per axis of position and of rotation (about camera axes).
 
-    A photograph's noise depends on the draw and its place in ``poses`` only: draws of different sizes are the same
-    noise, scaled.
+    A photograph's noise depends only on the draw and its place in ``poses``; other sizes scale the same noise.
     """
     rng = np.random.default_rng(draw)
     noisy = {}

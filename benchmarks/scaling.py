@@ -63,7 +63,7 @@ def run_scaling(
 
 
 def write_subset(folder: Path, rig: RigSet, size: int) -> None:
-    """A capture of ``size`` photographs with what a person who ran the rig knows."""
+    """A capture of ``size`` photographs with the positions that the rig's operator knows."""
     rig_capture(folder, rig, uniform_subset(rig.names, size), rig.nominal, rig.accuracy_m)
 
 
@@ -85,7 +85,7 @@ def reference_cost(name: str, images: Path, count: int, options: Sequence[str]) 
 
 
 def process_cost(arguments: Sequence[str]) -> tuple[float, int, int]:
-    """CPU seconds, most resident bytes and exit code of a command, its waited-for children included in the first."""
+    """CPU seconds (including awaited children), peak resident bytes and exit code of a command."""
     process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)

@@ -1,4 +1,4 @@
-"""Scene files as the studies of realism photograph them: by their own camera, noise and wind, from one distance."""
+"""Scene files for the studies of realism: photographed with their own camera, noise and wind, from one distance."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fieldkit.scenes.simulate import simulate_capture
 from fieldkit.scenes.simulation import wind_sway
 
 CAMERA = Intrinsics.pinhole(2000, 1500, 1700.0)
-"""The same for every scene, so that counts can be compared."""
+"""The camera of every scene, so that counts can be compared."""
 
 ALL = "all"
 _RADIUS_M, _HEIGHT_M, _TARGET_HEIGHT_M = 1.45, 1.15, 0.25
@@ -37,7 +37,7 @@ class SceneUnderStudy:
 
 
 def study_scenes(names: Sequence[str]) -> list[str]:
-    """The scenes of a study: as named; the tuning scenes where none is; these and all cases for "all"."""
+    """The named scenes; by default the tuning scenes, for "all" these and all cases."""
     known = scene_names()
     if ALL in names:
         return [name for group in ("tuning", "case", "test-case") for name in known if name.startswith(f"{group}-")]
@@ -48,7 +48,7 @@ def load_scene(name: str) -> SceneUnderStudy:
     """A scene by its name or path.
 
     Raises:
-        SceneError: there is none, or it cannot be used.
+        SceneError: no scene has this name, or it cannot be used.
     """
     description = read_scene(find_scene(name))
     return SceneUnderStudy(description, build(description))
@@ -64,7 +64,7 @@ def ring_about_plants(description: SceneDescription, count: int, *, start_deg: f
 def photograph(
     folder: Path, study: SceneUnderStudy, renderer: Renderer, poses: Sequence[Pose], seed: int, progress: Progress
 ) -> list[Pose]:
-    """JPEGs as the scene file says a camera would take them there. Gives the true poses.
+    """Take JPEGs with the scene file's camera. Returns the true poses.
 
     Raises:
         RenderingError: this machine cannot render.

@@ -1,4 +1,4 @@
-"""The scenes that benchmarks and the demo use: two to tune on, two that nothing is tuned on."""
+"""The engine benchmarks' scenes: two for tuning, two held out."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def benchmark_scene(split: Split, index: int) -> PlotDescription:
     """One of four plots, three to five plants each.
 
     Args:
-        split: parameters may be chosen on "tuning" only.
+        split: "tuning", on which parameters may be chosen, or "test".
         index: 0 (one row of three or five plants) or 1 (two rows).
 
     Raises:
-        ValueError: no such scene.
+        ValueError: there is no such scene.
     """
     if split not in _SEEDS or index not in (0, 1):
         raise ValueError(f"there is no benchmark scene {split!r} {index}: it is tuning or test, 0 or 1")

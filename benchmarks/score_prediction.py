@@ -1,4 +1,4 @@
-"""Fits the prediction of chamfer distances to simulated plots, and checks it on others and on recorded plants."""
+"""Fit of the prediction of chamfer distances to simulated plots, and its check on others and on recorded plants."""
 
 from __future__ import annotations
 
@@ -53,19 +53,19 @@ from fieldkit.runtime.progress import Progress, Silent
 Array = NDArray[np.float64]
 
 MODEL_VERSION = 2
-"""Of the package's prediction.json: raise it when the fit is made anew."""
+"""Version of the package's prediction.json; raise it for a new fit."""
 COVERAGE = 0.9
 CANDIDATES = (
     "spread_m", "pose_rms_m", "noise_m", "gap_m", "lone", "pairs_per_image", "observations_per_image", "right_share",
     "cameras", "views",
 )  # fmt: skip
 GUARDS = ("noise_m", "cameras")
-"""Figures whose range limits what is predicted, also where they have no part in the sum."""
+"""Figures whose range limits predictions, even if the model does not use them."""
 MOST_FEATURES, PLOTS_PER_FEATURE = 4, 10
 BETTER = 0.95
-"""A set of more figures has to leave at most this share of the error of the best one of fewer."""
+"""A set with more figures must lower the error to this share of the best set with fewer."""
 PENALTY = 1.0
-"""Of the ridge, in plots: what a coefficient's square costs."""
+"""Penalty of the ridge for a squared coefficient, in plots."""
 RIGS = {"basil_rig": (10, 13), "arabidopsis_rig": (10, 13)}
 _NOISE_M, _NOISE_DEG = 0.010, 1.0
 _LEAST_SCENES = 3
@@ -77,8 +77,8 @@ class Plot:
 
     Attributes:
         name: of the capture.
-        scene: it is of; plots of one scene are left out together.
-        chamfer_m: to the truth.
+        scene: name; plots of one scene are left out together.
+        chamfer_m: chamfer distance to the truth.
         features: from `plot_features`.
     """
 
@@ -92,14 +92,14 @@ def run_score_prediction(
     folder: Path, *, data: Path | None = None, fitted: int = 6, held_out: int = 2, cache: StageCache,
     progress: Progress,
 ) -> StudyResult:  # fmt: skip
-    """Fit to the tuning scenes, check on the cases, on the recorded rigs where there are any.
+    """Fit to the tuning scenes; check on the cases and, if given, on the recorded rigs.
 
     Args:
-        folder: of captures; what it lacks is made and kept. fit/prediction.json in it is the model to ship.
+        folder: of captures; missing ones are made and kept. Its fit/prediction.json is the model to ship.
         data: folder of the recorded sets, or None.
         fitted, held_out: captures of each scene; see `designs`.
         cache: of stages, for the rigs.
-        progress: told of stages.
+        progress: receives the stages.
 
     Raises:
         RenderingError: this machine cannot render.
@@ -138,7 +138,7 @@ def run_score_prediction(
 
 
 def stored_plots(folder: Path) -> tuple[list[Plot], int]:
-    """Plots of stored captures with figures and truth, and how many captures have none."""
+    """Plots of stored captures with figures and truth, and the number of captures without."""
     plots, refused = [], 0
     for record, arrays in read_captures(folder):
         features = stored_features(record["plot"], arrays)
@@ -166,15 +166,16 @@ def stored_features(plot: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> di
 
 
 def fit(plots: Sequence[Plot]) -> tuple[PredictionModel, dict[tuple[str, ...], float]]:
-    """The model of plots, its figures chosen by leaving out one scene after the other.
+    """Fit the model; its figures are chosen by leaving out one scene at a time.
 
-    There are at most `MOST_FEATURES`, and one for each `PLOTS_PER_FEATURE` plots; more of them have to pay (`BETTER`).
+    There are at most `MOST_FEATURES`, and one per `PLOTS_PER_FEATURE` plots; more figures must lower the error
+    (`BETTER`).
 
     Raises:
         UsageError: fewer than three scenes.
 
     Returns:
-        The model, and of every set of figures the root mean square error in log(chamfer_m).
+        The model, and the root mean square error in log(chamfer_m) of every set of figures.
     """
     scenes = {plot.scene for plot in plots}
     if len(scenes) < _LEAST_SCENES:
@@ -194,7 +195,7 @@ def fit(plots: Sequence[Plot]) -> tuple[PredictionModel, dict[tuple[str, ...], f
 
 @dataclass(frozen=True)
 class Check:
-    """A plot's prediction beside its truth; with a ``reason`` why it is refused, what would have been said."""
+    """A plot's prediction and truth; with a ``reason`` if the prediction is refused."""
 
     plot: Plot
     predicted_m: float
@@ -209,12 +210,12 @@ class Check:
 
 
 def left_out(plots: Sequence[Plot], chosen: Sequence[str]) -> list[Check]:
-    """Every scene's plots by a fit to the others; the interval is as wide as that of the fit to all."""
+    """Each scene's plots by a fit to the others, with the interval of the fit to all."""
     return _each_left_out(plots, chosen, _half_width(plots, chosen))
 
 
 def checked(plots: Sequence[Plot], model: PredictionModel) -> list[Check]:
-    """Plots by a fit they have no part in; what lies outside of its range is refused."""
+    """Plots by a fit without them; plots outside its range are refused."""
     found = []
     for plot in plots:
         prediction = predict(plot.features, model)
@@ -226,7 +227,7 @@ def checked(plots: Sequence[Plot], model: PredictionModel) -> list[Check]:
 
 
 def names(model: PredictionModel) -> tuple[str, ...]:
-    """Of its figures."""
+    """Names of its figures."""
     return tuple(feature.name for feature in model.features)
 
 
@@ -272,7 +273,7 @@ def _fitted(plots: Sequence[Plot], chosen: Sequence[str], half_width: float) -> 
 
 
 def _lowest(name: str, values: Array) -> float:
-    """End of a figure's range. Below a certain place nothing changes, so ``spread_m`` may be as small as it can be."""
+    """Lower end of a figure's range; ``spread_m`` may be as small as possible: small place errors change nothing."""
     return RESTING_M if name == "spread_m" else float(values.min())
 
 
@@ -282,7 +283,7 @@ def _guard(plots: Sequence[Plot], name: str) -> Guard:
 
 
 def _check(plot: Plot, model: PredictionModel, reason: str = "") -> Check:
-    """A prediction without regard to the range."""
+    """A prediction regardless of the range."""
     found = extrapolated(plot.features, model)
     assert found.chamfer_m is not None
     assert found.low_m is not None
@@ -343,7 +344,7 @@ def plot_table(checks: Sequence[Check]) -> ResultTable:
 
 
 def rig_plots(data: Path, sizes: Mapping[str, Sequence[int]], *, cache: StageCache, progress: Progress) -> list[Plot]:
-    """Few photographs of recorded rigs, even rings and arcs, scored against the reference of all photographs."""
+    """Rings and arcs of few photographs of the recorded rigs, scored against the reference of all photographs."""
     plots = []
     for name, counts in sizes.items():
         rig = load_rig(data, name, cache=cache, progress=progress)
@@ -366,7 +367,7 @@ def rig_plots(data: Path, sizes: Mapping[str, Sequence[int]], *, cache: StageCac
 
 
 def recorded_plot(name: str, scene: str, folder: Path, reference: Reference, cache: StageCache) -> Plot | None:
-    """A capture reconstructed without the reference, and scored against it; None where it gives no figures."""
+    """A capture reconstructed without the reference and scored against it; None without figures."""
     settings = ReconstructionSettings()
     try:
         found = reconstruct(read_capture(folder), settings, cache=cache, progress=Silent())

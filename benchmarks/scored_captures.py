@@ -1,6 +1,6 @@
-"""Few photographs of simulated plots, evaluated as a person's are who has no reference, and scored against the truth.
+"""Few photographs of simulated plots, evaluated without a reference and scored against the truth.
 
-The plots that figures of plants and predicted scores are measured on. Kept in a folder: what is there is kept.
+Plants' figures and predicted scores are measured on them. Captures in a folder are kept.
 """
 
 from __future__ import annotations
@@ -52,15 +52,15 @@ _FEWEST = 6
 
 @dataclass(frozen=True)
 class Design:
-    """One capture to make.
+    """A capture to make.
 
     Attributes:
         scene: by name.
-        number: of the capture of this scene.
+        number: of the capture within its scene.
         kind: of the set of cameras: a family at random parameters, ``"random"``, or ``"circle"``, the plain plan.
-        cameras: how many.
+        cameras: number of cameras.
         position_m, angle_deg: noise of the poses, standard deviation per axis.
-        image_grey: noise beside the scene's own grain, grey levels.
+        image_grey: noise in addition to the scene's grain, grey levels.
         wind_m: sway of the leaves.
     """
 
@@ -81,7 +81,7 @@ class Design:
 def designs(
     fitted: int = FITTED_EACH, held_out: int = HELD_OUT_EACH, *, start: tuple[int, int] = (0, 0)
 ) -> list[Design]:
-    """Captures of very different quality, scenes of the fit and held-out ones in turns.
+    """Captures of very different quality, of the fit's scenes and held-out ones in turn.
 
     Args:
         fitted: number of captures of each scene of `FITTED`.
@@ -106,12 +106,12 @@ def _design(scene: str, index: int, number: int) -> Design:
 
 
 def make_captures(folder: Path, wanted: Sequence[Design], *, progress: Progress) -> None:
-    """Render, evaluate and score every design that ``folder`` lacks.
+    """Render, evaluate and score every design that is missing in ``folder``.
 
     Args:
         folder: gets NAME.json and NAME.npz of each.
-        wanted: scenes are built anew where they change.
-        progress: told of stages.
+        wanted: designs, grouped by scene, since a change of scene builds it anew.
+        progress: receives the stages.
 
     Raises:
         RenderingError: this machine cannot render.
@@ -137,7 +137,7 @@ def make_captures(folder: Path, wanted: Sequence[Design], *, progress: Progress)
 
 
 def cameras_of(design: Design, proxy: Proxy) -> Cameras:
-    """The commanded cameras of a design, feasible."""
+    """The feasible commanded cameras of a design."""
     rng = np.random.default_rng([42, design.number, *design.scene.encode()])
     envelope = Envelope.around(Cloud(proxy.plot.points), proxy.volume)
     if design.kind == "random":
@@ -163,13 +163,13 @@ def _make(folder: Path, design: Design, description: SceneDescription, proxy: Pr
             sidecars=Sidecars(poses=True, accuracy_m=max(_CLAIMED_M, design.position_m), camera=True),
         )  # fmt: skip
         _leave_out(whole, part, design)
-        cache = StageCache(Path(temporary) / "cache")  # the part has the whole's features
+        cache = StageCache(Path(temporary) / "cache")  # shared features of the whole and the part
         for capture, name in ((part, f"{design.name}-part"), (whole, design.name)):
             _evaluate(folder, name, design, capture, proxy, cache)
 
 
 def _leave_out(whole: Path, part: Path, design: Design) -> None:
-    """Some of a capture's photographs, as if the others were missing: any of them, or those of one side."""
+    """A capture without some photographs: random ones, or those of one side."""
     rng = np.random.default_rng([43, design.number, *design.scene.encode()])
     names = sorted(path.name for path in whole.glob("*.jpg"))
     kept = int(rng.integers(_FEWEST, len(names) - 1))
@@ -211,7 +211,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
 
 
 def truth_scores(found: Reconstruction, proxy: Proxy) -> dict[str, Any] | None:
-    """Scores of the plot's own plants against the scene's true cloud; None where nothing of it is there."""
+    """Scores of the plot's own plants against the scene's true cloud; None without points."""
     to_scene = found.sparse.frame.plot_from_source.inverse()
     own = crop(found.plants.transformed(to_scene), proxy.volume)
     if not found.sparse.frame.metric or not len(own):
@@ -227,7 +227,7 @@ def truth_scores(found: Reconstruction, proxy: Proxy) -> dict[str, Any] | None:
 
 
 def _arrays(found: Reconstruction) -> dict[str, NDArray[Any]]:
-    """What figures are computed of, so that others can be tried without rendering again."""
+    """The inputs of figures, so that others can be tried without rendering again."""
     plants, sparse = found.plants, found.sparse
     names = sorted(sparse.poses)
     model = sparse.model
@@ -257,7 +257,7 @@ def _arrays(found: Reconstruction) -> dict[str, NDArray[Any]]:
 
 
 def read_captures(folder: Path) -> Iterator[tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
-    """What `make_captures` left, by name."""
+    """The results of `make_captures`, by name."""
     for path in sorted(folder.glob("*.json")):
         record = json.loads(path.read_text(encoding="utf-8"))
         npz = path.with_suffix(".npz")

@@ -1,4 +1,4 @@
-"""A season of a campaign: many simulated plots on several dates, evaluated by one command that is killed on its way."""
+"""A season of a campaign: many simulated plots on several dates, evaluated by one command that is killed twice."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ def run_season(
     plots: int = PLOTS, *, seed: int = 0, width_px: int = 2000, workers: int = 1, work: Path | None = None,
     progress: Progress,
 ) -> StudyResult:  # fmt: skip
-    """Photograph ``plots`` plots on two dates, and evaluate the card in one campaign, killed twice and resumed.
+    """Photograph ``plots`` plots on two dates, and evaluate all in one campaign, killed twice and resumed.
 
     Args:
         plots: 1 to 100, each with plants, heading, light and soil of its own.
         seed: of everything.
         width_px: of the photographs.
         workers: processes.
-        work: keeps photographs and the campaign; a temporary folder where None.
-        progress: told of stages.
+        work: keeps photographs and the campaign; None takes a temporary folder.
+        progress: receives the stages.
 
     Raises:
         ReconstructionError: the command failed, or its table is not complete.
@@ -85,7 +85,7 @@ def run_season(
 def _run_to_the_end(
     campaign: Path, card: Path, expected: int, workers: int, progress: Progress
 ) -> tuple[list[_Run], int]:
-    """Start the command until it ends by itself; how often, and how many rows were computed again."""
+    """Start the command until it ends by itself; returns the number of starts and of rows computed again."""
     runs, twice = [], 0
     limits: list[float | None] = [*(share * expected for share in _KILLED_AT), None]
     with progress.stage("The campaign", expected) as advance:
@@ -116,7 +116,7 @@ def _run(campaign: Path, card: Path, workers: int, limit: float | None, advance:
                 advance(rows - done)
                 done = rows
             if limit is not None and rows >= limit and not killed:
-                # The command alone: its workers have to notice by themselves.
+                # The command only: its workers must notice by themselves.
                 os.kill(process.pid, signal.SIGKILL)
                 killed = True
             time.sleep(0.5)
@@ -132,7 +132,7 @@ def _run(campaign: Path, card: Path, workers: int, limit: float | None, advance:
 
 
 def _memory(pid: int) -> int:
-    """Resident bytes of a process and those it started; pages they share are counted for each."""
+    """Resident bytes of a process and its children; shared pages count for each."""
     try:
         parent = psutil.Process(pid)
         return sum(p.memory_info().rss for p in [parent, *parent.children(recursive=True)])
@@ -145,7 +145,7 @@ def _rows(campaign: Path) -> dict[tuple[str, str], Mapping[str, Any]]:
 
 
 def _against_truth(campaign: Path, each: Flown) -> float | None:
-    """Chamfer distance of the visit's cloud to the true plants, metres; None where there is no cloud."""
+    """Chamfer distance of the visit's cloud to the true plants, metres; None without a cloud."""
     folder = campaign / "visits" / each.name / f"{DATES[each.date]:%Y-%m-%d}" / each.name
     if not (folder / "cloud.ply").is_file():
         return None

@@ -29,7 +29,7 @@ STATIONS = 13
 DATES = (datetime(2026, 6, 11, 9, 0), datetime(2026, 6, 25, 9, 0))
 _STAGES: tuple[tuple[Any, ...], ...] = (("V5", "V6"), ("V7", "V8"))
 _NOISE = CaptureNoise(position_m=0.05, angle_deg=1.2, image_sigma=2.0)
-"""Of poses: a small multicopter with RTK in light wind. Geotags have RTK's noise."""
+"""Noise of a small multicopter with RTK in light wind. Geotags have RTK's noise."""
 _WIND_M = 0.003
 _FIELD = LocalFrame(52.2960, 10.4370, 81.0, "ellipsoid")
 _APART_M = (6.0, 4.0)
@@ -38,7 +38,7 @@ _COLUMNS = 8
 
 @dataclass(frozen=True)
 class Flown:
-    """One plot on one date.
+    """A plot on a date.
 
     Attributes:
         plot: number from 0.
@@ -60,7 +60,7 @@ class Flown:
 
     @property
     def photographs(self) -> Path:
-        """Named as a card names its folders: nothing in it says which plot this is."""
+        """The folder's name as on a memory card, without the plot's name."""
         return self.folder / "card" / f"{100 + self.date * 400 + self.plot}MEDIA"
 
     @property
@@ -115,18 +115,18 @@ def photograph(each: Flown) -> None:
 
 @cache
 def _stations(width_px: int, seed: int) -> Sequence[Pose]:
-    """A ring about the first plot on the first date: the plan that all plots share."""
+    """A ring about the first plot on the first date: the plan of all plots."""
     first = _description(Flown(0, 0, width_px, Path(), seed))
     return ring_about(STATIONS, 1.4, 1.3)(build(first), first.camera)
 
 
 def make_campaign(campaign: Path, work: Path, plots: int, width_px: int, seed: int) -> None:
-    """Make a campaign of a ring of 13 stations over plots whose place and heading are known.
+    """Make a campaign of a ring of 13 stations over plots of known place and heading.
 
     Args:
         campaign: its folder.
         work: gets plan.json, site.toml and plots.geojson.
-        plots: how many.
+        plots: number of plots.
         width_px: of the photographs.
         seed: of the plots.
     """

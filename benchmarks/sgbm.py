@@ -1,7 +1,7 @@
-"""The baseline that `python -m benchmarks engine` compares with: OpenCV's semi-global matching.
+"""The dense baseline of `python -m benchmarks engine`: OpenCV's semi-global matching.
 
-Not used by any reconstruction. Each view is rectified with its best source views, matched by StereoSGBM, and the
-median of the pairs' depths is its depth map, which goes through the same fusion as ours.
+Each view is rectified with its best source views and matched by StereoSGBM. The median of the pairs' depths is its
+depth map, which is fused as in fieldkit.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from fieldkit.reconstruction.dense.support import gray
 from fieldkit.reconstruction.dense.views import DepthMap, View
 
 PAIRS = 3
-# The best of six settings tried on a tuning scene: larger blocks and OpenCV's usual penalties (8 and 32 times the
-# block's area), uniqueness and speckle filters all lost more true depths than false ones.
+# The best of six settings on a tuning scene: larger blocks, OpenCV's usual penalties (8 and 32 times the block's area),
+# uniqueness and speckle filters lost more true depths than false ones.
 _BLOCK = 3
 
 
@@ -49,7 +49,7 @@ class Rectified:
 def sgbm_depth_maps(views: Sequence[View], volume: Volume, settings: Settings) -> list[DepthMap]:
     """Depth maps by OpenCV StereoSGBM on the `PAIRS` best pairs of each view; deterministic.
 
-    Costs are 0 where there is a depth, and normals are zero: the matcher gives neither.
+    Costs are 0 where there is a depth, and normals are zero, since the matcher gives neither.
     """
     pairs = choose_sources(views, volume, replace(settings, sources=PAIRS))
     return [_depth_map(view, [views[j] for j in pairs[i]], volume) for i, view in enumerate(views)]
@@ -85,7 +85,7 @@ def _pair_depth(view: View, source: View, volume: Volume) -> NDArray[np.float64]
     shift = float(pair.left_center[0] - pair.right_center[0])
     lowest = int(np.floor(pair.focal * pair.baseline / depths.max() + shift)) - 1
     highest = int(np.ceil(pair.focal * pair.baseline / depths.min() + shift)) + 1
-    if highest - lowest > pair.left.shape[1]:  # too far apart: more disparities to try than there are columns
+    if highest - lowest > pair.left.shape[1]:  # more disparities than columns
         return None
     matcher = cv2.StereoSGBM.create(
         minDisparity=lowest,
@@ -97,7 +97,7 @@ def _pair_depth(view: View, source: View, volume: Volume) -> NDArray[np.float64]
         uniquenessRatio=0,
         speckleWindowSize=0,
     )
-    # OpenCV leaves out as many columns at the left as the largest disparity, at the right as the smallest if negative.
+    # OpenCV omits columns at the left by the largest disparity, and at the right by the smallest if it is negative.
     count = matcher.getNumDisparities()
     before, after = max(lowest + count, 0) + _BLOCK, max(-lowest, 0) + _BLOCK
     left, right = (
@@ -122,7 +122,7 @@ def _pair_depth(view: View, source: View, volume: Volume) -> NDArray[np.float64]
 
 
 def rectify(view: View, source: View, volume: Volume) -> Rectified | None:
-    """Both views on one image plane along their baseline (Fusiello et al. 2000), cut to where the volume is seen.
+    """Both views on one image plane along their baseline (Fusiello et al. 2000), cut to the visible volume.
 
     Returns:
         The pair, or None where the volume is behind a rectified camera or its image has no sensible size.

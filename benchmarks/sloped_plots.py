@@ -18,13 +18,13 @@ from fieldkit.scenes.description import SceneDescription, build, sample_referenc
 from fieldkit.scenes.scene import Mesh, Scene
 
 _LOWEST_M = 0.03  # as `Proxy` has it
-_ROUGHNESS_M = _LOWEST_M / 3.0  # of which reconstruction leaves out three
+_ROUGHNESS_M = _LOWEST_M / 3.0  # reconstruction leaves out three times this
 _MARGIN_M = 0.03
 _NEIGHBOUR, _FOOT_M = "neighbour-", 0.03
 
 
 class SlopedSource(SimulatedSource):
-    """Photographs of a plot whose ground is a plane; what lies less than 3 cm above it is no plant.
+    """Photographs of a plot whose ground is a plane; points less than 3 cm above it do not count as plants.
 
     Args:
         proxy: made by `sloped_proxy`.
@@ -43,12 +43,12 @@ class SlopedSource(SimulatedSource):
 
 
 def sloped_proxy(description: SceneDescription, slope: Gradient, level: Scene | None = None) -> Proxy:
-    """A scene on a slope with its truth: plants stay upright and are moved as one piece each, the ground is sheared.
+    """A scene on a slope with its truth: each plant is moved upright as one piece, the ground is sheared.
 
     Args:
         description: of the scene.
         slope: rise along x and y.
-        level: what `build` makes of the description, where that is there.
+        level: the description's built scene, if there is one.
     """
     scene = sloped(build(description) if level is None else level, slope)
     visible = sample_reference(description, scene)
@@ -58,7 +58,7 @@ def sloped_proxy(description: SceneDescription, slope: Gradient, level: Scene | 
 
 
 def sloped(scene: Scene, slope: Gradient) -> Scene:
-    """The scene's meshes on a slope; the sky stays."""
+    """The scene's meshes on a slope; the sky is unchanged."""
     if slope == LEVEL:
         return scene
     return replace(scene, meshes=tuple(_sloped_mesh(mesh, slope) for mesh in scene.meshes))
@@ -89,14 +89,14 @@ def sheared(cameras: Cameras, slope: Gradient) -> Cameras:
 
 
 def shifted(cameras: Cameras, slope: Gradient) -> Cameras:
-    """Cameras at their heights above the local ground, their angles as on the level."""
+    """Cameras at their heights above the local ground, with the angles of the level plot."""
     positions = np.array(cameras.positions)
     positions[:, 2] += positions[:, :2] @ np.array(slope)
     return Cameras(positions, cameras.yaw_deg, cameras.pitch_deg)
 
 
 def turned(cameras: Cameras, slope: Gradient) -> Cameras:
-    """Cameras turned about the origin as one piece with the ground; the roll that this gives them is dropped."""
+    """Cameras turned about the origin with the ground; the resulting roll is dropped."""
     steepness = float(np.hypot(*slope))
     if steepness == 0.0:
         return cameras

@@ -1,4 +1,4 @@
-"""Subsets of a recorded rig: which views, and what became of them."""
+"""Pictures of subsets of a recorded rig and their results."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _COLORS = COLORS[:2]
 
 @dataclass(frozen=True, eq=False)
 class Subset:
-    """One subset with its outcome.
+    """A subset with its result.
 
     Attributes:
         name: for people.
@@ -53,12 +53,12 @@ class Subset:
 def draw_subsets(
     centers: NDArray[np.float64], subsets: Sequence[Subset], values: Sequence[float], volume: Volume
 ) -> Figure:
-    """A row for each subset: its cameras on the rig, its cloud from above and from the front; last, all values.
+    """A row for each subset: its cameras on the rig, and its cloud from above and from the front; then all values.
 
     Args:
-        centers: (n, 3) of all views that could be chosen, metres.
+        centers: (n, 3) of all candidate views, metres.
         subsets: at most two.
-        values: metres, of every subset that was tried.
+        values: of every tried subset, metres.
         volume: of interest.
     """
     figure = new_figure(_WIDTH, _TITLE + _ROW * len(subsets), "Random subsets of a recorded rig")

@@ -27,7 +27,7 @@ _FIGURES = ("name", "images", "registered", "right", "chamfer_m", "accuracy_m", 
 def run_subset_scores(
     data: Path, subsets: Mapping[str, tuple[int, ...]] = SUBSETS, *, cache: StageCache, progress: Progress
 ) -> StudyResult:
-    """One evaluation per rig, its plots the uniform subsets at both phases; once as they are, once with ICP."""
+    """One evaluation per rig, whose plots are the uniform subsets at both phases; with and without ICP."""
     wall, cpu = time.perf_counter(), time.process_time()
     rows: list[tuple[Cell, ...]] = []
     figures = {}
@@ -69,7 +69,7 @@ def run_subset_scores(
 
 
 def score_row(rig: str, plot: PlotEvaluation, *, refine: bool) -> tuple[Cell, ...]:
-    """One plot's figures as the table has them."""
+    """A plot's row of the table."""
     means = (plot.chamfer_m, plot.accuracy_m, plot.completeness_m)
     f_scores = [None if plot.f_score is None else plot.f_score[distance_key(d)] for d in F_DISTANCES_M]
     cells = [

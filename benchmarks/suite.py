@@ -1,4 +1,4 @@
-"""Running studies one after the other, and what is written of them."""
+"""Running studies one after the other, and writing their results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.progress import Progress
 
 Options = TypeVar("Options")
-"""What a suite's studies are run with."""
+"""Options of a suite's studies."""
 RESULT_FILE, TABLES_FILE = "results.json", "results.md"
 _LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "pycolmap", "point-cloud-utils")
 
@@ -36,20 +36,20 @@ def run_studies(
 
     Args:
         output: folder of the result.
-        names: of studies, of which each is run once; none takes ``default``.
+        names: of studies, each run once; empty takes ``default``.
         known: studies by name.
-        default: names.
+        default: names of studies.
         options: for all of them.
-        progress: told of stages.
+        progress: receives the stages.
         overwrite: replace an earlier result in ``output``.
 
     Raises:
-        UsageError: there is no such study, or ``output`` exists.
+        UsageError: no study has this name, or ``output`` exists.
     """
     chosen = list(dict.fromkeys(names)) or list(default)
     unknown = [name for name in chosen if name not in known]
     if unknown:
-        raise UsageError(f"there is no study {unknown[0]!r}", remedy=f"Choose of {', '.join(known)}.")
+        raise UsageError(f"there is no study {unknown[0]!r}", remedy=f"Choose one of {', '.join(known)}.")
     with atomic_folder(output, overwrite=overwrite, marker=RESULT_FILE) as folder:
         results = []
         for name in chosen:

@@ -1,4 +1,4 @@
-"""Figures of a simulated plot's own plants, from their meshes: what those of reconstructed plants are held against."""
+"""Figures of a simulated plot's own plants, from their meshes: the truth for reconstructed plants."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _PIXEL_M = 0.001
 
 @dataclass(frozen=True)
 class TrueFigures:
-    """Of a scene's plants, from their meshes; metres.
+    """Figures of a scene's plants, from their meshes; metres.
 
     Attributes:
         height_m: 95 % of the voxels of their visible surfaces are lower; above z = 0.
         height_max_m: of the highest vertex.
-        covered_m2: below them within the volume of interest, from triangles drawn at 1 mm.
+        covered_m2: covered ground within the volume of interest, from triangles drawn at 1 mm.
         hull_m3: convex hull of the vertices within the volume of interest.
     """
 
@@ -41,7 +41,7 @@ class TrueFigures:
 
 
 def true_figures(proxy: Proxy) -> TrueFigures:
-    """Of a scene's own plants."""
+    """The true figures of a scene's own plants."""
     meshes = [mesh for mesh in proxy.scene.meshes if mesh.plant]
     vertices = np.concatenate([mesh.vertices.astype(np.float64) for mesh in meshes])
     surface = voxel_thin(Cloud(proxy.reference.points), 0.01).points
@@ -67,12 +67,12 @@ def _drawn_m2(triangles: NDArray[np.float64], volume: Volume) -> float:
 
 
 def kept_truth(folder: Path, scene: str, proxy: Proxy | None = None) -> tuple[Volume, TrueFigures]:
-    """Volume of interest and true figures of a scene, from a file in ``folder`` or else computed and written there.
+    """Volume of interest and true figures of a scene, read from ``folder``, or computed and written there.
 
     Args:
         folder: of captures.
         scene: by name.
-        proxy: of the scene where it is built already.
+        proxy: of the scene, if it is built already.
     """
     path = folder / FOLDER / f"{scene}.json"
     if path.is_file():

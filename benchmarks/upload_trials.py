@@ -20,18 +20,18 @@ from fieldkit.standin.replay import Replay
 
 _MAVSDK_REPLY_S = 0.5
 _WITH_GPS_S = 45.0
-"""Where in the recordings the vehicle stands at home with a position."""
+"""Time in the recordings at which the vehicle stands at home with a position."""
 
 
 @dataclass(frozen=True)
 class Trials:
-    """Outcome of many uploads.
+    """Results of many uploads.
 
     Attributes:
         count: uploads.
-        succeeded: that the caller was told ended well.
-        identical: of these, for which the vehicle then held exactly what was read back, home aside.
-        attempts: uploads within them, one each where nothing went wrong.
+        succeeded: uploads reported as successful.
+        identical: of these, uploads after which the vehicle held exactly what was read back, except home.
+        attempts: uploads within them, one each without failures.
         downloads: read-backs within them.
         packets, lost: of the whole link, both ways.
         seconds: of wall time.
@@ -65,13 +65,13 @@ def upload_trials(
     """Upload a mission ``count`` times over a link with faults, each onto a vehicle that holds an older mission.
 
     Args:
-        count: uploads; each has a vehicle and random numbers of its own.
-        loss: share of packets that is lost, each way.
+        count: number of uploads; each has its own vehicle and random numbers.
+        loss: share of lost packets, each way.
         seed: of the random numbers.
         items: of the mission, without home.
         recording: of a vehicle, for its telemetry.
-        speed: vehicle seconds per second. The time-outs of both sides are scaled alike, so the statistics are those
-            of real time as long as this machine answers within a few hundredths of a second.
+        speed: vehicle seconds per second. Time-outs of both sides are scaled too, so statistics are those of real time
+            if this machine answers within a few hundredths of a second.
         duplicate: share of packets that arrives twice.
         delay_s: mean time under way, vehicle seconds.
     """
@@ -106,15 +106,15 @@ def upload_trials(
 
 @dataclass(frozen=True)
 class CutTrials:
-    """Outcome of uploads whose link broke, each repeated over the mended link.
+    """Results of uploads whose link broke, each repeated over the restored link.
 
     Attributes:
         count: links that broke.
         unheard: that broke before the vehicle was heard; nothing was sent.
-        completed: that broke after all had been said: the upload ended well.
-        told: what was told of the vehicle, by the names of `Held`.
-        untrue: for which the vehicle held something else.
-        whole: after which the repeated upload ended with the new mission whole, and the vehicle held it.
+        completed: links that broke after the upload had ended well.
+        told: reported states of the vehicle, by the names of `Held`.
+        untrue: reports that were wrong.
+        whole: repeated uploads after which the vehicle held the whole new mission.
         failures: messages of the repeated uploads that failed.
     """
 
@@ -130,14 +130,14 @@ class CutTrials:
 def cut_trials(
     count: int, seed: int, *, items: Sequence[MissionItem], recording: Path, loss: float = 0.02, speed: float = 16.0
 ) -> CutTrials:
-    """Break the link after a random number of packets, look at what is told, mend it and repeat the upload.
+    """Break the link after a random number of packets, check the report, restore the link and repeat the upload.
 
     Args:
         count: links.
         seed: of the random numbers.
         items: of the mission, without home.
         recording: of a vehicle, for its telemetry.
-        loss: share of packets that is lost, each way, before the link breaks and after.
+        loss: share of lost packets, each way, before the link breaks and after.
         speed: vehicle seconds per second.
     """
     source = read_recording(recording)

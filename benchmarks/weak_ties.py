@@ -1,4 +1,4 @@
-"""`weak-ties`: few views whose pairs have little in common, with their sub-models put together and left apart."""
+"""`weak-ties`: few views with few matches, with sub-models merged and left apart."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fieldkit.runtime.progress import Progress
 
 SETS: Mapping[str, Sequence[int]] = {"basil_rig": (10, 13), "arabidopsis_rig": (10, 13)}
 KEPT = (1.0, 0.4)
-"""Shares of all matches that are not withheld."""
+"""Shares of all matches that are kept."""
 _GAP_DEG = 55.0
 _PHASES = 4
 _WAYS = {
@@ -32,9 +32,10 @@ _WAYS = {
 
 
 def run_weak_ties(data: Path, *, cache: StageCache, progress: Progress) -> StudyResult:
-    """Even subsets and such with two gaps, with all matches and with a random part of them withheld.
+    """Map even subsets and subsets with two gaps, with all matches and with a random share withheld.
 
-    A match is withheld with one of its features: each photograph keeps the root of the matches' share at random.
+    A match is withheld with one of its features: each photograph keeps a random share of them, the root of the matches'
+    share.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     rows: list[tuple[Cell, ...]] = []
@@ -65,12 +66,12 @@ def run_weak_ties(data: Path, *, cache: StageCache, progress: Progress) -> Study
 
 
 def with_gaps(names: Sequence[str], count: int, phase: int = 0) -> tuple[str, ...]:
-    """``count`` of a circle's photographs, evenly but for two gaps of 55° opposite each other.
+    """``count`` of a circle's photographs, evenly except for two opposite gaps of 55°.
 
     Args:
         names: once around, evenly.
         count: of photographs.
-        phase: number of the photograph in the middle of the first gap.
+        phase: index of the photograph in the middle of the first gap.
     """
     halves = ((0.0, count - count // 2), (180.0, count // 2))
     wanted = np.concatenate([s + _GAP_DEG / 2 + np.linspace(0.0, 180.0 - _GAP_DEG, n) for s, n in halves])

@@ -1,4 +1,4 @@
-"""Content-addressed cache of what a stage computed: the key is a digest of everything the result depends on.
+"""Content-addressed cache of the stages' results: the key is a digest of everything a result depends on.
 
 An entry is an uncompressed .npz, written under a temporary name and renamed, so that several processes may share one
 cache and may be killed at any moment. Its CRCs and the digest of its members' names show damage; a damaged entry is
@@ -34,14 +34,14 @@ class CacheWarning(UserWarning):
 
 
 class StageSize(NamedTuple):
-    """What one stage keeps."""
+    """The entries of one stage."""
 
     entries: int
     bytes: int
 
 
 class Removed(NamedTuple):
-    """What pruning took away."""
+    """The entries removed by pruning."""
 
     entries: int
     bytes: int
@@ -63,7 +63,7 @@ def digest(*parts: Any) -> str:
     order), dataclasses by their class's name and fields.
 
     Raises:
-        TypeError: a value of another type; a path, for one, means something else on every machine.
+        TypeError: a value of another type, such as a path, which means something else on every machine.
     """
     state = hashlib.blake2b(digest_size=16)
     for part in parts:
@@ -72,7 +72,7 @@ def digest(*parts: Any) -> str:
 
 
 def default_cache_root() -> Path:
-    """FIELDKIT_CACHE where it is set, else the place the system has for caches."""
+    """FIELDKIT_CACHE if it is set, else the system's folder for caches."""
     chosen = os.environ.get("FIELDKIT_CACHE")
     if chosen:
         return Path(chosen).expanduser()
@@ -118,7 +118,7 @@ class StageCache:
                 arrays = {name: archive[name] for name in archive.files}
                 if archive.zip is None or archive.zip.comment != _contents(arrays):
                     raise ValueError("an array is missing")
-        except Exception:  # damage shows in many ways: BadZipFile, ValueError, OSError, zlib.error, MemoryError …
+        except Exception:  # damage raises BadZipFile, ValueError, OSError, zlib.error, MemoryError …
             with suppress(OSError):
                 path.unlink()
             return None
@@ -162,7 +162,7 @@ class StageCache:
     def prune(self, *, max_bytes: int | None = None, older_than: float | None = None) -> Removed:
         """Remove entries not used for ``older_than`` seconds, then the longest unused until ``max_bytes`` are left.
 
-        What killed runs left half-written goes too.
+        Half-written files of killed runs are removed too.
         """
         self._remove_abandoned()
         entries = sorted(self._entries(), key=lambda entry: (entry.used, str(entry.path)))
@@ -185,7 +185,7 @@ class StageCache:
         return Removed(count, freed)
 
     def clear(self) -> Removed:
-        """Remove every entry; files that are not the cache's own stay."""
+        """Remove every entry; other files stay."""
         return self.prune(max_bytes=-1)
 
     def _folders(self) -> Iterator[tuple[str, Path]]:
@@ -217,11 +217,11 @@ class StageCache:
         for _, folder in list(self._folders()):
             for place in (folder, folder.parent):
                 with suppress(OSError):
-                    place.rmdir()  # refused where anything is left
+                    place.rmdir()  # fails unless it is empty
 
 
 def _write_npz(file: IO[bytes], arrays: dict[str, np.ndarray]) -> None:
-    # np.savez would take an array named "file" for its argument, and writes the time of day into the file.
+    # np.savez would take an array named "file" as its argument, and writes the time of day into the file.
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():
             with archive.open(zipfile.ZipInfo(f"{name}.npy"), "w", force_zip64=True) as member:

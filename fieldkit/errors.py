@@ -1,4 +1,4 @@
-"""The exceptions fieldkit raises on purpose, and the exit code each stands for.
+"""The exceptions that fieldkit raises on purpose, and their exit codes.
 
 FieldkitError
 ├── UsageError            2   the call itself is wrong (flags, an existing result)
@@ -87,9 +87,9 @@ class ReconstructionError(FieldkitError):
         message: see `FieldkitError`.
         path: see `FieldkitError`.
         remedy: see `FieldkitError`.
-        registered: photographs that a mapper gave a pose all the same.
-        right: of these, not in contradiction to what is known of their poses.
-        models: that the mapper made.
+        registered: number of photographs with a pose nonetheless.
+        right: number of these whose pose agrees with what is known.
+        models: number of the mapper's models.
     """
 
     exit_code = 4
@@ -109,7 +109,7 @@ class ReconstructionError(FieldkitError):
 
 
 class MissionError(FieldkitError):
-    """A mission is unsafe, or nothing that the vehicle can fly."""
+    """A mission is unsafe, or the vehicle cannot fly it."""
 
     exit_code = 5
 

@@ -1,4 +1,4 @@
-"""Writing results so that a killed run, a full disk or a second run never leaves half of one behind."""
+"""Writing results so that a killed run, a full disk or a second run never leaves a partial result."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ _RENAME_EXCHANGE = 2
 def storage_errors(path: Path) -> Iterator[None]:
     """Turn the operating system's refusals to write at ``path`` into errors with a remedy.
 
-    A full disk is reported wherever it shows; refusals such as EACCES only where they concern ``path`` itself, its
-    parents or what lies in it, so that an unreadable input is not blamed on the output.
+    A full disk is always reported. Errors such as EACCES are reported only for ``path`` itself, its parents or its
+    content, so that an unreadable input is not blamed on the output.
 
     Raises:
         StorageError: in place of such an OSError. Other exceptions pass.
@@ -55,7 +55,7 @@ def storage_errors(path: Path) -> Iterator[None]:
 
 
 def check_writable(path: Path) -> None:
-    """Make sure that a file can be created in ``path``, or, where it does not exist, in its nearest parent.
+    """Make sure that a file can be created in ``path`` or, if it does not exist, in its nearest parent.
 
     Raises:
         StorageError: it cannot.
@@ -66,20 +66,20 @@ def check_writable(path: Path) -> None:
     with storage_errors(folder):
         if not folder.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
-        # Permission bits say little to root, on network disks and on read-only mounts: try it.
+        # Permission bits are unreliable for root, on network disks and on read-only mounts: try it.
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(b"\0")
 
 
 def file_beside(name: Path, owner: Path) -> Path | None:
-    """The file that another one names: in its folder or below; only an absolute path leads elsewhere.
+    """A file named in another file: in that file's folder or below, unless the path is absolute.
 
     Args:
-        name: as it is named.
+        name: path as written there.
         owner: the file that names it.
 
     Returns:
-        The file, links followed unless it was named absolutely; None where it leads out of the folder.
+        The file, with links followed unless the path is absolute; None if it leads out of the folder.
 
     Raises:
         OSError, RuntimeError: links in a circle.
@@ -96,7 +96,7 @@ def write_atomic(path: Path, data: bytes | str) -> None:
     """Write a file under a temporary name, sync it and rename it to ``path``; text is written as UTF-8.
 
     Raises:
-        StorageError: the place is full or not writable; an older file of that name is left as it was.
+        StorageError: the place is full or not writable; an older file of that name stays unchanged.
     """
     path = _absolute(path)
     content = data.encode("utf-8") if isinstance(data, str) else data
@@ -120,13 +120,12 @@ def write_atomic(path: Path, data: bytes | str) -> None:
 def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None = None) -> Iterator[Path]:
     """A temporary folder beside ``target`` that takes its name when the block ends without an error.
 
-    An empty folder at ``target`` counts as absent. What a killed run left beside ``target`` is removed.
+    An empty folder at ``target`` counts as absent. Leftovers of killed runs beside ``target`` are removed.
 
     Args:
         target: the result's folder.
         overwrite: replace an existing result; it stays in place until the new one is complete.
-        marker: name of a file that every such result holds. An existing folder without it is somebody's other work
-            and is never replaced.
+        marker: name of a file in every such result. An existing folder without it is never replaced.
 
     Raises:
         UsageError: ``target`` exists and ``overwrite`` is off or does not apply; raised before the block runs.
@@ -147,7 +146,7 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
         except BaseException as error:
             shutil.rmtree(partial, ignore_errors=True)
             if isinstance(error, StorageError) and error.path is not None and error.path.is_relative_to(partial):
-                error.path = target / error.path.relative_to(partial)  # the one a person knows, and that will be
+                error.path = target / error.path.relative_to(partial)  # the path that people know
             raise
         finally:
             if lock is not None:
@@ -155,7 +154,7 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
 
 
 def _absolute(path: Path) -> Path:
-    # Path.resolve would follow links, and a result belongs where the person pointed.
+    # Path.resolve would follow links, and the result must stay at the given path.
     return Path(os.path.abspath(Path(path).expanduser()))  # noqa: PTH100
 
 
@@ -183,7 +182,7 @@ def _concerns(error: OSError, path: Path) -> bool:
 
 
 def _partial_name(path: Path) -> Path:
-    # The name is cut, so that one as long as the file system allows still works.
+    # The name is cut, so that names of the greatest length allowed still work.
     return path.with_name(f".{path.name[:40]}.{secrets.token_hex(6)}{_PARTIAL}")
 
 
@@ -212,15 +211,15 @@ def _check_target(target: Path, overwrite: bool, marker: str | None) -> None:
 
 
 def _make_locked(partial: Path) -> int:
-    """Make the folder; the result is a descriptor whose lock says that its maker lives."""
+    """Make the folder; returns a descriptor whose lock shows that this process is alive."""
     while True:
         partial.mkdir()
         lock = os.open(partial, os.O_RDONLY)
-        with suppress(OSError):  # file systems without locks: nobody can take the folder for abandoned there
+        with suppress(OSError):  # a file system without locks, where no folder counts as abandoned
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if partial.exists():
             return lock
-        os.close(lock)  # another run took it for abandoned before it was locked
+        os.close(lock)  # another run removed it before it was locked
 
 
 def remove_if_abandoned(place: Path) -> None:
@@ -263,7 +262,7 @@ def _move_into_place(partial: Path, target: Path, overwrite: bool) -> None:
 
 
 def _exchange(a: Path, b: Path) -> bool:
-    """Swap two folders in one step (Linux renameat2); False where the system cannot."""
+    """Swap two folders in one step (Linux renameat2); False if the system cannot."""
     try:
         renameat2 = ctypes.CDLL(None, use_errno=True).renameat2
     except (OSError, AttributeError):

@@ -1,1 +1,1 @@
-"""Planning: where the cameras go, and what a set of them is worth."""
+"""Planning: sets of cameras, their value, and the search for the best."""

@@ -1,4 +1,4 @@
-"""What a search for cameras exchanges: the problem, trials, results, and the interface of the methods."""
+"""The data of a search for cameras: the problem, trials and results; and the interface of the methods."""
 
 from __future__ import annotations
 
@@ -25,21 +25,20 @@ _SAMPLE_STREAM = 31
 
 @dataclass(frozen=True, eq=False)
 class PlanningProblem:
-    """Which cameras are looked for, and what is known of the plot without taking photographs.
+    """The cameras to find, and what is known about the plots without photographs.
 
     Attributes:
-        count: N.
+        count: N, the number of cameras.
         envelope: the feasible set Z.
         camera: of the photographs, without distortion.
-        plots: that the cameras are for: one, or several of a kind. Z keeps clear of all of them.
-        views: of a recorded set, the only cameras there are; None where any camera of the envelope can be had.
-        blind: whether mapping must find the poses without commanded ones, so that sets may not register.
+        plots: the plots to photograph: one, or several of a kind. Z keeps clear of all of them.
+        views: the cameras of a recorded set, the only ones to choose from; None if any camera of the envelope will do.
+        blind: whether mapping works without commanded poses, so that sets may not register.
         exact: whether a set has the same value at every seed.
-        unmet: further plots of the kind, numbered after ``plots``, on which finalists are confirmed. Nothing is
-            optimised for them.
+        unmet: further plots of the kind, numbered after ``plots``, on which finalists are only confirmed.
 
     Raises:
-        UsageError: fewer than three cameras, or more than there are views, or matches of other views.
+        UsageError: fewer than three cameras, more cameras than views, or matches of another number of views.
     """
 
     count: int
@@ -60,13 +59,13 @@ class PlanningProblem:
             raise UsageError(f"a plan needs at least {_LEAST} cameras, not {self.count}")
         if self.views is not None and len(self.views) < self.count:
             raise UsageError(
-                f"{self.count} cameras are asked of a set of {len(self.views)} photographs",
+                f"{self.count} cameras are asked for, but the set has {len(self.views)} photographs",
                 remedy="Ask for fewer cameras.",
             )
 
     @property
     def reference(self) -> Cloud:
-        """PC_env of the first plot, which those methods go by that know one only."""
+        """PC_env of the first plot, for methods that use only one plot."""
         return self.plots[0].reference
 
     @property
@@ -77,14 +76,14 @@ class PlanningProblem:
 
     @property
     def distance_m(self) -> float:
-        """At which an angle between views counts as the length it spans: the recorded views' median to the middle."""
+        """The recorded views' median distance to the middle, metres: at it, angles between views count as lengths."""
         assert self.views is not None
         return float(np.median(np.linalg.norm(self.views.positions - self.center, axis=1)))
 
     def nearest(self, cameras: Cameras) -> Cameras:
-        """The feasible set that stands for any set: projected into the envelope, or the recorded views it means.
+        """The feasible set near any set: projected into the envelope, or the recorded views assigned to it.
 
-        A set that is feasible comes back as it is, but recorded views in their own order.
+        A feasible set is returned unchanged, except that recorded views come in their own order.
         """
         if self.views is None:
             return project(cameras, self.envelope)
@@ -98,30 +97,28 @@ class PlanningProblem:
         return len(keys) == len(cameras) and keys <= self._places.keys()
 
     def counted_matches(self, cameras: Cameras, plot: Plot) -> Array | None:
-        """(n, n) of a plot's matches for a feasible set; None where they are not known."""
+        """(n, n) a plot's matches between the cameras of a feasible set; None if unknown."""
         if plot.matches is None:
             return None
         index = self.numbers(cameras)
         return plot.matches[np.ix_(index, index)]
 
     def numbers(self, cameras: Cameras) -> list[int]:
-        """Of a feasible set's recorded views."""
+        """Numbers of a feasible set's recorded views."""
         return [self._places[key] for key in cameras.row_keys()]
 
     @cached_property
     def _places(self) -> dict[bytes, int]:
-        """The recorded views' numbers by their keys."""
+        """Numbers of the recorded views by their keys."""
         return {} if self.views is None else {key: k for k, key in enumerate(self.views.row_keys())}
 
     @cached_property
     def ranges(self) -> Ranges:
-        """What methods look in."""
+        """The ranges that methods search."""
         return Ranges.of(self.envelope, self.camera)
 
     def sample(self, seed: int) -> Cameras:
-        """A random feasible set of N from `ranges` (`Envelope.sample`); of a recorded set N distinct views, all alike
-        likely.
-        """
+        """A random feasible set from `ranges` (`Envelope.sample`), or N distinct recorded views, all equally likely."""
         if self.views is None:
             return self.envelope.sample(self.count, seed, radius_m=self.ranges.radius_m, aim_m=self.ranges.aim_m)
         rng = np.random.default_rng([seed, _SAMPLE_STREAM])
@@ -130,11 +127,11 @@ class PlanningProblem:
 
 @dataclass(frozen=True)
 class Gain:
-    """What a search may still gain, as its method knows it.
+    """The gain that a method still expects of its search.
 
     Attributes:
-        bound_m: by how much the best set that was tried may be worse than the best there is, metres.
-        noise_m: standard deviation of an evaluation of it, metres.
+        bound_m: bound on how much worse the best tried set is than the best possible one, metres.
+        noise_m: standard deviation of an evaluation of the best tried set, metres.
     """
 
     bound_m: float
@@ -142,22 +139,22 @@ class Gain:
 
     @property
     def negligible(self) -> bool:
-        """Whether evaluations could not tell such a gain from their noise."""
+        """Whether the gain is below the noise of evaluations."""
         return self.bound_m < self.noise_m
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One set of cameras that a method wants evaluated.
+    """A set of cameras that a method proposes for evaluation.
 
     Attributes:
         number: from 0, in the order of proposal.
         cameras: feasible.
         origin: what proposed it, for people: ``"circle 1.2 m at 0.9 m"``, ``"EI of matern"``.
-        notes: plain values worth keeping: model weights, what is still to be gained.
-        gain: that this trial and all later ones may bring; None where the method does not say. A search may end
-            instead of evaluating a trial whose gain is negligible.
-        plot: that it is evaluated on: the number of one of the problem's plots, or of an unmet one.
+        notes: plain values to keep, such as model weights.
+        gain: expected of this trial and all later ones; None if the method does not say. A search may end instead of
+            evaluating a trial whose gain is negligible.
+        plot: number of the plot that it is evaluated on: one of the problem's plots or an unmet one.
     """
 
     number: int
@@ -170,13 +167,13 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A trial and what came of it.
+    """A trial and its evaluation.
 
     Attributes:
         trial: as proposed.
         value_m: the cost, metres: small is good.
-        measured: False where the evaluation broke: then the value says nothing about the cameras.
-        right: photographs whose poses are right.
+        measured: False if the evaluation broke; the value then says nothing about the cameras.
+        right: number of photographs whose poses are right.
     """
 
     trial: Trial
@@ -186,7 +183,7 @@ class Result:
 
 
 def lowest(results: Iterable[Result], count: int) -> list[Trial]:
-    """The trials of the lowest measured values, no set of cameras twice."""
+    """The trials of the lowest measured values, without repeated sets of cameras."""
     chosen: dict[Cameras, Trial] = {}
     measured = [result for result in results if result.measured]
     for result in sorted(measured, key=lambda r: (r.value_m, r.trial.number)):
@@ -199,8 +196,8 @@ def lowest(results: Iterable[Result], count: int) -> list[Trial]:
 class Method(Protocol):
     """Proposes trials.
 
-    A proposal is a function of its number and of what it is given, not of earlier calls: so a run that was killed goes
-    on as it would have, and results are the same whoever computes them.
+    A proposal depends only on the arguments, not on earlier calls. So a killed run can go on as it would have, and the
+    results do not depend on who computes them.
     """
 
     @property
@@ -209,19 +206,19 @@ class Method(Protocol):
         ...
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
-        """The trial of that number, or None where the method has no more to try.
+        """The trial of the given number, or None if the method has no more to try.
 
         Args:
             number: of the trial.
-            results: of earlier trials, by number; those the method may know of.
-            pending: earlier trials whose results it may not know yet, by number.
+            results: the known results of earlier trials, by number.
+            pending: earlier trials without a known result, by number.
         """
         ...
 
 
 @runtime_checkable
 class Chooser(Protocol):
-    """A method that needs no results: its sets are evaluated as finalists only, where photographs can be taken."""
+    """A method that needs no results. Its sets are evaluated only as finalists, if photographs can be taken."""
 
     @property
     def name(self) -> str:
@@ -229,7 +226,7 @@ class Chooser(Protocol):
         ...
 
     def choose(self, count: int, workers: int = 1) -> list[Trial]:
-        """At most ``count`` trials, the best by what is expected first, no set of cameras twice.
+        """At most ``count`` trials, the best expected first, without repeated sets of cameras.
 
         They do not depend on ``workers``, the number of processes.
         """
@@ -238,17 +235,17 @@ class Chooser(Protocol):
 
 @runtime_checkable
 class Judge(Protocol):
-    """A method that knows better than by the lowest values which trials are the best."""
+    """A method that chooses the finalists itself; else those of the lowest values are taken."""
 
     def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
-        """At most ``count`` trials for another look, no set of cameras twice; none where nothing was measured."""
+        """At most ``count`` finalists, without repeated sets of cameras; none if nothing was measured."""
         ...
 
 
 @runtime_checkable
 class Arbiter(Protocol):
-    """A method that knows better than by the mean of few confirmations what sets are worth on plots of a kind."""
+    """A method that estimates costs of finalists on plots of a kind, instead of the mean of their confirmations."""
 
     def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
-        """Costs in the mean of the problem's plots, metres, after results on these and on unmet plots."""
+        """Mean costs over the problem's plots, metres, after results on these and on unmet plots."""
         ...

@@ -1,4 +1,4 @@
-"""What a planning run was asked for: search.json, written before the run starts and read to go on with it.
+"""The settings of a planning run: search.json, written before the run starts and read to resume it.
 
 Units are in the keys: _m metres, _deg degrees, _s seconds.
 """
@@ -19,7 +19,7 @@ Preset = Literal["field", "paper"]
 Range = tuple[float, float]
 
 CHANGEABLE = ("evaluations", "at_least", "time_budget_s", "finalists", "repeats")
-"""What a run that goes on may be told anew: none of them changes a proposal that was already made."""
+"""Settings that may change when a run is resumed: none changes an earlier proposal."""
 
 
 class EnvelopeSettings(Strict):
@@ -36,7 +36,7 @@ class EnvelopeSettings(Strict):
     separation_m: Length = 0.1
     """Between stations."""
     vehicle_clearance_m: Length | None = None
-    """That the vehicle keeps to plants; stations are then not below leaves. Null where no vehicle is planned for."""
+    """The vehicle's clearance to plants; stations are then not below leaves. Null without a vehicle."""
 
     @model_validator(mode="after")
     def _ranges_are_in_order(self) -> EnvelopeSettings:
@@ -50,21 +50,21 @@ class SearchVehicle(Strict):
     """The vehicle profile that the envelope's limits come from."""
 
     name: str
-    """Of a profile of fieldkit's own, or the file's."""
+    """Of fieldkit's profile, or of the file."""
     title: str
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
     """Of the file."""
 
 
 class NoiseSettings(Strict):
-    """What a plan shall survive; nothing by default."""
+    """The noise that a plan must survive; none by default."""
 
     pose_m: Length = 0.0
     """Standard deviation of each coordinate of a position."""
     pose_deg: Length = 0.0
     """Of yaw and pitch."""
     image_grey: Length = 0.0
-    """Of each channel of each pixel; 0 leaves the scene's own sensor."""
+    """Of each channel of each pixel; 0 leaves only the scene's own sensor noise."""
     wind_m: Length = 0.0
     """Sway of the leaves between photographs, half a metre out."""
     risk: Annotated[float, Field(gt=0, le=1)] = 1.0
@@ -72,12 +72,12 @@ class NoiseSettings(Strict):
 
     @property
     def any(self) -> bool:
-        """Whether evaluations differ from seed to seed by more than the sensor's noise."""
+        """Whether evaluations at different seeds differ by more than the sensor's noise."""
         return max(self.pose_m, self.pose_deg, self.image_grey, self.wind_m) > 0
 
 
 def unchanging(source: PlanSource, noise: NoiseSettings) -> bool:
-    """Whether a set's evaluations are the same at every seed: photographs are recorded, and taken as they are."""
+    """Whether a set has the same value at every seed: photographs are recorded, without added noise."""
     return source.kind == "captures" and not noise.any
 
 
@@ -92,7 +92,7 @@ class GivenPlot(Strict):
 
 
 class SearchSettings(Strict):
-    """search.json: everything that a run's outcome depends on, but the photographs or the scene themselves."""
+    """search.json: everything that a run's outcome depends on, except the photographs or the scene themselves."""
 
     model_config = ConfigDict(**Strict.model_config, protected_namespaces=())
 
@@ -101,7 +101,7 @@ class SearchSettings(Strict):
     fieldkit: str
     """Version that started the run."""
     source: PlanSource
-    """What is planned on."""
+    """The given plot."""
     path: str
     """Where that was; the name of a scene that comes with fieldkit."""
     reference_path: str | None = None
@@ -109,41 +109,41 @@ class SearchSettings(Strict):
     images_path: str | None = None
     """Where the photographs of a reference's proxy were."""
     others: tuple[GivenPlot, ...] = ()
-    """Further plots that it is planned on, of the same kind of source."""
+    """Further given plots, of the same kind of source."""
     cameras: Annotated[int, Field(ge=3)]
-    """N."""
+    """N, the number of cameras."""
     camera: PlanCamera | None = None
-    """That the plan is made for, at its full size; null takes the scene's or the reference's."""
+    """The plan's camera at full size; null takes the scene's or the reference's."""
     vehicle: SearchVehicle | None = None
-    """That the plan is made for; its limits are in ``envelope``."""
+    """The plan's vehicle; its limits are in ``envelope``."""
     method: str
     preset: Preset = "field"
     seed: Count = 0
     evaluations: Annotated[int, Field(ge=1)] = 100
-    """Of the search, at most; confirmations of the finalists come on top."""
+    """Limit of the search; confirmations of the finalists come on top."""
     at_least: Count = 0
-    """Evaluations before the search may end because it has converged."""
+    """Evaluations before the search may end by convergence."""
     initial: Annotated[int, Field(ge=1)] | None = None
-    """Trials before the surrogate is asked; None takes the method's own."""
+    """Trials before the surrogate is used; None takes the method's own."""
     time_budget_s: Annotated[float, Field(gt=0)] | None = None
     """No trial starts later; finalists are still confirmed."""
     fidelity: FidelityName = "standard"
-    """Of the search. Draft costs two fifths less, and what it finds best among good sets is not."""
+    """Of the search. Draft costs two fifths less, but its best of good sets is not the best."""
     confirm_fidelity: FidelityName = "fine"
     """Of the confirmations."""
     mapping: MappingName = "prior"
     refine: bool = False
-    """Move each cloud onto the reference, and scale it, by ICP before it is scored."""
+    """Align and scale each cloud to the reference by ICP before it is scored."""
     finalists: Annotated[int, Field(ge=1)] = 3
     """Best sets that are evaluated again before one is chosen."""
     plots: Annotated[int, Field(ge=1)] = 1
-    """That the plan is for: those it is planned on, and others drawn of their kind."""
+    """Number of plots that the plan is for: the given ones, and others drawn of their kind."""
     repeats: Count = 2
     """Fresh seeds for each of them; 0 leaves the confirmation out."""
     weights: tuple[Length, Length, Length] = WEIGHTS
-    """Of the geometric score's gap, noise and tie, for methods that go by it."""
+    """Of the geometric score's gap, noise and tie, for methods that use it."""
     lag: Count = 0
-    """A proposal knows of no result nearer than this to its own number: so many are computed meanwhile."""
+    """A proposal for trial k knows the results up to k − lag − 1."""
     envelope: EnvelopeSettings = EnvelopeSettings()
     noise: NoiseSettings = NoiseSettings()
 
@@ -161,21 +161,21 @@ class SearchSettings(Strict):
 
     @property
     def given(self) -> tuple[GivenPlot, ...]:
-        """The plots that it is planned on."""
+        """The given plots."""
         return (GivenPlot(source=self.source, path=self.path, images_path=self.images_path), *self.others)
 
     @property
     def blind(self) -> bool:
-        """Whether mapping must do without the commanded poses."""
+        """Whether mapping works without the commanded poses."""
         return self.mapping != "prior"
 
 
 def lag_for(workers: int, *, deterministic: bool) -> int:
-    """How far proposals run ahead of results.
+    """The number of trials by which proposals run ahead of results.
 
-    With one worker 0: every proposal knows everything. With W workers 2(W − 1), so that a worker that finishes early
-    finds a trial ready and none waits for the surrogate, as long as no evaluation takes twice as long as another. What
-    a run proposes depends on this number and not on when evaluations end, so it is repeatable for each W;
-    ``deterministic`` takes 6 whatever W is, for the same plan from any number of workers (up to 7 of them are busy).
+    0 with one worker: every proposal knows all results. 2(W − 1) with W workers, so that a worker that finishes early
+    finds a trial ready, as long as no evaluation takes twice as long as another. Proposals depend on this number and
+    not on when evaluations end, so a run is repeatable for each W; ``deterministic`` takes 6 whatever W is, for the
+    same plan from any number of workers (up to 7 of them are busy).
     """
     return 6 if deterministic else 2 * (workers - 1)

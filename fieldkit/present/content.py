@@ -1,7 +1,6 @@
-"""What is shown of results, as values: text, figures, tables, charts and views, and a report's page of them.
+"""The content of results as values: text, figures, tables, charts and views, and a report's page of them.
 
-Everything here is plain text: nothing is markup until `fieldkit.present.html.document` or
-`fieldkit.present.terminal.blocks` sets it, which escape it all.
+All text is plain; `fieldkit.present.html.document` and `fieldkit.present.terminal.blocks` escape it when they set it.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ class Statement:
     """One sentence or two of a summary.
 
     Attributes:
-        level: whether it is well, is a plain fact, should be known, or is a problem.
-        text: what is.
-        advice: what to do about it; empty where nothing is to be done.
+        level: good, a plain fact, worth knowing, or a problem.
+        text: the statement.
+        advice: what to do about it; empty if nothing.
     """
 
     level: Level
@@ -54,7 +53,7 @@ class KeyFigure:
     Attributes:
         label: what it is.
         value: with its unit.
-        meaning: in a few words, for who does not know the term.
+        meaning: in a few words, for readers who do not know the term.
     """
 
     label: str
@@ -71,7 +70,7 @@ class KeyFigures:
 
 @dataclass(frozen=True)
 class Terms:
-    """Labels with what belongs to them: explained terms, settings or figures.
+    """Labels with their values: explained terms, settings or figures.
 
     Attributes:
         items: (term, what it means).
@@ -87,9 +86,9 @@ class Picture:
     """A small photograph.
 
     Attributes:
-        jpeg: of the file.
+        jpeg: bytes of the file.
         width, height: pixels.
-        description: for who does not see it.
+        description: for readers who cannot see it.
     """
 
     jpeg: bytes
@@ -100,14 +99,14 @@ class Picture:
 
 @dataclass(frozen=True)
 class Mark:
-    """A short state in a table, told by its word and only then by its colour."""
+    """A short state in a table, shown by a word and a colour."""
 
     level: Level
     text: str
 
 
 Cell: TypeAlias = str | Picture | Mark | None
-"""None is a dash: not given."""
+"""None is shown as a dash."""
 
 
 @dataclass(frozen=True)
@@ -115,11 +114,11 @@ class Column:
     """A column.
 
     Attributes:
-        label: with the unit: "chamfer, mm".
+        label: with the unit, such as "chamfer, mm".
         numeric: set flush right, in figures of one width.
-        mono: set in a typeface of one width: hashes.
-        short: the label where there is little room; empty for the same.
-        detail: left out where there is little room.
+        mono: set in a monospaced typeface, for hashes.
+        short: the label for little room; empty for the same label.
+        detail: left out if there is little room.
     """
 
     label: str
@@ -152,7 +151,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Charts:
-    """Charts side by side where there is room."""
+    """Charts, side by side if there is room."""
 
     items: tuple[LineChart, ...]
 
@@ -181,12 +180,12 @@ class View:
 
 @dataclass(frozen=True)
 class Details:
-    """Blocks that can be folded away; printed unfolded.
+    """Blocks that can be folded; printed unfolded.
 
     Attributes:
-        summary: that is always seen.
-        blocks: that are folded away.
-        is_open: whether they are unfolded at first.
+        summary: always visible text.
+        blocks: the folded content.
+        is_open: whether the blocks are unfolded at first.
     """
 
     summary: str

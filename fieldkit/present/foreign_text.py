@@ -1,4 +1,4 @@
-"""Foreign text as people are shown it."""
+"""Foreign text, made safe to show."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 import unicodedata
 
 LONGEST = 600
-"""Characters of a foreign text that are shown; paths and messages are shorter."""
+"""Largest number of characters shown; paths and messages are shorter."""
 
 _UNIT = re.compile(r"(?<=\d) (?=(?:±|mm|m|m³|px|MB|s|h|min|%|°)(?:[\s.,;:)]|$))|(?<=±) (?=\d)")
 
@@ -18,12 +18,12 @@ _INVISIBLE = re.compile(
 
 
 def visible(text: str) -> str:
-    r"""Text in which nothing is hidden: invisible and direction-changing characters are written out as ``\u202e``.
+    r"""Text with its invisible and direction-changing characters written out as ``\u202e``.
 
-    What is longer than `LONGEST` ends in an ellipsis.
+    Text longer than `LONGEST` ends in an ellipsis.
     """
     shown = _INVISIBLE.sub(_written_out, text)
-    # A pile of combining marks draws far beyond its line.
+    # Many combining marks would draw far beyond the line.
     shown = re.sub(
         r"([\u0300-\u036f\u0483-\u0489\u1ab0-\u1aff\u20d0-\u20ff]{3})[\u0300-\u036f\u0483-\u0489\u1ab0-\u1aff\u20d0-\u20ff]+",
         r"\1",
@@ -33,7 +33,7 @@ def visible(text: str) -> str:
 
 
 def unbroken(text: str) -> str:
-    """Text whose numbers stay in one line with their units."""
+    """Text with non-breaking spaces between numbers and their units."""
     return _UNIT.sub("\u00a0", text)
 
 

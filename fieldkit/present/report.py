@@ -15,24 +15,24 @@ from fieldkit.runtime.progress import Progress, Silent
 
 REPORT_FILE = "report.html"
 POINTS = 1_000_000
-"""Of all 3D views of a report together, where nobody asks for others."""
+"""Default limit of the points of all 3D views of a report together."""
 
 MOST_POINTS = 10_000_000
 
 
 @dataclass(frozen=True)
 class ReportSummary:
-    """What was written.
+    """The written report.
 
     Attributes:
         output: the file.
         bytes: its size.
         references, plans, missions, evaluations, campaigns: how many of each it shows.
-        unreadable: names of results that are damaged.
-        views: 3D views.
-        points: of these together.
-        points_found: as many there were before they were thinned out.
-        thumbnails: photographs shown.
+        unreadable: names of damaged results.
+        views: number of 3D views.
+        points: of all views together.
+        points_found: number of points before thinning.
+        thumbnails: number of photographs shown.
     """
 
     output: Path
@@ -58,22 +58,22 @@ def write_report(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> ReportSummary:
-    """Write what a folder holds as one HTML file that needs nothing else: no network, no other file.
+    """Write the results of a folder as one HTML file that needs no network and no other file.
 
     The same results give the same file, byte for byte.
 
     Args:
-        folder: that fieldkit wrote (a reference, a plan, a mission, an evaluation, a campaign), or one that holds such
-            folders up to two levels below. Never written to, but for the report where no ``output`` is given.
+        folder: a result of fieldkit (a reference, a plan, a mission, an evaluation, a campaign), or a folder that holds
+            results up to two levels below. Only the report is written to it, if ``output`` is None.
         output: the file; None takes report.html in the folder.
-        points: at most so many in all 3D views together; what is more is thinned out at random, the same every time.
+        points: largest number in all 3D views together; more are thinned at random from a fixed seed.
         title: of the report; empty takes the folder's name.
         overwrite: replace an older file.
-        progress: told of stages.
+        progress: receives the stages.
 
     Raises:
         UsageError: the file exists and ``overwrite`` is off, or a number is out of range.
-        MetadataError: there is nothing of fieldkit's in the folder, or all of it is damaged.
+        MetadataError: the folder holds no result of fieldkit, or all are damaged.
         StorageError: the folder cannot be read, or the file not written.
     """
     if not 1000 <= points <= MOST_POINTS:

@@ -1,4 +1,4 @@
-"""How figures are written for people, in whatever they are shown; and the one style of tables on a terminal."""
+"""How figures are written for people, and the style of tables on a terminal."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 DASH = "–"
-"""For what is not given."""
+"""Stands for missing values."""
 
-_FIRST_METRE = 0.0995  # from here on lengths are told in metres
+_FIRST_METRE = 0.0995  # longer lengths are written in metres
 
 
 def format_length(length_m: float | None, *, metric: bool = True) -> str:
@@ -31,7 +31,7 @@ def format_length(length_m: float | None, *, metric: bool = True) -> str:
 
 
 def format_nominal(length_m: float, *, metric: bool = True) -> str:
-    """A length that was chosen, without needless digits: ``5 mm``, ``0.5 m``; the number alone without metres."""
+    """A nominal length, without needless digits: ``5 mm``, ``0.5 m``; without metres only the number."""
     if not metric:
         return f"{length_m:g}"
     return f"{1000.0 * length_m:g} mm" if abs(length_m) < _FIRST_METRE else f"{length_m:g} m"
@@ -56,17 +56,17 @@ def metres(length_m: float | None, digits: int = 2) -> str | None:
 
 
 def decimal(value: float | None, digits: int = 2) -> str | None:
-    """A number with so many decimals; None stays None."""
+    """A number with the given decimals; None stays None."""
     return None if value is None else _signed(f"{value:,.{digits}f}")
 
 
 def signed(value: float, digits: int) -> str:
-    """A difference with its sign and so many significant digits: ``+0.0124``, ``−3.59``."""
+    """A difference with its sign and the given significant digits: ``+0.0124``, ``−3.59``."""
     return f"{value:+.{digits}g}".replace("-", "−")
 
 
 def percent(share: float | None, digits: int = 1) -> str | None:
-    """A share as a percentage without its sign; 100 only where it is all of it. None stays None."""
+    """A share as a percentage without the % sign; 100 only for exactly 1. None stays None."""
     if share is None:
         return None
     text = f"{100.0 * share:.{digits}f}"
@@ -100,7 +100,7 @@ def table(title: str, *columns: str) -> Table:
 
     result = Table(title=title, box=SIMPLE_HEAD, title_justify="left", title_style="bold", padding=(0, 1, 0, 0))
     for column in columns:
-        # Folded where the terminal is narrow: a figure cut off could be read as another.
+        # Folded on a narrow terminal: a truncated figure could be misread.
         justify: JustifyMethod = "right" if column.endswith(">") else "left"
         result.add_column(column.rstrip(">"), justify=justify, overflow="fold")
     return result

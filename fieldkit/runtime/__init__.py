@@ -1,1 +1,1 @@
-"""What a process runs on: cores, memory, threads, worker processes, compiled kernels; and what it tells meanwhile."""
+"""Cores, memory, threads, worker processes, compiled kernels; and progress."""

@@ -1,4 +1,4 @@
-"""How the numeric kernels are compiled, and where their machine code is kept."""
+"""Compilation of the numeric kernels, and the cache of their machine code."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numba.core.caching import FunctionCache
 
 from fieldkit.cache import CacheWarning
 
-# Reordered sums let the compiler use vector instructions. The machine code is kept, so the order is the same in every
-# process on a machine; another processor may give other last bits.
+# Reordered sums allow vector instructions. The cached machine code keeps the order the same in every process on a
+# machine; other processors may differ in the last bits.
 _FAST = {"reassoc", "contract", "arcp", "nsz", "nnan", "ninf"}
 
 
@@ -29,9 +29,9 @@ class _Cache(FunctionCache):
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function on its first call, for one thread and without the interpreter's lock.
 
-    The machine code is kept beside the package or, where that is read-only, in the user's cache folder
-    (NUMBA_CACHE_DIR chooses another). Without any such place it is compiled in every process, and a `CacheWarning`
-    says so. A kernel must only use kernels and constants of its own file: a change elsewhere would go unnoticed.
+    The machine code is cached beside the package or, if that is read-only, in the user's cache folder (NUMBA_CACHE_DIR
+    chooses another). If neither is writable, every process compiles, with a `CacheWarning`. A kernel may only use
+    kernels and constants of its own file: changes elsewhere would go unnoticed.
     """
     return _kept(function, njit(nogil=True)(function))
 

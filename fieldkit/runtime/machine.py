@@ -1,4 +1,4 @@
-"""How many cores and how much memory this process may use: the machine's, less what a container or job allows."""
+"""The cores and memory that this process may use: the machine's, within the limits of a container or job."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _UNLIMITED = 1 << 60  # cgroup v1 writes a huge number where v2 writes "max"
 
 @dataclass(frozen=True)
 class Limits:
-    """What control groups allow (Linux; None: no limit)."""
+    """The limits of control groups (Linux; None: no limit)."""
 
     cores: float | None = None
     memory_bytes: int | None = None
@@ -20,12 +20,12 @@ class Limits:
 
 @dataclass(frozen=True)
 class Machine:
-    """What this process may use.
+    """The resources of this process.
 
     Attributes:
-        cores: whole cores; a share of one counts as one.
+        cores: whole cores, at least 1.
         memory_bytes: total.
-        available_bytes: what can be taken now without swapping.
+        available_bytes: memory that can be taken now without swapping.
     """
 
     cores: int
@@ -34,7 +34,7 @@ class Machine:
 
 
 def this_machine() -> Machine:
-    """Cores by CPU affinity and quota, memory by what is installed and allowed."""
+    """Cores by CPU affinity and quota, memory as installed and allowed."""
     import psutil
 
     limits = cgroup_limits()
@@ -53,7 +53,7 @@ def cgroup_limits(proc: Path = Path("/proc/self/cgroup"), root: Path = Path("/sy
     """The tightest limits on the way from this process's control groups up to the root (cgroup v1 and v2).
 
     Args:
-        proc: the file that names the process's groups, as in cgroups(7).
+        proc: file that names the process's groups, as in cgroups(7).
         root: where the hierarchies are mounted.
     """
     try:
@@ -72,7 +72,7 @@ def cgroup_limits(proc: Path = Path("/proc/self/cgroup"), root: Path = Path("/sy
 
 
 def _folders(root: Path, controllers: str, group: str) -> Iterator[Path]:
-    # Inside a container the group's path may not exist below the mount; the root is then the container's own group.
+    # Inside a container the group's path may not exist below the mount; the root is then the container's group.
     path = PurePosixPath(group)
     places = [path, *path.parents]
     for name in controllers.split(",") if controllers else [""]:

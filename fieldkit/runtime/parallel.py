@@ -1,4 +1,4 @@
-"""The same function over many items, in this process or in several; the results do not depend on how many."""
+"""A function over many items, in this process or several; the results do not depend on the number."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fieldkit.runtime.worker_pool import Limits, WorkerPool
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 _FINISH_S = 10.0
-"""That workers have for what they are writing when a map is interrupted."""
+"""Seconds that workers have to finish writing when a map is interrupted."""
 
 
 def map_parallel(
@@ -28,12 +28,12 @@ def map_parallel(
 
     Args:
         function: picklable (defined at module level, or a partial of such) when ``workers`` > 1.
-        items: picklable likewise.
-        workers: processes; 1 stays in this one.
+        items: picklable when ``workers`` > 1.
+        workers: number of processes; 1 stays in this one.
         advance: called with 1 after each item.
 
     Raises:
-        Exception: the first that an item raised; items that are begun may be finished before, the others are not begun.
+        Exception: the first one raised by an item. Items in progress may finish first; no others are started.
         WorkerError: a worker died.
     """
     workers = min(workers, len(items))
@@ -50,16 +50,16 @@ def map_parallel(
 def each_in_workers(
     function: Callable[[Item], Result], items: Sequence[Item], *, workers: int, finish_seconds: float = 0.0
 ) -> Generator[tuple[int, Outcome[Result]], None, None]:
-    """Numbers and outcomes of items as they come, from watched worker processes (`WorkerPool`).
+    """Numbers and outcomes of items in order of completion, from watched worker processes (`WorkerPool`).
 
-    A worker that dies costs its item only, which is not tried again. All workers have ended when the iteration ends or
+    A worker that dies loses only its item, which is not tried again. All workers have ended when the iteration ends or
     is left.
 
     Args:
         function: picklable.
         items: picklable.
-        workers: processes, at least one: also a single one keeps a crash away from the caller.
-        finish_seconds: for items that are being worked on when the iteration is left.
+        workers: number of processes, at least one; even one keeps a crash away from the caller.
+        finish_seconds: time for items in progress to finish when the iteration is left.
     """
     limits = Limits(finish_seconds=finish_seconds)
     with WorkerPool[Item, Result](partial(_given, function), workers=workers, limits=limits) as pool:
@@ -81,7 +81,7 @@ def map_threads(
     workers: int,
     advance: Callable[[int], None] = lambda _: None,
 ) -> list[Result]:
-    """As `map_parallel`, on threads of this process, for functions that do without the interpreter's lock."""
+    """As `map_parallel`, on threads of this process, for functions that release the interpreter's lock."""
     workers = min(workers, len(items))
     if workers <= 1:
         return _in_turn(function, items, advance)

@@ -1,4 +1,4 @@
-"""What long work tells the person who waits for it. Light: the bars themselves are drawn in fieldkit.cli."""
+"""Progress of long work. Light: the bars themselves are drawn in fieldkit.cli."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Progress(Protocol):
         ...
 
     def note(self, message: str) -> None:
-        """A finding for people, such as a photograph that was left out."""
+        """A remark for people, such as a photograph that was left out."""
         ...
 
 
@@ -26,7 +26,7 @@ class Silent:
 
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
-        """A stage nobody sees."""
+        """A stage that is not shown."""
         yield _ignore
 
     def note(self, message: str) -> None:

@@ -1,4 +1,4 @@
-"""What a process is given before it starts computing: threads of libraries that start their own, and memory."""
+"""Set-up of a process before it computes: thread counts of libraries, and memory."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ _MEMORY = {"MALLOC_MMAP_THRESHOLD_": 32 << 20, "MALLOC_TRIM_THRESHOLD_": 1 << 30
 
 
 def set_thread_environment(count: int = 1) -> None:
-    """Limit libraries that read their thread count once, at import. Call before NumPy is imported.
+    """Limit libraries that read their thread count once at import. Call before NumPy is imported.
 
-    Variables a person has set already are left as they are.
+    Variables that are already set are kept.
     """
     for name in _VARIABLES:
         os.environ.setdefault(name, str(count))
 
 
 def set_memory_environment() -> None:
-    """Have processes that are started from here keep freed blocks of up to 32 MB (the C library's limit) for reuse.
+    """Make child processes keep freed blocks of up to 32 MB (the C library's limit) for reuse.
 
-    Each layer of a picture's pyramid is such a block. Mapped and unmapped every time it takes a third longer to find
-    features. Only the GNU C library reads these variables; those a person has set are left as they are.
+    Each layer of a picture's pyramid is such a block; mapping and unmapping it every time makes feature detection a
+    third slower. Only the GNU C library reads these variables; variables that are already set are kept.
     """
     for name, size in _MEMORY.items():
         os.environ.setdefault(name, str(size))
@@ -40,9 +40,9 @@ def limit_threads(count: int = 1) -> None:
 
 @contextmanager
 def one_torch_thread() -> Iterator[None]:
-    """Run PyTorch on one thread within the block; small matrices gain nothing from more, and sums keep their order.
+    """Run PyTorch on one thread within the block: small matrices gain nothing from more, and sums keep their order.
 
-    `limit_threads` reaches PyTorch only where that is loaded already.
+    `limit_threads` affects PyTorch only if it is already loaded.
     """
     import torch
 

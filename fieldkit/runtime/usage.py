@@ -1,4 +1,4 @@
-"""What a run costs."""
+"""CPU time of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The inside of a worker process: a function, made once, that answers tasks until its pool hangs up."""
+"""The inside of a worker process: a function, made once, that answers tasks until its pool closes the connection."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ _ORPHANED = 3
 
 
 class WorkerError(FieldkitError):
-    """Worker processes die."""
+    """A worker process died."""
 
 
 @dataclass(frozen=True)
 class Outcome(Generic[Result]):
-    """What came of a task.
+    """The outcome of a task.
 
     Attributes:
         result: of the function.
         error: that it raised instead.
-        death: how the process ended before there was either, in words.
+        death: how the process ended without either, in words.
     """
 
     result: Result | None = None
@@ -44,7 +44,7 @@ class Outcome(Generic[Result]):
 
     @property
     def failure(self) -> str:
-        """Why there is no result, in words; empty where there is one."""
+        """Why there is no result, in words; empty if there is one."""
         return self.death if self.error is None else f"{type(self.error).__name__}: {self.error}"
 
     def get(self) -> Result:
@@ -68,13 +68,13 @@ def work(connection: Connection, make: Callable[[], Callable[[Task], Result]], p
 
     Args:
         connection: receives tasks, sends outcomes.
-        make: gives the function. What it raises is sent as outcome, and is the last one.
-        parent: process id of the pool; when it is gone, so is this process.
+        make: gives the function. An exception of it is sent as the last outcome.
+        parent: process id of the pool; this process ends with it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
     with suppress(OSError):
-        # Where memory runs out, the kernel shall take this process and not the one with the results.
+        # If memory runs out, the kernel should kill this process and not the one with the results.
         Path("/proc/self/oom_score_adj").write_text("1000")
     os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer draws on this thread, too; same pixels
     limit_threads(1)
@@ -90,15 +90,15 @@ def work(connection: Connection, make: Callable[[], Callable[[Task], Result]], p
 
 
 def _answered(function: Callable[[Task], Result], task: Task) -> bytes:
-    """The pickled outcome of a task, whatever is raised on the way."""
+    """The pickled outcome of a task, whether it returns or raises."""
     try:
         return pickle.dumps(Outcome(function(task)))
-    except Exception as error:  # a bug or a MemoryError costs this task, and the reason is kept
+    except Exception as error:  # a bug or a MemoryError fails only this task
         return _failed(error)
 
 
 def _failed(error: Exception) -> bytes:
-    """The pickled outcome of an error, with the traceback as its note; of one that cannot be pickled, of its words."""
+    """The pickled outcome of an error, with the traceback as note; an error that cannot be pickled is sent as text."""
     error.add_note(traceback.format_exc())
     try:
         pickled = pickle.dumps(Outcome[object](error=error))
@@ -110,7 +110,7 @@ def _failed(error: Exception) -> bytes:
 
 
 def _watch(parent: int) -> None:
-    """End this process when its parent was killed, in the middle of a task too."""
+    """End this process when its parent is gone, even in the middle of a task."""
     while os.getppid() == parent:
         time.sleep(_PARENT_POLL_S)
     os._exit(_ORPHANED)

@@ -1,4 +1,4 @@
-"""Worker processes on one machine that are watched: one that dies costs its task only, and none outlives its pool."""
+"""Watched worker processes on one machine: one that dies loses only its task, and none outlives its pool."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _STOP_S = 2.0
 
 @dataclass(frozen=True)
 class Limits:
-    """What a worker may take.
+    """Limits of a worker.
 
     Attributes:
-        seconds: of wall time for one task, then the worker is killed.
-        start_seconds: to come up (the libraries, what is made once).
-        memory_bytes: resident memory, polled five times a second, then the worker is killed. Not an address space
-            limit, since graphics drivers and compiled kernels reserve more than they use.
-        finish_seconds: for what it is doing when the pool is closed, then it is killed.
+        seconds: wall time for one task; then the worker is killed.
+        start_seconds: time to start (importing libraries, making the function).
+        memory_bytes: resident memory, polled five times a second; above it the worker is killed. Address space is not
+            limited, since graphics drivers and compiled kernels reserve more than they use.
+        finish_seconds: time to finish a task when the pool is closed; then the worker is killed.
     """
 
     seconds: float = math.inf
@@ -53,7 +53,7 @@ class _Submitted(Generic[Task]):
 
 
 class _Worker(Generic[Task, Result]):
-    """One process and what it is doing."""
+    """A process and its task."""
 
     def __init__(self, make: Callable[[], Callable[[Task], Result]], limits: Limits) -> None:
         # Libraries read these when they are imported, which is before the worker's first line runs.
@@ -76,11 +76,11 @@ class _Worker(Generic[Task, Result]):
         submitted.attempts += 1
         self.doing = submitted
         self.deadline = time.monotonic() + self.limits.seconds
-        with suppress(OSError):  # a worker that died just now shows at the next look
+        with suppress(OSError):  # a worker that just died is noticed later
             self.connection.send(submitted.task)
 
     def excess(self) -> str:
-        """Why it has to be killed, or nothing."""
+        """Why it has to be killed; empty if it does not."""
         if (self.doing is not None or not self.ready) and time.monotonic() > self.deadline:
             allowed = self.limits.seconds if self.ready else self.limits.start_seconds
             return f"it took longer than {allowed:g} s"
@@ -95,7 +95,7 @@ class _Worker(Generic[Task, Result]):
         """Kill the process and wait for its end."""
         self.connection.close()
         if self.process.is_alive():
-            self.process.kill()  # SIGTERM is taken by pycolmap's logging
+            self.process.kill()  # pycolmap's logging catches SIGTERM
         self.process.join()
 
     def last_words(self) -> str:
@@ -111,16 +111,15 @@ class _Worker(Generic[Task, Result]):
 class WorkerPool(Generic[Task, Result]):
     """Tasks side by side in worker processes of one thread each.
 
-    Workers are spawned when there are tasks, make the function once and are used again; one that dies or is killed is
-    replaced. A worker whose parent was killed ends within a second or two. As with every use of `multiprocessing`, a
-    script that opens a pool needs ``if __name__ == "__main__":``.
+    Workers are spawned when there are tasks, make the function once and are reused; dead ones are replaced. Workers end
+    within a second or two if their parent is killed. As with every use of `multiprocessing`, a script that opens a pool
+    needs ``if __name__ == "__main__":``.
 
     Args:
         make: gives the function that answers tasks; called once in each worker. Picklable, as are tasks and results.
         workers: processes.
         limits: of each.
-        attempts: at a task whose worker dies or whose function raises. What raises a `FieldkitError` is not tried
-            again.
+        attempts: at a task whose worker dies or whose function raises. A `FieldkitError` is not tried again.
 
     Raises:
         ValueError: no worker.
@@ -140,19 +139,19 @@ class WorkerPool(Generic[Task, Result]):
         self._submitted = 0
 
     def submit(self, task: Task) -> int:
-        """Put a task into the queue. Returns its number: 0, 1, 2 … in the order of submission."""
+        """Queue a task. Returns its number: 0, 1, 2 … in the order of submission."""
         self._waiting.append(_Submitted(self._submitted, task))
         self._submitted += 1
         return self._submitted - 1
 
     def collect(self, wait_s: float = _POLL_S) -> list[tuple[int, Outcome[Result]]]:
-        """Keep the workers busy and hand out what has finished since the last call, by number, in any order.
+        """Give tasks to idle workers, and return what has finished since the last call, by number, in any order.
 
         Args:
-            wait_s: at most this long, where nothing has finished yet.
+            wait_s: longest wait if nothing has finished yet, seconds.
 
         Raises:
-            Exception: what making the function raised.
+            Exception: raised by making the function.
             WorkerError: workers die before they are ready.
         """
         wanted = len(self._waiting) + sum(w.doing is not None for w in self._workers)
@@ -161,18 +160,18 @@ class WorkerPool(Generic[Task, Result]):
         self._hand_out()
         if wanted:
             self._look(wait_s)
-        self._hand_out()  # so that nobody idles while the caller looks at what is found
+        self._hand_out()  # so that no worker idles while the caller handles results
         found, self._finished = self._finished, []
         return found
 
     def cancel(self) -> None:
-        """Forget what waits and kill the workers that are busy; tasks can be submitted again."""
+        """Drop queued tasks and kill busy workers; new tasks can be submitted."""
         self._waiting.clear()
         self._finished = []
         self._stop([w for w in self._workers if w.doing is not None])
 
     def close(self) -> None:
-        """End all workers: they finish what they do where the limits give them time, and are killed after that."""
+        """End all workers; those that do not finish within the limits' time are killed."""
         now = time.monotonic()
         for worker in self._workers:
             worker.connection.close()
@@ -200,7 +199,7 @@ class WorkerPool(Generic[Task, Result]):
             self._workers.remove(worker)
 
     def _look(self, wait_s: float) -> None:
-        """Take in outcomes, deaths and excesses, the first of them at most ``wait_s`` later."""
+        """Handle outcomes, deaths and exceeded limits, waiting at most ``wait_s`` for the first."""
         connections: list[Connection] = [w.connection for w in self._workers]
         heard = wait([*connections, *(w.process.sentinel for w in self._workers)], timeout=min(wait_s, _POLL_S))
         for worker in list(self._workers):

@@ -1,4 +1,4 @@
-"""The methods `bosfm`, the paper's Algorithm 1 as it stands there, and `bosfm-tuned`, the same with better inputs."""
+"""The methods `bosfm`, the paper's Algorithm 1 unchanged, and `bosfm-tuned`, the same with better inputs."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ class Bosfm:
     """Random trials first, then expected improvement of a model drawn from an ensemble of Gaussian processes.
 
     The first trials are those of the method `random` with the same seed. The models see y = −value_m over the unit
-    cube of `Coding`; results that are not measured are left out. No set is proposed twice as long as there is another;
-    then `propose` gives None. Its notes are the drawn ``model``, the ``weights`` by name, and ``remarks`` on numerics.
+    cube of `Coding`; results that are not measured are left out. No set is proposed twice; `propose` gives None once
+    all sets were tried. A trial's notes are the drawn ``model``, the ``weights`` by name, and ``remarks`` on numerics.
 
-    Tuned, it is the same algorithm with three changes that a practitioner would make. Cameras are given by azimuth,
-    radius and height about the plot's middle and sorted by azimuth, so that sets that are alike have like codes
-    (`CylindricalCoding`). The models see y = −ln(value), of which the cap for what does not register is no longer most
-    of the variance. And their noise is 5 % of a value at least, as evaluations' is.
+    With ``tuned`` three things change, as a practitioner would change them. Cameras are given by azimuth, radius and
+    height about the plot's middle and sorted by azimuth, so that similar sets have similar codes (`CylindricalCoding`).
+    The models see y = −ln(value), so that the cap for sets that do not register no longer makes up most of the
+    variance. The models' noise is at least 5 % of a value, like that of evaluations.
 
     Attributes:
-        problem: what is looked for.
+        problem: the planning problem.
         initial: random trials before the first model; the paper takes 50.
         seed: of all draws.
         tuned: whether it is `bosfm-tuned`.
@@ -89,7 +89,7 @@ class Bosfm:
     def _random(
         self, number: int, tried: Sequence[Cameras], origin: str, notes: dict[str, object] | None = None
     ) -> Trial | None:
-        """A random set that was not tried; of recorded views the first one that was not, where draws find none."""
+        """A random untried set; if draws find none among recorded views, the first untried one."""
         known = {self._space.encode(cameras).tobytes() for cameras in tried}
         for draw in range(_DRAWS):
             seed = sample_seed(self.seed, number, draw) if draw else sample_seed(self.seed, number)

@@ -17,7 +17,7 @@ _AIMS = 4
 
 
 def expected_circle(problem: PlanningProblem) -> Cameras:
-    """The circle of the same grid of which the geometric score expects most, without a photograph."""
+    """The circle of the same grid that the geometric score ranks first; takes no photograph."""
     cost_model = CostModel(problem)
     sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, _GRID, _GRID)]
     return min(sets, key=lambda cameras: cost_model.expected_m(cameras, WEIGHTS, None))
@@ -27,11 +27,11 @@ class CircleSearch(StagedSearch[Circle]):
     """A grid of 5 altitudes × 5 radii, looking at the plants' middle; then a grid of half the step about the best.
 
     The eight circles of the finer grid are laid about the best measured one of the coarse grid. With ``aim`` four other
-    heights to look at are tried with the best circle before that, and the best of all 29 is refined.
+    heights to look at are tried with the best circle first, and the best of all 29 is refined.
 
     Args:
-        problem: what is planned.
-        seed: not used; there is no chance in it.
+        problem: the planning problem.
+        seed: not used; the search is deterministic.
         aim: whether the height looked at is searched too.
     """
 

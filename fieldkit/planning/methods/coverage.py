@@ -17,7 +17,7 @@ from fieldkit.planning.score.visibility import Surface, look
 from fieldkit.planning.space.cameras import Array, Cameras
 
 VIEWS = 2
-"""By so many views at least a point must be seen to count as covered: what triangulation takes."""
+"""Least number of views that cover a point: triangulation needs two."""
 _STEEPEST = np.cos(np.radians(75.0))
 _POINTS = 200
 _POSITIONS = 180
@@ -36,11 +36,11 @@ class Cover:
     """A choice of views.
 
     Attributes:
-        chosen: their indices, ascending.
+        chosen: indices of the views, ascending.
         covered: points seen by enough of them.
-        bound: no choice covers more.
-        proven: whether it is the best one, as far as the solver's tolerances go.
-        seconds: it took.
+        bound: the most points that any choice can cover.
+        proven: whether the choice is optimal within the solver's tolerances.
+        seconds: solving time.
     """
 
     chosen: tuple[int, ...]
@@ -53,21 +53,21 @@ class Cover:
 class MaximumCoverage:
     """Two trials: the greedy choice and the exact one.
 
-    Candidates are a lattice of feasible positions (at most 180), each looking at the plants' middle or, from another
-    candidate at the same place, half the way from there to the nearest plant; of a recorded set they are its views. A
-    point is seen where it lies in the picture, nothing hides it (`look`) and its surface is met by less than 75° from
-    its normal. Covered is what at least k views see: the paper's "geometric-based visibility criteria", which know
-    nothing of angles between views or of matches. k is 2, or the least above that at which the greedy choice does not
-    cover everything: ten cameras see all of a small plot twice wherever they are, and then any choice would be as good.
+    Candidates stand on a lattice of feasible positions (at most 180), two at each: one looks at the plants' middle, the
+    other halfway from there to the nearest plant. In a recorded set the views are the candidates. A view sees a point
+    that lies in its picture, that nothing hides (`look`), and whose normal is less than 75° from the ray. A point is
+    covered if at least k views see it: the paper's "geometric-based visibility criteria", which ignore angles between
+    views and matches. k is the smallest number from 2 on at which the greedy choice leaves points uncovered: ten
+    cameras see all of a small plot twice wherever they stand, and then all choices would tie.
 
     The exact choice comes from HiGHS through `scipy.optimize.milp`. It stops after 1,000 nodes (20 s or so) or two
-    minutes; that time is the one thing here that depends on the machine. Where it stops early, the greedy choice stands
-    if it is better.
+    minutes; only that time depends on the machine. If it stops early, the better one of its choice and the greedy one
+    is kept.
 
     Args:
-        problem: what is planned.
-        seed: not used; there is no chance in it.
-        seconds: the solver's limit.
+        problem: the planning problem.
+        seed: not used; the choice is deterministic.
+        seconds: time limit of the solver.
     """
 
     name = "mcp"
@@ -119,7 +119,7 @@ class MaximumCoverage:
 
 
 def lattice_views(problem: PlanningProblem, positions: int = _POSITIONS) -> Cameras:
-    """Candidate cameras at the feasible points of a lattice, the finest one with at most so many; two aims at each.
+    """Candidate cameras at the points of the finest lattice with at most ``positions`` feasible ones; two aims at each.
 
     The lattice's step is never below the envelope's separation, so that any choice of places is feasible. Pitches are
     cut to the gimbal's range.
@@ -142,14 +142,14 @@ def lattice_views(problem: PlanningProblem, positions: int = _POSITIONS) -> Came
 def greedy_cover(seen: Mask, count: int, place: NDArray[np.int64], views: int = VIEWS) -> Cover:
     """The view that adds most, ``count`` times.
 
-    A point counts as the share of the views that it needs, so that a first view gains too; the share of points that
-    become covered breaks ties.
+    A point counts by the share of its required views, so that a first view counts too. The number of points that become
+    covered breaks ties.
 
     Args:
         seen: (c, p) which candidate sees which point.
         count: views to choose.
-        place: (c,) candidates of one place exclude each other.
-        views: that a point needs.
+        place: (c,) place of each candidate; candidates at one place exclude each other.
+        views: number of views that cover a point.
     """
     begun = time.perf_counter()
     times, chosen = np.zeros(seen.shape[1], dtype=np.int64), list[int]()

@@ -26,7 +26,7 @@ class EncodedSpace:
     The codes of recorded sets list the views in their own order, so that one set has one code.
 
     Attributes:
-        problem: what is looked for.
+        problem: the planning problem.
         cylindrical: whether codes are those of `CylindricalCoding`.
     """
 
@@ -35,18 +35,18 @@ class EncodedSpace:
 
     @cached_property
     def coding(self) -> Coding:
-        """Of the envelope, or of the recorded views."""
+        """The coding of the envelope, or of the recorded views."""
         coding = CylindricalCoding if self.cylindrical else Coding
         return coding.of(self.problem.envelope, self.problem.views)
 
     @cached_property
     def _codes(self) -> Array:
-        """(m, 5) of the recorded views."""
+        """(m, 5) codes of the recorded views."""
         assert self.problem.views is not None
         return self.coding.encode(self.problem.views).reshape(len(self.problem.views), -1)
 
     def encode(self, cameras: Cameras) -> Array:
-        """(5N,) of a feasible set."""
+        """The code (5N,) of a feasible set."""
         return self.coding.encode(cameras if self.problem.views is None else self.problem.nearest(cameras))
 
     def cameras(self, x: Array) -> Cameras:
@@ -54,7 +54,7 @@ class EncodedSpace:
         return self.problem.nearest(self.coding.decode(x))
 
     def sample(self, count: int, rng: np.random.Generator) -> Array:
-        """Codes of random feasible sets; of recorded views all sets where there are at most 1,000."""
+        """Codes of random feasible sets; all sets of recorded views if there are at most 1,000."""
         views = self.problem.views
         if views is not None and math.comb(len(views), self.problem.count) <= _FEW:
             return np.array([self._codes[list(index)].reshape(-1) for index in self.subsets(_FEW)])
@@ -62,7 +62,7 @@ class EncodedSpace:
         return np.array([self.encode(self.problem.sample(int(seed))) for seed in seeds])
 
     def around(self, x: Array, count: int, rng: np.random.Generator) -> Array:
-        """Codes near one: some entries moved by 2, 10 or 30 % of their range; of recorded views, 1 to 3 swapped."""
+        """Codes near a given one: entries moved by 2, 10 or 30 % of their range, or 1 to 3 recorded views swapped."""
         if self.problem.views is None:
             return moved(x, count, rng)
         codes = [self._swapped(x, rng) for _ in range(count)]
@@ -92,7 +92,8 @@ class EncodedSpace:
 def moved(x: Array, count: int, rng: np.random.Generator) -> Array:
     """``count`` points (n, d) of the unit cube near x (d,), for any box.
 
-    About 20 entries each are moved, all of fewer (Regis and Shoemaker 2013), by normal steps of 2, 10 or 30 %.
+    About 20 entries of each are moved, or all if there are fewer (Regis and Shoemaker 2013), by normal steps of 2, 10
+    or 30 %.
     """
     spread = np.array(_SPREADS)[np.arange(count) % len(_SPREADS), None]
     chosen = rng.random((count, len(x))) < _MOVED_ENTRIES / len(x)

@@ -1,4 +1,4 @@
-"""The method `field`: the geometric score's optima first, then what a model that knows the score expects most of."""
+"""The method `field`: the geometric score's optima first, then sets by a surrogate that knows the score."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from fieldkit.planning.surrogate.sets import FEATURES, NO_PLOT, TERMS, ScoreMean
 
 _STREAM = 44
 _EXACT, _ON_ANOTHER_PLOT = 0.01, 0.07
-"""Noise, as a share: where a set has the same value at every seed; where each trial is on another plot of a kind, for
-what a plot does to one set and not to others, beyond what the score says of it (9 sets on 4 plots of tuning-1 and -2).
+"""Noise, as a share: if a set has the same value at every seed; and if trials are on several plots of a kind, for the
+effect of a plot on single sets beyond the score's (9 sets on 4 plots of tuning-1 and -2).
 """
 _CENTERS = 2
 _REGISTERED = 16
 _PLOTS_TRIED = 3
-"""Plots that trials are spread over, at most: each has to be built, and kept by every worker."""
+"""Largest number of plots that trials are spread over: each has to be built, and kept by every worker."""
 _IN_REACH = 3.0
-"""Standard deviations of an evaluation by which a finalist may be behind the best."""
+"""How far a finalist may be behind the best, in standard deviations of an evaluation."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,11 @@ class FieldSettings:
     """Settings of the method `field`; docs/planning.md has what the alternatives gave.
 
     Attributes:
-        initial: trials before the surrogate: the geometric score's optima and its favourites among circles and other
-            structured sets; of a recorded set: uniform subsets and greedy choices by matches.
-        noise: standard deviation of an evaluation, as a share of its value, that the surrogate believes in at least.
-        certainty: where mapping is blind, by how much more a set is expected to cost per e-fold that it is less likely
-            to register, as a share.
+        initial: trials before the surrogate. They are the geometric score's optima and its favourites among circles and
+            other structured sets; in a recorded set, uniform subsets and greedy choices by matches.
+        noise: least standard deviation of an evaluation that the surrogate assumes, as a share of the value.
+        certainty: for blind mapping, the extra cost expected of a set per e-fold by which it is less likely to
+            register, as a share.
     """
 
     initial: int = 6
@@ -47,24 +47,24 @@ class FieldSettings:
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """One Gaussian process that knows the geometric score; noisy expected improvement chooses from one pool.
+    """One Gaussian process whose prior mean is the geometric score; noisy expected improvement chooses from one pool.
 
-    The process is of −ln(value), over an embedding of sets that does not know the cameras' order; its prior mean is
-    that of a weighted sum of the geometric score's three terms, with weights fitted to the results so far and not
-    below 0. Candidates are the fitted score's optimum, sets near the best ones and members of structured families.
-    The acquisition is qLogNoisyExpectedImprovement of BoTorch (Ament et al. 2023): what is known of tried and of
-    pending sets is their joint posterior, so no lucky observation is an incumbent. Finalists are chosen by posterior
-    mean. Where a set has the same value at every seed, as of recorded photographs, both go by observations.
+    The process models −ln(value) over an embedding of sets that ignores the cameras' order. Its prior mean is that of a
+    weighted sum of the geometric score's three terms, with non-negative weights fitted to the results so far.
+    Candidates are the fitted score's optimum, sets near the best ones and members of structured families. The
+    acquisition is qLogNoisyExpectedImprovement of BoTorch (Ament et al. 2023): tried and pending sets count by their
+    joint posterior, so that no lucky observation is the incumbent. Finalists are chosen by posterior mean. If a set has
+    the same value at every seed (recorded photographs), both use observations.
 
-    Where mapping is blind most sets do not register, and what they cost says nothing of the plants. The surrogate knows
-    those only whose photographs all registered; how likely that is (`Registration`) multiplies improvements and makes
-    the score's optima dearer.
+    With blind mapping most sets do not register, and their cost says nothing about the plants. The surrogate then
+    learns only from sets whose photographs all registered. The probability of that (`Registration`) multiplies
+    improvements and raises the cost of the score's optima.
 
     Attributes:
-        problem: what is looked for.
-        settings: choices.
+        problem: the planning problem.
+        settings: of the method.
         seed: of all draws.
-        weights: what a metre of the score's terms gap, noise and tie adds to the value, before there are results.
+        weights: of the score's terms gap, noise and tie before there are results, metres of value per metre.
     """
 
     problem: PlanningProblem
@@ -82,7 +82,7 @@ class Field:
 
     @property
     def _noise(self) -> float:
-        """Of an evaluation at least, as a share."""
+        """Least noise of an evaluation, as a share of its value."""
         return max(self.settings.noise, _ON_ANOTHER_PLOT if len(self.problem.plots) > 1 else 0.0)
 
     @cached_property
@@ -117,7 +117,7 @@ class Field:
         self, turn: Turn, learnt: SetSurrogate, candidates: Sequence[Candidate], pending: Array | None,
         notes: dict[str, object],
     ) -> Trial | None:  # fmt: skip
-        """The candidate of the largest expected improvement, which has to register first where mapping is blind."""
+        """The candidate of the largest expected improvement, times its chance of registering with blind mapping."""
         sets = [c.cameras for c in candidates]
         inputs = self.inputs(sets)
         values = learnt.log_improvements(inputs, pending, turn.number)
@@ -134,16 +134,16 @@ class Field:
     def _trial(
         self, turn: Turn, chosen: Candidate | None, notes: dict[str, object], gain: Gain | None = None
     ) -> Trial | None:
-        """A candidate as trial, on each of the first plots in turn."""
+        """The candidate as a trial; trials are on the first plots in turn."""
         if chosen is None:
             return None
         plot = turn.number % min(len(self.problem.plots), _PLOTS_TRIED)
         return Trial(turn.number, chosen.cameras, chosen.origin, notes, gain, plot)
 
     def _usable(self, results: Sequence[Result], number: int) -> list[Result]:
-        """What the surrogate learns from: what was measured; where mapping is blind, of sets that registered whole.
+        """The measured results that the surrogate learns from; with blind mapping, sets that registered whole.
 
-        Where after `_REGISTERED` trials fewer than three have, those that registered best.
+        If fewer than three sets registered whole after `_REGISTERED` trials, those that registered best.
         """
         measured = [result for result in results if result.measured]
         if not self.problem.blind or len(measured) < 3:
@@ -154,10 +154,10 @@ class Field:
         return [result for result in measured if result.right >= right]
 
     def favourites(self, results: Sequence[Result], count: int) -> list[Trial]:
-        """See `Judge.favourites`: the largest posterior means, and of these what noise could confuse with the best.
+        """See `Judge.favourites`: the sets of the largest posterior means that noise could confuse with the best.
 
-        None lies near a better one, unless there would be one alone. Where a set has the same value at every seed there
-        is no luck to guard against: those of the lowest values.
+        No two are near each other, unless only one would be left. If a set has the same value at every seed, those of
+        the lowest values.
         """
         measured = self._usable(results, len(results))
         if len(measured) < 3 or self.problem.exact:
@@ -167,10 +167,10 @@ class Field:
         return self._apart(learnt, [k for k in learnt.order if learnt.mean[k] >= least_mean], count)
 
     def _apart(self, learnt: SetSurrogate, order: Sequence[int], count: int) -> list[Trial]:
-        """At most ``count`` of the surrogate's trials by places, none near an earlier one unless there would be one."""
+        """At most ``count`` of the trials at ``places``, none near an earlier one unless only one would be left."""
         embedded = learnt.x[:, :FEATURES]
         distances = np.linalg.norm(embedded[:, None] - embedded[None], axis=2)
-        one_camera = np.sqrt(2.0) / self.problem.count  # the distance that one camera makes which goes somewhere else
+        one_camera = np.sqrt(2.0) / self.problem.count  # the distance that moving one camera elsewhere makes
         chosen: list[int] = []
         for least, most in ((one_camera, count), (0.0, min(2, count))):
             for k in order:
@@ -179,7 +179,7 @@ class Field:
         return [learnt.trials[k] for k in chosen]
 
     def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
-        """See `Arbiter.expect_m`: by the surrogate, for which a confirmation is a result like any other."""
+        """See `Arbiter.expect_m`: the surrogate's expectation; it treats confirmations like other results."""
         measured = self._usable(results, len(results))
         if not measured:
             return [self._cost_model.expected_m(cameras, self.weights, None) for cameras in sets]
@@ -187,7 +187,7 @@ class Field:
         return [float(value) for value in np.exp(-mean)]
 
     def learn(self, measured: Sequence[Result]) -> SetSurrogate:
-        """The surrogate of y = −ln(value) after measured results, at least one."""
+        """The surrogate of y = −ln(value) after at least one measured result."""
         trials = [result.trial for result in measured]
         y = -np.log(np.maximum([result.value_m for result in measured], LEAST_M))
         sets, plots = [trial.cameras for trial in trials], [trial.plot for trial in trials]
@@ -202,7 +202,7 @@ class Field:
     def inputs(self, sets: Sequence[Cameras], plots: Sequence[int] | None = None) -> Array:
         """(n, COLUMNS): the embedding, −ln of the geometric score's terms, and the plot's number.
 
-        On the plots given, else in the mean of the problem's.
+        Terms are on ``plots`` if given, else the mean over the problem's plots.
         """
         if plots is None:
             terms, numbers = [self._cost_model.terms(cameras) for cameras in sets], [NO_PLOT] * len(sets)

@@ -23,13 +23,13 @@ _MEMBERS, _MOVES = 12, 48
 _STEPS = (0.02, 0.4)
 """Least and largest step of moves, in D of `SetEmbedding`."""
 _ANYWHERE = 4
-"""Where this divides a trial's number the score's optimum is looked for anywhere, else about one of the best sets."""
+"""If this divides a trial's number, the score's optimum is searched everywhere, else about one of the best sets."""
 _EVERYWHERE, _NEARBY = Effort(), Effort(moves=300)
 _RANDOM_DRAWS = 100
 
 
 class Candidate(NamedTuple):
-    """A set that may be tried, and what it comes from."""
+    """A set that may be tried, and its origin."""
 
     cameras: Cameras
     origin: str
@@ -37,13 +37,13 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """What candidates of one trial depend on.
+    """What the candidates of a trial depend on.
 
     Attributes:
-        number: of the trial.
+        number: the trial's.
         known: sets that were tried or are pending.
-        registration: what is known of registering whole; None where mapping is not blind.
-        rng: of all draws, in their order.
+        registration: what is known about registering whole; None if mapping is not blind.
+        rng: of all draws.
     """
 
     number: int
@@ -53,11 +53,11 @@ class Turn:
 
     @property
     def anywhere(self) -> bool:
-        """Whether the fitted score's optimum is looked for anywhere."""
+        """Whether the fitted score's optimum is searched everywhere, not just near a set."""
         return self.number % _ANYWHERE == 0
 
     def new(self, candidates: Sequence[Candidate]) -> list[Candidate]:
-        """Those that are not known."""
+        """The candidates that are not known."""
         return [each for each in candidates if each.cameras not in self.known]
 
 
@@ -66,9 +66,9 @@ class Candidates:
     """Draws candidates for a trial.
 
     Attributes:
-        problem: what is looked for.
-        cost_model: what the geometric score leads to expect.
-        weights: of its terms, before there are results.
+        problem: the planning problem.
+        cost_model: expects costs by the geometric score.
+        weights: of the score's terms, before there are results.
         initial: trials before the surrogate.
     """
 
@@ -78,7 +78,7 @@ class Candidates:
     initial: int
 
     def first(self, turn: Turn) -> Candidate | None:
-        """What is known to be good, in turn; else what the score likes best of random structured sets, else any set."""
+        """Sets known to be good, in turn; then the random structured set that the score ranks first, else any set."""
         for choices in (self._known_to_be_good(turn), self._members(2 * _MEMBERS, turn, turn.number)):
             new = turn.new(choices)
             if new:
@@ -93,9 +93,9 @@ class Candidates:
         """The fitted score's optimum, anywhere or about one of the best sets, structured sets, and moves from the best.
 
         Args:
-            turn: whose known sets are left out.
+            turn: its known sets are left out.
             best: trials.
-            slopes: (3,) of the score's terms, fitted.
+            slopes: (3,) fitted weights of the score's terms.
             distance_m: D of `SetEmbedding`.
         """
         rng = turn.rng
@@ -111,9 +111,9 @@ class Candidates:
         return turn.new(found)
 
     def _known_to_be_good(self, turn: Turn) -> list[Candidate]:
-        """On a plot optima of the score and the circles it likes best, else nothing.
+        """On a plot the score's optima and the circles it ranks first.
 
-        Of a recorded set uniform subsets and greedy choices by matches, for the score has poor optima where all views
+        In a recorded set uniform subsets and greedy choices by matches, since the score has poor optima where all views
         stand on rings.
         """
         number = turn.number
@@ -125,7 +125,7 @@ class Candidates:
         return [self._circle(circle) for circle in self._circles] if number in (1, 4) else []
 
     def _members(self, count: int, turn: Turn, first: int = 0) -> list[Candidate]:
-        """Random members of the structured families, by turns."""
+        """Random members of the structured families, in turn."""
         kinds = families(self.problem)
         chosen = [kinds[k % len(kinds)] for k in range(first, first + count)]
         return [Candidate(self.problem.nearest(kind.decode(turn.rng.random(len(kind)))), kind.name) for kind in chosen]
@@ -139,7 +139,7 @@ class Candidates:
         return Candidate(self.problem.nearest(circle.cameras(self.problem)), origin)
 
     def _optimum(self, slopes: ArrayLike, origin: str, turn: Turn, about: Trial | None = None) -> Candidate:
-        """The largest prior mean, looked for about a set, else anywhere: the score taken at its word."""
+        """The set of the largest prior mean, searched about a given set, else anywhere."""
 
         def cost(cameras: Cameras) -> float:
             return self.cost_model.expected_m(cameras, slopes, turn.registration)

@@ -1,4 +1,4 @@
-"""The method `geometric`, the paper's third baseline; and how a criterion that takes no photograph is optimised."""
+"""The method `geometric`, the paper's third baseline; and the optimiser of criteria that take no photograph."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _STREAM = 41
 
 
 class Effort(NamedTuple):
-    """Of `optimise`: designs tried per family and at random, starts that are refined, moves tried from each."""
+    """Effort of `optimise`: designs tried per family and at random, starts that are refined, moves tried from each."""
 
     designs: int = 48
     starts: int = 1
@@ -31,22 +31,22 @@ class Effort(NamedTuple):
 
 
 class Triangulation:
-    """How uncertainly a set of cameras triangulates the plants, in metres: small is good.
+    """Uncertainty with which a set of cameras triangulates the plants, metres: small is good.
 
     After Bacharis et al., "3D Reconstruction in Noisy Agricultural Environments: A Bayesian Optimization Perspective
     for View Planning" (arXiv 2310.00145; we take it to be the paper's ref. bacharis20233d), who place cameras in
-    continuous space by a geometric function that accounts for noise. We know their abstract, not their formula: this
-    one is ours. A point's covariance from the views that see it is
+    continuous space by a geometric function that accounts for noise. Only their abstract is known, so the formula is
+    ours. A point's covariance from the views that see it is
 
         (Σ (f / d)² / σ² · (I − v vᵀ) + I / s²)⁻¹
 
     with the unit ray v, the distance d, the focal length f in pixels and σ = 1 pixel: rays that cross at right angles
-    and cameras near by are best. s = 0.10 m is the objective's cap: what is known of a point that no view sees. The
+    and cameras near by are best. s = 0.10 m is the objective's cap, the uncertainty of a point that no view sees. The
     criterion is the mean over points of √trace. Unlike theirs it is not averaged over draws of the poses' noise, which
-    acts as a larger σ does, alike on all sets. It knows nothing of matching, so it likes views far apart.
+    acts like a larger σ on all sets. It ignores matching and so favours views far apart.
 
     Args:
-        problem: what is planned.
+        problem: the planning problem.
     """
 
     def __init__(self, problem: PlanningProblem) -> None:
@@ -67,7 +67,7 @@ class GeometricOptimum:
 
     Args:
         name: as `--method` takes it.
-        problem: what is planned.
+        problem: the planning problem.
         cost: the criterion.
         seed: of the optimisation.
         effort: of it.
@@ -93,12 +93,11 @@ class GeometricOptimum:
 def optimise(
     problem: PlanningProblem, cost: Cost, seed: int, effort: Effort | None = None, known: Sequence[Cameras] = ()
 ) -> Cameras:
-    """A feasible set of small cost, by a search of the whole space; the same for the same seed.
+    """A feasible set of small cost, searched in the whole space; deterministic for a seed.
 
-    Starts are the best designs of each family (Sobol points of its cube) and of random sets, of which the best few
-    count, or ``known`` sets, which all do. They are refined by moving one camera at a time, keeping what is no
-    worse, with steps that shrink from half a metre to a centimetre. On a recorded set a move takes another view
-    instead.
+    Starts are all ``known`` sets, or without any the best of these: the best design of each family (Sobol points of its
+    cube) and the best random set. They are refined by moving one camera at a time, by steps that shrink from half a
+    metre to a centimetre; a move that is no worse is kept. On a recorded set a move takes another view instead.
     """
     effort = effort or Effort()
     rng = np.random.default_rng([seed, _STREAM])
@@ -113,7 +112,7 @@ def optimise(
 def _designs(
     problem: PlanningProblem, cost: Cost, effort: Effort, rng: np.random.Generator
 ) -> list[tuple[float, int, Cameras]]:
-    """Cost, number and cameras of the best ``effort.starts`` designs, one of each kind at most."""
+    """Cost, number and cameras of the best ``effort.starts`` designs, at most one of each kind."""
     starts: list[tuple[float, int, Cameras]] = []
     pools = [
         [family.decode(unit) for unit in qmc.Sobol(len(family), rng=rng).random(_power(effort.designs))]
@@ -140,13 +139,13 @@ def _refined(
 
 
 def _moved(problem: PlanningProblem, cameras: Cameras, rng: np.random.Generator, step_m: float) -> Cameras:
-    """One camera elsewhere: by about so many metres, and turned as much as seen from the plot's distance."""
+    """The set with one camera moved by about ``step_m`` and turned by as much as that spans at the plot's distance."""
     z = cameras.vector().reshape(len(cameras), -1).copy()
     if problem.views is not None:
         taken = set(cameras.row_keys())
         table = problem.views.vector().reshape(len(problem.views), -1)
         free = [i for i, key in enumerate(problem.views.row_keys()) if key not in taken]
-        # Two at once lead out of where exchanging one does not help.
+        # Exchanging two at once leaves local optima of exchanging one.
         count = min(int(rng.integers(1, 3)), len(free))
         if count:
             z[rng.choice(len(z), count, replace=False)] = table[rng.choice(free, count, replace=False)]
@@ -154,7 +153,7 @@ def _moved(problem: PlanningProblem, cameras: Cameras, rng: np.random.Generator,
     k = int(rng.integers(len(z)))
     z[k, :3] += rng.normal(0.0, step_m, 3)
     away = max(float(np.linalg.norm(z[k, :3] - problem.center)), 0.1)
-    # A camera that is moved keeps looking at the place it looked at, give or take.
+    # A moved camera keeps looking at about the same place.
     place = cameras.positions[k] + cameras.forward[k] * away
     aimed = Cameras.aimed(z[k, :3], place + rng.normal(0.0, 0.3 * step_m, 3))
     z[k, 3], z[k, 4] = aimed.yaw_deg[0], np.clip(aimed.pitch_deg[0], *problem.envelope.pitch_deg)
@@ -162,7 +161,7 @@ def _moved(problem: PlanningProblem, cameras: Cameras, rng: np.random.Generator,
 
 
 def _power(count: int) -> int:
-    """The largest power of two that is not above: Sobol points are balanced for these only."""
+    """The largest power of two up to a number: Sobol points are balanced for powers of two only."""
     return 1 << (max(count, 1).bit_length() - 1)
 
 

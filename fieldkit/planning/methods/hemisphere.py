@@ -21,8 +21,8 @@ class Cap:
     """Cameras on a Fibonacci lattice over the upper part of a sphere, all looking at its middle.
 
     Attributes:
-        distance_m: of the cameras from the plot's middle.
-        left_out: share of the sphere's height within the envelope's band that lies below the lowest of them.
+        distance_m: distance of the cameras from the plot's middle.
+        left_out: share of the sphere's height within the envelope's band that lies below the lowest camera.
     """
 
     distance_m: float
@@ -32,7 +32,7 @@ class Cap:
         return f"hemisphere of {self.distance_m:.2f} m without its lowest {self.left_out:.0%}"
 
     def cameras(self, problem: PlanningProblem) -> Cameras:
-        """Not made feasible."""
+        """The cameras, which may be infeasible."""
         middle = float(problem.center[2] - problem.envelope.ground_m(problem.center[None])[0])
         low, high = problem.envelope.height_m
         highest = float(np.clip(middle + self.distance_m, low, high))
@@ -51,12 +51,12 @@ class Hemisphere(StagedSearch[Cap]):
     A view sphere is the usual set of candidates in view planning (Scott, Roth and Rivest, "View planning for automated
     three-dimensional object reconstruction and inspection", ACM Computing Surveys 35, 2003); the Fibonacci lattice
     spreads any number of views evenly over it (González, "Measurement of areas on a sphere using Fibonacci and
-    latitude–longitude lattices", Mathematical Geosciences 42, 2010). Distances are from the least radius of circles
+    latitude–longitude lattices", Mathematical Geosciences 42, 2010). Distances go from the least radius of circles
     (`Ranges`) to the largest one at the top of the height band: 33 trials, as many as `circle` has.
 
     Args:
-        problem: what is planned.
-        seed: not used; there is no chance in it.
+        problem: the planning problem.
+        seed: not used; the search is deterministic.
     """
 
     def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:

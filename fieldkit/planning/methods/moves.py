@@ -1,4 +1,4 @@
-"""Sets of cameras near a given one: some of its cameras moved, or all of them together."""
+"""Sets of cameras near a given one: some cameras moved, or all of them together."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _SHARES = (1.0, 0.5, 0.25, 0.125)
 def near(cameras: Cameras, problem: PlanningProblem, size_m: float, rng: np.random.Generator) -> Cameras:
     """A random feasible set near ``cameras``.
 
-    Three times out of four one to three cameras go their own ways; else all of them go farther out or nearer, up or
-    down and around the plot together. Steps are normal, ``size_m`` around the plot and half of that outwards, upwards
-    and for the point looked at; each keeps looking at about what it looked at. A step that leads out of the envelope is
-    halved up to three times, which costs far less than projecting it.
+    In three of four draws one to three cameras move independently; else all move together: outwards or inwards, up or
+    down, and around the plot. Steps are normal: ``size_m`` around the plot, half of that outwards, upwards and for the
+    point looked at, which stays about the same. A step that leads out of the envelope is halved up to three times,
+    which is much cheaper than projecting it.
 
     Args:
         cameras: feasible.
-        problem: for the plot's middle and the feasible set.
-        size_m: of the steps.
-        rng: of the draws.
+        problem: gives the plot's middle and the feasible set.
+        size_m: standard deviation of the steps.
+        rng: draws the moves.
     """
     count = len(cameras)
     if rng.random() < _TOGETHER:
@@ -44,7 +44,7 @@ def near(cameras: Cameras, problem: PlanningProblem, size_m: float, rng: np.rand
 
 
 def _moved(cameras: Cameras, problem: PlanningProblem, moved: NDArray[np.int64], steps: Array, aims: Array) -> Cameras:
-    """Cameras ``moved`` (m,) by steps (m, 3) around, outwards and upwards, and by aims (m, 3) of what they look at."""
+    """Cameras ``moved`` (m,) by steps (m, 3) around, outwards and upwards, and their aim points by aims (m, 3)."""
     positions, targets = cameras.positions[moved], looked_at(cameras, problem)[moved]
     offsets = positions[:, :2] - problem.center[:2]
     radii = np.maximum(np.linalg.norm(offsets, axis=1), 0.1)

@@ -14,10 +14,10 @@ _STREAM = 41
 
 @dataclass(frozen=True, eq=False)
 class Random:
-    """Trial k is `PlanningProblem.sample` of the seed and k, whatever is known.
+    """Trial k is `PlanningProblem.sample` for the seed and k; results have no influence.
 
     Attributes:
-        problem: what is looked for.
+        problem: the planning problem.
         seed: of all trials.
     """
 
@@ -33,5 +33,5 @@ class Random:
 
 
 def sample_seed(seed: int, *parts: int) -> int:
-    """A seed for `PlanningProblem.sample`: of a method's, a trial's number and what else tells draws apart."""
+    """A seed for `PlanningProblem.sample`, from a method's seed, a trial's number and other numbers of the draw."""
     return int(np.random.SeedSequence([seed, _STREAM, *parts]).generate_state(1, np.uint64)[0])

@@ -13,7 +13,7 @@ def make_method(problem: PlanningProblem, settings: SearchSettings) -> Method | 
     """The method that a run's settings name.
 
     Raises:
-        UsageError: there is none of this name, or it does not suit the problem.
+        UsageError: no method has this name, or it does not suit the problem.
     """
     if settings.method not in _MAKERS:
         raise UsageError(f"there is no method {settings.method!r}", remedy=f"Choose one of {', '.join(METHOD_NAMES)}.")
@@ -114,8 +114,8 @@ METHOD_NAMES = tuple(_MAKERS)
 USING_MATCHES = frozenset({"field", "score", "match-graph"})
 """Methods that use a recorded set's counted matches (`Plot.matches`)."""
 USING_WEIGHTS = frozenset({"field", "score"})
-"""Methods that go by the geometric score's weights (`SearchSettings.weights`)."""
+"""Methods that use the geometric score's weights (`SearchSettings.weights`)."""
 FOR_A_KIND = frozenset({"field", "score"})
-"""Methods that know how to plan for several plots, and do so unless asked otherwise."""
+"""Methods that can plan for several plots, and do so by default."""
 CHOOSERS = frozenset({"score"})
 """Methods that need no results (`Chooser`)."""

@@ -18,13 +18,13 @@ _STREAM = 46
 
 
 class ScoreOptimum:
-    """Minimises the weighted sum of `GeometricScore`'s terms, searched for from one start for each set.
+    """Minimises the weighted sum of `GeometricScore`'s terms, with one start for each set.
 
-    Two optima whose expected values are equal can differ by half in truth, so several are for evaluations to choose
-    from. Where mapping is blind, sets that are less likely to register are expected to cost more (`CostModel`).
+    Two optima of equal expected value can differ by half in truth, so evaluations choose among several. With blind
+    mapping, sets that are less likely to register are expected to cost more (`CostModel`).
 
     Args:
-        problem: what is planned.
+        problem: the planning problem.
         weights: of gap, noise and tie.
         seed: of all searches.
         effort: of each.
@@ -38,7 +38,7 @@ class ScoreOptimum:
         self._problem, self._weights, self._seed, self._effort = problem, weights, seed, effort
 
     def choose(self, count: int, workers: int = 1) -> list[Trial]:
-        """See `Chooser.choose`; the k-th start's set is trial k, whose notes have what is expected, metres."""
+        """See `Chooser.choose`; trial k is the set of the k-th start, its notes hold the expected value in metres."""
         find = partial(_optimum, self._problem, self._weights, self._seed, self._effort)
         found: dict[Cameras, Trial] = {}
         for k, (cameras, expected_m) in enumerate(map_parallel(find, range(count), workers=workers)):
@@ -47,7 +47,7 @@ class ScoreOptimum:
         return sorted(found.values(), key=lambda trial: (trial.notes["expected_m"], trial.number))
 
     def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
-        """See `Arbiter.expect_m`: as `Field` does."""
+        """See `Arbiter.expect_m`; the same as `Field`'s."""
         from fieldkit.planning.methods.field import Field  # brings PyTorch along
 
         return Field(self._problem, seed=self._seed, weights=self._weights).expect_m(sets, results)
@@ -56,7 +56,7 @@ class ScoreOptimum:
 def _optimum(
     problem: PlanningProblem, weights: Weights, seed: int, effort: Effort | None, number: int
 ) -> tuple[Cameras, float]:
-    """The set that the start of a number leads to, and what is expected of it."""
+    """The set found from the start of a number, and its expected value."""
     cost_model = CostModel(problem)
     registration = Registration.learn([], []) if problem.blind else None
 

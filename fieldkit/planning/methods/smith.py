@@ -16,7 +16,7 @@ _LEAST_COSINE = 0.087
 
 
 class Reconstructability:
-    """By how much the plants' points lack reconstructability: Σ min(h − 3, 0)², mean over points; small is good.
+    """Lack of reconstructability of the plants' points: Σ min(h − 3, 0)², mean over points; small is good.
 
     After Smith, Moehrle, Goesele and Heidrich, "Aerial path planning for urban scene reconstruction: a continuous
     optimization method and benchmark" (ACM Transactions on Graphics 37, 2018). A point has
@@ -24,14 +24,13 @@ class Reconstructability:
         h = Σ w₁ w₂ w₃ cos θ_max,   w₁ = 1 / (1 + exp(−32 (α − π/16))),
         w₂ = 1 − min(max(d, d') / d_max, 1),   w₃ = 1 − 1 / (1 + exp(−8 (α − π/4)))
 
-    over the pairs of views that see it: in the picture, nothing before it, cosine of incidence above 0.087, nearer
-    than d_max; α is the angle of the two rays, d and d' are the distances, θ_max is the larger incidence angle. d_max
-    is theirs for drones over buildings; here it is twice the distance from which the plants fill the picture, so that
-    w₂ is ½ there. They improve each view in turn with a downhill simplex. `optimise` finds less: 1.98 and 1.89 with ten
-    cameras about tuning-1 and tuning-2, where simplexes from the best of 25 circles end at 3.05 and 2.75.
+    over the pairs of views that see it: in the picture, not hidden, cosine of incidence above 0.087, nearer than d_max.
+    α is the angle of the two rays, d and d' are the distances, θ_max is the larger incidence angle. Their d_max is for
+    drones over buildings; here it is twice the distance from which the plants fill the picture, where w₂ is ½. They
+    improve each view in turn with a downhill simplex; `optimise` finds lower values (docs/planning.md).
 
     Args:
-        problem: what is planned.
+        problem: the planning problem.
     """
 
     def __init__(self, problem: PlanningProblem) -> None:
@@ -40,7 +39,7 @@ class Reconstructability:
         self._views = PerCamera(self._look)
 
     def __call__(self, cameras: Cameras) -> float:
-        """Of a set; at most 9."""
+        """The criterion of a set, at most 9."""
         return float((np.minimum(self.of_points(cameras) - _ENOUGH, 0.0) ** 2).mean())
 
     def of_points(self, cameras: Cameras) -> Array:

@@ -1,4 +1,4 @@
-"""Searches of few numbers: a fixed list of designs, then others about the best of them."""
+"""Searches over few numbers: a fixed list of designs, then others about the best of them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Design(Protocol):
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     def cameras(self, problem: PlanningProblem) -> Cameras:
-        """Not made feasible."""
+        """The cameras, which may be infeasible."""
         ...
 
     def __str__(self) -> str:
@@ -30,22 +30,22 @@ D = TypeVar("D", bound=Design)
 
 @dataclass(frozen=True)
 class Stage(Generic[D]):
-    """Designs that are laid about the best one known: always so many."""
+    """A fixed number of designs about the best one known."""
 
     count: int
     designs: Callable[[D], Sequence[D]]
 
 
 class StagedSearch(Generic[D]):
-    """The first designs, then stage by stage those about the best measured one of all before that stage.
+    """The first designs, then in each stage those about the best measured one of all earlier stages.
 
     First designs that mean the same cameras as an earlier one (a recorded set has few) are left out.
 
     Args:
         name: as `--method` takes it.
-        problem: what is planned.
-        first: designs; the middle one stands for the best where none was measured.
-        stages: of designs to come.
+        problem: the planning problem.
+        first: designs; the middle one counts as the best if none was measured.
+        stages: the later designs.
     """
 
     def __init__(self, name: str, problem: PlanningProblem, first: Sequence[D], stages: Sequence[Stage[D]]) -> None:
@@ -89,8 +89,8 @@ def finer_grid(limits: Mapping[str, tuple[float, float]], count: int) -> Stage[D
     """The eight designs about the best of a grid, half a step away in either or both of two numbers.
 
     Args:
-        limits: of the two numbers' ranges, by their names.
-        count: of the grid's values over each range.
+        limits: ranges of the two numbers, by name.
+        count: number of the grid's values over each range.
     """
 
     def designs(best: D) -> list[D]:
@@ -109,9 +109,9 @@ def finer_grid(limits: Mapping[str, tuple[float, float]], count: int) -> Stage[D
 
 
 def _half_step(best: float, step: int, limits: tuple[float, float], count: int) -> float:
-    """Half a step of a grid of ``count`` values over limits from one of them: down (−1), not at all (0), or up (1).
+    """A grid value of ``count`` over limits, moved by half a step down (−1), not at all (0) or up (1).
 
-    At the range's end the finer grid goes on inside it, between the values that are there.
+    At the end of the range the finer grid continues inside it, between existing values.
     """
     low, high = limits
     value = best + 0.5 * step * (high - low) / (count - 1)

@@ -1,4 +1,4 @@
-"""What a person would take from a recorded set: views evenly around the plot, or a greedy choice by matches."""
+"""Subsets of a recorded set as a person would choose them: evenly around the plot, or greedily by matches."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fieldkit.planning.score.visibility import in_picture
 from fieldkit.planning.space.cameras import Array, Cameras
 
 TIES = (20.0, 40.0, 80.0)
-"""Matches that a view needs with those chosen before it: 20 hold a pair in mapping (docs/mapping.md)."""
+"""Least matches of a view with those chosen before it: mapping keeps a pair with 20 (docs/mapping.md)."""
 
 
 class Uniform:
@@ -48,12 +48,12 @@ class Uniform:
 
 
 class MatchGraph:
-    """A greedy choice of a recorded set's views that stands for all of them in matches and hangs together.
+    """A greedy choice of recorded views that represents all of them in matches and is connected.
 
-    What is covered: Σ over all views of their most matches with a chosen one (a facility location, which greedy choice
-    brings to 63 % of the best or more), with as many for a view itself as the whole set's best pair has. Among the
-    views that are left, those with at least a number of matches with the chosen ones come first; where there are none,
-    the best tied one is taken. One trial for each such number, from loose and wide to firm and narrow.
+    The choice maximises Σ over all views of their most matches with a chosen one (a facility location; the greedy
+    choice reaches at least 63 % of the best). A view's matches with itself count as many as the best pair's. Views with
+    at least a given number of matches with the chosen ones come first; if there are none, the view with the most such
+    matches is taken. There is one trial for each such number, from few matches to many.
 
     Args:
         problem: with views.
@@ -86,12 +86,12 @@ class MatchGraph:
 
 
 def greedy_by_matches(matches: Array, count: int, tie: float) -> NDArray[np.int64]:
-    """(count,) views as `MatchGraph` chooses them, in the order of choice.
+    """(count,) views in the order in which `MatchGraph` chooses them.
 
     Args:
         matches: (m, m) symmetric.
         count: how many; m ≥ count.
-        tie: matches with the chosen views, summed, that make a view a candidate.
+        tie: least sum of matches with the chosen views that makes a view a candidate.
     """
     worth = matches.copy()
     np.fill_diagonal(worth, max(float(matches.max(initial=0.0)), 1.0))

@@ -1,4 +1,4 @@
-"""The method `two-rings`: what flight apps offer for single objects, orbits at two heights."""
+"""The method `two-rings`: orbits at two heights, as flight apps offer them for single objects."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _STEP = 0.125
 class Rings:
     """Cameras evenly on two horizontal circles, every other one on each, all looking at one point above the middle.
 
-    Of an odd N the lower circle has one more.
+    If N is odd, the lower circle has one more.
 
     Attributes:
         lower_radius_m, upper_radius_m: horizontal.
         lower_altitude_m, upper_altitude_m: above the ground below each camera.
-        aim_m: z of the point that is looked at.
+        aim_m: z of the point that all look at.
     """
 
     lower_radius_m: float
@@ -39,7 +39,7 @@ class Rings:
         return f"rings {lower} m at {self.lower_altitude_m:.2f} m and {upper} m at {self.upper_altitude_m:.2f} m"
 
     def cameras(self, problem: PlanningProblem) -> Cameras:
-        """Not made feasible; the upper circle is turned by half a step against the lower one."""
+        """The cameras, which may be infeasible; the upper circle is turned by half a step against the lower one."""
         upper = problem.count // 2
         lower = problem.count - upper
         azimuth = np.append(360.0 * np.arange(lower) / lower, 360.0 * (np.arange(upper) + 0.5) / upper)
@@ -53,13 +53,13 @@ class TwoRings(StagedSearch[Rings]):
     """A grid of 5 × 5 radii at a quarter and three quarters of the height band; then eight other pairs of heights.
 
     Orbits at two or more heights are what flight planning recommends for buildings and other single objects (Pix4D,
-    "Selecting the image acquisition plan type"). Radii are those of circles (`Ranges`); the heights of the eight are an
-    eighth of the band lower or higher, for each ring by itself, with the best pair of radii. All look at the plants'
-    middle: 33 trials, as many as `circle` has.
+    "Selecting the image acquisition plan type"). Radii are those of circles (`Ranges`). The eight have the best pair of
+    radii and each ring's height moved up or down by an eighth of the band. All look at the plants' middle: 33 trials,
+    as many as `circle` has.
 
     Args:
-        problem: what is planned.
-        seed: not used; there is no chance in it.
+        problem: the planning problem.
+        seed: not used; the search is deterministic.
     """
 
     def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:

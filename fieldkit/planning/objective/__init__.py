@@ -1,1 +1,1 @@
-"""What a set of cameras is worth: r(z), of simulated and of recorded photographs."""
+"""The objective r(z) of sets of cameras, by simulated or recorded photographs."""

@@ -1,4 +1,4 @@
-"""What one evaluation of the objective gives."""
+"""The result of one evaluation of the objective."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fieldkit.clouds.metrics import DISTANCES_M
 
 @dataclass(frozen=True)
 class StageCost:
-    """Seconds of one stage on one thread."""
+    """Wall and CPU seconds of one stage on one thread."""
 
     name: str
     cpu_s: float
@@ -24,20 +24,20 @@ class Evaluation:
 
     Attributes:
         value_m: the cost to minimise, by the rule of `fieldkit.planning.objective.rule`; always finite.
-        chamfer_m: plain chamfer distance (eq. `r_func`), its directed terms, None where there is no cloud.
+        chamfer_m: plain chamfer distance (eq. `r_func`); this and its directed terms are None without a cloud.
         accuracy_m: mean distance from the cloud to the reference.
         completeness_m: mean distance from the reference to the cloud.
-        f_scores: by distance; 0 without a cloud.
-        images: asked for.
-        registered: images the mapper gave a pose.
-        right: of these, not in contradiction to the commanded poses.
-        models: the mapper's models; the largest is used.
-        points: of the cloud.
-        cloud_digest: of the cloud's positions: equal where the clouds are, byte for byte.
-        views: the photographs' names (of a recorded set: the views that were chosen), in the cameras' order.
-        failure: why there is no cloud; empty where there is one.
-        measured: False where the evaluation itself broke (a crash, the time-out): then ``value_m`` is the rule's worst
-            but says nothing about z.
+        f_scores: F-score by distance in metres; 0 without a cloud.
+        images: photographs asked for.
+        registered: images with a pose from the mapper.
+        right: registered images whose pose agrees with the commanded one.
+        models: number of the mapper's models; the largest is used.
+        points: number of points of the cloud.
+        cloud_digest: of the cloud's positions: equal if the clouds are equal byte for byte.
+        views: names of the photographs (in a recorded set, of the chosen views), in the cameras' order.
+        failure: why there is no cloud; empty if there is one.
+        measured: False if the evaluation itself broke (a crash, the time-out); ``value_m`` is then the rule's worst and
+            says nothing about z.
         times: seconds by stage.
     """
 
@@ -63,12 +63,12 @@ class Evaluation:
         return sum(stage.cpu_s for stage in self.times)
 
     def stage_cpu_s(self, name: str) -> float:
-        """CPU seconds of one stage; 0 where it was not run."""
+        """CPU seconds of one stage; 0 if it was not run."""
         return sum(stage.cpu_s for stage in self.times if stage.name == name)
 
     @classmethod
     def broken(cls, images: int, reason: str, worst_m: float) -> Evaluation:
-        """An evaluation that broke twice and tells nothing of z."""
+        """An evaluation that broke twice; it says nothing about z."""
         return cls(
             worst_m,
             None,
@@ -87,7 +87,7 @@ class Evaluation:
         )
 
     def figures(self) -> dict[str, Any]:
-        """Plain values of everything but the times: the same wherever and however often z is evaluated."""
+        """Plain values of everything but the times; equal for every evaluation of z."""
         plain = asdict(self)
         del plain["times"]
         plain["f_scores"] = {f"{distance:.3f}": score for distance, score in self.f_scores.items()}

@@ -1,4 +1,4 @@
-"""What an evaluation may cost: how large it is rendered, and how finely it is matched and densified."""
+"""The cost of an evaluation: the size of its renderings, and how finely they are matched and densified."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ FidelityName = Literal["draft", "standard", "fine"]
 
 @dataclass(frozen=True)
 class Fidelity:
-    """One way to evaluate.
+    """A level of detail of evaluations.
 
     Attributes:
         name: ``"draft"``, ``"standard"`` or ``"fine"``.
-        drawn_side: longer side of rendered photographs, pixels, at most the camera's; recorded ones keep theirs.
-        economy: render as `simulate_capture`'s ``economy`` says: half the cost.
-        features: detection in rendered photographs; in recorded ones it is `FeatureSettings`' own, and kept.
-        dense: working size of dense stereo.
+        drawn_side: longer side of rendered photographs, pixels, at most the camera's; recorded ones keep their size.
+        economy: passed to `simulate_capture`; halves the cost of rendering.
+        features: detection in rendered photographs; recorded ones always use the defaults of `FeatureSettings`.
+        dense: fidelity of dense stereo.
     """
 
     name: FidelityName
@@ -41,4 +41,4 @@ FIDELITIES: dict[FidelityName, Fidelity] = {
     "standard": Fidelity("standard", 1600, features=FeatureSettings(working_side=1400)),
     "fine": Fidelity("fine", dense="fine"),
 }
-"""Draft and standard draw, match and densify fewer pixels than fine."""
+"""Draft and standard render, match and densify fewer pixels than fine."""

@@ -1,4 +1,4 @@
-"""The plots of a run: those that are planned on, and others drawn of their kind."""
+"""The plots of a run: the given ones, and others drawn of their kind."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 
 _SEEDS_APART = 1_000_003
-"""Between the seeds of two given plots' draws, so that no two of them turn their plants alike."""
+"""Distance between the seeds of two given plots, so that their draws differ."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """Plots by number: first those that are given, then others drawn of each of them in turn.
+    """Plots by number: first the given ones, then others drawn of each of them in turn.
 
-    Of a simulated plot they are `plots_of_kind`; of one made from a reference its plants turned, scaled and left out
-    where they can be told apart, else the whole plot turned and mirrored (`draw_variation`). A plot of a number is the
-    same however many there are.
+    For a simulated plot they come from `plots_of_kind`. For one made from a reference, plants that can be told apart
+    are turned, scaled and left out; else the whole plot is turned and mirrored (`draw_variation`). Plot k does not
+    depend on the number of plots.
 
     Attributes:
-        descriptions: of the given plots, all simulated or all recorded. The first one's camera effects are all plots'.
+        descriptions: of the given plots, all simulated or all recorded. The first one's camera effects apply to all.
         seed: of all draws.
         folder: where scenes of recorded plots are written.
     """
@@ -50,12 +50,12 @@ class Kind:
 
     @cached_property
     def recorded(self) -> tuple[tuple[Cloud, PlantsApart], ...]:
-        """Each recorded plot's plants, and how they are told apart; nothing of simulated ones."""
+        """Each recorded plot's plants, and how they are told apart; empty for simulated plots."""
         clouds = [recorded_plants(each.recorded) for each in self.descriptions if each.recorded is not None]
         return tuple((cloud, tell_apart(cloud)) for cloud in clouds)
 
     def plot(self, number: int) -> tuple[Plot, Volume]:
-        """What is known of a plot without a photograph. Raises SceneError."""
+        """The plot as known without a photograph. Raises SceneError."""
         given, drawn = self._origin(number)
         if not drawn or not self.recorded:
             return Plot.of(self._simulated(number))
@@ -67,7 +67,7 @@ class Kind:
         return Plot.without_others(reference), volume
 
     def proxy(self, number: int, camera: Intrinsics) -> Proxy:
-        """A plot to photograph. Raises SceneError, StorageError."""
+        """The proxy to photograph. Raises SceneError, StorageError."""
         given, drawn = self._origin(number)
         description = self._simulated(number)
         if drawn and self.recorded:
@@ -78,11 +78,11 @@ class Kind:
         return Proxy.from_description(description, camera)
 
     def source(self, proxy: Proxy, noise: CaptureNoise, wind_m: float) -> SimulatedSource:
-        """Of a plot's photographs."""
+        """The source of a plot's photographs."""
         return SimulatedSource.of_scene(self.descriptions[0], proxy, noise, wind_m)
 
     def _origin(self, number: int) -> tuple[int, int]:
-        """Which given plot a plot is drawn of, and which draw it is of that one; draw 0 is the given plot itself."""
+        """The given plot that a plot is drawn of, and the number of the draw; draw 0 is the given plot itself."""
         return number % len(self.descriptions), number // len(self.descriptions)
 
     def _seed(self, given: int) -> int:
@@ -94,7 +94,7 @@ class Kind:
         return draw_variation(cloud, apart, self._seed(given), drawn - 1)
 
     def _simulated(self, number: int) -> SceneDescription:
-        """A simulated plot; of a recorded one the given plot itself."""
+        """A simulated plot; for a recorded one the given plot itself."""
         given, drawn = self._origin(number)
         description = self.descriptions[given]
         if not drawn or description.recorded is not None:

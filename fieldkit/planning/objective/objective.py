@@ -1,4 +1,4 @@
-"""The objective r(z), BOSfM's eq. `r_func`: what real structure from motion makes of a set of cameras."""
+"""The objective r(z), BOSfM's eq. `r_func`: the result of real structure from motion with a set of cameras."""
 
 from __future__ import annotations
 
@@ -28,18 +28,19 @@ _LEAST_CAMERAS = 2
 
 @dataclass(frozen=True)
 class ObjectiveSettings:
-    """Every choice about r but the plot and the seed.
+    """All settings of r except the plot and the seed.
 
     Attributes:
         fidelity: ``"draft"``, ``"standard"`` or ``"fine"``.
         mapping: ``"prior"`` starts from the commanded poses, as in the field; ``"incremental"`` is the paper's.
             Either is real SfM from the photographs: camera poses are never taken as known.
-        rule: for what a poor cloud is worth.
-        min_agreeing_views: of the fusion.
+        rule: for the value of poor clouds.
+        min_agreeing_views: setting of the fusion.
         bands_px: half widths of the bands that prior mapping matches in, round by round, in pixels of a photograph 1600
-            wide; `PriorMappingSettings`' own where None. Fewer rounds are for poses known to some millimetres.
-        refine: move each cloud onto the reference, and scale it, by ICP before it is scored. What poses that are off by
-            centimetres do to place, tilt and scale is luck; what is left is the shape, which cameras' places decide.
+            wide; None takes the default of `PriorMappingSettings`. Fewer rounds suit poses known to some millimetres.
+        refine: align and scale each cloud to the reference by ICP before it is scored. Poses that are off by
+            centimetres move, tilt and scale the cloud at random; what remains is the shape, which depends on the
+            cameras' places.
     """
 
     fidelity: FidelityName = "standard"
@@ -59,13 +60,13 @@ class ObjectiveSettings:
 
     @property
     def prior(self) -> PriorMappingSettings:
-        """Of prior mapping."""
+        """Settings of prior mapping."""
         default = PriorMappingSettings()
         return default if self.bands_px is None else replace(default, bands_px=self.bands_px)
 
 
 class _Mapped(NamedTuple):
-    """How many photographs registered, how many rightly, in how many models."""
+    """Number of registered photographs, of right ones, and of models."""
 
     registered: int
     right: int
@@ -75,14 +76,14 @@ class _Mapped(NamedTuple):
 class Objective:
     """Evaluates sets of cameras: photographs → features → matches → mapping → dense stereo → chamfer distance.
 
-    The model is placed by the commanded camera centres (not the true ones, which the field does not know either), the
-    cloud is cropped to the plot's volume of interest, then moved onto the reference where that is asked for. On one
-    thread the same source, cameras and seed give the same evaluation in every process.
+    The model is placed by the commanded camera centres (the true ones are unknown, as in the field). The cloud is
+    cropped to the plot's volume of interest and, with ``refine``, aligned to the reference. On one thread the same
+    source, cameras and seed give the same evaluation in every process.
 
     Args:
-        source: of photographs; simulated or recorded.
-        settings: choices.
-        seed: of the mapping, the dense stereo and, where `evaluate` is not given another, of the photographs' noise.
+        source: simulated or recorded photographs.
+        settings: of the objective.
+        seed: of mapping and dense stereo, and of the photographs' noise unless `evaluate` gets another one.
 
     Example:
         >>> objective = Objective(SimulatedSource(proxy), ObjectiveSettings("draft"))
@@ -95,7 +96,7 @@ class Objective:
         self.seed = seed
 
     def prepare(self) -> None:
-        """Do now what the first evaluation would do once. Raises what the source raises."""
+        """Do the one-off work of the first evaluation now. Raises the source's errors."""
         self.source.prepare()
 
     def close(self) -> None:
@@ -103,7 +104,7 @@ class Objective:
         self.source.close()
 
     def on(self, plot: int) -> Objective:
-        """Itself, for there is one plot, number 0."""
+        """This objective itself; its only plot has the number 0."""
         if plot:
             raise UsageError(f"there is no plot {plot} to evaluate on")
         return self
@@ -111,19 +112,19 @@ class Objective:
     def evaluate(
         self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
     ) -> Evaluation:
-        """What a set of cameras is worth.
+        """Evaluate a set of cameras.
 
         Args:
             cameras: as commanded, plot frame.
-            seed: of the photographs' noise, for repeats; the objective's own by default.
-            fidelity: for this once, other than the settings'.
+            seed: of the photographs' noise, for repeats; None takes the objective's.
+            fidelity: for this evaluation only; None takes the settings'.
 
         Returns:
-            The evaluation. Photographs that do not reconstruct are an answer and not an error: their value follows
-            from the rule.
+            The evaluation. Photographs that do not reconstruct are a result, not an error: their value follows from the
+            rule.
 
         Raises:
-            UsageError: fewer than two cameras, or the source cannot serve them.
+            UsageError: fewer than two cameras, or the source cannot photograph them.
             InputError: this machine cannot render, or the recorded photographs cannot be read.
         """
         return self.evaluate_cloud(cameras, seed=seed, fidelity=fidelity)[0]
@@ -131,7 +132,7 @@ class Objective:
     def evaluate_cloud(
         self, cameras: Cameras, *, seed: int | None = None, fidelity: FidelityName | None = None
     ) -> tuple[Evaluation, Cloud]:
-        """As `evaluate`, with the plants' cloud (plot frame), empty where there is none."""
+        """As `evaluate`, with the plants' cloud (plot frame); empty if there is none."""
         if len(cameras) < _LEAST_CAMERAS:
             raise UsageError(f"an evaluation needs at least two cameras, not {len(cameras)}")
         timer = StageTimer(Silent())

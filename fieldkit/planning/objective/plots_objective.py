@@ -1,4 +1,4 @@
-"""The objectives of several plots of a kind, each built where it is first photographed."""
+"""The objectives of several plots of a kind, each built when it is first photographed."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 
 _OPEN = 2
-"""Plots that a process keeps ready for rendering; the renderer of a further one takes a second."""
+"""Number of plots that a process keeps ready to render; another renderer takes a second to start."""
 
 
 class PlotsObjective:
     """Objectives by the plots' numbers; see `executor.Evaluator`.
 
-    A plot's scene takes 17 CPU s to build. The first process that needs it leaves it in a temporary folder for the
-    others of the machine, which is gone with this object.
+    A plot's scene takes 17 CPU s to build. The first process that needs it shares it with the machine's other processes
+    in a temporary folder, which is removed with this object.
 
     Args:
-        build: of a plot's proxy; it has to pickle.
-        source: of a plot's photographs, from its proxy; it has to pickle.
+        build: makes a plot's proxy; picklable.
+        source: makes the source of photographs from a plot's proxy; picklable.
         settings: of all objectives.
         seed: of all objectives.
     """
@@ -71,7 +71,7 @@ class PlotsObjective:
             return self._build(plot)
         file = self._shared / f"{plot}.pickle"
         with (self._shared / f"{plot}.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # whoever comes second waits for the first one's scene
+            fcntl.flock(lock, fcntl.LOCK_EX)  # the second process waits for the first one's scene
             if not file.is_file():
                 write_atomic(file, pickle.dumps(self._build(plot), pickle.HIGHEST_PROTOCOL))
             proxy: Proxy = pickle.loads(file.read_bytes())

@@ -1,4 +1,4 @@
-"""The recorded back end: cameras are matched to photographs that were really taken."""
+"""The recorded back end: cameras are matched to recorded photographs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ EXACT = CaptureNoise(position_m=0.0, angle_deg=0.0, image_sigma=0.0)
 
 @dataclass(frozen=True, eq=False)
 class RecordedView:
-    """One photograph of a recorded set with its commanded pose in the plot frame, and how good that is."""
+    """A recorded photograph with its commanded pose in the plot frame and that pose's accuracy."""
 
     name: str
     pose: Pose
@@ -45,12 +45,12 @@ class RecordedView:
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """What is different where a recorded plot stands for another one of its kind.
+    """How a recorded plot is changed to stand for another one of its kind.
 
     Attributes:
-        turn_deg: by which its plants are turned, counterclockwise from above: cameras are turned the other way.
+        turn_deg: turn of the plants, counterclockwise from above; cameras are turned the other way.
         kept: share of the matches that are not withheld.
-        draw: which ones are withheld.
+        draw: number of the draw of withheld matches.
     """
 
     turn_deg: float = 0.0
@@ -66,8 +66,8 @@ def recorded_views(
     Args:
         capture: as read.
         plot: of the reference.
-        reconstructed: poses that the reference found for photographs of these names, in the plot frame. They lend
-            their orientation to photographs of which only the position is known, and which are the same by their place.
+        reconstructed: poses that the reference found for photographs of these names, in the plot frame. They give their
+            orientation to photographs of the same place whose orientation is unknown.
 
     Raises:
         MetadataError: fewer than three poses are known.
@@ -97,7 +97,7 @@ def recorded_views(
 class InputsCache(StageCache):
     """A cache of what evaluations share: features, matches of pairs and undistorted views.
 
-    Models and depth maps of one set of views are of no use to another, and a search would fill the disk with them.
+    Models and depth maps are not kept: other sets cannot use them, and a search would fill the disk.
     """
 
     STAGES = frozenset({"features", "guided", "match-graph", "matches", "pairs", "quality", "views"})
@@ -114,15 +114,15 @@ class RecordedSource:
     """Answers cameras with photographs of a recorded set; see `PhotoSource`.
 
     Features, matches and undistorted views are kept in the cache, so that an evaluation costs mapping and dense stereo
-    only. What the cameras look at is found once, from all views: then the first matches of a pair, which are made at
-    the known poses, are the same in every set that has both.
+    only. The region that the cameras look at is found once, from all views, so that a pair's first matches, made at the
+    known poses, are the same in every set.
 
     Args:
         capture: with known poses (poses.csv).
         plot: of a reference of the same plot.
         reference: PC_env, plot frame.
         cache: shared by all evaluations.
-        noise: added to the known poses, as a command that was flown worse; images stay as they are.
+        noise: added to the known poses, as a less exact flight would; images stay as they are.
         reconstructed: poses to take missing orientations from; see `recorded_views`.
 
     Raises:
@@ -139,7 +139,7 @@ class RecordedSource:
             raise UsageError("recorded photographs are taken as they are: image noise is for simulated ones")
         self.capture, self.cloud, self.noise = capture, reference, noise
         self.views = recorded_views(capture, plot, reconstructed)
-        # Everything is turned into the plot frame here, whatever frame the capture's positions are in.
+        # Positions in any frame of the capture are transformed to the plot frame here.
         region = region_of_interest([view.pose for view in self.views])
         self._rehearsal = Rehearsal()
         self._plot = replace(plot, source=SourceFrame("poses.csv", None, Similarity.identity()), region=region)
@@ -152,14 +152,14 @@ class RecordedSource:
         return self.__dict__ | {"_reference": None}
 
     def rehearsing(self, rehearsal: Rehearsal) -> RecordedSource:
-        """The same photographs where they stand for another plot."""
+        """The same photographs as another plot."""
         other = copy(self)
-        other._rehearsal, other._reference = rehearsal, self._reference  # which a copy leaves behind
+        other._rehearsal, other._reference = rehearsal, self._reference  # not copied
         return other
 
     @property
     def middle(self) -> Array:
-        """(3,) about which cameras are turned: what they look at, else the middle of the plot."""
+        """(3,) centre about which cameras are turned: what they look at, else the middle of the plot."""
         region = self._plot.region
         return np.array(self._plot.volume.center if region is None else region.center)
 
@@ -181,15 +181,15 @@ class RecordedSource:
         assert self.reference is not None
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Nothing to free."""
 
     def cameras(self, index: Sequence[int] | NDArray[np.int64] | None = None) -> Cameras:
-        """The recorded cameras of those indices (all by default): they project onto themselves."""
+        """The recorded cameras of the given indices (all by default); they project onto themselves."""
         chosen = range(len(self.views)) if index is None else index
         return Cameras.from_poses(self.views[int(k)].pose for k in chosen)
 
     def project(self, cameras: Cameras) -> NDArray[np.int64]:
-        """Which distinct recorded views (n,) stand for the cameras; see `assign`."""
+        """The distinct recorded views (n,) that stand for the cameras; see `assign`."""
         return assign(cameras, self.cameras(), self.distance_m)
 
     @contextmanager
@@ -202,7 +202,7 @@ class RecordedSource:
         yield PhotoSet(self._subset(chosen, seed), tuple(self.views[int(k)].name for k in chosen), features)
 
     def _subset(self, chosen: Array | NDArray[np.int64], seed: int) -> Capture:
-        # In the set's order and with noise by the view's own number: the same views in another order are the same.
+        # In the set's order, with noise by the view's own number: the order of the cameras does not matter.
         noisy = perturbed([view.pose for view in self.views], self.noise, seed)
         picked = {self.views[int(k)].name: _prior(self.views[int(k)], noisy[int(k)], self.noise) for k in chosen}
         groups = [replace(g, photos=tuple(n for n in g.photos if n in picked)) for g in self.capture.groups]

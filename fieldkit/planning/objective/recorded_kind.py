@@ -1,4 +1,4 @@
-"""Plots like a recorded one: its plants turned before the recorded cameras, with only a share of their matches."""
+"""Plots like a recorded one: its plants turned in front of the recorded cameras, with only a share of their matches."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from fieldkit.planning.objective.recorded import RecordedSource, Rehearsal
 from fieldkit.planning.space.plots import Plot
 
 LEAST_KEPT = 0.3
-"""Plants of a kind differ in what their leaves match: by up to three times between the recorded rigs."""
+"""Least share of matches kept: the recorded rigs' matches differ by up to three times."""
 _STREAM, _GOLDEN = 53, (5**0.5 - 1) / 2
 _ALL_ROUND = 1.5
-"""Of the spacing of recorded views: how far a turned view may be from the one that stands for it, in the mean."""
+"""Largest mean distance of turned views from their recorded ones, in spacings of the recorded views."""
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedKind:
     """Plots of a recorded plot's kind, by number; 0 is the plot as it was recorded.
 
-    A turned plant before the same cameras is the same plant before turned cameras, of which there are photographs where
-    the views go all round. Elsewhere only the share of matches differs between plots.
+    Turning the plants is the same as turning the cameras, which have photographs if the views go all round. Else plots
+    differ only in the share of matches.
 
     Attributes:
-        source: of the recorded photographs.
+        source: the recorded photographs.
         seed: of the draws.
     """
 
@@ -36,7 +36,7 @@ class RecordedKind:
     seed: int
 
     def rehearsal(self, number: int) -> Rehearsal:
-        """What is different on a plot."""
+        """The changes of a plot."""
         if not number:
             return Rehearsal()
         turn_deg = float(np.random.default_rng([self.seed, _STREAM, number]).uniform(0.0, 360.0))
@@ -50,7 +50,7 @@ class RecordedKind:
 
         Args:
             number: of the plot.
-            matches: (m, m) between the recorded views, of the plot as it was recorded.
+            matches: (m, m) between the recorded views on the plot as recorded.
         """
         rehearsal, cloud = self.rehearsal(number), self.source.cloud
         middle = self.source.middle
@@ -75,7 +75,7 @@ class RecordedPlots:
     """The objectives of plots of a recorded plot's kind; see `executor.Evaluator`.
 
     Args:
-        kind: plots.
+        kind: the plots.
         settings: of all objectives.
         seed: of all objectives.
     """
@@ -84,7 +84,7 @@ class RecordedPlots:
         self.kind, self.settings, self.seed = kind, settings, seed
 
     def prepare(self) -> None:
-        """Do now what the first evaluation would do once."""
+        """Do the one-off work of the first evaluation now."""
         self.kind.source.prepare()
 
     def on(self, plot: int) -> Objective:
@@ -93,4 +93,4 @@ class RecordedPlots:
         return Objective(source, self.settings, seed=self.seed)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Nothing to free."""

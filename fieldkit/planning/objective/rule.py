@@ -1,4 +1,4 @@
-"""What r(z) is: the chamfer distance, and the written rule for clouds that are poor, tiny or not there at all.
+"""The value of r(z): the chamfer distance, and the rule for poor, tiny and missing clouds.
 
 docs/objective.md explains it with examples.
 """
@@ -16,7 +16,7 @@ class Rule:
     """The constants of the rule.
 
     Attributes:
-        cap_m: no distance counts for more, metres; a reference point that the cloud does not reach counts this much.
+        cap_m: upper limit of every distance, metres; a reference point that the cloud does not reach counts this much.
         support: share of the reference that the cloud must reach for its accuracy to count in full.
 
     Raises:
@@ -32,12 +32,12 @@ class Rule:
 
     @property
     def worst_m(self) -> float:
-        """The value of an empty cloud, and the largest there is."""
+        """The largest value, that of an empty cloud."""
         return 2.0 * self.cap_m
 
 
 def value_m(to_estimate: ArrayLike, to_reference: ArrayLike, rule: Rule) -> float:
-    """What a cloud is worth as a cost in metres: small is good.
+    """The cost of a cloud in metres: small is good.
 
     With every distance d capped at c, completeness C = mean(d of reference points), accuracy A = mean(d of the
     cloud's points) and the share reached s = 1 − C / c,
@@ -45,11 +45,11 @@ def value_m(to_estimate: ArrayLike, to_reference: ArrayLike, rule: Rule) -> floa
         value = C + w·A + (1 − w)·c,    w = min(1, s / support).
 
     That is the chamfer distance itself where no distance exceeds the cap and the cloud reaches ``support`` of the
-    reference. It lies in [0, 2c]; it is 2c for an empty cloud and continuous in every distance; a point added no
-    farther from the reference than the cloud is on average never makes it worse.
+    reference. It lies in [0, 2c]; it is 2c for an empty cloud and continuous in every distance. Adding a point no
+    farther from the reference than the cloud's mean never raises it.
 
     Args:
-        to_estimate: (n,) distances of the reference's points to the cloud; none where the cloud is empty.
+        to_estimate: (n,) distances of the reference's points to the cloud; empty if the cloud is empty.
         to_reference: (m,) distances of the cloud's points to the reference.
         rule: cap and support.
     """

@@ -1,4 +1,4 @@
-"""The simulated back end: photographs of a scene, rendered as a drone would take them."""
+"""The simulated back end: rendered photographs of a scene."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capt
 from fieldkit.scenes.simulation import wind_sway
 
 SwayOf = Callable[[int], Sway | None]
-"""The plants' motion by the seed of an evaluation, for instance ``partial(wind_sway, 0.01)``; it has to pickle."""
+"""The plants' motion by the seed of an evaluation, for instance ``partial(wind_sway, 0.01)``; picklable."""
 
 _CLAIMED_M = 0.010
 _REFERENCE_POINTS = 200_000
@@ -47,12 +47,12 @@ class Proxy:
     """A scene with its truth.
 
     Attributes:
-        scene: to render.
+        scene: the one rendered.
         reference: PC_env, points on the plants, plot frame.
         volume: of interest, plot frame; its floor lies above the soil's bumps.
         camera: without distortion, at full size.
-        surface: the surfaces that PC_env lies on, sampled more densely, and those of weeds and neighbours: accuracy is
-            measured to it where it is known. What is no crop is not asked for, and no error where it is reconstructed.
+        surface: the surfaces of PC_env, sampled more densely, and those of weeds and neighbours; None if unknown.
+            Accuracy is measured to it: reconstructed weeds and neighbours are no error, and missing ones cost nothing.
     """
 
     scene: Scene
@@ -77,21 +77,20 @@ class Proxy:
             scene: with plants.
             camera: of the photographs.
             points: sampled, before hidden and low ones are left out.
-            lowest_m: what lies lower is counted on neither side, for the soil is bumpy.
+            lowest_m: lower points are left out of reference and cloud, since the soil is bumpy.
             seed: of the sampling.
         """
         return cls(scene, *above_soil(sample_plants(scene, points, seed), lowest_m), camera)
 
     @classmethod
     def from_description(cls, description: SceneDescription, camera: Intrinsics | None = None) -> Proxy:
-        """A proxy of all that a scene file can hold: maize, mesh plants, or a scene made from a reference.
+        """A proxy of any scene file: maize, mesh plants, or a scene made from a reference.
 
-        PC_env is `sample_truth` of the description, as far as `of_interest` counts it; the surface has `sample_others`,
-        too.
+        PC_env is the part of `sample_truth` that `of_interest` counts; the surface also has `sample_others`.
 
         Args:
             description: of the scene.
-            camera: of the photographs; the description's own where not given.
+            camera: of the photographs; None takes the description's.
 
         Raises:
             SceneError: the scene has no plants, or one of its files cannot be used.
@@ -109,23 +108,23 @@ class Proxy:
 
     @property
     def plot(self) -> Plot:
-        """What planning knows of it without a photograph."""
+        """The plot as planning knows it without a photograph."""
         return Plot(self.reference, neighbour_points(self.scene))
 
 
 class SimulatedSource:
-    """Renders what the cameras command, with noise; see `PhotoSource`.
+    """Renders photographs at the commanded poses, with noise; see `PhotoSource`.
 
-    The scene is uploaded once and the renderer kept; pickling leaves it behind. The noise of photograph k depends on
-    the seed and k only, so two sets of cameras at one seed meet the same noise.
+    The scene is uploaded once and the renderer kept; it is not pickled. The noise of photograph k depends only on the
+    seed and k, so all sets of cameras have the same noise at one seed.
 
     Args:
         proxy: the scene and its truth.
-        noise: of poses and images; by default the sensor's only, as in the paper.
-        effects: what the camera does to photographs, stated for the proxy's camera at full size; none by default.
+        noise: of poses and images; by default only the sensor's, as in the paper.
+        effects: camera effects, stated for the proxy's camera at full size; none by default.
         sway: moves the plants between photographs, by the evaluation's seed and the photograph's number.
-        claimed_m: the accuracy that the commanded positions are said to have, where the noise is not larger. Mapping
-            then knows no more than in the field, also where the poses are in truth exact.
+        claimed_m: least accuracy claimed for the commanded positions, even if they are exact: mapping must not know
+            more than in the field.
     """
 
     def __init__(
@@ -144,15 +143,14 @@ class SimulatedSource:
         cls, description: SceneDescription, noise: CaptureNoise | None = None, *, camera: Intrinsics | None = None,
         wind_m: float = 0.0,
     ) -> SimulatedSource:  # fmt: skip
-        """Photographs of a scene file's scene as the file has them taken, but in still air.
+        """Photographs of a scene as its file describes them, but in still air by default.
 
-        Leaves that have moved between two photographs are no fault of the cameras' places: like that of the poses, such
-        noise is for plans that shall survive it.
+        Like the poses' noise, wind is for plans that must survive it.
 
         Args:
             description: of the scene.
-            noise: of poses and images instead of the description's.
-            camera: instead of the description's.
+            noise: of poses and images, instead of the description's.
+            camera: of the photographs, instead of the description's.
             wind_m: sway of the leaves between photographs, as a scene file's ``wind_m``.
 
         Raises:
@@ -164,7 +162,7 @@ class SimulatedSource:
     def of_scene(
         cls, description: SceneDescription, proxy: Proxy, noise: CaptureNoise | None = None, wind_m: float = 0.0
     ) -> SimulatedSource:
-        """As `from_description`, of a proxy that was made of the description before."""
+        """As `from_description`, with the description's proxy given."""
         sway = partial(wind_sway, wind_m) if wind_m else None
         return cls(proxy, noise or description.noise, effects=description.camera_effects, sway=sway)
 
@@ -234,7 +232,7 @@ class SimulatedSource:
 
 
 def _reduced(effects: CameraEffects | None, scale: float) -> CameraEffects | None:
-    """The effects in an image ``scale`` times as large: what is stated in pixels goes with its size."""
+    """The effects in an image ``scale`` times as large; lengths in pixels are scaled."""
     if effects is None:
         return None
     return replace(effects, defocus_px=effects.defocus_px * scale, grain_px=max(1.0, effects.grain_px * scale))

@@ -1,4 +1,4 @@
-"""Where the photographs of an evaluation come from: one interface for simulated plots and recorded sets."""
+"""The source of an evaluation's photographs: one interface for simulated plots and recorded sets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class PhotoSet:
     Attributes:
         capture: with the commanded poses as its priors, in the plot frame.
         views: the photographs' names in the cameras' order.
-        features: how they are looked for.
+        features: settings of their detection.
     """
 
     capture: Capture
@@ -32,14 +32,14 @@ class PhotoSet:
 
 
 class PhotoSource(Protocol):
-    """Takes the photographs that cameras command, and knows the truth they are scored against.
+    """Takes the commanded photographs, and knows the truth they are scored against.
 
     A source can be pickled: worker processes get a copy and prepare it once.
     """
 
     @property
     def plot(self) -> KnownPlot:
-        """Frame, volume of interest and ground; the metric source's frame is the plot frame."""
+        """Frame, volume of interest and ground. The metric source's frame is the plot frame."""
         ...
 
     @property
@@ -49,11 +49,11 @@ class PhotoSource(Protocol):
 
     @property
     def cache(self) -> StageCache:
-        """For what later evaluations can use again."""
+        """The cache that evaluations share."""
         ...
 
     def prepare(self) -> None:
-        """Do once what every evaluation needs (a renderer, an index). Further calls do nothing.
+        """Make what every evaluation needs (a renderer, an index). Further calls do nothing.
 
         Raises:
             InputError: this machine or this data cannot be used.
@@ -63,10 +63,10 @@ class PhotoSource(Protocol):
     def photograph(
         self, cameras: Cameras, fidelity: Fidelity, seed: int, progress: Progress
     ) -> AbstractContextManager[PhotoSet]:
-        """The photographs, which are there while the context is open.
+        """The photographs, which exist while the context is open.
 
         Raises:
-            UsageError: the source cannot serve these cameras.
+            UsageError: the source cannot photograph these cameras.
         """
         ...
 

@@ -1,1 +1,1 @@
-"""A planning run: its settings, its folder, its evaluations and what it ends with."""
+"""A planning run: its settings, folder, evaluations and results."""

@@ -18,16 +18,16 @@ _TRIED_BY_SCHEDULER = "KilledWorker"
 class DaskExecutor(Executor):
     """Evaluations on a Dask scheduler's workers; see `Executor`.
 
-    The objective is sent to every worker once and keeps its renderer there. The scheduler gives the evaluation of a
-    worker that dies to another one, as often as `distributed.scheduler.allowed-failures` says; set it to 1 for one
-    retry, as the other executors have. After that, or a second time-out or exception, it is recorded as failed. Start
-    the workers with one thread each (``dask worker tcp://… --nthreads 1``), for evaluations are deterministic on one
-    thread only; the memory limit is the worker's own (``--memory-limit``).
+    The objective is sent to every worker once and keeps its renderer there. If a worker dies, the scheduler gives its
+    evaluation to another one, at most `distributed.scheduler.allowed-failures` times; set it to 1 for one retry, as in
+    the other executors. After that, or after a second time-out or exception, the evaluation is recorded as failed.
+    Start the workers with one thread each (``dask worker tcp://… --nthreads 1``), since evaluations are deterministic
+    only on one thread. The memory limit is the worker's own (``--memory-limit``).
 
     Args:
         objective: picklable.
         client: a connected `distributed.Client`; it stays open.
-        seconds: wall time of an evaluation from when it starts to run; then its worker is restarted.
+        seconds: longest wall time of a running evaluation; then its worker is restarted.
 
     Raises:
         UsageError: the workers have more than one thread each.
@@ -57,7 +57,7 @@ class DaskExecutor(Executor):
         """See `Executor.collect`.
 
         Raises:
-            FieldkitError: what a worker refused to do, with its own class.
+            FieldkitError: a worker's error, with its own class.
         """
         until = time.monotonic() + wait_s
         found: list[tuple[int, Evaluation]] = []
@@ -85,13 +85,13 @@ class DaskExecutor(Executor):
             self._futures = {}
 
     def close(self) -> None:
-        """Cancel what still runs; the client and its cluster stay."""
+        """Cancel running evaluations; the client and its cluster stay open."""
         self.cancel()
         self._client.unregister_worker_plugin(self._name)
 
     def _send(self, number: int, job: Job) -> None:
         self._attempts[number] += 1
-        # Not pure: a repeat is asked for on purpose and must not come from the scheduler's memory.
+        # Not pure: repeats must be computed, not taken from the scheduler's memory.
         self._futures[number] = (self._client.submit(_evaluated, self._name, job, pure=False), job)
 
     def _watch_clock(self) -> None:
@@ -113,7 +113,7 @@ class DaskExecutor(Executor):
 
 
 def _keeper(objective: Evaluator, plugin_name: str) -> Any:
-    """Holds the objective on every worker, also on those that start later: scattered data die with their workers."""
+    """Keeps the objective on every worker, including later ones; scattered data would be lost with a worker."""
     import distributed
 
     members = {"name": plugin_name, "objective": objective}
@@ -121,7 +121,7 @@ def _keeper(objective: Evaluator, plugin_name: str) -> Any:
 
 
 def _evaluated(plugin_name: str, job: Job) -> Evaluation:
-    """Runs on the worker, whose libraries may be set to more threads than one."""
+    """Evaluates on the worker, limiting its libraries to one thread."""
     import distributed
 
     limit_threads(1)
@@ -130,10 +130,10 @@ def _evaluated(plugin_name: str, job: Job) -> Evaluation:
 
 
 def _outcome(future: Any) -> tuple[Evaluation | None, str]:
-    """The evaluation, or why there is none.
+    """The evaluation, or the reason why there is none.
 
     Raises:
-        FieldkitError: the worker refused.
+        FieldkitError: the worker's error.
     """
     if future.status == "finished":
         return future.result(), ""

@@ -1,4 +1,4 @@
-"""Many evaluations, one thread each: the interface, and the ways that stay on this machine."""
+"""Many evaluations, one thread each: the interface, and the executors on this machine."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.worker_pool import Limits, WorkerPool
 
 ATTEMPTS = 2
-"""At an evaluation that breaks."""
+"""Attempts at an evaluation that breaks."""
 _LIMITS = Limits(seconds=600.0, memory_bytes=4 << 30)
 
 
 @dataclass(frozen=True)
 class Job:
-    """One evaluation to do.
+    """An evaluation to do.
 
     Attributes:
-        cameras: what to evaluate.
-        seed: of the photographs' noise; None takes the objective's.
-        fidelity: other than the objective's.
-        plot: number of the plot that is photographed.
+        cameras: the set to evaluate.
+        seed: of the photographs' noise; None takes the objective's seed.
+        fidelity: of the evaluation; None takes the objective's.
+        plot: number of the photographed plot.
     """
 
     cameras: Cameras
@@ -40,26 +40,26 @@ class Job:
 
 
 class Evaluator(Protocol):
-    """What executors are given: an `Objective`, or those of several plots. It can be pickled."""
+    """An `Objective`, or the objectives of several plots, as executors take it. Picklable."""
 
     @property
     def settings(self) -> ObjectiveSettings: ...
 
     def prepare(self) -> None:
-        """Do now what the first evaluation would do once. Raises what cannot be done here at all."""
+        """Do the one-off work of the first evaluation now. Raises errors that prevent any evaluation here."""
         ...
 
     def on(self, plot: int) -> Objective:
-        """The objective of the plot of that number."""
+        """The objective of a plot, by number."""
         ...
 
     def close(self) -> None:
-        """Free what was prepared."""
+        """Free what `prepare` made."""
         ...
 
 
 def evaluate_job(evaluator: Evaluator, job: Job) -> Evaluation:
-    """What the objective of the job's plot says of it. Raises what it raises."""
+    """The evaluation by the objective of the job's plot. Raises the objective's errors."""
     return evaluator.on(job.plot).evaluate(job.cameras, seed=job.seed, fidelity=job.fidelity)
 
 
@@ -75,17 +75,17 @@ class Executor(ABC):
         """Put a job into the queue.
 
         Returns:
-            Its number, by which `collect` names its evaluation: 0, 1, 2 … in the order of submission.
+            The job's number, which `collect` returns with the evaluation: 0, 1, 2 … in the order of submission.
         """
 
     @abstractmethod
     def collect(self, wait_s: float = 0.2) -> list[tuple[int, Evaluation]]:
-        """Keep the workers busy and hand out what has finished since the last call, in any order.
+        """Give queued jobs to idle workers, and return what has finished since the last call, in any order.
 
-        Idle workers are given queued jobs in here only, so call it again and again while there are any.
+        Workers get jobs only in this call, so call it repeatedly while there are any.
 
         Args:
-            wait_s: at most this long, where nothing has finished yet.
+            wait_s: longest wait if nothing has finished yet, seconds.
 
         Raises:
             FieldkitError: no evaluation is possible at all (this machine cannot render, say), or a job is wrong.
@@ -93,16 +93,16 @@ class Executor(ABC):
 
     @abstractmethod
     def cancel(self) -> None:
-        """Stop what still runs and forget what waits; jobs can be submitted again."""
+        """Stop running jobs and drop queued ones; new jobs can be submitted."""
 
     @abstractmethod
     def close(self) -> None:
         """Stop for good."""
 
     def run(self, jobs: Iterable[Job]) -> Iterator[Evaluation]:
-        """Evaluations in the jobs' order, each as soon as it and those before it are there.
+        """Evaluations in the jobs' order, each as soon as it and all earlier ones are done.
 
-        Nothing else may be in the queue meanwhile. Leaving the iterator early stops what still runs.
+        The queue must hold no other jobs meanwhile. Leaving the iterator early stops running jobs.
 
         Raises:
             FieldkitError: as `collect`.
@@ -117,7 +117,7 @@ class Executor(ABC):
                     yield finished.pop(numbers[due])
                     due += 1
         finally:
-            if due < len(numbers):  # an exception, Ctrl-C or a caller that has seen enough
+            if due < len(numbers):  # an exception, Ctrl-C, or the caller stopped early
                 self.cancel()
 
     def __enter__(self) -> Self:
@@ -130,7 +130,7 @@ class Executor(ABC):
 
 
 class SerialExecutor(Executor):
-    """One evaluation after the other in this process, which a crash would end: for tests and for debugging.
+    """One evaluation after the other in this process, for tests and debugging. A crash ends the process.
 
     The caller limits the threads (`fieldkit.runtime.threads`).
 
@@ -191,7 +191,7 @@ class ProcessExecutor(Executor):
         """See `Executor.collect`.
 
         Raises:
-            FieldkitError: what a worker refused to do, with its own class; `WorkerError` where workers do not start.
+            FieldkitError: a worker's error, with its own class; `WorkerError` if workers do not start.
         """
         found = []
         for number, outcome in self._pool.collect(wait_s):
@@ -203,7 +203,7 @@ class ProcessExecutor(Executor):
         return found
 
     def cancel(self) -> None:
-        """See `Executor.cancel`; workers that are busy are killed."""
+        """See `Executor.cancel`; busy workers are killed."""
         self._pool.cancel()
         self._jobs.clear()
 
@@ -218,7 +218,7 @@ def _prepared(objective: Evaluator) -> Callable[[Job], Evaluation]:
 
 
 def broken(objective: Evaluator, job: Job, reason: str) -> Evaluation:
-    """Of a job that broke at every attempt."""
+    """The evaluation of a job that broke at every attempt."""
     return Evaluation.broken(len(job.cameras), f"broke at every attempt: {reason}", objective.settings.rule.worst_m)
 
 

@@ -1,4 +1,4 @@
-"""The geometric score's weights as a kept run's evaluations have them."""
+"""The geometric score's weights, fitted to a kept run's evaluations."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from fieldkit.planning.score.cost_model import DOUBT, LEAST_M, NOISE, WEIGHTS, C
 from fieldkit.runtime.progress import Silent
 
 LEAST = 8
-"""Measured sets that a fit takes: as many as the method `field` asks for before it fits."""
+"""Least number of measured sets for a fit."""
 
 
 def weights_of_run(run: Path) -> Weights:
-    """The weights of gap, noise and tie that `fit_slopes` finds for a run's search, to four digits.
+    """The weights of gap, noise and tie fitted to a run's search by `fit_slopes`, to four digits.
 
-    They are pulled to `WEIGHTS`, the less the more evaluations there are. What no term explains is left out: it ranks
-    no set.
+    They are pulled to `WEIGHTS`, less so with more evaluations. The constant that no term explains is left out, since
+    it does not rank sets.
 
     Args:
         run: folder of a run on a scene or a reference, with commanded poses.
 
     Raises:
-        MetadataError: it is no run's folder, or damaged.
-        UsageError: fewer than `LEAST` sets were measured; the run chose among recorded photographs or was mapped
-            blind; what it was planned on is gone or has changed; or nothing of its values is explained.
-        InputError: what it was planned on cannot be used.
+        MetadataError: ``run`` is not a run's folder, or is damaged.
+        UsageError: fewer than `LEAST` sets were measured; the run chose among recorded photographs or used blind
+            mapping; its source is gone or has changed; or no term explains its values.
+        InputError: the run's source cannot be used.
     """
     settings = read_settings(run)
     if settings.source.kind == "captures":
@@ -40,13 +40,13 @@ def weights_of_run(run: Path) -> Weights:
         )  # fmt: skip
     if settings.blind:
         raise UsageError(
-            "weights are fitted to a run with commanded poses: in blind mapping's values what registers counts most",
+            "weights are fitted to a run with commanded poses: with blind mapping, registration dominates the values",
             path=run, remedy="Give a run that was made with --mapping prior.",
         )  # fmt: skip
     results = [entry.result for entry in searched(read_log(run)) if entry.measured]
     if len(results) < LEAST:
         raise UsageError(
-            f"weights take {LEAST} evaluations of a search, and this run has {len(results)}", path=run,
+            f"weights need {LEAST} evaluations of a search, and this run has {len(results)}", path=run,
             remedy="Give a longer run, or numbers: --weights GAP,NOISE,TIE.",
         )  # fmt: skip
     problem = set_up_run(settings, run, cache=StageCache(None), progress=Silent()).problem

@@ -1,7 +1,7 @@
-"""A vehicle's limits as a flight envelope, so that a plan can be flown as it is.
+"""A vehicle's limits as a flight envelope, so that a plan can be flown unchanged.
 
-What limits a pose is the mount's pitch, the least height, and the clearance to plants (`reach` and `plants` of
-`fieldkit.missions.plan_site`); no vehicle has a roll to choose.
+A pose is limited by the mount's pitch, the least height, and the clearance to plants (`reach` and `plants` of
+`fieldkit.missions.plan_site`); roll cannot be chosen.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from fieldkit.runtime.progress import Progress
 
 _LEAST_BAND_M = 1.0
 _RTK_M, _ONE_FLIGHT_M, _TURNED_DEG = 0.02, 0.1, 1.0
-"""Without RTK positions of one flight are off together: what stations differ by is estimated at a decimetre."""
+"""Without RTK the positions of a flight share an offset; between stations a decimetre is assumed."""
 
 
 def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
-    """A vehicle profile, by name or by path, and what a run's settings say of it.
+    """A vehicle profile, by name or by path, and its record in a run's settings.
 
     Raises:
-        MetadataError: there is none, or it is wrong.
+        MetadataError: no profile has this name, or it is invalid.
     """
     file = find_vehicle(name)
     vehicle = load_vehicle(file)
@@ -36,23 +36,23 @@ def read_vehicle(name: str | Path) -> tuple[Vehicle, SearchVehicle]:
 
 
 def flight_noise(vehicle: Vehicle | None) -> dict[str, float]:
-    """Fields of `NoiseSettings`: by how much a vehicle misses its stations, or one with RTK where none is given."""
+    """Fields of `NoiseSettings`: how far a vehicle misses its stations; without a vehicle, one with RTK."""
     pose_m = _RTK_M if vehicle is None else min(vehicle.gps_accuracy_m, _ONE_FLIGHT_M)
     return {"pose_m": pose_m, "pose_deg": _TURNED_DEG}
 
 
 def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of `EnvelopeSettings`: what was given, and the vehicle's limits for what was not.
+    """Fields of `EnvelopeSettings`: the given ones, and the vehicle's limits for the rest.
 
     Cameras are at least at the vehicle's least height, at most at the usual 2.5 m or a metre above the least, and keep
     the vehicle's clearance to plants; the gimbal's range is the mount's.
 
     Args:
-        vehicle: that shall fly the plan.
-        given: by `EnvelopeSettings`' keys.
+        vehicle: flies the plan.
+        given: settings by the keys of `EnvelopeSettings`.
 
     Raises:
-        UsageError: what was given leaves the vehicle's limits.
+        UsageError: a given setting is beyond the vehicle's limits.
     """
     low, high = vehicle.mount.pitch_deg
     least = vehicle.min_height_m
@@ -83,15 +83,15 @@ def vehicle_envelope(vehicle: Vehicle, given: Mapping[str, Any]) -> dict[str, An
 
 
 def check_views(views: Cameras, settings: SearchSettings, progress: Progress) -> None:
-    """Say how many of a recorded set's views the run's vehicle cannot take.
+    """Report how many of a recorded set's views the run's vehicle cannot take.
 
     Args:
-        views: all there are to choose from, plot frame.
-        settings: of the run; without a vehicle nothing is looked at.
-        progress: told of it.
+        views: the recorded views, plot frame.
+        settings: of the run; without a vehicle nothing is checked.
+        progress: receives the note.
 
     Raises:
-        UsageError: the views that it can take are fewer than the cameras that are asked for.
+        UsageError: it can take fewer views than the run asks for.
     """
     if settings.vehicle is None:
         return

@@ -1,4 +1,4 @@
-"""A planning run's folder: search.json before the start, evaluations.jsonl as it goes, the results at the end."""
+"""A planning run's folder: search.json before the start, evaluations.jsonl during the run, the results at the end."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class LogEntry(Strict):
     """Of the photographs' noise."""
     fidelity: FidelityName
     plot: Count = 0
-    """Number of the plot that was photographed; 0 is the one that the plan is made on."""
+    """Number of the photographed plot; 0 is the plan's own."""
     cameras: Annotated[tuple[Row, ...], Field(min_length=1)]
     """x, y, z in metres, yaw and pitch in degrees, plot frame."""
     value_m: Length
@@ -64,16 +64,16 @@ class LogEntry(Strict):
     proposal_cpu_s: Length
     """Of the method, to propose the trial."""
     finished_s: Length
-    """Since the run began, interruptions left out."""
+    """Since the run began, without interruptions."""
     notes: dict[str, JsonValue]
-    """The method's: the model drawn, weights, what is still to be gained."""
+    """The method's: the drawn model, its weights, and others."""
 
     @classmethod
     def of(
         cls, trial: Trial, found: Evaluation, *, stage: Stage, seed: int, fidelity: FidelityName,
         proposal_cpu_s: float, finished_s: float, plot: int = 0,
     ) -> LogEntry:  # fmt: skip
-        """The line of an evaluation."""
+        """The log entry of an evaluation."""
         return cls(
             number=trial.number, stage=stage, origin=trial.origin, seed=seed, fidelity=fidelity, plot=plot,
             cameras=_rows(trial.cameras), value_m=found.value_m, chamfer_m=found.chamfer_m,
@@ -87,12 +87,12 @@ class LogEntry(Strict):
 
     @property
     def trial(self) -> Trial:
-        """The trial, camera for camera and bit for bit as it was proposed."""
+        """The trial, bit for bit as it was proposed."""
         return Trial(self.number, Cameras.from_vector(np.array(self.cameras)), self.origin, self.notes, plot=self.plot)
 
     @property
     def evaluation(self) -> Evaluation:
-        """What the objective said; its seconds are all in one stage."""
+        """The evaluation; its seconds are all in one stage."""
         return Evaluation(
             value_m=self.value_m, chamfer_m=self.chamfer_m, accuracy_m=self.accuracy_m,
             completeness_m=self.completeness_m, f_scores={d: self.f_score[f"{d:.3f}"] for d in DISTANCES_M},
@@ -103,24 +103,24 @@ class LogEntry(Strict):
 
     @property
     def result(self) -> Result:
-        """As methods take it."""
+        """The result, as methods take it."""
         return Result(self.trial, self.value_m, self.measured, self.right)
 
 
 class RunFolder:
-    """An open run folder; only one process has it at a time.
+    """An open run folder, locked by this process.
 
     Attributes:
         path: of the folder.
         settings: of the run.
-        entries: what evaluations.jsonl holds, in its order.
+        entries: the entries of evaluations.jsonl, in its order.
     """
 
     def __init__(self, path: Path, settings: SearchSettings, entries: Sequence[LogEntry], file: BinaryIO) -> None:
         self.path, self.settings, self.entries, self._file = path, settings, list(entries), file
 
     def append(self, entry: LogEntry) -> None:
-        """Add a line; it is on the disk when this returns.
+        """Append an entry to the log and sync it to the disk.
 
         Raises:
             StorageError: the disk is full.
@@ -142,7 +142,7 @@ def create_run(path: Path, settings: SearchSettings, *, overwrite: bool = False)
     """A new run folder with its settings and an empty log.
 
     Raises:
-        UsageError: ``path`` exists and ``overwrite`` is off, holds something else, or another process plans there.
+        UsageError: ``path`` exists and ``overwrite`` is off, is not a run's folder, or another process plans there.
         StorageError: the disk is full or not writable.
     """
     with suppress(OSError), (path / LOG_FILE).open("rb") as file:
@@ -156,10 +156,10 @@ def create_run(path: Path, settings: SearchSettings, *, overwrite: bool = False)
 
 @contextmanager
 def open_run(path: Path) -> Iterator[RunFolder]:
-    """An existing run folder. A last line that was cut off in the middle is removed: its evaluation did not finish.
+    """An existing run folder. A last line that was cut off is removed: its evaluation did not finish.
 
     Raises:
-        MetadataError: it is no run folder, or its files are damaged.
+        MetadataError: ``path`` is not a run folder, or its files are damaged.
         UsageError: another process has it open.
     """
     settings = read_settings(path)
@@ -203,7 +203,7 @@ def read_log(path: Path) -> list[LogEntry]:
 
 
 def searched(entries: Iterable[LogEntry]) -> list[LogEntry]:
-    """The trials of the search among log entries, by number."""
+    """The search's entries of a log, by number."""
     return sorted((entry for entry in entries if entry.stage == "search"), key=lambda entry: entry.number)
 
 

@@ -19,7 +19,7 @@ Stopped = Literal["converged", "evaluations", "time", "exhausted"]
 Watch = Callable[[LogEntry], None]
 _POLL_S, _QUICK_POLL_S = 0.2, 0.02
 _FRESH_SEEDS = 1_000_000
-"""Seeds of confirmations begin here, so that no search has seen them."""
+"""First seed of confirmations; searches use smaller ones."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,9 @@ class Ending:
     """Why a search ended.
 
     Attributes:
-        stopped: what was used up, or that it converged: that nothing is left to gain beyond an evaluation's noise.
-        gain: what is left, where it converged.
+        stopped: the limit that was reached, or that the search converged: the possible gain is below an evaluation's
+            noise.
+        gain: the possible gain, if it converged.
     """
 
     stopped: Stopped
@@ -37,14 +38,14 @@ class Ending:
 
 @dataclass(frozen=True, eq=False)
 class Finalist:
-    """A set of cameras that was evaluated again.
+    """A set of cameras with its confirmations.
 
     Attributes:
         trial: of the search.
-        entries: its confirmations.
-        value_m: their mean, or the mean of the worst share that the settings' risk names; None without any.
-        spread_m: standard deviation over the confirmations; 0 for one; None without any.
-        kind_m: what the method expects on plots of the kind, all evaluations considered; None where it does not say.
+        entries: the confirmations.
+        value_m: mean of the confirmations, or of their worst share by the settings' risk; None without confirmations.
+        spread_m: standard deviation over the confirmations; 0 for a single one; None without any.
+        kind_m: the method's expectation on plots of the kind, after all evaluations; None if the method has none.
     """
 
     trial: Trial
@@ -57,24 +58,24 @@ class Finalist:
 def search(
     method: Method, executor: Executor, run: RunFolder, *, out_of_time: Callable[[float], bool], watch: Watch
 ) -> Ending:
-    """Evaluate trials until the run has its number of them or converges; what the log has already is not done again.
+    """Evaluate trials until the run has its number of them or converges; logged evaluations are not repeated.
 
-    A method proposes in a thread of its own while evaluations run, and knows of trial k − lag − 1 and those before it
-    when it proposes trial k. So what is proposed depends on the settings only, also in a run that was interrupted.
+    The method proposes in a thread of its own while evaluations run. When it proposes trial k, it knows trials up to k
+    − lag − 1. So proposals depend only on the settings, also in an interrupted run.
 
     Args:
         method: of the search.
-        executor: of the objective; left with nothing to do.
-        run: where results go.
-        out_of_time: whether no trial may start any more, given the seconds of the run so far.
-        watch: told of every new entry.
+        executor: of the objective; its queue is empty at the end.
+        run: folder that logs the results.
+        out_of_time: from the run's seconds so far, whether no trial may start any more.
+        watch: called with every new entry.
 
     Returns:
         Why the search ended.
 
     Raises:
         FieldkitError: no evaluation is possible at all.
-        StorageError: the disk is full; everything logged so far can be gone on from.
+        StorageError: the disk is full; the run can be resumed from the log.
     """
     with ThreadPoolExecutor(1) as thread:
         going = _Search(method, executor, run, out_of_time, watch, thread)
@@ -88,7 +89,7 @@ def search(
 
 
 class _Search:
-    """The state of a search: trials proposed so far, what is being proposed, and what is being evaluated."""
+    """The state of a search: trials proposed so far, being proposed, and being evaluated."""
 
     def __init__(
         self, method: Method, executor: Executor, run: RunFolder, out_of_time: Callable[[float], bool], watch: Watch,
@@ -106,7 +107,7 @@ class _Search:
         self.ending = Ending("evaluations")
 
     def step(self) -> bool:
-        """Start, take up or wait for whatever is next; False when there is nothing left to do."""
+        """Do the next step: start, collect or wait; False when nothing is left to do."""
         self._think()
         if self._thinking is not None and self._thinking.done():
             self._take_up(*self._thinking.result())
@@ -119,7 +120,7 @@ class _Search:
         return True
 
     def _think(self) -> None:
-        """Have the next trial proposed, once what it may know of is there; those in the log are taken from it."""
+        """Start proposing the next trial once all results it may know are there, or take it from the log."""
         settings = self._run.settings
         while self._open_ended and self._thinking is None and len(self._trials) < settings.evaluations:
             number = len(self._trials)
@@ -152,7 +153,7 @@ class _Search:
         self._open_ended, self.ending = False, ending
 
     def _gather(self) -> None:
-        # The sooner a proposal that may be ready is queued, the less a worker idles.
+        # Poll quickly during a proposal, so that it is queued at once and workers do not idle.
         for ticket, found in self._executor.collect(_POLL_S if self._thinking is None else _QUICK_POLL_S):
             trial, cpu_s = self._running.pop(ticket)
             entry = LogEntry.of(
@@ -166,13 +167,13 @@ class _Search:
 
 
 def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch) -> list[Finalist]:
-    """Evaluate the search's best sets again at fresh seeds; the best of them first.
+    """Evaluate the search's best sets again at fresh seeds.
 
-    Which these are the method says where it is a `Judge`; else they are those of the lowest values. The lowest value of
-    many noisy ones is partly luck: the winner is chosen by values that had no part in finding it.
+    A `Judge` chooses the sets; else they are those of the lowest values. The lowest of many noisy values is partly
+    luck, so the winner is chosen by values that had no part in finding it.
 
     Returns:
-        The finalists, as `ranked` has them; none where no trial was measured.
+        The finalists in the order of `ranked`; empty if no trial was measured.
 
     Raises:
         FieldkitError, StorageError: as `search`.
@@ -184,9 +185,9 @@ def confirm(method: Method, executor: Executor, run: RunFolder, *, watch: Watch)
 
 
 def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> list[Finalist]:
-    """Finalists, the best first: by their confirmations, or for plots of a kind by what an `Arbiter` expects.
+    """Finalists, the best first: by their confirmations, or for plots of a kind by an `Arbiter`'s expectation.
 
-    Plots differ by more than good sets do, so a mean of few says less than it does with all that is known.
+    Plots differ by more than good sets do, so the mean of few confirmations says less than all results together.
     """
     settings = run.settings
     if settings.plots == 1 or settings.noise.risk < 1 or not settings.repeats or not isinstance(method, Arbiter):
@@ -199,11 +200,11 @@ def ranked(method: object, run: RunFolder, confirmed: Sequence[Finalist]) -> lis
 def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], *, watch: Watch) -> list[Finalist]:
     """Evaluate trials at the fresh seeds of a run's settings, and log them as confirmations.
 
-    Where the plan is for plots of a kind, each repeat is on a plot of its own that no trial has met: the first on the
-    given plot, if the search took no photographs.
+    If the plan is for plots of a kind, each repeat is on its own plot, one that no trial has met. The first is the
+    given plot if the search took no photographs.
 
     Returns:
-        The trials by value, the best first; as they are where the settings ask for no repeats.
+        The trials by value, the best first; in the given order if the settings ask for no repeats.
 
     Raises:
         FieldkitError, StorageError: as `search`.
@@ -213,7 +214,7 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
         return [Finalist(trial) for trial in chosen]
     seeds = [_FRESH_SEEDS + settings.seed * settings.repeats + k for k in range(settings.repeats)]
     fresh = list(zip(seeds, _plots_of_repeats(settings, bool(searched(run.entries))), strict=True))
-    # By cameras, not by number: of plans carried from elsewhere, a number may mean another plan the next time.
+    # By cameras, not by number: numbers of carried plans may change between runs.
     fidelity = settings.confirm_fidelity
     there = {
         (e.trial.cameras, e.seed, e.plot): e for e in run.entries
@@ -242,7 +243,7 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
 
 
 def _plots_of_repeats(settings: SearchSettings, evaluated: bool) -> list[int]:
-    """The plot that each repeat is on, where the search has ``evaluated`` trials or not."""
+    """The plot of each repeat; ``evaluated`` says whether the search has evaluated trials."""
     if settings.plots == 1:
         return [0] * settings.repeats
     unmet = list(range(settings.plots, settings.plots + settings.repeats))
@@ -251,18 +252,18 @@ def _plots_of_repeats(settings: SearchSettings, evaluated: bool) -> list[int]:
 
 
 def worst_mean(values: Sequence[float], share: float) -> float:
-    """The mean of the worst ``share`` of values, at least of one: conditional value at risk, a cost's upper tail.
+    """The mean of the worst ``share`` of values, at least one: conditional value at risk, a cost's upper tail.
 
-    Rockafellar and Uryasev (2000), of the sample; ``share`` 1 gives the mean.
+    The sample's, after Rockafellar and Uryasev (2000); ``share`` 1 gives the mean.
     """
     count = max(1, round(share * len(values)))
     return float(np.mean(sorted(values, reverse=True)[:count]))
 
 
 def search_seed(settings: SearchSettings, number: int) -> int:
-    """Of a trial's photographs: one of its own for each trial, or the run's where photographs are recorded as they are.
+    """Seed of a trial's photographs: its own, or the run's if recorded photographs are used without noise.
 
-    With one seed for all, a search finds sets whose poses this seed is kind to, and stays with them.
+    With one seed for all, a search prefers sets that this seed's noise happens to favour.
     """
     if unchanging(settings.source, settings.noise):
         return settings.seed
@@ -270,7 +271,7 @@ def search_seed(settings: SearchSettings, number: int) -> int:
 
 
 class _Clock:
-    """Seconds of a run, the time between its parts left out."""
+    """Seconds of a run, without the time between its parts."""
 
     def __init__(self, run: RunFolder) -> None:
         self._before = max((entry.finished_s for entry in run.entries), default=0.0)
@@ -282,7 +283,7 @@ class _Clock:
 
 
 def nobody(entry: LogEntry) -> None:
-    """A `Watch` that does not."""
+    """A `Watch` that does nothing."""
 
 
 def _proposed(

@@ -1,4 +1,4 @@
-"""What a planning run ends with: outcome.json, progress.csv, the plan and its pictures."""
+"""The results of a planning run: outcome.json, progress.csv, the plan and its pictures."""
 
 from __future__ import annotations
 
@@ -32,65 +32,65 @@ _REMEDY = "Give the folder of a finished run of `fieldkit plan`."
 
 
 class FinalistReport(Strict):
-    """One set that was evaluated again."""
+    """A finalist with its confirmations."""
 
     number: Count
     """Of the trial."""
     origin: str
     search_value_m: Length | None
-    """At which the search found it; null where there was no search."""
+    """Value in the search; null without a search."""
     expected_m: Length | None = None
-    """What the geometric score leads to expect, where the method goes by it alone."""
+    """Expected by the geometric score, if the method uses only the score."""
     value_m: Length | None
-    """Of the confirmations: their mean, or that of the worst share; null where there were none."""
+    """Mean of the confirmations, or of their worst share; null without any."""
     spread_m: Length | None
     """Standard deviation over the confirmations."""
     kind_m: Length | None = None
-    """Expected on plots of the kind, all evaluations considered; the choice among finalists goes by it."""
+    """Expected on plots of the kind after all evaluations; finalists are chosen by it."""
     right: tuple[Count, ...]
     """Photographs with right poses, per confirmation."""
 
 
 class Outcome(Strict):
-    """outcome.json: what came of a run."""
+    """outcome.json: the results of a run."""
 
     method: str
     cameras: Count
     plots: Count = 1
-    """That the plan is for: 1 is the one it was made on; with more each confirmation is on a plot of its own."""
+    """Number of plots that the plan is for: 1 is its own; with more, each confirmation is on another plot."""
     chamfer_m: Length | None
-    """The chosen set's value, by confirmations that had no part in finding it; null where it was not confirmed."""
+    """The chosen set's value by its confirmations; null without any."""
     chamfer_spread_m: Length | None
     expected_m: Length | None = None
-    """What the geometric score leads to expect of it, where the method goes by it alone."""
+    """Expected of it by the geometric score, if the method uses only the score."""
     weights: tuple[Length, Length, Length] | None = None
-    """Of the geometric score's gap, noise and tie, where the method goes by it."""
+    """Of the geometric score's gap, noise and tie, if the method uses it."""
     evaluations: Count
     """Of the search."""
     failed_evaluations: Count
     """Of these, those that broke or gave no cloud."""
     confirmations: Count
     seconds: Length
-    """Since the run began, interruptions left out."""
+    """Since the run began, without interruptions."""
     evaluation_cpu_s: Length
     proposal_cpu_s: Length
-    """Of the method: everything that a run costs beside its evaluations."""
+    """Of the method: the run's cost beside its evaluations."""
     stopped: Stopped
     """Why the search ended: it converged, its evaluations or its time are used up, or the method has no more to try."""
     gain_m: Length | None = None
-    """By how much the search's best set may be worse than the best there is, where it converged."""
+    """Bound on how much worse the search's best set is than the best possible one, if it converged."""
     noise_m: Length | None = None
-    """Standard deviation of an evaluation, where it converged: ``gain_m`` is below it."""
+    """Standard deviation of an evaluation, if it converged: ``gain_m`` is below it."""
     finalists: tuple[FinalistReport, ...]
     """The best first: it is the plan."""
     photographs: tuple[str, ...] = ()
-    """The plan's views, in its stations' order, where it is a choice among recorded photographs."""
+    """The plan's views in its stations' order, if it is a choice among recorded photographs."""
 
 
 def best_so_far(entries: Sequence[LogEntry]) -> list[float | None]:
     """Simple regret SR(t) of the paper, metres, with r(z*) = 0: the lowest value among the first t entries.
 
-    None before the first that was measured.
+    None before the first measured entry.
     """
     best: list[float | None] = []
     for entry in entries:
@@ -103,14 +103,14 @@ def write_outcome(
     run: RunFolder, setup: RunSetup, confirmed: Sequence[Finalist], ending: Ending,
     *, choice_s: tuple[float, float] = (0.0, 0.0),
 ) -> Outcome:  # fmt: skip
-    """Write everything a finished run gives; plan.json last, so that where it is the rest is, too.
+    """Write the results of a finished run; plan.json last, so that its presence means that all are there.
 
     Args:
-        run: of the folder.
-        setup: of the plan.
+        run: the run's folder.
+        setup: the run's problem and objective.
         confirmed: the finalists, the best first.
         ending: how the search ended.
-        choice_s: seconds and CPU seconds of a method that chose without a search.
+        choice_s: wall and CPU seconds of a method that chose without a search.
 
     Raises:
         StorageError: the disk is full or not writable.
@@ -209,12 +209,12 @@ def progress_table(entries: Sequence[LogEntry]) -> str:
 
 
 def models_of(entries: Sequence[LogEntry]) -> list[str]:
-    """The names of the models that any trial's weights tell of, sorted."""
+    """The names of all models with weights in any trial, sorted."""
     return sorted({name for entry in entries for name in weights_of(entry)})
 
 
 def weights_of(entry: LogEntry) -> dict[str, float]:
-    """The ensemble's weights when the trial was proposed, by model; empty where there was no ensemble."""
+    """The ensemble's weights when the trial was proposed, by model; empty without an ensemble."""
     weights = entry.notes.get("weights")
     if not isinstance(weights, dict):
         return {}

@@ -40,22 +40,22 @@ def plan_views(
     """Find the cameras and write the plan.
 
     Args:
-        output: the run's folder: search.json before the start, evaluations.jsonl as it goes; at the end plan.json,
+        output: the run's folder: search.json before the start, evaluations.jsonl during the run; at the end plan.json,
             outcome.json, progress.csv, plan.png and search.png.
-        settings: what is asked for.
+        settings: of the run.
         cache: of stages, for recorded sets.
-        workers: processes that evaluate.
+        workers: number of processes that evaluate.
         scheduler: address of a Dask scheduler whose workers evaluate instead.
         overwrite: replace an earlier run in ``output``.
-        progress: told of what comes before the search.
-        watch: told of every evaluation.
-        known: evaluations of the same plot, mapping and noise by other runs, which are not done again.
+        progress: receives the stages before the search.
+        watch: called with every evaluation.
+        known: evaluations of the same plot, mapping and noise by other runs, which are not repeated.
 
     Raises:
         UsageError: ``output`` exists, or the settings contradict themselves.
-        InputError: what is planned on cannot be used, or this machine cannot render.
-        ReconstructionError: no set of cameras could be evaluated at all.
-        StorageError: the disk is full; the run can go on from where it was.
+        InputError: the source cannot be used, or this machine cannot render.
+        ReconstructionError: no set of cameras could be evaluated.
+        StorageError: the disk is full; the run can be resumed.
     """
     with create_run(output, settings, overwrite=overwrite) as run:
         return _planned(run, cache, workers, scheduler, progress or Silent(), watch or nobody, known)
@@ -72,16 +72,15 @@ def resume_plan(
     watch: Watch | None = None,
     known: Sequence[LogEntry] = (),
 ) -> Outcome:
-    """Go on with a run that was interrupted, or that shall have more evaluations; none is done twice.
+    """Resume an interrupted run, or extend a finished one; no evaluation is repeated.
 
     Args:
         output: the run's folder.
-        settings: to go on with, its own where None; only what `settings.CHANGEABLE` names may differ, and where
-            things lie.
+        settings: to go on with; None takes the run's own. Only `settings.CHANGEABLE` and paths may differ.
         cache, workers, scheduler, progress, watch, known: as `plan_views`.
 
     Raises:
-        MetadataError: ``output`` is no run's folder, or is damaged.
+        MetadataError: ``output`` is not a run's folder, or is damaged.
         FieldkitError: as `plan_views`.
     """
     with open_run(output) as run:
@@ -126,7 +125,7 @@ def _chosen(
     method: Chooser, run: RunFolder, setup: RunSetup, workers: int, scheduler: str, progress: Progress,
     watch: Watch, known: Sequence[LogEntry],
 ) -> Outcome:  # fmt: skip
-    """The best of several sets by their confirmations; where there is none, the one of which most is expected."""
+    """The best of several sets by their confirmations; without confirmations, the one expected to be best."""
     settings = run.settings
     confirming = settings.repeats > 0
     if confirming and not scheduler:  # its workers may be able to render

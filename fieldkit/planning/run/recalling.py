@@ -1,4 +1,4 @@
-"""An executor that does not evaluate again what other runs of the same objective have evaluated."""
+"""An executor that reuses the evaluations of other runs of the same objective."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from fieldkit.planning.space.cameras import Cameras
 
 
 class Recalling(Executor):
-    """Answers known jobs at once and hands the others on; the answers keep the seconds they once took.
+    """Answers known jobs at once and passes on the others; answers keep their original times.
 
     Args:
-        executor: of the unknown jobs; closed with this one.
-        known: log entries of the same objective, from any runs.
-        fidelity: of jobs that name none.
+        executor: evaluates unknown jobs; closed with this one.
+        known: log entries of the same objective, from any run.
+        fidelity: of jobs without one.
     """
 
     def __init__(self, executor: Executor, known: Iterable[LogEntry], fidelity: FidelityName) -> None:

@@ -1,4 +1,4 @@
-"""From what a person asked for to a run's settings: the presets' defaults, and what may change when a run goes on."""
+"""From a person's request to a run's settings: defaults of the presets, and what may change when a run is resumed."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ KIND_METHOD = "score"
 KIND_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 3}
 """Plots differ by more than good sets do, so several optima are confirmed on several plots."""
 RECORDED_CONFIRMED: dict[str, Any] = {"finalists": 6, "repeats": 6}
-"""Which matches are withheld changes a value by more than sets differ; evaluations are cheap there."""
+"""The withheld matches change a value by more than sets differ; evaluations are cheap."""
 _OF_SEARCHES = ("evaluations", "at_least", "initial", "time_budget_s", "fidelity")
 Paths = Path | Sequence[Path]
 _DEFAULT_CAMERAS, KIND_PLOTS = 10, 8
@@ -47,17 +47,17 @@ _LIMITS = {
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """What was given, None for what was not.
+    """The options that were given; None for the others.
 
     Attributes:
-        settings: by `SearchSettings`' keys.
-        noise: by `NoiseSettings`' keys. Where plans are for a kind, poses have the flight's if nothing is given.
-        envelope: by `EnvelopeSettings`' keys.
+        settings: by the keys of `SearchSettings`.
+        noise: by the keys of `NoiseSettings`. If nothing is given, plans for a kind take the flight's noise of poses.
+        envelope: by the keys of `EnvelopeSettings`.
         scenes, references, captures: what to plan on; see `describe_sources`.
-        images: the references' photographs, in the same order; none, or of all of them.
+        images: folders of the references' photographs, in the same order; none, or one for each.
         vehicle: a profile's name or file.
         camera: a camera.toml or camera.json.
-        purpose: "kind" or "this-plot": which plots the plan is for.
+        purpose: "kind" or "this-plot": the plots that the plan is for.
     """
 
     settings: Mapping[str, Any]
@@ -81,13 +81,15 @@ def search_settings(
     """The settings of a new run, for `plan_views`.
 
     Args:
-        scene, reference, captures: what to plan on, as `fieldkit plan` takes them: one scene or reference, or several.
+        scene, reference, captures: the source of the plan, as `fieldkit plan` takes it: one or several scenes or
+            references, or captures.
         images: the references' photographs, in the same order.
         vehicle: a profile's name or file: its camera, and its limits where ``envelope`` says nothing.
         camera: calibration (camera.toml) to use instead of the vehicle's or the scene's.
-        purpose: "kind" (plots like this one) or "this-plot"; None is the method's own: `field` and `score` plan for
-            the kind. Without a method, and without anything of a search, `score` does, but for recorded photographs.
-        noise: fields of `NoiseSettings`; poses of plans for the kind have the flight's where they are left out.
+        purpose: "kind" (plots like this one) or "this-plot"; None takes the method's: `field` and `score` plan for the
+            kind. Without a method and without settings of a search, the method is `score`, except for recorded
+            photographs.
+        noise: fields of `NoiseSettings`; without them plans for the kind take the flight's noise of poses.
         envelope: fields of `EnvelopeSettings`.
         workers: that will evaluate.
         deterministic: see `lag_for`.
@@ -95,7 +97,7 @@ def search_settings(
 
     Raises:
         UsageError: they contradict themselves, or leave the vehicle's limits.
-        InputError: what is to be planned on, the vehicle or the camera cannot be used.
+        InputError: the source, the vehicle or the camera cannot be used.
 
     Example:
         >>> settings = search_settings(scene=Path("case-1"), cameras=10, evaluations=60)
@@ -111,13 +113,13 @@ def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> 
     """The settings of a new run.
 
     Args:
-        request: what was given.
+        request: the given options.
         workers: that will evaluate.
         deterministic: see `lag_for`.
 
     Raises:
         UsageError: they contradict themselves, or leave the vehicle's limits.
-        InputError: what is to be planned on, the vehicle or the camera cannot be used.
+        InputError: the source, the vehicle or the camera cannot be used.
     """
     (source, path), *others = describe_sources(request.scenes, request.references, request.captures)
     given = _given(request.settings)
@@ -127,7 +129,7 @@ def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> 
         given |= {"method": (method := KIND_METHOD)}
     plots = _plots(request.purpose, given.get("plots"), method, 1 + len(others))
     vehicle = None if request.vehicle is None else read_vehicle(request.vehicle)
-    # Recorded photographs were taken where they were.
+    # Recorded photographs have fixed places.
     missed = {} if plots == 1 or source.kind == "captures" else flight_noise(None if vehicle is None else vehicle[0])
     try:
         noise = NoiseSettings(**(missed | _given(request.noise)))
@@ -141,7 +143,7 @@ def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> 
         "lag": lag_for(workers, deterministic=deterministic),
     }
     if source.kind == "captures":
-        if request.vehicle is None:  # with one they say which views count as its own
+        if request.vehicle is None:  # with one they limit the views
             _refuse_limits(envelope)
         if request.references:
             values["reference_path"] = str(request.references[0].resolve())
@@ -163,7 +165,7 @@ def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> 
             raise UsageError("recorded photographs have their camera", remedy="Leave --camera-file out.")
         values["camera"] = _camera(request.camera)
     if plots > 1 and noise.pose_m:
-        values["refine"] = True  # else luck in where a cloud lies would count for more than where cameras stand
+        values["refine"] = True  # else the cloud's random shift would outweigh the cameras' places
     if plots > 1 and source.kind == "captures":
         values |= RECORDED_CONFIRMED
     elif plots > 1 and method == KIND_METHOD:
@@ -181,13 +183,13 @@ def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> 
 
 
 def _chooses(request: PlanRequest, given: Mapping[str, Any], source: str) -> bool:
-    """Whether a plan for a kind is made without a search: no method is asked for, and nothing that only one has."""
+    """Whether a plan for a kind is made without a search: neither a method nor settings of a search are given."""
     searched = {"method", "preset", *_OF_SEARCHES} & given.keys()
     return source != "captures" and request.purpose != "this-plot" and given.get("plots", 2) > 1 and not searched
 
 
 def _images(request: PlanRequest, source: PlanSource) -> tuple[str | None, ...]:
-    """Where the photographs of each given plot are; None where a proxy is made without."""
+    """Folder of the photographs of each given plot; None if its proxy is made without photographs."""
     count = max(1, len(request.scenes), len(request.references) if source.kind == "reference" else 1)
     if not request.images:
         return (None,) * count
@@ -202,7 +204,7 @@ def _images(request: PlanRequest, source: PlanSource) -> tuple[str | None, ...]:
 
 
 def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> int:
-    """How many plots a plan is for."""
+    """Number of plots that a plan is for."""
     if purpose == "this-plot":
         if given > 1:
             raise UsageError(f"--for this-plot, and {given} are given", remedy="Give one, or leave --for out.")
@@ -224,10 +226,10 @@ def _refused(error: ValidationError) -> UsageError:
 
 
 def resumed_settings(settings: SearchSettings, request: PlanRequest) -> SearchSettings:
-    """The settings to go on with: the run's own, with what may change.
+    """The settings to resume with: the run's own, with changes where they are allowed.
 
     Raises:
-        UsageError: something else was asked for than what the run began with.
+        UsageError: a setting that must not change differs from the run's.
     """
     given = _given(request.settings)
     if request.purpose is not None and (request.purpose == "kind") != (settings.plots > 1):
@@ -250,13 +252,13 @@ def resumed_settings(settings: SearchSettings, request: PlanRequest) -> SearchSe
     if any((request.scenes, request.references, request.captures, request.images)):
         settings = _moved(settings, describe_sources(request.scenes, request.references, request.captures))
     changed = {key: value for key, value in given.items() if key in CHANGEABLE}
-    if "evaluations" in changed:  # a run that had converged goes on
+    if "evaluations" in changed:  # a converged run goes on
         changed.setdefault("at_least", changed["evaluations"])
     return settings.model_copy(update=changed)
 
 
 def _moved(settings: SearchSettings, found: Sequence[tuple[PlanSource, Path]]) -> SearchSettings:
-    """The settings with the places at which what the run was planned on lies now."""
+    """The settings with the present paths of the run's source."""
     given = settings.given
     for k, (source, path) in enumerate(found):
         if k >= len(given) or (source.kind, source.sha256) != (given[k].source.kind, given[k].source.sha256):
@@ -277,7 +279,7 @@ def _paths(given: Paths) -> tuple[Path, ...]:
 
 
 def _refuse_limits(envelope: Mapping[str, Any]) -> None:
-    """Recorded views are where they are: limits of cameras would change nothing."""
+    """Refuse limits of cameras for recorded views, whose places are fixed."""
     for key, option in _LIMITS.items():
         if key in envelope:
             raise UsageError(

@@ -1,4 +1,4 @@
-"""From what a person names (a scene, a reference, a recorded set) to a problem and its objective."""
+"""From a source (a scene, a reference, a recorded set) to the problem and its objective."""
 
 from __future__ import annotations
 
@@ -47,15 +47,14 @@ _TWO_ROUNDS_PX = (10.0, 3.0)
 
 @dataclass(frozen=True, eq=False)
 class RunSetup:
-    """All that a run needs.
+    """The problem and the objective of a run.
 
     Attributes:
         problem: for the methods.
-        envelope: as plan.json tells it.
-        make_objective: for the executor; of all plots.
-        apart: where plots of a recorded plot's kind are planned for: by name, its plants and how they were told apart;
-            of each plot that is given.
-        photographs: names of recorded ones, in the order of the problem's views; empty where they are rendered.
+        envelope: as in plan.json.
+        make_objective: makes the objective of all plots, for the executor.
+        apart: by name of each given recorded plot, its plants and how they were told apart; only for plans for a kind.
+        photographs: names of recorded photographs, in the order of the problem's views; empty if they are rendered.
     """
 
     problem: PlanningProblem
@@ -66,14 +65,14 @@ class RunSetup:
 
     @cached_property
     def objective(self) -> Evaluator:
-        """Made when it is first asked for. Raises what `set_up_run` raises."""
+        """The objective, made on first use. Raises the errors of `set_up_run`."""
         return self.make_objective()
 
     def check_renderer(self) -> None:
-        """Find out whether photographs can be taken here, without a scene.
+        """Check without a scene whether photographs can be rendered here.
 
         Raises:
-            RenderingError: this machine cannot render, and evaluations need it.
+            RenderingError: evaluations need rendering, and this machine cannot render.
         """
         if not self.photographs:
             Renderer(Scene(())).close()
@@ -82,11 +81,11 @@ class RunSetup:
 def describe_sources(
     scenes: Sequence[Path], references: Sequence[Path], captures: Path | None
 ) -> list[tuple[PlanSource, Path]]:
-    """What a run is made on, and where that is: paths, or names of scenes that come with fieldkit.
+    """The sources of a run: paths, or names of scenes that come with fieldkit.
 
     Raises:
-        UsageError: nothing is given, plots of two kinds are, or one of them twice.
-        InputError: something is not there.
+        UsageError: no source is given, sources of two kinds are, or one is given twice.
+        InputError: a source does not exist.
     """
     if captures is not None and not scenes:
         captures = captures.resolve()
@@ -117,7 +116,7 @@ def _described_reference(reference: Path) -> tuple[PlanSource, Path]:
 
 
 def sha256(file: Path) -> str:
-    """Of a file's content."""
+    """SHA-256 of a file's content."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
@@ -129,11 +128,11 @@ def set_up_run(
 
     Args:
         settings: of the run.
-        folder: of the run; what is made on the way (a reference's proxy, a recorded set's reference) is kept there.
+        folder: of the run; keeps what is made from the source (a reference's proxy, a recorded set's reference).
         cache: of stages.
-        progress: told of what takes long.
-        workers: processes, where something is made on the way.
-        count_matches: of a recorded set, between each two of its photographs.
+        progress: receives the stages.
+        workers: number of processes that prepare the source.
+        count_matches: whether to count the matches between all pairs of recorded photographs.
 
     Raises:
         InputError: the source is missing, has changed since the run began, or cannot be used.
@@ -178,7 +177,7 @@ def set_up_run(
 
 
 def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) -> Path:
-    """A given plot's scene file; of a reference it is made in the run's folder."""
+    """A given plot's scene file; for a reference it is made in the run's folder."""
     if plot.source.kind != "reference":
         return find_scene(Path(plot.path))
     scene = folder / (PROXY_FOLDER if not number else f"{PROXY_FOLDER}-{number + 1}")
@@ -189,7 +188,7 @@ def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) ->
 
 
 def _told_apart(apart: PlantsApart) -> str:
-    """How plots of a recorded plot's kind are drawn, for people; ``PLAN/plants.png`` shows it."""
+    """A sentence on how plots of a recorded plot's kind are drawn; ``PLAN/plants.png`` shows it."""
     if apart.count:
         plants = "plant is" if apart.count == 1 else "plants are"
         return f"{apart.count} {plants} told apart; on other plots of the kind each is turned and scaled"
@@ -218,7 +217,7 @@ def _recorded(
     )  # fmt: skip
     views = source.cameras()
     check_views(views, settings, progress)
-    # Two rounds of matching do what three do where positions are good to millimetres, at half the cost.
+    # If positions are good to millimetres, two rounds of matching do as well as three, at half the cost.
     good = float(np.median([view.position_sigma_m for view in source.views])) <= _GOOD_POSES_M
     wanted = ObjectiveSettings(
         settings.fidelity, settings.mapping, bands_px=_TWO_ROUNDS_PX if good and not settings.noise.any else None,
@@ -244,7 +243,7 @@ def _recorded(
 def _rendered(camera: Intrinsics, scene: Intrinsics) -> Intrinsics:
     """A camera without its distortion, whose longer side is at most that of the scene's camera.
 
-    Reconstruction looks at no more than about 1,600 pixels, and a scene's defocus and grain are stated in its pixels.
+    Reconstruction uses about 1,600 pixels at most, and a scene's defocus and grain are stated in its pixels.
     """
     ideal = camera.without_distortion()
     scale = max(scene.width, scene.height) / max(ideal.width, ideal.height)
@@ -257,9 +256,7 @@ def _check_unchanged(plot: GivenPlot) -> None:
     path = Path(plot.path)
     file = path / REFERENCE_FILE if plot.source.kind == "reference" else _scene_file(path)
     if not file.is_file():
-        raise UsageError(
-            "what this run was planned on is gone", path=file, remedy="Put it back there, or start a new run."
-        )
+        raise UsageError("the source of this run is gone", path=file, remedy="Put it back there, or start a new run.")
     if sha256(file) != plot.source.sha256:
         raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
 
@@ -283,7 +280,7 @@ def _without_distortion(reference: Reference) -> Intrinsics:
 
 
 def plan_envelope(envelope: Envelope) -> PlanEnvelope:
-    """An envelope as plan.json tells it."""
+    """An envelope in the form of plan.json."""
     (x, y, z) = (envelope.x_m, envelope.y_m, envelope.height_m)
     return PlanEnvelope(
         lower_m=(x[0], y[0], z[0]), upper_m=(x[1], y[1], z[1]), plant_distance_m=envelope.clearance_m,

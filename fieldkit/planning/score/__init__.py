@@ -1,1 +1,1 @@
-"""What a set of cameras should be worth, without a photograph."""
+"""The expected cost of a set of cameras, without photographs."""

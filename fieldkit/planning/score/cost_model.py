@@ -1,4 +1,4 @@
-"""The cost that the geometric score leads to expect of a set: a weighted sum of its terms, and whether it registers."""
+"""The expected cost of a set by the geometric score: a weighted sum of its terms, and whether it registers."""
 
 from __future__ import annotations
 
@@ -19,36 +19,34 @@ Weights = tuple[float, float, float]
 TERMS = 3
 """Gap, noise and tie."""
 WEIGHTS: Weights = (0.5, 1.24, 0.1)
-"""What a metre of each term adds to the value: fitted on tuning scenes, before a plot has results of its own."""
+"""Metres of value per metre of each term, fitted on tuning scenes: used until a plot has its own results."""
 DOUBT = 0.1
-"""Standard deviation of each weight, of plots whose values are as large as the score expects."""
+"""Standard deviation of each weight, over plots whose values are as large as the score expects."""
 CERTAINTY = 0.15
-"""Where mapping is blind, by how much more a set is expected to cost per e-fold that it is less likely to register."""
+"""Extra cost expected with blind mapping per e-fold by which a set is less likely to register."""
 NOISE = 0.05
-"""Standard deviation of an evaluation at least, as a share of its value."""
+"""Least standard deviation of an evaluation, as a share of its value."""
 LEAST_M = 1e-4
-"""Of a value and of a term, so that they have logarithms."""
+"""Least value and term, so that they have logarithms."""
 _REST_DOUBT = 1.0
-"""Standard deviation of what no term of the score explains, as a share of the value."""
+"""Standard deviation of the part that no term explains, as a share of the value."""
 
 
 class _Scored(NamedTuple):
-    """What the score says of a set: its terms (plots, 3) in metres and, where mapping is blind, its views' connectivity
-    on the plot where it is least.
-    """
+    """A set's terms (plots, 3) in metres and, for blind mapping, its views' least connectivity over the plots."""
 
     terms_m: Array
     connectivity: float
 
 
 class CostModel:
-    """Expects values of sets on a problem's plots; terms and connectivity of a set that was asked for are kept.
+    """Expected values of sets on a problem's plots; terms and connectivity of each set are kept.
 
-    Of several plots the mean counts.
+    With several plots it is the mean over them.
 
     Args:
-        problem: what is planned.
-        certainty: by how much more a set is expected to cost per e-fold that it is less likely to register, as a share.
+        problem: the planning problem.
+        certainty: extra cost expected per e-fold by which a set is less likely to register, as a share.
     """
 
     def __init__(self, problem: PlanningProblem, certainty: float = CERTAINTY) -> None:
@@ -58,7 +56,8 @@ class CostModel:
         self._unmet: dict[int, GeometricScore] = {}
 
     def terms(self, cameras: Cameras, plot: int | None = None) -> Array:
-        """(3,) −ln of the score's terms gap, noise and tie in metres, on one of the plots or in their mean.
+        """(3,) −ln of the score's terms gap, noise and tie in metres, on one plot or as the mean of the problem's
+        plots.
 
         Args:
             cameras: the set.
@@ -78,7 +77,7 @@ class CostModel:
         return self._unmet[plot]
 
     def expected_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
-        """The terms times ``slopes`` (3,), the dearer the less likely the set is to register; nothing is kept."""
+        """The terms times ``slopes`` (3,), raised by the set's risk of not registering; not kept."""
         found = self._scored(cameras)
         expected = float(np.dot(found.terms_m.mean(axis=0), slopes))
         if registration is None:
@@ -86,13 +85,13 @@ class CostModel:
         return float(expected * float(registration.probability(found.connectivity)) ** -self._certainty)
 
     def registration(self, results: Sequence[Result]) -> Registration:
-        """What results say about registering whole."""
+        """The probability of registering whole, learnt from results."""
         measured = [result for result in results if result.measured]
         connected = [self._known(result.trial.cameras).connectivity for result in measured]
         return Registration.learn(connected, [result.right == self._problem.count for result in measured])
 
     def whole(self, sets: Sequence[Cameras], registration: Registration) -> Array:
-        """(n,) probabilities that sets register whole."""
+        """(n,) probability that each set registers whole."""
         return registration.probability([self._known(cameras).connectivity for cameras in sets])
 
     def _known(self, cameras: Cameras) -> _Scored:
@@ -112,16 +111,16 @@ def _terms_m(found: Geometry) -> Array:
 
 
 def fit_slopes(terms: Array, y: Array, slopes: Sequence[float], *, doubt: float, noise: float) -> tuple[Array, float]:
-    """(3,) what the geometric score's terms add to the value and metres that none explains, none of them below 0.
+    """Weights (3,) of the geometric score's terms, and the metres that no term explains; all non-negative.
 
-    Least squares of relative errors, pulled to ``slopes``, scaled to the values, and to no rest: how far depends on an
-    evaluation's noise and on how much plots differ.
+    Least squares of relative errors, pulled to ``slopes``, scaled to the values, and to an unexplained part of 0. The
+    pull depends on an evaluation's noise and on how much plots differ.
 
     Args:
         terms: (t, 3) −ln of the terms in metres.
         y: (t,) −ln(value).
-        slopes: before there are results.
-        doubt: standard deviation of each of these, of plots whose values are as large as the score expects.
+        slopes: (3,) weights before there are results.
+        doubt: standard deviation of each of them, over plots whose values are as large as the score expects.
         noise: of an evaluation, as a share of its value.
     """
     terms_m, prior = np.exp(-terms), np.array(slopes)

@@ -1,5 +1,5 @@
-"""A geometric score: how near every point of the plants a set of cameras should leave a reconstructed one, and how
-firmly the set hangs together, without taking a photograph.
+"""A geometric score of a set of cameras, without photographs: the expected distance from the plants' points to the
+nearest reconstructed one, and how firmly the set is tied together by matches.
 """
 
 from __future__ import annotations
@@ -27,17 +27,13 @@ _PICTURED = 150
 
 @dataclass(frozen=True)
 class ScoreSettings(StereoQuality):
-    """Every constant of `GeometricScore`: those of `StereoQuality` and how views are counted.
+    """The constants of `GeometricScore`: those of `StereoQuality`, and how views are counted.
 
-    On 20 random sets about each of tuning-1, 2 and 3, which had no part in the choice of how the former enter, the
-    distance had Spearman correlations of 0.69, 0.81 and 0.76 with draft values (0.75, 0.68 and 0.62 with fine).
-    Footprints in the noise and a visibility in which stems hide their far sides came later: 0.93 and 0.66 with the
-    standard values of the 100 and 47 sets of two searches about tuning-1 and tuning-2, where it had 0.83 and 0.62
-    before the latter.
+    Figures are in docs/planning.md.
 
     Attributes:
-        agreeing: views whose depths must be right at a point.
-        neighbors: nearest points that stand in for one that is missing.
+        agreeing: least number of views with a right depth at a point.
+        neighbors: number of nearest points that can replace a missing one.
     """
 
     agreeing: int = 2
@@ -49,14 +45,13 @@ class Geometry:
     """The score of a set; small distances are good.
 
     Attributes:
-        distance_m: ``gap_m`` + ``noise_m``, for a chamfer distance is completeness + accuracy.
+        distance_m: ``gap_m`` + ``noise_m``, as a chamfer distance is completeness + accuracy.
         tie_m: root of the cameras' mean squared looseness (`looseness_m`).
         gap_m: expected distance from a point of the plants to the nearest reconstructed one, mean over points.
-        noise_m: by how much reconstructed points are expected to be off, mean over those; the cap where there are
-            none.
-        covered: expected share of the points that are reconstructed themselves.
+        noise_m: expected error of the reconstructed points, mean over them; the cap if there are none.
+        covered: expected share of the points that are reconstructed.
         loose_m: (n,) looseness of each camera.
-        matches: (n, n) of each pair: counted where the problem knows them, else to be expected.
+        matches: (n, n) of each pair: counted if the problem has them, else expected.
     """
 
     distance_m: float
@@ -69,8 +64,8 @@ class Geometry:
 
 
 class _View(NamedTuple):
-    """What is kept of a camera: (p, 5) a point's ray, quality and a pixel's footprint there, metres; and which of some
-    points of the plot are in its picture.
+    """A camera's (p, 5) rays to points, qualities and pixel footprints in metres; and which points of the plot are in
+    its picture.
     """
 
     points: NDArray[np.float32]
@@ -78,32 +73,31 @@ class _View(NamedTuple):
 
 
 class GeometricScore:
-    """Scores sets of cameras about one plot; each camera's view is computed once and kept.
+    """Scores sets of cameras about one plot. Each camera's view is computed once and kept.
 
     *Distance.* A camera's quality at a point is u = seen · incidence / (1 + (footprint / 8 mm)²); without normals
-    incidence is left out. A pair succeeds there with s = worth of its angle · min(u, u'). A view's depth is right
-    unless all its pairs fail, q = 1 − Π (1 − s); a point is reconstructed where at least two depths are right, views
-    counted as independent. A point that is not is as far from the cloud as the nearest of its neighbours that is:
-    Σ (d_k₊₁ − d_k) · Π (1 − p) over the neighbours sorted by distance, up to the cap. This is the score that ranked the
-    designs of a prototype (Spearman 0.82); counting visible points did not (0.10). Another camera never raises it. To
-    it comes the noise of reconstructed points, for accuracy is half of the objective: the root of the summed squares
-    of triangulation's, (Σ s · sin²θ / (error · footprint)²)^−½ over a point's pairs, and of a pixel's footprint, root
-    mean square over the views that see it, for dense stereo tells nothing finer.
+    incidence is 1. A pair succeeds there with s = worth of its angle · min(u, u'). A view's depth is right unless all
+    its pairs fail, q = 1 − Π (1 − s). A point is reconstructed if at least two depths are right, with independent
+    views. The distance of any other point from the cloud is that to its nearest reconstructed neighbour: Σ (d_k₊₁ −
+    d_k) · Π (1 − p) over the neighbours sorted by distance, up to the cap. Another camera never raises it. The noise of
+    reconstructed points is added, since accuracy is half of the objective: the root of the summed squares of
+    triangulation's, (Σ s · sin²θ / (error · footprint)²)^−½ over a point's pairs, and of a pixel's footprint, root mean
+    square over the views that see it, since dense stereo resolves nothing finer.
 
-    *Tie.* Real plants lose matches with the angle between views, and a set that falls into groups which few matches tie
-    together bends. The matches that a recorded set counted, else `expected_matches`, make a graph of the views, and
-    `looseness_m` says how far they move against each
-    other in it; the root of the mean square is taken, not the worst, for the cloud is made by all cameras.
+    *Tie.* Matches of real plants fall with the angle between views, and the model of a set with weakly tied groups
+    bends. A recorded set's counted matches, else `expected_matches`, make a graph of the views. `looseness_m` says how
+    far they can move against each other in it. The root mean square counts, not the worst, since all cameras make the
+    cloud.
 
-    Not modelled: texture, specular light, wind, motion blur, and that few cameras close together, held by commands with
-    noise, tilt the whole cloud.
+    Not modelled: texture, specular light, wind, motion blur, and the tilt of the whole cloud by noisy commands of few
+    cameras close together.
 
     Args:
-        problem: what is planned.
-        matchability: of the plot's kind of plants and soil, for matches that are not counted.
+        problem: the planning problem.
+        matchability: of the plot's kind of plants and soil, for pairs without counted matches.
         settings: constants.
-        plot: of the problem's; the first one by default.
-        points: of the surface, at most.
+        plot: one of the problem's; the first one by default.
+        points: largest number of points of the surface.
     """
 
     def __init__(
@@ -128,7 +122,7 @@ class GeometricScore:
         self._distances = np.minimum(np.asarray(distance).reshape(len(self.surface), count), self.settings.cap_m)
 
     def score(self, cameras: Cameras) -> Geometry:
-        """Both terms of a set of at least one camera; the order of the cameras only matters to rounding."""
+        """The terms of a set of at least one camera; the order of the cameras affects only rounding."""
         views, cap = self._views(cameras), self.settings.cap_m
         p, noise = self._reconstructed(views)
         gap = float(_expected_distance(p, self._neighbors, self._distances, cap).mean())
@@ -143,7 +137,7 @@ class GeometricScore:
         return Geometry(gap + spread, tie, gap, spread, float(p.mean()), loose, matches)
 
     def probability(self, cameras: Cameras) -> Array:
-        """(p,) that each point of `surface` is reconstructed."""
+        """(p,) probability that each point of `surface` is reconstructed."""
         return self._reconstructed(self._views(cameras))[0]
 
     def _reconstructed(self, views: list[_View]) -> tuple[Array, Array]:
@@ -167,13 +161,13 @@ class GeometricScore:
 
 
 def _pair_worth(settings: ScoreSettings) -> Array:
-    """What a pair is worth by the sine of half its angle, in steps from 0 to 1 and one beyond."""
+    """The worth of a pair by the sine of half its angle, in steps from 0 to 1 and one beyond."""
     worth = settings.of_angles(np.degrees(2.0 * np.arcsin(np.linspace(0.0, 1.0, _STEPS + 1))))
     return np.append(worth, worth[-1])
 
 
 def _plot_points(problem: PlanningProblem, surface: Surface) -> Array:
-    """(t, 3) about as many points on the ground, to 0.3 m beyond the plants, as on the plants: what pictures share."""
+    """(t, 3) points on the plants, and about as many on the ground up to 0.3 m beyond them: what pictures share."""
     low, high = np.array(problem.envelope.target.lower), np.array(problem.envelope.target.upper)
     axes = [np.linspace(low[k] - _AROUND_M, high[k] + _AROUND_M, _GRID) for k in (0, 1)]
     ground = np.stack([*np.meshgrid(*axes, indexing="ij"), np.zeros((_GRID, _GRID))], axis=-1).reshape(-1, 3)
@@ -184,8 +178,8 @@ def _plot_points(problem: PlanningProblem, surface: Surface) -> Array:
 
 @fast_kernel
 def _reconstructed(sights, error, worth, least, cap):  # type: ignore[no-untyped-def]
-    """(p,) probability that at least ``least`` views' depths are right, and (p,) the noise of these points in metres,
-    at most the cap; from n views of the points (n, p, 5), as `_View` has them, and the error of a match in pixels.
+    """(p,) probability that at least ``least`` views' depths are right, and (p,) the points' noise in metres, at most
+    the cap. Takes n views of the points (n, p, 5), as in `_View`, and the error of a match in pixels.
     """
     count, points = sights.shape[:2]
     found, noise = np.zeros(points), np.full(points, cap)
@@ -215,7 +209,7 @@ def _reconstructed(sights, error, worth, least, cap):  # type: ignore[no-untyped
                 fails[b] *= 1.0 - success
                 information += success * (1.0 - cosine * cosine) / (footprint * at[b, 4])
         information = cap**-2 + information / error**2
-        # Probabilities of exactly 0, 1, … right depths, one view after the other.
+        # Probabilities of exactly 0, 1, … right depths, updated view by view.
         exactly[:] = 0.0
         exactly[0] = 1.0
         for a in range(views):

@@ -1,4 +1,4 @@
-"""How many right matches each two photographs of a recorded set have: its match graph, counted and not guessed."""
+"""The match graph of a recorded set: the counted right matches of each pair of photographs."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from fieldkit.runtime.progress import Progress
 
 _VERSION = 1
 _WIDEST_DEG = 60.0
-"""Leaves match no farther: docs/simulated-scenes.md has 9 of 309 matches left at 48°."""
+"""Leaves hardly match beyond: docs/simulated-scenes.md has 9 of 309 matches left at 48°."""
 _BAND_PX = 10.0
-"""Of a photograph 1600 pixels wide, as the first round that commanded poses are good enough for."""
+"""In a photograph 1600 pixels wide; commanded poses are good enough for it."""
 
 
 def match_graph(
     source: RecordedSource, features: FeatureSettings, *, workers: int = 1, progress: Progress
 ) -> Array:  # fmt: skip
-    """(m, m) matches above chance of each two recorded views, symmetric, 0 on the diagonal.
+    """(m, m) matches above chance of each pair of recorded views, symmetric, 0 on the diagonal.
 
-    Matches are guided by the known poses; what a displaced band finds is chance and is taken off. Views more than 60°
-    apart about the plot count as without matches. Kept in the source's cache.
+    Matches are guided by the known poses; those found in a displaced band are chance and are subtracted. Pairs more
+    than 60° apart about the plot count as without matches. The result is kept in the source's cache.
 
     Args:
-        source: whose views are looked at.
-        features: detection; those of the evaluations, which then find them in the cache.
-        workers: processes that detect features, then threads that match.
-        progress: told of both stages.
+        source: the recorded views.
+        features: detection; the same as in evaluations, which then find them in the cache.
+        workers: number of processes that detect features, then of threads that match.
+        progress: receives both stages.
     """
     names = [view.name for view in source.views]
     cameras = cameras_of(source.capture, source.plot.calibrated)

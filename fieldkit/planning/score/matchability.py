@@ -1,4 +1,4 @@
-"""How many features two views have in common, and how firmly a set of cameras hangs together by them."""
+"""Expected matches of pairs of views, and how firmly they tie a set of cameras together."""
 
 from __future__ import annotations
 
@@ -10,37 +10,38 @@ from numpy.typing import ArrayLike, NDArray
 from fieldkit.planning.space.cameras import Array
 
 PRIOR_M = 0.010
-"""Of a commanded position: what the simulated source claims, and RTK leaves (docs/objective.md)."""
+"""Standard deviation of a commanded position: the simulated source's claim, and RTK's error (docs/objective.md)."""
 MATCH_M = 0.010
-"""How well a single match fixes two cameras' positions to each other. A pixel at 1.5 m is about 1.1 mm in a picture
-1600 wide, and turning a camera undoes all but a tenth or so of the shift that moving it makes in a small plot."""
+"""Standard deviation of two cameras' relative position by a single match. A pixel at 1.5 m is about 1.1 mm in a picture
+1600 wide, and turning a camera compensates about nine tenths of a move in a small plot.
+"""
 _OCTAVES = 0.5
 
 
 @dataclass(frozen=True)
 class Matchability:
-    """Expected matches of two views: matches · exp(−angle / decay), and a floor that ties nothing.
+    """Expected matches of two views: matches · exp(−angle / decay).
 
-    The default comes closest, by least squares of log(1 + matches), to the medians of tuning-1 to tuning-5 in
-    docs/simulated-scenes.md ("How realistic"): 309, 204, 104, 40, 16 and 9 matches at 6, 12, 18, 27, 36 and 48°, with a
-    floor of 5 that chance finds at any angle and that is left out here.
+    The default is the least-squares fit of log(1 + matches) to the medians of tuning-1 to tuning-5 in
+    docs/simulated-scenes.md ("How realistic"): 309, 204, 104, 40, 16 and 9 matches at 6, 12, 18, 27, 36 and 48°. Of
+    these 5 are chance matches at any angle and are left out here.
 
     Attributes:
-        matches: of two views without an angle between them.
-        decay_deg: at which 1/e of them is left.
+        matches: of two views at the same angle.
+        decay_deg: angle at which 1/e of them is left.
     """
 
     matches: float = 662.0
     decay_deg: float = 9.13
 
     def expected(self, angle_deg: ArrayLike) -> Array:
-        """Of the angles' shape."""
+        """Expected matches, of the angles' shape."""
         found: Array = self.matches * np.exp(-np.asarray(angle_deg, dtype=np.float64) / self.decay_deg)
         return found
 
 
 def view_angles_deg(positions: Array, center: Array) -> Array:
-    """(n, n) angles between the directions from a plot's middle (3,) to cameras (n, 3)."""
+    """(n, n) angles between the directions from a plot's middle (3,) to cameras (n, 3), degrees."""
     direction = positions - center
     direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
     angles: Array = np.degrees(np.arccos(np.clip(direction @ direction.T, -1.0, 1.0)))
@@ -50,16 +51,16 @@ def view_angles_deg(positions: Array, center: Array) -> Array:
 def expected_matches(
     positions: Array, center: Array, pictured: NDArray[np.bool_], matchability: Matchability
 ) -> Array:  # fmt: skip
-    """(n, n) matches to be expected of each pair of views, symmetric, 0 on the diagonal.
+    """(n, n) expected matches of each pair of views, symmetric, 0 on the diagonal.
 
-    Matches at the pair's angle about the plot, times what the two pictures share (the points in both over those of the
-    one that has more), times exp(−½ (o / 0.5)²) for o octaves between their distances: mapping takes no match beyond
-    0.75 (docs/mapping.md).
+    Matches at the pair's angle about the plot, times the pictures' overlap (points in both over those of the one with
+    more), times exp(−½ (o / 0.5)²) for o octaves between their distances: mapping takes no match beyond 0.75
+    (docs/mapping.md).
 
     Args:
         positions: (n, 3) of the cameras.
         center: (3,) of the plot.
-        pictured: (n, t) which of some points of the plot, ground included, lie in each picture.
+        pictured: (n, t) whether points of the plot, ground included, lie in each picture.
         matchability: of the plot's kind.
     """
     inside = pictured.astype(np.float64)
@@ -76,15 +77,15 @@ def expected_matches(
 def looseness_m(matches: Array, *, prior_m: float = PRIOR_M, match_m: float = MATCH_M) -> Array:
     """(n,) standard deviation of each camera's position against all cameras' mean, metres.
 
-    Cameras are points on springs: each is held to its command with ``prior_m``, and each pair with n matches to each
+    Cameras are points on springs: each is tied to its command with ``prior_m``, and each pair with n matches to each
     other with ``match_m`` / √n. The precision is the view graph's Laplacian, weighted by matches, plus the prior's; its
-    inverse is the covariance, of which the common shift is taken out, for a shift of all bends nothing. So groups tied
-    by few matches, or a long chain, show as what they are: cameras that move against each other.
+    inverse is the covariance, without the common shift, which bends nothing. Groups tied by few matches, and long
+    chains, are loose.
 
     Args:
         matches: (n, n) symmetric, of pairs.
-        prior_m: of a commanded position.
-        match_m: of a single match.
+        prior_m: standard deviation of a commanded position.
+        match_m: standard deviation of a single match.
     """
     count = len(matches)
     weight = matches / match_m**2
@@ -98,9 +99,9 @@ def looseness_m(matches: Array, *, prior_m: float = PRIOR_M, match_m: float = MA
 def connectivity(matches: Array) -> float:
     """Algebraic connectivity of a view graph: the second smallest eigenvalue of its Laplacian, in matches.
 
-    It is small where any two groups of views have few matches between them, whichever groups these are, and 0 where
-    they have none (Fiedler, "Algebraic connectivity of graphs", 1973). A view that hangs on by a single strong pair is
-    connected less well than one with several: incremental mapping needs points that two views have triangulated.
+    It is small if any two groups of views have few matches between them, and 0 if they have none (Fiedler, "Algebraic
+    connectivity of graphs", 1973). A view tied by one strong pair is less well connected than one tied by several:
+    incremental mapping needs points that two views have triangulated.
 
     Args:
         matches: (n, n) symmetric, of pairs of at least two views.

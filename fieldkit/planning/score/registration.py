@@ -1,4 +1,4 @@
-"""How likely mapping without commanded poses is to find all photographs of a set, by how well the set is connected."""
+"""The probability that blind mapping registers all photographs of a set, by the set's connectivity."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from fieldkit.planning.space.cameras import Array
 
 THRESHOLD = 23.0
-"""Connectivity at which every other set registers whole."""
+"""Connectivity at which half of the sets register whole."""
 _DOUBT = 0.5
 _THRESHOLDS = np.linspace(-4.0, 4.0, 81)
 _WIDTHS = np.array([0.2, 0.3, 0.45])
@@ -20,11 +20,10 @@ _LEAST = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """What is known of the connectivity that mapping asks for: P(whole | c) = 1 / (1 + (c₀ / c)^(1/w)).
+    """The connectivity c that mapping needs: P(whole | c) = 1 / (1 + (c₀ / c)^(1/w)).
 
-    Both constants are unknown and their distribution, on a grid, is what results leave of a prior: c₀ is 23 matches
-    times or by e^½, w 0.2 to 0.45. These are from 65 sets about tuning-1 and tuning-2
-    (docs/experiments/score-and-planner.md); how many matches a plot's own photographs have is what results tell. While
+    Both constants are unknown. Their posterior is kept on a grid; the prior has c₀ of 23 matches times or divided by
+    e^½, and w from 0.2 to 0.45 (65 sets about tuning-1 and tuning-2, docs/experiments/score-and-planner.md). While
     every set fails, c₀ rises above what was tried.
 
     Attributes:
@@ -39,7 +38,7 @@ class Registration:
 
     @classmethod
     def learn(cls, connectivities: ArrayLike, whole: Sequence[bool]) -> Registration:
-        """After sets of these connectivities (t,), some of which registered whole (t,); t may be 0."""
+        """The posterior after sets of connectivities (t,) that did or did not register whole (t,); t may be 0."""
         standard, widths = (grid.ravel() for grid in np.meshgrid(_THRESHOLDS, _WIDTHS, indexing="ij"))
         thresholds = np.log(THRESHOLD) + _DOUBT * standard
         places = _logarithms(connectivities)
@@ -50,7 +49,7 @@ class Registration:
         return cls(thresholds, widths, weights / weights.sum())
 
     def probability(self, connectivities: ArrayLike) -> Array:
-        """That sets of these connectivities register whole, of their shape; above 0."""
+        """Probability that sets of these connectivities register whole, of their shape; above 0."""
         places = _logarithms(connectivities)
         odds = np.exp(np.minimum((self.thresholds - places[..., None]) / self.widths, 500.0))
         found: Array = (self.weights / (1.0 + odds)).sum(axis=-1)

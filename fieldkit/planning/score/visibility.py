@@ -1,4 +1,4 @@
-"""What cameras see of a plot, without a picture: field of view, and occlusion by a z-buffer of splats."""
+"""Visibility of a plot's points without rendering: field of view, and occlusion by a z-buffer of splats."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The plants as a geometric score knows them.
+    """The plants' surface, for a geometric score.
 
     Attributes:
-        points: (p, 3) metres, plot frame, drawn from the reference's, for the objective counts those as they are.
-        normals: (p, 3) unit vectors, of which only the axis counts: leaves have two sides; None where unknown.
-        obstacles: (m, 3) metres, of what hides.
-        splat_m: edge of the square that stands for an obstacle.
+        points: (p, 3) metres, plot frame, drawn from the reference's points, which the objective counts.
+        normals: (p, 3) unit vectors; their sign does not matter, since leaves have two sides. None if unknown.
+        obstacles: (m, 3) metres, points that hide others.
+        splat_m: edge of the square that represents an obstacle.
     """
 
     points: Array
@@ -48,8 +48,7 @@ class Surface:
 
     @classmethod
     def of(cls, plot: Plot, limit: int = POINTS) -> Surface:
-        """At most ``limit`` points of a plot's reference, always the same ones, and what hides, thinned to 5 mm where
-        it is not too many.
+        """At most ``limit`` points of a plot's reference, always the same ones, and its obstacles, thinned.
 
         Raises:
             ValueError: the reference has no points.
@@ -76,13 +75,13 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What one camera has of a surface's p points.
+    """One camera's view of a surface's p points.
 
     Attributes:
         rays: (p, 3) unit vectors from the points to the camera.
         distance_m: (p,) to the camera.
-        facing: (p,) |n·v|, 1 where it looks squarely at the surface; 1 everywhere where normals are unknown.
-        seen: (p,) whether a point lies in the picture and nothing hides it.
+        facing: (p,) |n·v|, 1 if it looks squarely at the surface or if normals are unknown.
+        seen: (p,) whether a point lies in the picture and is not hidden.
     """
 
     rays: Array
@@ -92,11 +91,11 @@ class Sight:
 
 
 class PerCamera(Generic[T]):
-    """What is computed of single cameras, kept for those used last: sets that share cameras share the work.
+    """Values computed per camera, kept for those used last: sets that share cameras share the work.
 
     Args:
-        compute: of cameras, one value each.
-        kept: how many values at most, beside those of the set that is asked for.
+        compute: gives one value for each camera.
+        kept: largest number of values, beside those of the requested set.
     """
 
     def __init__(self, compute: Callable[[Cameras], Sequence[T]], kept: int = _KEPT) -> None:
@@ -120,16 +119,16 @@ class PerCamera(Generic[T]):
 
 
 def look(surface: Surface, cameras: Cameras, camera: Intrinsics) -> list[Sight]:
-    """What each camera sees.
+    """Each camera's view of the surface.
 
-    A point is hidden where an obstacle's splat lies more than two splats before it: 10 mm, so that stems hide their far
-    sides. The z-buffer has 400 pixels along the picture's longer side, so that a splat of 5 mm covers about one at
-    1.5 m: gaps between points do not let through, and leaves' edges grow by half a splat.
+    A point is hidden if an obstacle's splat lies more than two splats (10 mm) before it, so that stems hide their far
+    sides. The z-buffer has 400 pixels along the picture's longer side, so a splat of 5 mm covers about one pixel at 1.5
+    m: no gaps between points remain, and leaves' edges grow by half a splat.
 
     Args:
         surface: of the plants.
         cameras: n.
-        camera: intrinsics, whose distortion is left out.
+        camera: intrinsics; distortion is ignored.
     """
     scale = _BUFFER / max(camera.width, camera.height)
     width, height = (max(1, round(scale * side)) for side in (camera.width, camera.height))
@@ -150,7 +149,7 @@ def look(surface: Surface, cameras: Cameras, camera: Intrinsics) -> list[Sight]:
 
 
 def in_picture(points: Array, cameras: Cameras, camera: Intrinsics) -> NDArray[np.bool_]:
-    """(n, p) whether points (p, 3) lie in each camera's picture, whatever hides them; distortion is left out."""
+    """(n, p) whether points (p, 3) lie in each camera's picture, hidden or not; distortion is ignored."""
     seen = np.einsum("nij,npj->nip", cameras.rotations, points - cameras.positions[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
         u, v = (camera.fx * seen[:, 0] / seen[:, 2] + camera.cx, camera.fy * seen[:, 1] / seen[:, 2] + camera.cy)
@@ -159,20 +158,20 @@ def in_picture(points: Array, cameras: Cameras, camera: Intrinsics) -> NDArray[n
 
 
 def _thinned(cloud: Cloud, limit: int) -> tuple[Cloud, float]:
-    """One point per voxel, the voxels no larger than it takes for at most ``limit`` points; and their edge."""
+    """One point per voxel, of the smallest voxels that leave at most ``limit`` points; and the voxels' edge."""
     size = _FINEST_M
     while len(thinned := voxel_thin(cloud, size)) > limit:
-        size *= max(_COARSER, 0.9 * np.sqrt(len(thinned) / limit))  # plants are surfaces: points go with its square
+        size *= max(_COARSER, 0.9 * np.sqrt(len(thinned) / limit))  # plants are surfaces
     return thinned, float(size)
 
 
 @fast_kernel
 def _z_buffer(obstacles, splat, camera, half_x, half_y, width, height):  # type: ignore[no-untyped-def]
-    """(height + 2, width + 2) inverse depths of the nearest splats, 0 where there is none; the rim is for what lies
+    """(height + 2, width + 2) inverse depths of the nearest splats, 0 where there is none; the rim is for splats
     outside.
 
-    Of obstacles (3, m), metres, and what takes them to homogeneous pixels (3, 4), all single precision; the halves are
-    a splat's in pixels at 1 m. Without branches but for splats wider than two pixels: that is a third of the time.
+    Takes obstacles (3, m), metres, their projection to homogeneous pixels (3, 4), and half a splat in pixels at 1 m, in
+    single precision. It branches only for splats wider than two pixels, which takes a third of the time.
     """
     count = obstacles.shape[1]
     x, y, z = obstacles[0], obstacles[1], obstacles[2]
@@ -187,7 +186,7 @@ def _z_buffer(obstacles, splat, camera, half_x, half_y, width, height):  # type:
         inverse[i] = w if depth > splat else zero
         u = (camera[0, 0] * x[i] + camera[0, 1] * y[i] + camera[0, 2] * z[i] + camera[0, 3]) * w
         v = (camera[1, 0] * x[i] + camera[1, 1] * y[i] + camera[1, 2] * z[i] + camera[1, 3]) * w
-        # The pixels whose centres the splat covers, and in any case the one that holds its middle.
+        # The pixels whose centres the splat covers, and always the one at its middle.
         a, b = max(half_x * w, half), max(half_y * w, half)
         left[i] = np.int32(min(max(u - a + more, zero), last_column))
         right[i] = np.int32(min(max(u + a + half, zero), last_column))

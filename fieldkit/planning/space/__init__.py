@@ -1,1 +1,1 @@
-"""Sets of cameras: where they may be, families of them, and how they are coded."""
+"""Sets of cameras: the feasible set, structured families, and codes."""

@@ -1,4 +1,4 @@
-"""Which recorded view stands for which camera."""
+"""The assignment of recorded views to cameras."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from fieldkit.planning.space.cameras import Cameras
 def assign(cameras: Cameras, views: Cameras, distance_m: float) -> NDArray[np.int64]:
     """The recorded view (n,) that stands for each camera; no view stands for two.
 
-    Of all ways to choose, the one whose costs ‖Δposition‖ + ``distance_m`` · Δangle (of the optical axes, radians)
-    have the smallest sum (linear assignment, Crouse 2016).
+    The choice minimises the sum of ‖Δposition‖ + ``distance_m`` · Δangle (of the optical axes, radians) by linear
+    assignment (Crouse 2016).
 
     Args:
         cameras: n, plot frame.
         views: m ≥ n.
-        distance_m: at which an angle counts as the length it spans: about that from the cameras to the plants.
+        distance_m: turns angles into lengths: about the distance from the cameras to the plants.
 
     Raises:
         UsageError: there are more cameras than views.
     """
     if len(cameras) > len(views):
         raise UsageError(
-            f"{len(cameras)} cameras are asked of a set of {len(views)} photographs", remedy="Ask for fewer cameras."
+            f"{len(cameras)} cameras are asked for, but the set has {len(views)} photographs",
+            remedy="Ask for fewer cameras.",
         )
     angle = np.arccos(np.clip(cameras.forward @ views.forward.T, -1.0, 1.0))
     cost = np.linalg.norm(cameras.positions[:, None] - views.positions[None], axis=2) + distance_m * angle

@@ -1,4 +1,4 @@
-"""A set of cameras as planning handles it: the vector z of BOSfM's eq. `opt_r`, without roll."""
+"""A set of cameras: the vector z of BOSfM's eq. `opt_r`, without roll."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Cameras:
             raise ValueError("positions and angles must be finite")
         if (np.abs(pitch) > 90.0).any():
             raise ValueError("a pitch lies between −90° and 90°")
-        # A yaw that is in range is kept bit for bit, so that what was written is what is read.
+        # A yaw in range is kept bit for bit, so that files read back exactly.
         outside = (yaw < -180.0) | (yaw >= 180.0)
         yaw[outside] = (yaw[outside] + 180.0) % 360.0 - 180.0
         yaw[yaw >= 180.0] = -180.0
@@ -59,11 +59,11 @@ class Cameras:
         return hash(self.vector().tobytes())
 
     def row_keys(self) -> list[bytes]:
-        """One per camera, for looking it up: equal where cameras are, bit for bit."""
+        """A key for each camera: equal if the cameras are, bit for bit."""
         return [row.tobytes() for row in self.vector().reshape(len(self), -1)]
 
     def turned(self, middle: ArrayLike, turn_deg: float) -> Cameras:
-        """Turned counterclockwise, seen from above, about the vertical through ``middle`` (x, y and more)."""
+        """Cameras turned counterclockwise, seen from above, about the vertical through ``middle`` (x, y, …)."""
         c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         axis = np.asarray(middle, dtype=np.float64)[:2]
         positions = self.positions.copy()
@@ -72,7 +72,7 @@ class Cameras:
 
     @classmethod
     def from_vector(cls, z: ArrayLike) -> Cameras:
-        """From z (5n,): x, y, z, yaw, pitch per camera.
+        """Cameras from z (5n,): x, y, z, yaw, pitch per camera.
 
         Raises:
             ValueError: the length is no multiple of 5, or a value is out of range.
@@ -85,7 +85,7 @@ class Cameras:
 
     @classmethod
     def from_poses(cls, poses: Iterable[Pose]) -> Cameras:
-        """From poses; their roll is dropped."""
+        """Cameras from poses; their roll is dropped."""
         listed = list(poses)
         angles = np.array([pose.yaw_pitch_roll_deg() for pose in listed]).reshape(-1, 3)
         return cls(np.array([pose.center for pose in listed]).reshape(-1, 3), angles[:, 0], angles[:, 1])
@@ -131,6 +131,6 @@ class Cameras:
         ]
 
     def select(self, index: Sequence[int] | NDArray[np.int64]) -> Cameras:
-        """The cameras of those indices, in that order."""
+        """The cameras of the given indices, in that order."""
         chosen = np.asarray(index, dtype=np.int64)
         return Cameras(self.positions[chosen], self.yaw_deg[chosen], self.pitch_deg[chosen])

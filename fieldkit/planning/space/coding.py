@@ -1,4 +1,4 @@
-"""Sets of cameras as points of the unit cube, which is what the surrogate models see."""
+"""Sets of cameras as points of the unit cube, the inputs of the surrogate models."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fieldkit.planning.space.cameras import PER_CAMERA, Array, Cameras
 from fieldkit.planning.space.envelope import Envelope
 
 _AHEAD = 1e-3
-"""What the cosine between an optical axis and the way to the middle counts as at least."""
+"""Least cosine between an optical axis and the direction to the middle."""
 _NORTH, _EAST = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 
 
@@ -18,16 +18,15 @@ _NORTH, _EAST = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
 class Coding:
     """Cameras ⇄ [0, 1]^(5N): x, y, height above the ground, and two entries of aim per camera, camera by camera.
 
-    The paper's z has six entries per camera; plans have no roll, so five say the same. The height counts from the
-    ground below the camera, so that the band of an envelope on a slope is a box too. The aim is where the optical axis
-    crosses the plane through the target's middle that faces the camera: metres to the right of the middle and above
-    it, at most ``reach_m`` either way, so that every code looks at the plants. What looks further aside is cut to
-    that. All entries are linear; a range that is a single value has the code 0.5.
+    The paper's z has six entries per camera; without roll five suffice. Heights are above the ground below the camera,
+    so that the height band on a slope is a box too. The aim is where the optical axis crosses the plane through the
+    target's middle that faces the camera: metres to the right of the middle and above it, cut to ± ``reach_m``, so that
+    every code looks at the plants. All entries are linear; a range of a single value has the code 0.5.
 
     Attributes:
         low, high: (3,) limits of x, y and the height above ground, metres.
         ground: a, b, c of the ground z = a·x + b·y + c.
-        pitch_deg: the gimbal's range; aims beyond it are cut to it.
+        pitch_deg: the gimbal's range; aims are cut to it.
         center: (3,) the target's middle.
         reach_m: half of the target's diagonal.
     """
@@ -41,7 +40,7 @@ class Coding:
 
     @classmethod
     def of(cls, envelope: Envelope, views: Cameras | None = None) -> Coding:
-        """The coding of an envelope; of recorded views, whose limits are theirs where they reach out of it."""
+        """The coding of an envelope, whose limits are extended to hold the recorded views if there are any."""
         low, high = np.array([envelope.x_m, envelope.y_m, envelope.height_m], dtype=np.float64).T
         pitch = np.array(envelope.pitch_deg)
         if views is not None:
@@ -55,7 +54,7 @@ class Coding:
         )  # fmt: skip
 
     def encode(self, cameras: Cameras) -> Array:
-        """U (5n,) of n cameras; a value out of its limits is cut to them."""
+        """The code u (5n,) of n cameras; values beyond the limits are cut to them."""
         span = self.high - self.low
         share = (_places(cameras, self.ground) - self.low) / np.where(span > 0, span, 1.0)
         share[:, span <= 0] = 0.5
@@ -67,7 +66,7 @@ class Coding:
         return code
 
     def decode(self, code: Array) -> Cameras:
-        """The cameras of U (5n,), whose entries are cut to [0, 1].
+        """The cameras of a code u (5n,), whose entries are cut to [0, 1].
 
         Raises:
             ValueError: the length is no multiple of 5, or a value is not finite.
@@ -97,12 +96,12 @@ class Coding:
 class CylindricalCoding(Coding):
     """The same with azimuth, clockwise from north, and radius about the target's middle in place of x and y.
 
-    Cameras come sorted by azimuth, so that their order tells nothing. Radii reach to the box's farthest corner; what
-    lies beyond its sides is cut to them.
+    Cameras come sorted by azimuth, so that their order tells nothing. Radii reach to the box's farthest corner; places
+    beyond its sides are cut to them.
     """
 
     def encode(self, cameras: Cameras) -> Array:
-        """U (5n,) of n cameras by azimuth; a value out of its limits is cut to them."""
+        """The code u (5n,) of n cameras by azimuth; values beyond the limits are cut to them."""
         azimuth, radius = self._polar(cameras.positions)
         order = np.argsort(azimuth, kind="stable")
         code = super().encode(cameras.select(order)).reshape(-1, PER_CAMERA)
@@ -110,7 +109,7 @@ class CylindricalCoding(Coding):
         return code.reshape(-1)
 
     def decode(self, code: Array) -> Cameras:
-        """The cameras of U (5n,); see `Coding.decode`."""
+        """The cameras of a code u (5n,); see `Coding.decode`."""
         share = np.clip(np.array(code, dtype=np.float64).reshape(-1, PER_CAMERA), 0.0, 1.0)
         turn, radius = 2.0 * np.pi * share[:, 0], self._widest_m * share[:, 1]
         places = self.center[:2] + radius[:, None] * np.column_stack([np.sin(turn), np.cos(turn)])

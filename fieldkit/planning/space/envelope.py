@@ -20,12 +20,12 @@ from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.results.plan import PlanPlants
 
 TOLERANCE = 1e-9
-"""Metres or degrees by which a constraint may be missed: rounding in files and changes of units."""
+"""Tolerance of constraints, metres or degrees, for rounding in files and changes of units."""
 _THINNED_M = 0.02
 _PLAN_CELL_M = 0.05
 _BESIDE_M = 0.5
 _OFF_BANDS_M = 0.001
-"""Kept from the vehicle's no-fly bands: files hold positions to less than that."""
+"""Distance kept from the vehicle's no-fly bands; files are more exact."""
 _SAMPLE_STREAM = 21
 _BATCH = 64
 _BATCHES = 500
@@ -33,14 +33,13 @@ _BATCHES = 500
 
 @dataclass(frozen=True, eq=False)
 class Violations:
-    """By how much each camera breaks each constraint: positive outside, negative inside.
+    """Violation of each constraint by each camera: positive outside, negative inside.
 
     Attributes:
         bounds_m: (n,) horizontal distance out of the plot's flight box.
         height_m: (n,) out of the height band.
-        plants_m: (n,) clearance that lacks towards the plants; below leaves, where a vehicle shall fly, the height that
-            lacks if that is more.
-        separation_m: (n,) distance that lacks towards the nearest other camera.
+        plants_m: (n,) missing clearance to the plants; with a vehicle, the missing height over leaves if that is more.
+        separation_m: (n,) missing distance to the nearest other camera.
         pitch_deg: (n,) out of the gimbal's range.
     """
 
@@ -52,7 +51,7 @@ class Violations:
 
     @property
     def largest(self) -> Array:
-        """(n,) the worst of them per camera, metres, a degree counting as a centimetre."""
+        """(n,) the worst one per camera, metres; a degree counts as a centimetre."""
         lengths = [self.bounds_m, self.height_m, self.plants_m, self.separation_m, 0.01 * self.pitch_deg]
         worst: Array = np.max(lengths, axis=0)
         return worst
@@ -60,23 +59,23 @@ class Violations:
 
 @dataclass(frozen=True, eq=False)
 class Envelope:
-    """Z for level cameras on a copter's gimbal, in the plot frame. Every method plans within one.
+    """The feasible set Z for level cameras on a copter's gimbal, in the plot frame. All methods plan within one.
 
     Attributes:
         x_m, y_m: bounds of the camera centres: the plot with its margin.
         height_m: least and greatest height above the ground, vertical.
         ground: a, b, c of the ground z = a·x + b·y + c.
-        plants: (m, 3) points of the plants; the no-fly volume is all within ``clearance_m`` of one.
+        plants: (m, 3) points of the plants; no camera may be within ``clearance_m`` of one.
         clearance_m: least distance between a camera and a plant.
         pitch_deg: the gimbal's range; there is no roll.
         separation_m: least distance between two stations.
-        target: what sampled cameras look at.
-        vehicle_clearance_m: that a vehicle keeps to the plants. Cameras are then outside of its no-fly bands, too
-            (`no_fly_bands`, which missions are routed around): not below leaves, not in gaps that plants surround.
-            None: where no vehicle is planned for.
+        target: volume that sampled cameras look at.
+        vehicle_clearance_m: a vehicle's clearance to the plants. Cameras then also stay out of its no-fly bands
+            (`no_fly_bands`, which missions are routed around): not below leaves, not in gaps that plants surround. None
+            without a vehicle.
 
     Raises:
-        ValueError: a range that is empty, or points that are no (m, 3) array.
+        ValueError: an empty range, or points that are not an (m, 3) array.
     """
 
     x_m: tuple[float, float]
@@ -120,7 +119,7 @@ class Envelope:
         """An envelope about a plot's plants.
 
         Args:
-            plants: the proxy's obstacles or the reference; thinned to one point per 2 cm.
+            plants: the proxy's obstacles or the reference, (m, 3); thinned to one point per 2 cm.
             target: the volume of interest.
             margin_m: how far beyond it cameras may stand, horizontally.
             height_m: band above the ground.
@@ -148,7 +147,7 @@ class Envelope:
         return Prisms.of([(shapely.Polygon(b.corners).buffer(_OFF_BANDS_M), b.top_m + _OFF_BANDS_M) for b in bands])
 
     def plan_plants(self, points: NDArray[np.float64]) -> PlanPlants:
-        """Those of points (m, 3) that lie within the flight box and half a metre about it, as plan.json holds them; mm.
+        """The points (m, 3) within the flight box and half a metre about it, as in plan.json, rounded to millimetres.
 
         They are thinned to one per 5 cm.
         """
@@ -165,13 +164,13 @@ class Envelope:
         return level
 
     def position_violation(self, positions: Array) -> Array:
-        """(n,) by how much single positions (n, 3) break bounds, height band and clearance, metres; signed."""
+        """(n,) signed violation of bounds, height band and clearance by single positions (n, 3), metres."""
         parts = [self._bounds(positions), self._height(positions), self._plants(positions)]
         worst: Array = np.max(parts, axis=0)
         return worst
 
     def violations(self, cameras: Cameras) -> Violations:
-        """Every constraint's signed violation per camera."""
+        """The signed violation of each constraint by each camera."""
         low, high = self.pitch_deg
         return Violations(
             bounds_m=self._bounds(cameras.positions),
@@ -196,8 +195,8 @@ class Envelope:
         Args:
             count: of cameras.
             seed: of the draws.
-            radius_m: horizontal distances from the target's middle; any, too, where these have no room.
-            aim_m: heights z above the target's middle to look at, uniformly; uniform points of the target where None.
+            radius_m: range of horizontal distances from the target's middle; ignored if it has no room.
+            aim_m: range of heights z above the target's middle to look at; None takes uniform points of the target.
 
         Raises:
             UsageError: the envelope has no room for so many.
@@ -253,7 +252,7 @@ class Envelope:
 
 
 def distance_to(positions: Array, others: Array) -> Array:
-    """(n,) distance of positions (n, 3) to the nearest of the others (m, 3); infinite without any."""
+    """(n,) distance of positions (n, 3) to the nearest of others (m, 3); infinite without any."""
     if not len(others):
         return np.full(len(positions), np.inf)
     nearest: Array = np.linalg.norm(positions[:, None] - others[None], axis=2).min(axis=1)
@@ -261,7 +260,7 @@ def distance_to(positions: Array, others: Array) -> Array:
 
 
 def no_room(count: int) -> UsageError:
-    """The error of an envelope that is too small."""
+    """The error for an envelope that is too small."""
     return UsageError(
         f"no feasible position was found for camera {count} in the flight envelope",
         remedy="Widen the bounds or the height band, or lower the clearance or the separation.",

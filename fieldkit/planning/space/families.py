@@ -1,7 +1,7 @@
-"""Structured sets of cameras: N of them by a handful of numbers instead of five each.
+"""Structured sets of N cameras, given by a few numbers instead of five per camera.
 
 Every camera of a family looks at one point above the plot's middle. A family's parameters are a point of the unit cube,
-so that they can be searched; `PlanningProblem.nearest` makes what they decode to feasible.
+which can be searched. The decoded cameras may be infeasible; `PlanningProblem.nearest` makes them feasible.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.ranges import NARROWEST, reach_m
 
 SPAN_DEG = (60.0, 360.0)
-"""Of arcs: ten cameras 6° apart, up to all the way round. The prototype's best arc spanned 136°."""
+"""Span of arcs: from ten cameras 6° apart to the whole circle."""
 _ELLIPTIC = 0.35
 
 Values = Mapping[str, float]
@@ -25,7 +25,7 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of a family: its name ends with its unit (_m, _deg) where it has one."""
+    """A parameter of a family; its name ends with its unit (_m, _deg) if it has one."""
 
     name: str
     low: float
@@ -39,7 +39,7 @@ class Family:
     Attributes:
         name: ``"ring"``, ``"arc"``, ``"spiral"`` or ``"chain"``.
         parameters: the cube's axes.
-        build: the cameras of given values; not made feasible.
+        build: makes the cameras of given values, which may be infeasible.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Family:
         return len(self.parameters)
 
     def values(self, unit: ArrayLike) -> dict[str, float]:
-        """The parameters at a point (k,) of the unit cube; what lies outside is cut to it.
+        """The parameters at a point (k,), which is cut to the unit cube.
 
         Raises:
             ValueError: a wrong number of coordinates, or one that is not finite.
@@ -64,7 +64,7 @@ class Family:
         }
 
     def decode(self, unit: ArrayLike) -> Cameras:
-        """The N cameras of a point (k,) of the unit cube; they look at the plot, but may not be feasible.
+        """The N cameras of a point (k,) of the unit cube; they look at the plot and may be infeasible.
 
         Raises:
             ValueError: as `values`.
@@ -79,7 +79,7 @@ class Circle:
     Attributes:
         radius_m: horizontal.
         altitude_m: above the ground below each camera.
-        aim_m: z of the point that is looked at.
+        aim_m: z of the point that all look at.
         phase_deg: azimuth of the first camera, clockwise from north.
     """
 
@@ -92,7 +92,7 @@ class Circle:
         return f"circle {self.radius_m:.2f} m at {self.altitude_m:.2f} m, aim {self.aim_m:.2f} m"
 
     def cameras(self, problem: PlanningProblem) -> Cameras:
-        """Not made feasible."""
+        """The cameras, which may be infeasible."""
         azimuth = self.phase_deg + 360.0 * np.arange(problem.count) / problem.count
         radius, altitude = np.full(problem.count, self.radius_m), np.full(problem.count, self.altitude_m)
         return placed(problem, azimuth, radius, altitude, self.aim_m)
@@ -105,9 +105,9 @@ def circles(
 
     Args:
         problem: of N cameras.
-        altitudes, radii, aims: how many of each, spread evenly over `PlanningProblem.ranges`, its ends included; a
-            single one is the middle.
-        inner: the ends are half a step farther out: what few circles stand for best.
+        altitudes, radii, aims: number of values, spread evenly over `PlanningProblem.ranges` including its ends; a
+            single value is the middle.
+        inner: leaves half a step to each end instead, which suits few circles.
     """
     ranges = problem.ranges
     return tuple(
@@ -122,14 +122,14 @@ def families(problem: PlanningProblem) -> tuple[Family, ...]:
     """All families for a problem's N, plot, camera and envelope.
 
     Radii lie between 0.3 of the envelope's reach and all of it, altitudes in the height band above the ground below
-    each camera, the point that is looked at in the inner 80 % of the volume's height. Azimuths of an arc lie span / N
-    apart, so that 360° is an even ring.
+    each camera, the aim point in the inner 80 % of the volume's height. Azimuths of an arc lie span / N apart, so that
+    360° is an even ring.
 
     - ring: radius, altitude, aim, phase within one step, and an ellipse's stretch along x against y.
     - arc: span, azimuth of its middle, radius, altitude, aim, and how much farther apart its outer cameras stand.
-    - spiral: an arc whose radius and altitude go evenly from one value to another.
-    - chain: two levels that alternate along an arc, each with its radius and altitude, the second shifted by a share of
-      a step.
+    - spiral: an arc whose radius and altitude change evenly from one value to another.
+    - chain: two alternating levels along an arc, each with its radius and altitude, the second shifted by a share of a
+    step.
     """
     count, reach, ranges = problem.count, reach_m(problem.envelope), problem.ranges
     radii, altitudes, aims = (NARROWEST * reach, reach), ranges.altitude_m, ranges.aim_m
@@ -147,7 +147,7 @@ def families(problem: PlanningProblem) -> tuple[Family, ...]:
         return placed(problem, turned, v["radius_m"] * np.hypot(x, y), np.full(count, v["altitude_m"]), v["aim_m"])
 
     def arc(v: Values) -> Cameras:
-        # Odd, the same at both ends, and increasing for any widening between −0.5 and 1.
+        # An odd function that keeps both ends and increases for any widening between −0.5 and 1.
         along = even * (1.0 + v["widening"] * (4.0 * even**2 - 1.0))
         flat = np.full(count, v["radius_m"]), np.full(count, v["altitude_m"])
         return placed(problem, v["middle_deg"] + v["span_deg"] * along, *flat, v["aim_m"])
@@ -189,16 +189,16 @@ def families(problem: PlanningProblem) -> tuple[Family, ...]:
 
 
 def family(problem: PlanningProblem, name: str) -> Family:
-    """The family of a name.
+    """The family with a given name.
 
     Raises:
-        KeyError: there is none.
+        KeyError: no family has this name.
     """
     return {found.name: found for found in families(problem)}[name]
 
 
 def placed(problem: PlanningProblem, azimuth_deg: Array, radius_m: Array, altitude_m: Array, aim_m: float) -> Cameras:
-    """Cameras about a plot's middle that look at one point above it; not made feasible.
+    """Cameras about a plot's middle that look at one point above it; they may be infeasible.
 
     Args:
         problem: of the plot.

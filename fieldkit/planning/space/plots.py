@@ -1,4 +1,4 @@
-"""Plots as planning knows them without a photograph: their plants' surfaces, and what hides and is flown around."""
+"""Plots as planning knows them without photographs: the plants' surfaces, and obstacles."""
 
 from __future__ import annotations
 
@@ -22,14 +22,13 @@ _MARGIN_M = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """One plot.
+    """A plot without photographs.
 
     Attributes:
-        reference: PC_env, points of the plants' surfaces that can be seen, with normals where there are any, plot
+        reference: PC_env, visible points of the plants' surfaces, with normals if known, plot frame.
+        obstacles: (m, 3) further points that hide others and that cameras keep clear of, such as other rows; plot
             frame.
-        obstacles: (m, 3) points that hide what lies behind them and that cameras keep clear of, beside the reference's:
-            other rows. Plot frame.
-        matches: (m, m) counted of each two recorded views; None where they are not known.
+        matches: (m, m) counted between each pair of recorded views; None if unknown.
     """
 
     reference: Cloud
@@ -54,30 +53,30 @@ class Plot:
 
     @classmethod
     def without_others(cls, reference: Cloud) -> Plot:
-        """A plot with nothing beside its own plants."""
+        """A plot with only its own plants."""
         return cls(reference, np.zeros((0, 3)))
 
     @property
     def points(self) -> Array:
-        """(m, 3) of everything that cameras keep clear of."""
+        """(m, 3) all points that cameras keep clear of."""
         both: Array = np.concatenate([self.reference.points, self.obstacles.reshape(-1, 3)])
         return both
 
 
 def check_plants(description: SceneDescription) -> None:
-    """Raises SceneError where a scene has no plants to plan for."""
+    """Raise SceneError if a scene has no plants to plan for."""
     if description.recorded is None and not description.plot.plants:
         raise SceneError("the scene has no plants to plan for", remedy="Add [[plants]] to the scene file.")
 
 
 def of_interest(description: SceneDescription, visible: Cloud) -> tuple[Cloud, Volume]:
-    """What of the plants' visible points counts, and the volume of interest about it.
+    """The plants' visible points that count, and the volume of interest about them.
 
-    What plants have below 3 cm is counted on neither side, for the soil is bumpy; a scene made from a reference keeps
-    that one's volume, down to its lowest plant point.
+    Points below 3 cm are left out, since the soil is bumpy. A scene made from a reference keeps the reference's volume,
+    down to its lowest plant point.
 
     Raises:
-        SceneError: nothing is left.
+        SceneError: no point is left.
     """
     if description.recorded is None:
         return above_soil(visible)
@@ -90,11 +89,11 @@ def of_interest(description: SceneDescription, visible: Cloud) -> tuple[Cloud, V
 
 
 def above_soil(visible: Cloud, lowest_m: float = LOWEST_M) -> tuple[Cloud, Volume]:
-    """The points above ``lowest_m``, and the box about them with 3 cm around. Raises SceneError: there are none."""
+    """The points above ``lowest_m``, and the box about them with 3 cm around. Raises SceneError if there are none."""
     reference = visible.select(visible.points[:, 2] > lowest_m)
     if not len(reference):
         raise SceneError(
-            f"nothing of the plants is seen above {1000 * lowest_m:.0f} mm",
+            f"no part of the plants is visible above {1000 * lowest_m:.0f} mm",
             remedy="Let the plants stand on the ground and be higher than that.",
         )
     around = Volume.around(reference.points, margin_m=_MARGIN_M)

@@ -1,4 +1,4 @@
-"""An arbitrary set of cameras, moved into the feasible set."""
+"""Projection of any set of cameras into the feasible set."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _LATTICE = 20
 
 
 def project(cameras: Cameras, envelope: Envelope) -> Cameras:
-    """A set inside the envelope near the given one; a set that is inside already comes back as it is.
+    """A feasible set near the given one; a set inside the envelope is returned unchanged.
 
-    Pitches are cut to the gimbal's range. Feasible positions stay, the first ones where two are too close. Each other
-    position goes to the nearest feasible of 7,680 points on spheres about it (192 directions, radii in equal ratios),
-    and from there back as far as is feasible: close to the nearest one, not exactly it. Yaw and pitch are kept, so
-    that a camera that steps back still looks the same way.
+    Pitches are cut to the gimbal's range. Feasible positions stay; of two that are too close, the first one. Each other
+    position moves to the nearest feasible of 7,680 points on spheres about it (192 directions, radii in equal ratios),
+    and from there back as far as is feasible. This is near the nearest feasible position, not exactly it. Yaw and pitch
+    are kept.
 
     Raises:
         UsageError: the envelope has no room for so many cameras.
@@ -58,7 +58,7 @@ def _nearest_free(wanted: Array, others: Array, envelope: Envelope, number: int)
 
 
 def _back(blocked: Array, free: Array, others: Array, envelope: Envelope) -> Array:
-    """The point of the way from a free point to a blocked one after which it is blocked, on the free side."""
+    """The last free point on the way from a free point to a blocked one."""
     low, high = 0.0, 1.0  # of the way, from the blocked end
     best = free
     for _ in range(_HALVINGS):
@@ -83,7 +83,7 @@ def _clipped(positions: Array, envelope: Envelope) -> Array:
     ground = envelope.ground_m(moved)
     low, high = envelope.height_m
     moved[:, 2] = np.clip(moved[:, 2], ground + low, ground + high)
-    # Rounding of ground + low must not leave a position a hair below the band.
+    # Rounding of ground + low must not leave a position just below the band.
     height = moved[:, 2] - ground
     moved[:, 2] = np.where(height < low, np.nextafter(moved[:, 2], np.inf), moved[:, 2])
     moved[:, 2] = np.where(height > high, np.nextafter(moved[:, 2], -np.inf), moved[:, 2])

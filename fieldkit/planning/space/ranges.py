@@ -1,4 +1,4 @@
-"""Which part of the feasible set methods look in: distances and heights from which the plants are seen well."""
+"""The part of the feasible set that methods search: distances and heights from which the plants are seen well."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _AIM = (0.1, 0.9)
 
 
 class Ranges(NamedTuple):
-    """What circles, two rings and hemispheres are searched in, and what random sets are drawn from; metres.
+    """Search ranges of circles, two rings and hemispheres; random sets are drawn from them too. Metres.
 
     Attributes:
-        radius_m: horizontal distance from the plot's middle: from a third of what fills the picture to a quarter more
-            than that, within the envelope's reach.
+        radius_m: horizontal distance from the plot's middle: from 1/3 to 5/4 of the distance at which the plants fill
+            the picture, within the envelope's reach.
         altitude_m: above the ground: the envelope's height band.
-        aim_m: z of the point above the plot's middle that is looked at: the inner 80 % of the volume of interest's.
+        aim_m: z of the aim point above the plot's middle: the inner 80 % of the volume of interest.
     """
 
     radius_m: tuple[float, float]
@@ -30,7 +30,7 @@ class Ranges(NamedTuple):
 
     @classmethod
     def of(cls, envelope: Envelope, camera: Intrinsics) -> Ranges:
-        """Of an envelope and the photographs' camera."""
+        """The ranges for an envelope and the photographs' camera."""
         reach, fill = reach_m(envelope), fill_distance_m(envelope, camera)
         widest = min(reach, 1.25 * fill)
         low, high = envelope.target.lower[2], envelope.target.upper[2]
@@ -41,7 +41,7 @@ class Ranges(NamedTuple):
 
 
 def fill_distance_m(envelope: Envelope, camera: Intrinsics) -> float:
-    """From where the sphere about the volume of interest fills the picture's shorter side, metres."""
+    """The distance at which the sphere about the volume of interest fills the picture's shorter side, metres."""
     half_angle = np.arctan(0.5 * min(camera.width / camera.fx, camera.height / camera.fy))
     return float(0.5 * envelope.target.diagonal / np.sin(half_angle))
 

@@ -1,1 +1,1 @@
-"""What is learnt of the objective from few evaluations: Gaussian processes, one per kernel, and their ensemble."""
+"""Models of the objective learnt from few evaluations: Gaussian processes, and the paper's ensemble of them."""

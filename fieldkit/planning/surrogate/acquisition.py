@@ -1,4 +1,4 @@
-"""One iteration of Algorithm 1: where in the feasible set the expected improvement is largest (eq. `EGP_EI`)."""
+"""One iteration of Algorithm 1: the feasible set of largest expected improvement (eq. `EGP_EI`)."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _STARTS, _ITERATIONS = 2, 30
 
 
 class SearchSpace(Protocol):
-    """A feasible set within the unit cube, as the search sees it."""
+    """A feasible set within the unit cube."""
 
     def sample(self, count: int, rng: np.random.Generator) -> Array:
-        """``count`` random feasible points (n, d); or all there are, where those are not many more."""
+        """``count`` random feasible points (n, d); all of them if there are not many more."""
         ...
 
     def around(self, x: Array, count: int, rng: np.random.Generator) -> Array:
@@ -37,19 +37,19 @@ class SearchSpace(Protocol):
         ...
 
     def repair(self, x: Array) -> Array:
-        """The feasible point (d,) that stands for a point (d,) of the unit cube; a feasible one stands for itself."""
+        """The feasible point (d,) near a point (d,) of the unit cube; a feasible point is returned unchanged."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Suggestion:
-    """Where to evaluate next, and why.
+    """The point to evaluate next, and its origin.
 
     Attributes:
-        x: (d,) feasible; None where every feasible point found is known already.
+        x: (d,) feasible; None if every feasible point found is known already.
         model: name of m_t.
         weights: w_t by name.
-        remarks: numerical events on the way.
+        remarks: numerical problems on the way.
     """
 
     x: Array | None
@@ -76,11 +76,11 @@ def suggest(
 
     Args:
         x: (t, d) evaluated, t ≥ 1.
-        y: (t,) their values, to be made large.
+        y: (t,) their values, to be maximised.
         space: the feasible set.
         rng: of the fits' second starts, then of m_t, then of candidates.
         pending: (p, d) being evaluated.
-        avoid: (a, d) not to be suggested either; of no known value.
+        avoid: (a, d) further points not to suggest, without known values.
         least_noise: see `fit_ensemble`.
     """
     ensemble = fit_ensemble(x, y, int(rng.integers(2**31)), least_noise=least_noise)
@@ -103,10 +103,10 @@ def suggest(
 def _maximise(
     acquisition: LogExpectedImprovement, x: Array, y: Array, space: SearchSpace, rng: np.random.Generator, known: Array
 ) -> tuple[Array | None, tuple[str, ...]]:
-    """The feasible point (d,) of the largest expected improvement that was found and is not known, and remarks.
+    """The unknown feasible point (d,) of the largest expected improvement found, and remarks.
 
-    Random feasible points and points near the best data are compared; from the best of both kinds L-BFGS climbs within
-    the unit cube; what it reaches and the best of the first ones are made feasible, and the best after that is taken.
+    Random feasible points and points near the best data are compared. L-BFGS climbs from the best of both kinds within
+    the unit cube. The points reached and the best starts are made feasible, and the best one is taken.
     """
     sampled = space.sample(_SAMPLES, rng)
     near = np.vstack([space.around(x[i], _NEAR, rng) for i in np.argsort(-y, kind="stable")[:_BEST]])
@@ -136,7 +136,7 @@ def _values(acquisition: LogExpectedImprovement, x: Array) -> Array:
 
 
 def _climb(acquisition: LogExpectedImprovement, starts: Array) -> tuple[Array, tuple[str, ...]]:
-    """Where L-BFGS gets to from each start (n, d) within the unit cube, as far as it gets anywhere, and remarks."""
+    """The points that L-BFGS reaches from each start (n, d) within the unit cube, and remarks."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         reached, _ = optimize_acqf(

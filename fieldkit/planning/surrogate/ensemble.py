@@ -23,8 +23,9 @@ from fieldkit.planning.surrogate.fit import above, fit, log_likelihood, noise_mo
 _LEAST_NOISE, _USUAL_NOISE, _LEAST_LENGTHSCALE = 1e-4, math.exp(-4.0), 2.5e-2
 """BoTorch's own, of y standardised and inputs in the unit cube."""
 _LEAST_PERIODIC = 0.1
-"""Of the periodic kernel's ℓ, which has no unit. Data without a pattern drive it to 0, where the kernel matrix
-underflows. At 0.1 points a tenth of a period apart are already uncorrelated (exp(−19))."""
+"""Least ℓ of the periodic kernel. Data without a pattern drive it to 0, where the kernel matrix underflows. At 0.1,
+points a tenth of a period apart are already uncorrelated (exp(−19)).
+"""
 _STARTS = 2
 
 
@@ -33,7 +34,7 @@ class Periodic(gpytorch.kernels.Kernel):  # type: ignore[misc]
 
     As 4 sin²(a − b) is the squared distance of two points of the unit circle at the angles 2a and 2b, this is an RBF
     kernel of those points. GPyTorch's own PeriodicKernel is the same function with lengthscale ℓ²; it handles the
-    inputs one by one, which takes several times longer in 65 dimensions.
+    inputs one by one, which is several times slower in 65 dimensions.
 
     The prior of p is LogNormal(0, ½), in sides of the unit cube: from half of it to twice. Near 0 the kernel is an RBF
     of length scale ℓ p / 2π, on which the prior is that of `RBF` where p is 1.
@@ -93,9 +94,9 @@ class Ensemble:
     """M processes fitted to the same data, and how likely each is.
 
     Attributes:
-        models: by the kernel's name; their posteriors are in y's units.
-        weights: (M,) w_t, of sum 1.
-        remarks: what went wrong in the fits.
+        models: by the kernel's name; posteriors in y's units.
+        weights: (M,) w_t; they sum to 1.
+        remarks: numerical problems of the fits.
     """
 
     models: Mapping[str, SingleTaskGP]
@@ -112,7 +113,7 @@ class Ensemble:
 
 
 def posterior_weights(log_likelihoods: ArrayLike) -> Array:
-    """w_t (M,) from ln p(D_t | m), prior weights being 1/M (eq. `weight_update`); normalised in log space."""
+    """w_t (M,) from ln p(D_t | m) with prior weights 1/M (eq. `weight_update`), normalised in log space."""
     weights: Array = softmax(np.asarray(log_likelihoods, dtype=np.float64))
     return weights
 
@@ -120,14 +121,14 @@ def posterior_weights(log_likelihoods: ArrayLike) -> Array:
 def fit_ensemble(x: Array, y: Array, seed: int, *, least_noise: float = 0.0) -> Ensemble:
     """Fit one process per kernel, each from two starts, and weigh them by their exact marginal likelihoods.
 
-    The paper's processes have zero mean: of y standardised by its own mean and deviation. The likelihoods are taken at
-    the fitted hyperparameters, as in Algorithm 1, without the hyperparameters' priors.
+    The paper's processes have zero mean; here y is standardised by its own mean and deviation. The likelihoods are
+    taken at the fitted hyperparameters, as in Algorithm 1, without the hyperparameters' priors.
 
     Args:
         x: (t, d) in the unit cube, t ≥ 1.
-        y: (t,) to be made large.
+        y: (t,) to be maximised.
         seed: of the fits' second starts.
-        least_noise: standard deviation of y's noise, where it is known: the fit finds no less.
+        least_noise: least standard deviation of y's noise in the fit, if known.
 
     Raises:
         ValueError: shapes that do not fit, no data, or values that are not finite.

@@ -1,4 +1,4 @@
-"""Fits of BoTorch's Gaussian processes that repeat, and their exact marginal likelihoods."""
+"""Repeatable fits of BoTorch's Gaussian processes, and their exact marginal likelihoods."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ITERATIONS = 50
 
 
 def above(least: float) -> Any:
-    """A constraint of hyperparameters: more than ``least``, fitted on the logarithmic scale.
+    """A constraint of hyperparameters above ``least``, fitted on the logarithmic scale.
 
     GPyTorch's softplus and BoTorch's linear scale need several times the iterations of L-BFGS in 50 dimensions.
     """
@@ -35,7 +35,7 @@ def above(least: float) -> Any:
 def noise_model(least: float, usual: float = 0.0) -> Any:
     """The likelihood y = r + n with Gaussian n of at least the variance ``least``.
 
-    Its prior is LogNormal(ln m, 1), m being ``usual``, but no less than e times ``least``.
+    Its prior is LogNormal(ln m, 1) with m = max(``usual``, e · ``least``).
     """
     prior = LogNormalPrior(math.log(max(usual, math.e * least)), 1.0)
     likelihood = GaussianLikelihood(noise_prior=prior, noise_constraint=above(least))
@@ -45,15 +45,15 @@ def noise_model(least: float, usual: float = 0.0) -> Any:
 
 @one_torch_thread()
 def fit(model: SingleTaskGP, seed: int, *, starts: int = 1) -> tuple[str, ...]:
-    """Give a process the hyperparameters of the largest marginal likelihood times their priors, by L-BFGS.
+    """Fit a process's hyperparameters by L-BFGS: maximum of the marginal likelihood times their priors.
 
     Args:
-        model: at its first start; ends up fitted and in evaluation mode.
+        model: at its first start; fitted in place and left in evaluation mode.
         seed: of the other starts, which are drawn from the priors.
-        starts: of which the best counts.
+        starts: number of starts; the best one counts.
 
     Returns:
-        What went wrong, in words: where every start fails the first one's hyperparameters count as they are.
+        Problems, in words. If every start fails, the first start's hyperparameters are used.
     """
     mll = ExactMarginalLogLikelihood(model.likelihood, model)
     with manual_seed(seed), warnings.catch_warnings(record=True) as caught:
@@ -90,7 +90,7 @@ def moments(model: SingleTaskGP, x: Array, *, noise: bool = False) -> tuple[Arra
 
 
 def words(caught: list[warnings.WarningMessage]) -> tuple[str, ...]:
-    """Warnings of numerics as sentences, each once; others are given back to Python."""
+    """Numerical warnings as sentences, each once; other warnings are issued again."""
     found: dict[str, None] = {}
     for warning in caught:
         if issubclass(warning.category, NumericalWarning | OptimizationWarning):

@@ -1,4 +1,4 @@
-"""A Gaussian process on sets of cameras: it knows no order, and expects what the geometric score leads to expect."""
+"""A Gaussian process on sets of cameras that ignores their order; its prior mean is the geometric score."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ TERMS = slice(FEATURES, FEATURES + 3)
 _PLOT = FEATURES + 3
 COLUMNS = FEATURES + 4
 NO_PLOT = -1.0
-"""Where inputs have a plot's number: the mean of all plots."""
+"""Stands for the mean of all plots, in place of a plot's number."""
 _STREAM = 53
 REACH = 0.35
 _LENGTHSCALE, _LEAST_LENGTHSCALE = 0.4, 0.02
 _SAMPLES = 256
 _CONFIDENCE = 1.0
 _DEVIATION = 0.1
-"""Of ln(value) from what the score leads to expect: it ranks sets of tuning plots to within 7 to 9 %."""
+"""Standard deviation of ln(value) from the score's expectation: 7 to 9 % on tuning plots."""
 
 
 class SetEmbedding:
     """Sets of cameras as points whose squared distance is their squared maximum mean discrepancy (MMD).
 
-    A camera is six numbers: its position and its optical axis times the distance D from which cameras see the plot,
-    both over ``reach`` · D. A Gaussian kernel κ compares two cameras; the mean of κ's random Fourier features (Rahimi
-    and Recht 2007) over a set is a point μ, and ‖μ(S) − μ(S')‖² ≈ MMD²(S, S') (Gretton et al. 2012). So a kernel of the
-    distance in this space, exp(−MMD²/2ℓ²) for one, does not change when cameras change places. With 160 features it is
-    off by about 0.08.
+    A camera is six numbers: its position, and its optical axis times the cameras' distance D from the plot, both
+    divided by ``reach`` · D. A Gaussian kernel κ compares two cameras; the mean of κ's random Fourier features (Rahimi
+    and Recht 2007) over a set is a point μ, and ‖μ(S) − μ(S')‖² ≈ MMD²(S, S') (Gretton et al. 2012). So a kernel of
+    this distance, such as exp(−MMD²/2ℓ²), does not depend on the cameras' order. With 160 features its error is about
+    0.08.
 
     Args:
-        problem: the middle of its volume and its envelope give D.
+        problem: its volume's middle and its envelope give D.
         reach: length scale of κ, in D: 0.35 of it is a turn of 20° about the plot.
     """
 
@@ -60,7 +60,7 @@ class SetEmbedding:
         self._phases = rng.uniform(0.0, 2.0 * np.pi, FEATURES)
 
     def __call__(self, sets: Sequence[Cameras]) -> Array:
-        """Μ (n, FEATURES) of sets of N cameras each."""
+        """The embedding μ (n, FEATURES) of sets of N cameras each."""
         rows = [np.column_stack([s.positions - self._center, self.distance_m * s.forward]) / self._scale for s in sets]
         waves = np.cos(np.array(rows) @ self._frequencies + self._phases)
         embedded: Array = np.sqrt(2.0 / FEATURES) * waves.mean(axis=1)
@@ -68,10 +68,10 @@ class SetEmbedding:
 
 
 class ScoreMean(gpytorch.means.Mean):  # type: ignore[misc]
-    """−ln of the score's weighted terms plus a rest, of inputs (…, COLUMNS) that hold the terms' −ln.
+    """Prior mean: −ln of the score's weighted terms plus a rest. Inputs (…, COLUMNS) hold −ln of the terms.
 
     Args:
-        slopes: (3,) of the terms.
+        slopes: (3,) weights of the terms.
         rest_m: metres.
     """
 
@@ -81,19 +81,19 @@ class ScoreMean(gpytorch.means.Mean):  # type: ignore[misc]
         self.rest_m = rest_m
 
     def forward(self, x: Tensor) -> Tensor:
-        """(…, n) of inputs (…, n, COLUMNS)."""
+        """The mean (…, n) at inputs (…, n, COLUMNS)."""
         expected: Tensor = torch.exp(-x[..., TERMS]) @ self.slopes + self.rest_m
         return -expected.clamp_min(LEAST_M).log()
 
 
 class PlotEffect(gpytorch.kernels.Kernel):  # type: ignore[misc]
-    """1 for two inputs on the same plot, else 0, also where an input is the mean of plots (`NO_PLOT`).
+    """A kernel: 1 for two inputs on the same plot, else 0; 0 for the mean of plots (`NO_PLOT`).
 
-    Scaled, it is what a plot adds to the value of every set alike.
+    Scaled, it models a plot's common effect on all sets.
     """
 
     def forward(self, x1: Tensor, x2: Tensor, diag: bool = False, **params: Any) -> Tensor:
-        """(…, n, m) of plots' numbers (…, n, 1) and (…, m, 1), or its diagonal."""
+        """The kernel matrix (…, n, m) of plots' numbers (…, n, 1) and (…, m, 1), or its diagonal."""
         if diag:
             return ((x1 == x2) & (x1 >= 0)).squeeze(-1).to(x1)
         return ((x1 == x2.transpose(-1, -2)) & (x1 >= 0)).to(x1)
@@ -105,8 +105,8 @@ def fit_sets(x: Array, y: Array, mean: gpytorch.means.Mean, noise: float) -> Sin
     Args:
         x: (t, COLUMNS), t ≥ 1: embedded sets, the score's terms, which only the mean sees, and the plots' numbers.
         y: (t,).
-        mean: what is expected without data.
-        noise: standard deviation of y's noise, which the fit finds no less of.
+        mean: the prior mean.
+        noise: least standard deviation of y's noise in the fit.
     """
     scale, deviation = LogNormalPrior(np.log(_LENGTHSCALE), 1.0), LogNormalPrior(2.0 * np.log(_DEVIATION), 1.0)
     base = gpytorch.kernels.MaternKernel(
@@ -132,9 +132,9 @@ def fit_sets(x: Array, y: Array, mean: gpytorch.means.Mean, noise: float) -> Sin
 class SetSurrogate(NamedTuple):
     """Measured trials, their sets' inputs (t, COLUMNS), the process of −ln(value), its expectations (t,).
 
-    Where the problem has several plots, inputs and expectations are of their mean, whichever each trial was on. Where
-    a set has the same value at every seed it is what was observed, else the process' mean. The prior mean is
-    −ln of the score's terms (3,) times ``slopes`` (3,) plus ``rest_m``, which no term explains.
+    With several plots, inputs and expectations are of their mean, whichever plot a trial was on. Expectations are the
+    observed values if a set has the same value at every seed, else the process's mean. The prior mean is −ln of the
+    score's terms (3,) times ``slopes`` (3,) plus ``rest_m``, which no term explains.
     """
 
     trials: list[Trial]
@@ -155,12 +155,12 @@ class SetSurrogate(NamedTuple):
         return float(self.model.likelihood.noise.detach().sqrt())
 
     def gain(self, inputs: Array, least_noise: float) -> Gain:
-        """What candidates (n, d) leave to be gained over the best of the trials.
+        """The possible gain of candidates (n, d) over the best trial.
 
         The bound on simple regret of Makarova et al. (2022), "Automatic termination for hyperparameter optimization":
-        the lowest upper bound of what was tried less the lowest lower bound of the candidates, both one standard
-        deviation from the mean. The noise is the model's, of the best trial, and ``least_noise`` (a share) at least:
-        also where a set has the same value at every seed a smaller gain is not worth looking for.
+        the lowest upper bound of the trials less the lowest lower bound of the candidates, both one standard deviation
+        from the mean. The noise is the model's for the best trial, at least ``least_noise`` (a share): a smaller gain
+        is never worth searching for.
         """
         mean, deviation = moments(self.model, np.vstack([self.x, inputs]))
         tried = len(self.x)
@@ -173,12 +173,12 @@ class SetSurrogate(NamedTuple):
     def log_improvements(self, inputs: Array, pending: Array | None, seed: int) -> Array:
         """(n,) logarithms of the expected improvement of candidates (n, d) over all that was tried or is pending.
 
-        qLogNoisyExpectedImprovement of BoTorch (Ament et al. 2023): tried and pending sets are known by their joint
-        posterior, so no lucky observation is an incumbent.
+        qLogNoisyExpectedImprovement of BoTorch (Ament et al. 2023): tried and pending sets count by their joint
+        posterior, so no lucky observation is the incumbent.
 
         Args:
-            inputs: of candidates.
-            pending: (p, d) that are being evaluated.
+            inputs: (n, d) candidates.
+            pending: (p, d) inputs being evaluated.
             seed: of the posterior's draws.
         """
         waiting = None if pending is None else torch.from_numpy(pending)

@@ -1,4 +1,4 @@
-"""Line charts as values, and where their marks lie in a drawing of fixed size.
+"""Line charts as values, and their layout in a drawing of fixed size.
 
 The drawing is an SVG whose colours come from the page's style, so that it follows light and dark.
 """
@@ -37,12 +37,12 @@ class LineChart:
 
     Attributes:
         title: above it.
-        description: what is to be seen, in words, for who does not see it.
+        description: in words, for readers who cannot see the chart.
         x_label, y_label: with units.
         series: drawn in order; at most five lines have colours of their own.
         level: a dashed line across, with its label; None for none.
         x_ticks: labels at given places; None takes round numbers.
-        y_top: where the y axis ends; None takes the highest point. What lies above is drawn on the edge and counted.
+        y_top: end of the y axis; None takes the highest point. Points above it are drawn on the edge and counted.
         y_zero: whether the y axis starts at 0.
     """
 
@@ -63,7 +63,7 @@ class Drawn:
 
     Attributes:
         name: as in the chart.
-        number: of its colour, from 1; 2 is the grey of the background.
+        number: of the colour, from 1; 2 is the grey of the background.
         style: as in the chart.
         path: of the line, in SVG's language; empty for dots.
         dots: (x, y, whether it lies above the axis' end).
@@ -78,9 +78,9 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A chart laid out; numbers are texts in the drawing's units, ready to be written.
+    """A chart laid out; numbers are strings in the drawing's units.
 
-    An x tick is where it is, its label, and to which side of it the label is anchored.
+    An x tick is its position, its label, and the label's anchor.
     """
 
     chart: LineChart
@@ -128,7 +128,7 @@ def draw(chart: LineChart) -> Drawing:
 
     drawn, lines = [], 0
     for series in chart.series:
-        # Dots and bands are the background, in grey; lines take the other colours in turn.
+        # Dots and thin lines are grey background; other lines take the colours in turn.
         background = series.style in ("dots", "band")
         lines += not background
         number = 2 if background else (1, 3, 4, 5, 6)[(lines - 1) % 5]
@@ -148,7 +148,7 @@ def draw(chart: LineChart) -> Drawing:
 
 
 def round_ticks(low: float, high: float, most: int, *, whole: bool = False) -> list[float]:
-    """Multiples of 1, 2 or 5 · 10^k within low ≤ v ≤ high and at most ``most`` of them, the finest such.
+    """At most ``most`` multiples of 1, 2 or 5 · 10^k within low ≤ v ≤ high, the finest such.
 
     ``whole`` takes integers only. There may be none where the range holds no such number.
     """
@@ -162,12 +162,12 @@ def round_ticks(low: float, high: float, most: int, *, whole: bool = False) -> l
 
 
 def number_text(value: float) -> str:
-    """A tick's number: as short as it can be, with a minus sign."""
+    """A tick's number, as short as possible, with a proper minus sign."""
     return f"{value:,.10g}".replace("-", "−")
 
 
 def _anchor(x: float, label: str) -> str:
-    """Long labels at the ends stay within the drawing."""
+    """The anchor of a label; long labels at the ends stay within the drawing."""
     half = 4.5 * len(label)
     return "start" if x - half < _LEFT - 30 else "end" if x + half > WIDTH else "middle"
 

@@ -1,8 +1,8 @@
 """A page of content as one self-contained HTML document.
 
-Nothing is loaded from anywhere, and a Content Security Policy makes sure of it: only the styles and scripts whose
-SHA-256 it names apply (CSP level 3, https://www.w3.org/TR/CSP3/), pictures are data of the page itself, and there is no
-place to send anything to. All text is escaped by the template engine and shown without hidden characters.
+Nothing is loaded from anywhere, which a Content Security Policy enforces (CSP level 3, https://www.w3.org/TR/CSP3/):
+only styles and scripts with the listed SHA-256 apply, pictures are data of the page itself, and nothing can be sent.
+All text is escaped by the template engine and shown without hidden characters.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def render(page: Page) -> str:
     """The page as HTML, ending in a newline.
 
     Raises:
-        ValueError: an anchor that is none or there twice, or a chart's or map's coordinate that is not finite.
+        ValueError: an invalid or repeated anchor, or a chart's or map's coordinate that is not finite.
     """
     anchors = [section.anchor for section in page.sections] + [view.identifier for view in views_of(page)]
     if len(set(anchors)) < len(anchors) or not all(_ANCHOR.fullmatch(anchor) for anchor in anchors):
@@ -80,7 +80,7 @@ def policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
 
 
 def views_of(page: Page) -> Iterator[View]:
-    """The page's 3D views, also those that are folded away."""
+    """The page's 3D views, including folded ones."""
 
     def within(blocks: Sequence[Block]) -> Iterator[View]:
         for block in blocks:
@@ -98,7 +98,7 @@ def _source(text: str) -> str:
 
 
 def _raw(text: str, element: str) -> Markup:
-    """Text of ours for a raw-text element, which nothing in it may end (HTML, 13.1.2.6) or change on reading."""
+    """Trusted text for a raw-text element; it must not end the element (HTML, 13.1.2.6) or change on reading."""
     if re.search(rf"</{element}|<!--", text, re.IGNORECASE) or "\r" in text or "\0" in text:
         raise ValueError(f"this text cannot stand in a {element} element")
     return Markup(text)
@@ -128,15 +128,15 @@ def _environment() -> Environment:
 
 
 def _shown(value: Any) -> Any:
-    """What the engine writes for an expression: foreign text without hidden characters."""
+    """The engine's output for an expression: foreign text without hidden characters."""
     return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _path(path: str) -> Markup:
-    """The line of a drawing; marked so that it is not cut as foreign text is.
+    """The path of a drawing, marked so that it is not cut like foreign text.
 
     Raises:
-        ValueError: it is no path of `draw` or `draw_map`.
+        ValueError: it is not a path of `draw` or `draw_map`.
     """
     if not _PATH.fullmatch(path):
         raise ValueError("not the path of a drawing")
@@ -148,7 +148,7 @@ def _kind(block: Block) -> str:
 
 
 def _data_uri(picture: content.Picture) -> Markup:
-    # Base64 has no character that HTML gives a meaning; marked so that it is not cut as foreign text is.
+    # Base64 has no special characters of HTML; marked so that it is not cut like foreign text.
     return Markup("data:image/jpeg;base64," + base64.b64encode(picture.jpeg).decode())
 
 

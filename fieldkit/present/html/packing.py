@@ -1,13 +1,13 @@
 """Points as compact text inside a page: quantised, in Z-order, as differences, gzip, base64.
 
-A block holds, after gzip, these bytes one after the other, n of each (web/unpack.js reads them):
+A block holds, before gzip, n of each of these bytes in turn (web/unpack.js reads them):
 
     x high, y high, z high, x low, y low, z low   differences of the quantised coordinates, zigzag, 16 bits
-    g, r − g, b − g                               differences modulo 256, where the layer has colours
-    v                                             where it has values: 0 to 254 for 0 to ``limit``, 255 for none
+    g, r − g, b − g                               differences modulo 256, if the layer has colours
+    v                                             if it has values: 0 to 254 for 0 to ``limit``, 255 for none
 
-Along the Z-order curve neighbours in the block are neighbours in space, so that the differences are small: about five
-bytes a point instead of nine.
+Neighbours along the Z-order curve are near each other, so differences are small: about five bytes a point instead of
+nine.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from fieldkit.clouds.neighbors import z_order
 
 NO_VALUE = 255
-_STEP_M = 1e-4  # finer than any cloud here is sure of
+_STEP_M = 1e-4  # finer than the accuracy of any cloud here
 _LEAST_STEPS, _STEPS = 4095, 65535
 
 
@@ -32,7 +32,7 @@ class PackedPoints:
     """A layer's block.
 
     Attributes:
-        count: points in it; those with a coordinate that is no finite number are left out.
+        count: number of points; points with a coordinate that is not finite are left out.
         origin: (3,) metres; coordinate = origin + step × integer.
         step: metres.
         colored, valued: whether colours and values follow the coordinates.
@@ -59,7 +59,7 @@ def pack_points(
         limit: the value of the scale's end, more than 0.
 
     Raises:
-        ValueError: the arrays do not fit each other, or ``limit`` is no positive number.
+        ValueError: the arrays do not fit each other, or ``limit`` is not a positive number.
     """
     p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     tones = None if colors is None else np.asarray(colors, dtype=np.uint8).reshape(-1, 3)
@@ -116,10 +116,10 @@ def _tones(colors: NDArray[np.uint8]) -> bytes:
 
 
 def plain_floats(values: ArrayLike, digits: int = 4) -> list[Any]:
-    """Coordinates as JSON takes them, rounded to ``digits`` decimals.
+    """Coordinates as plain floats for JSON, rounded to ``digits`` decimals.
 
     Raises:
-        ValueError: one is no finite number.
+        ValueError: a coordinate is not finite.
     """
     numbers = np.asarray(values, dtype=np.float64)
     if not np.isfinite(numbers).all():

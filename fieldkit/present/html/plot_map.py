@@ -1,4 +1,4 @@
-"""A map of plots coloured by a score, as values, and where everything lies in a drawing of fixed width."""
+"""A map of plots coloured by a score, as values, and its layout in a drawing of fixed width."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ _MARGIN, _LEGEND = 26.0, 44.0
 _MOST_HEIGHT, _LEAST_HEIGHT = 560.0, 180.0
 _MOST_LABELS_BELOW, _LONGEST_BELOW = 24, 12
 _LIGHT = 0.18  # relative luminance above which black reads better than white (WCAG 2.2)
-_POINT_M = 1.0  # half the side of a plot that is given as a point only
+_POINT_M = 1.0  # half the side of a plot known only as a point
 
 RAMP = ("#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a")
-"""Blue to red by way of a light yellow: told apart by colour-blind eyes; the colours of comparison.png."""
+"""Blue through light yellow to red, safe for colour-blind eyes; as in comparison.png."""
 
 Ring = tuple[tuple[float, float], ...]
 
@@ -39,10 +39,10 @@ class PlotMap:
     Attributes:
         title: above it.
         plots: their places, in one frame: metres east and north.
-        values: by date and plot, in what ``unit`` says; a plot without a value is hatched.
-        unit: of the values: "mm".
-        value_name: what they are: "chamfer distance".
-        notes: by date and plot, why there is no value.
+        values: by date and plot, in ``unit``; a plot without a value is hatched.
+        unit: of the values, such as "mm".
+        value_name: name of the values, such as "chamfer distance".
+        notes: by date and plot, the reason for a missing value.
     """
 
     title: str
@@ -59,11 +59,11 @@ class Shape:
 
     Attributes:
         path: its outline.
-        fill: its colour; empty where there is no value.
-        text: what it says.
-        label: its name, within or below it; empty where there is no room.
+        fill: its colour; empty without a value.
+        text: its description.
+        label: its name, within or below it; empty if there is no room.
         label_class: "on-dark", "on-light" or "on-none" within it, "below".
-        x, y: where the label's line has its middle.
+        x, y: middle of the label's line.
     """
 
     path: str
@@ -80,7 +80,7 @@ class DrawnMap:
     """A map laid out; numbers are texts in the drawing's units.
 
     Attributes:
-        map: what it shows.
+        map: the map shown.
         width, height: of the drawing.
         dates: (date, its shapes), the last one shown first.
         bar: of the scale: its length in the drawing, and its text.
@@ -164,7 +164,7 @@ def _outline(ring: Ring) -> Ring:
 
 
 def _label_place(name: str, spots: list[tuple[float, float]], fill: str, plots: int) -> tuple[str, float, float]:
-    """How and where a plot's name is written: within it, below it where plots are few, or not at all."""
+    """Style and place of a plot's name: within it, below it if plots are few, or none."""
     xs, ys = [x for x, _ in spots], [y for _, y in spots]
     x, y = sum(xs) / len(xs), sum(ys) / len(ys)
     if max(xs) - min(xs) > 7.5 * len(name) + 8 and max(ys) - min(ys) > 16:

@@ -1,4 +1,4 @@
-"""What the report's 3D view shows, as values: layers in one frame, metres, z up."""
+"""The content of a report's 3D view, as values: layers in one frame, metres, z up."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PointLayer:
         points: (n, 3) metres.
         colors: (n, 3) of 0 to 255, uint8; None draws all points in one colour.
         values: (n,) metres to colour the points by, with a scale beside the view; None takes ``colors``.
-        limit: value at which the scale ends; ``values`` beyond it have its last colour.
+        limit: end of the scale; ``values`` beyond it have its last colour.
         shown: whether it is switched on at first.
     """
 

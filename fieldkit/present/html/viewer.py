@@ -1,8 +1,8 @@
-"""The report's interactive 3D view: a fragment of HTML per view, one script and one style for all of them.
+"""The report's interactive 3D view: a fragment of HTML per view, one script and one style for all.
 
-The page's author puts `viewer_style` into one ``<style>`` and `viewer_script` into one ``<script>``, which starts the
-views when the document is ready and each of them comes near. Nothing is fetched, and nothing needs leave from a Content
-Security Policy but these two elements: the page works from disk.
+The page has `viewer_style` in one ``<style>`` and `viewer_script` in one ``<script>``, which starts each view when it
+comes near. Nothing is fetched, so the page works from disk, and a Content Security Policy needs to allow only these two
+elements.
 
 Colours come from custom properties (``--fk-view-ground`` …; web/viewer.css), which take the page's ``--ink``,
 ``--faint``, ``--line``, ``--ground`` and ``--accent`` where it has them, and follow ``prefers-color-scheme``, or
@@ -28,15 +28,15 @@ from fieldkit.present.html.scene import FrustumLayer, LineLayer, ViewerScene
 from fieldkit.present.style import format_nominal
 
 BUNDLE, LICENSE = "viewer.min.js", "LICENSE.three.txt"
-# Viridis (Smith and van der Walt, CC0) without its darkest part, which a dark page would swallow: lightness rises
-# evenly, for any kind of colour vision.
+# Viridis (Smith and van der Walt, CC0) without its darkest part, which is invisible on a dark page. Lightness rises
+# evenly, for any colour vision.
 PALETTE = (
     "#433e85", "#3a538b", "#31678e", "#29798e", "#228b8d", "#1e9d89", "#28ae80", "#44bf70", "#6ccd5a", "#9bd93c",
     "#cde11d", "#fde725",
 )  # fmt: skip
 _PLAIN = ("#6f9a80", "#c58a4a", "#7c8fc4", "#b0739b")  # of clouds without colours and values, in turn
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
-_FAR = 4.0  # times the cameras' box: a fence about the whole farm is not for the first view
+_FAR = 4.0  # times the cameras' box: the first view leaves out a fence about the whole farm
 _SIZES = (1.0, 8.0, 0.25)  # least, most and step of the point size, CSS pixels
 
 
@@ -55,7 +55,7 @@ def viewer_script() -> str:
             path=str(bundle),
             remedy="Run `make setup`, or `scripts/build_viewer.sh` alone; both need npm (docs/install.md).",
         ) from None
-    return re.sub(r"<(?=/script|!--)", r"\\x3c", text, flags=re.IGNORECASE)  # in strings only, where both mean the same
+    return re.sub(r"<(?=/script|!--)", r"\\x3c", text, flags=re.IGNORECASE)  # only in strings, where both mean the same
 
 
 def viewer_style() -> str:
@@ -65,14 +65,14 @@ def viewer_style() -> str:
 
 
 def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
-    """One view as a fragment: its data, and the markup of its switches, scale, point size and buttons.
+    """A view as a fragment: its data, and the markup of its switches, scale, point size and buttons.
 
     Args:
-        scene: what it shows. Text in it is escaped.
+        scene: the content; its text is escaped.
         identifier: the element's id, unique in the page.
 
     Raises:
-        ValueError: arrays of a layer do not fit each other, or a position is no finite number.
+        ValueError: arrays of a layer do not fit each other, or a position is not finite.
     """
     packed = [pack_points(layer.points, layer.colors, layer.values, layer.limit) for layer in scene.points]
     data = {
@@ -111,7 +111,7 @@ def _folder() -> Traversable:
 
 
 def _json(data: dict[str, Any]) -> str:
-    # < cannot end the element, nor open a comment, when it is an escape.
+    # An escaped < can neither end the element nor open a comment.
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
@@ -122,7 +122,7 @@ def _plain_color(number: int) -> str:
 
 def _color(layer: FrustumLayer | LineLayer) -> str:
     if not _COLOR.fullmatch(layer.color):
-        raise ValueError(f"{layer.name}: {layer.color!r} is no colour like #1a2b3c")
+        raise ValueError(f"{layer.name}: {layer.color!r} is not a colour such as #1a2b3c")
     return layer.color
 
 
@@ -155,9 +155,9 @@ def _line_data(layer: LineLayer) -> dict[str, Any]:
 
 
 def _focus(scene: ViewerScene) -> dict[str, Any]:
-    """What the first view shows: the box of the middle 98 % of the points, and the one that holds the cameras, too.
+    """The extent of the first view: the box of the middle 98 % of the points, and the box that also holds the cameras.
 
-    Without points it is the cameras and the lines, unless those lead far away, with the ground below.
+    Without points it holds the cameras and the ground below, and the lines unless they lead far away.
     """
     inner = _box([_robust_box(layer.points) for layer in scene.points])
     cameras = _box([np.reshape([pose.center for pose in layer.poses], (-1, 3)) for layer in scene.frusta])
@@ -216,7 +216,7 @@ def _switch(group: str, number: int, name: str, note: str, shown: bool, kind: st
 
 
 def _scales(scene: ViewerScene) -> str:
-    """A bar for each end of scale that layers use."""
+    """A colour bar for each end of scale of the layers."""
     limits: dict[float, list[str]] = {}
     for layer in scene.points:
         if layer.values is not None:

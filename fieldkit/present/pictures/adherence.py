@@ -1,4 +1,4 @@
-"""The picture of a plot's adherence: where each photograph was taken by every source, against its station."""
+"""The picture of a plot's adherence: the pose of each photograph by every source, against its station."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _RIGHT, _RIGHT_WIDTH = 8.1, 6.4
 _PANELS = (("up, m", 4.95, 1.5), ("yaw, °", 2.75, 1.5), ("pitch, °", 0.75, 1.3))
 _ARROW_SHARE = 0.25
 _COLORS = {"commanded": "#d98300", "reported": "#1f5fa8", "tagged": "#7a6fb0", "reconstructed": "#c0262d"}
-"""Apart for colour-blind eyes also by their markers."""
+"""Markers also differ, for colour-blind eyes."""
 _MARKERS = {"commanded": "D", "reported": "s", "tagged": "^", "reconstructed": "o"}
 _MOST_NUMBERS = 80
 
@@ -50,9 +50,9 @@ def write_adherence_picture(path: Path, name: str, found: AdherenceEntry) -> Non
 
 
 def draw_adherence(name: str, found: AdherenceEntry) -> Figure:
-    """From above, lines from the stations to the sources' poses, exaggerated; beside it heights and angles.
+    """Exaggerated lines from stations to the sources' poses, from above; beside them heights and angles.
 
-    What all photographs of a source have in common, a receiver's offset, is left out of its lines and heights and said
+    The common offset of a source's photographs, such as a receiver's, is left out of its lines and heights and stated
     in the legend.
 
     Args:
@@ -88,7 +88,7 @@ def _top_view(
     window = window_around(tuple(0.5 * (flat.min(axis=0) + flat.max(axis=0))), _TOP_VIEW, scale)
     lengths = [np.hypot(*(v[:, :2] - common[s][:2]).T) for s, v in apart.items()]
     longest = max((float(np.nanmax(length)) for length in lengths if np.isfinite(length).any()), default=0.0)
-    # A round factor, under which the longest line takes up to a quarter of the view.
+    # A round factor with which the longest line takes up to a quarter of the view.
     factor = 1.0 if longest <= 0 else max(nice_length(_ARROW_SHARE * float(max(size)) / longest), 1.0)
     axes = add_panel(
         figure,
@@ -155,7 +155,7 @@ def _legend(common: dict[str, Array]) -> list[Line2D]:
 
 
 def _apart(rows: list[PhotographPosesEntry], source: str) -> Array:
-    """(n, 5): x, y, z, yaw, pitch less the plan's; NaN where not known."""
+    """(n, 5) x, y, z, yaw and pitch less the plan's; NaN if unknown."""
     result = np.full((len(rows), 5), np.nan)
     for k, row in enumerate(rows):
         pose: PoseEntry | None = getattr(row, source)

@@ -31,8 +31,8 @@ def write_compare_picture(path: Path, report: ComparisonReport) -> None:
 def draw_comparison_of(report: ComparisonReport) -> Figure:
     """A panel per figure: values by evaluation in the order given, a line per plot.
 
-    Bars are the 95 % intervals of the differences to the first evaluation, drawn about the values; a filled marker lies
-    beyond noise, an open one within, a cross where that cannot be told.
+    Bars are the 95 % intervals of the differences to the first evaluation, drawn about the values. Filled markers lie
+    beyond noise, open ones within; crosses mark unknown noise.
     """
     figures = report.figures[:_MOST_FIGURES]
     rows = max(1, -(-len(figures) // _COLUMNS))

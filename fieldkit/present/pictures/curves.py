@@ -15,17 +15,17 @@ Curve = Mapping[float, Sequence[float]]
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as a PNG file's bytes, the same for the same figure."""
+    """The figure as bytes of a PNG file, equal for equal figures."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
 
 
 def draw_bands(panels: Mapping[str, Curve], label: str) -> Figure:
-    """Values (metres) against something, a panel each: the mean as a line, ± one standard deviation as a band.
+    """Values (metres) against one quantity per panel: the mean as a line, ± one standard deviation as a band.
 
     Args:
-        panels: by the x axis' name; values of all repeats by x.
+        panels: by the x axis's name, the values of all repeats by x.
         label: of the y axis, drawn in millimetres.
     """
     figure, row = panel_row(len(panels))

@@ -1,4 +1,4 @@
-"""The picture of an evaluation: where a plot's cloud departs from its reference, and what of the reference it lacks."""
+"""The picture of an evaluation: distances of a plot's cloud to its reference, and of the reference to the cloud."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from fieldkit.results.evaluation import PlotEvaluation
 
 _WIDTH, _HEIGHT = 15.0, 11.7
 _ROWS = ((6.45, 3.95), (1.35, 3.95))
-# Blue to red by way of a light yellow: told apart by colour-blind eyes, and dark where it matters.
+# Blue through light yellow to red: safe for colour-blind eyes, and dark for large distances.
 _COLORS = LinearSegmentedColormap.from_list("distance", ["#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a"])
 
 
@@ -31,11 +31,11 @@ def write_comparison(path: Path, plot: PlotEvaluation, estimate: Cloud, referenc
 
 
 def draw_comparison(plot: PlotEvaluation, estimate: Cloud, reference: Cloud) -> Figure:
-    """The plot's cloud coloured by its distance to the reference, and the reference by its distance to that cloud.
+    """The plot's cloud coloured by its distance to the reference, and the reference by its distance to the cloud.
 
     Args:
-        plot: scored.
-        estimate: its cloud, after the correction where there was one; (m, 3) metres.
+        plot: the scored plot.
+        estimate: its cloud, with any correction applied; (m, 3) metres.
         reference: (n, 3) metres in the same frame.
 
     Raises:
@@ -52,7 +52,7 @@ def draw_comparison(plot: PlotEvaluation, estimate: Cloud, reference: Cloud) -> 
     ours = f"Accuracy {accuracy}: the plot's {len(estimate):,} points by distance to the reference"
     theirs = f"Completeness {completeness}: the reference's {len(reference):,} points by distance to it"
     rows = ((estimate.points, to_reference, ours), (reference.points, to_estimate, theirs))
-    # Both rows show the same part of the plot at the same scale, so that they can be compared.
+    # Both rows show the same part of the plot at the same scale.
     shown = np.concatenate([estimate.points, reference.points])
     for row, (points, distances, title) in zip(_ROWS, rows, strict=True):
         draw_plants(figure, Cloud(points, _colored(distances, limit)), volume, None, "m", row, frame=shown)

@@ -33,17 +33,17 @@ def draw_mission(
 ) -> Figure:
     """A flight about the plants: all of it from above, and its first plot from above and from the front.
 
-    From the front only what is of the first plot is drawn: other plots lie before and behind it.
+    The view from the front shows only the first plot: others would lie before and behind it.
 
     Args:
         title: of the figure.
-        legs: (k, 3) each: the way from one stop to the next with what lies between; metres, heights above home.
+        legs: (k, 3) each: the way from one stop to the next; metres, heights above home.
         cameras: of the photographs in the order they are taken, in the same frame.
-        camera: whose frusta are drawn.
+        camera: intrinsics of the drawn frusta.
         plants: in the same frame; may be empty.
         outlines: (k, 2) each: fences, zones and obstacles from above.
-        near: how many of the cameras are the first plot's, the first ones; all unless given.
-        near_plants: of that plot; those of ``plants`` about its cameras unless given.
+        near: number of cameras of the first plot, which come first; None means all.
+        near_plants: plants of that plot; None takes those of ``plants`` about its cameras.
     """
     centers = np.array([pose.center for pose in cameras])
     first = centers[:near]
@@ -86,7 +86,7 @@ def draw_mission(
 
 
 def frustum(pose: Pose, camera: Intrinsics, depth_m: float) -> Array:
-    """(5, 3): the projection centre, then the corners of the picture at that depth, around."""
+    """(5, 3) the projection centre, then the corners of the picture at the given depth, in order."""
     pixels = np.array([[0, 0], [camera.width, 0], [camera.width, camera.height], [0, camera.height]], dtype=np.float64)
     rays = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
     corners = depth_m * np.column_stack([rays, np.ones(4)])

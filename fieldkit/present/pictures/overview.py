@@ -68,7 +68,7 @@ def draw_overview(report: ReferenceReport | PlotEvaluation, plants: Cloud) -> Fi
         plants: its dense cloud, in the plot frame.
 
     Raises:
-        ValueError: the report has no volume, for the reconstruction failed.
+        ValueError: the report has no volume, because the reconstruction failed.
     """
     if report.volume is None:
         raise ValueError("a reconstruction that failed has nothing to show")
@@ -113,7 +113,7 @@ def draw_plants(
         ground: line to draw, or None.
         unit: ``"m"``, or empty where lengths are not metres.
         row: bottom and height of the panels, inches.
-        frame: points (n, 3) that the panels make room for; the plants' where None.
+        frame: points (n, 3) that fit into the panels; None takes the plants.
     """
     lower, upper = display_limits(plants.points if frame is None else frame, volume)
     if ground is not None:
@@ -136,7 +136,7 @@ def draw_plants(
 
 
 def _side_by_side(widths: Sequence[float], row: tuple[float, float]) -> list[Place]:
-    """Panels in a row, about as wide as what they show, but none below a fifth."""
+    """Panels in a row, about as wide as their content, each at least a fifth."""
     room = _WIDTH - 2 * _MARGIN - (len(widths) - 1) * _GAP
     shares = np.maximum(np.array(widths) / sum(widths), 0.2)
     lengths = room * shares / shares.sum()

@@ -25,12 +25,12 @@ FAINT = "#8c8a82"
 GROUND = "#8a5a2b"
 BOX = "#7a6fb0"
 COLORS = ("#1f5fa8", "#c0262d", "#3f7d20", "#d98300", "#7a6fb0", "#5b5b5b", "#8a5a2b", "#12807f")
-"""Of lines told apart, in turn."""
+"""Colours of lines, in turn."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a panel lies in a figure, inches from its lower left corner."""
+    """The place of a panel in a figure, inches from the figure's lower left corner."""
 
     left: float
     bottom: float
@@ -47,7 +47,7 @@ class Ground:
 
 
 def new_figure(width_in: float, height_in: float, title: str) -> Figure:
-    """An empty figure of that many inches with a title at its upper left."""
+    """An empty figure, in inches, with a title at its upper left."""
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, facecolor=PAPER)
     figure.text(
         0.3 / width_in, 1 - 0.32 / height_in, drawable(title), size=15, weight="bold", color=INK, va="center",
@@ -95,8 +95,8 @@ def view_row(
 
     Args:
         title: of the figure.
-        views: per panel where it looks from and what it shows, (n, 3). Panels that show the same array have one scale.
-        names: of the panels; where they look from unless given.
+        views: per panel its direction and its points (n, 3). Panels of the same array have one scale.
+        names: of the panels; None takes the names of the directions.
         unit: of the points.
     """
     figure = new_figure(_ROW_WIDTH, _ROW_HEIGHT, title)
@@ -150,7 +150,7 @@ def colors_or_grey(points: NDArray[np.float64], colors: NDArray[np.uint8] | None
 
 
 def display_limits(points: NDArray[np.float64], volume: Volume) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower and upper corner (3,), (3,) of what is worth showing: the points without stragglers, else the volume."""
+    """Lower and upper corner (3,), (3,) of the part to show: the points without stragglers, else the volume."""
     if not len(points):
         return np.array(volume.lower), np.array(volume.upper)
     lower, upper = np.quantile(points, [0.001, 0.999], axis=0)
@@ -166,7 +166,7 @@ def nice_length(length: float) -> float:
 
 
 def drawable(text: str) -> str:
-    """The text with a box for every character the figures' font does not have."""
+    """The text with a box for every character that the figures' font lacks."""
     known = _font_characters()
     return "".join(c if ord(c) in known else " " if c.isspace() else "□" for c in text)
 

@@ -18,10 +18,10 @@ _NO_PLANT = (196, 192, 182)
 def draw_plants_apart(title: str, cloud: Cloud, apart: PlantsApart) -> Figure:
     """The cloud from above, from the front and from the side, to one scale, in a colour per plant.
 
-    What belongs to no plant is light grey. Each plant's number stands at its foot.
+    Points of no plant are light grey. Each plant's number stands at its foot.
 
     Args:
-        title: of the figure; what was found is added to it.
+        title: of the figure; the result is added to it.
         cloud: n points, at least one, plot frame.
         apart: of these points.
     """
@@ -42,7 +42,7 @@ def draw_plants_apart(title: str, cloud: Cloud, apart: PlantsApart) -> Figure:
 
 
 def _colors(numbers: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """(n, 3) of the points: after eight plants the colours come again."""
+    """(n, 3) colours of the points; they repeat after eight plants."""
     palette = np.array([tuple(round(255 * v) for v in to_rgb(color)) for color in COLORS], dtype=np.uint8)
     colors = palette[(numbers - 1) % len(palette)]
     colors[numbers == 0] = _NO_PLANT

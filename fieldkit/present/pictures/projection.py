@@ -1,7 +1,7 @@
 """Orthographic pictures of point clouds: NumPy only, no plotting.
 
-Points are drawn as discs, nearest last, and shaded by eye-dome lighting (Boucheny 2009): a pixel darkens where its
-neighbours are nearer to the viewer, so that leaves stand out from each other without normals.
+Points are drawn as discs, nearest last, and shaded by eye-dome lighting (Boucheny 2009): pixels with nearer neighbours
+are darkened, so that leaves stand out without normals.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SHADING = 0.5
-_FULL_SHADE_SHARE = 0.04  # of the depth range: a step this deep is shaded fully
+_FULL_SHADE_SHARE = 0.04  # of the depth range; deeper steps are fully shaded
 
 
 @dataclass(frozen=True)
 class Direction:
-    """A side to look at a cloud from.
+    """A direction to look at a cloud from.
 
     Attributes:
         name: for people.
@@ -33,7 +33,7 @@ class Direction:
     sign: float
 
     def flat(self, point: NDArray[np.float64]) -> tuple[float, float]:
-        """Where a point (3,) lies in the picture: to the right and upwards."""
+        """Coordinates (to the right, upwards) of a point (3,) in the picture."""
         return float(point[self.right]), float(point[self.up])
 
 
@@ -44,7 +44,7 @@ TOP = Direction("from above", 0, 1, 2, 1.0)
 
 @dataclass(frozen=True)
 class Window:
-    """What a picture shows of the plane, and at which resolution.
+    """The part of the plane that a picture shows, and its resolution.
 
     Attributes:
         left, right, bottom, top: metres.
@@ -89,7 +89,7 @@ def draw_points(
     pixel = (rows * window.width + columns)[fits]
     source = np.tile(np.arange(len(near)), len(offsets))[fits]
     order = np.argsort(near[source], kind="stable")
-    # The nearest is written last and stays: NumPy assigns repeated indices in order.
+    # The nearest point is written last: NumPy assigns repeated indices in order.
     winner = np.full(window.width * window.height, -1, dtype=np.int64)
     winner[pixel[order]] = source[order]
     covered = winner >= 0
@@ -121,7 +121,7 @@ def eye_dome_shade(nearness: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _radius(pixel: NDArray[np.int64]) -> int:
-    """Disc radius: 1 pixel where points share pixels, so that they close a surface anyway, else 2."""
+    """Disc radius in pixels: 1 if points are so dense that they share pixels, else 2."""
     return 1 if len(pixel) > 1.5 * len(np.unique(pixel)) else 2
 
 

@@ -28,9 +28,9 @@ def draw_search(
     """Values and the best so far (simple regret with r(z*) = 0) against trials; beside it the models' weights.
 
     Args:
-        values_m: per trial, metres; None where an evaluation broke.
+        values_m: per trial, metres; None if its evaluation broke.
         best_m: per trial, metres.
-        weights: per model and trial; None before there was a model. Nothing is drawn without models.
+        weights: per model and trial; None before the first model. Without models they are not drawn.
         confirmed_m: the chosen set's value by its confirmations; None without any.
     """
     figure, row = panel_row(1 + bool(weights), width_in=5.2)
@@ -62,7 +62,7 @@ def draw_regret(panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None
     """Best so far (simple regret) against evaluations, logarithmic: a panel per place, a curve per method.
 
     Args:
-        panels: by place and method, a curve per seed in metres; several are drawn as their median and their range.
+        panels: by place and method, a curve per seed in metres; several curves are drawn as median and range.
     """
     figure, row = panel_row(len(panels), width_in=5.2)
     for axes, (place, methods) in zip(row, panels.items(), strict=True):
@@ -81,7 +81,7 @@ def draw_regret(panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None
                     trials, np.nanmin(lines, axis=0), np.nanmax(lines, axis=0), step="post", color=color, alpha=0.15,
                     linewidth=0,
                 )  # fmt: skip
-        # Sets without a cloud count a hundred times what good ones do.
+        # Sets without a cloud cost a hundred times as much as good ones.
         axes.set_yscale("log")
         low, high = axes.get_ylim()
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0) if high > 10.0 * low else range(1, 10)))
@@ -103,7 +103,7 @@ def draw_plan(
         positions: (n, 3) metres, plot frame.
         forward: (n, 3) unit vectors of the optical axes.
         plants: the reference.
-        others: (m, 3) cameras that could have been chosen, of a recorded set.
+        others: (m, 3) the other cameras of a recorded set.
     """
     others = np.zeros((0, 3)) if others is None else others
     arrow = 0.25 * float(np.median(np.linalg.norm(positions - plants.points.mean(axis=0), axis=1)))

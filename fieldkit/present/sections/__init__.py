@@ -1,1 +1,1 @@
-"""fieldkit report: what folders of results hold, read and turned into the content of one page."""
+"""fieldkit report: results read from folders, and turned into the content of one page."""

@@ -31,7 +31,7 @@ _FARTHEST_M = 200_000.0
 
 
 def score_of(visit: Visit) -> float | None:
-    """A visit's distance to its reference, metres; where there is none its prediction."""
+    """A visit's distance to its reference, metres; without a reference the predicted one."""
     return visit.chamfer_m if visit.chamfer_m is not None else visit.predicted_chamfer_m
 
 
@@ -47,7 +47,7 @@ _CHARTS: tuple[tuple[str, str, Callable[[Visit], float | None]], ...] = (
 
 
 def campaign_section(result: CampaignResult, anchor: str) -> Section:
-    """What a campaign's captures came to, plot by plot and date by date."""
+    """The results of a campaign, by plot and date."""
     campaign = result.campaign
     blocks: list[Block] = [KeyFigures(tuple(_figures(campaign)))]
     if campaign.visits:
@@ -64,7 +64,7 @@ def campaign_section(result: CampaignResult, anchor: str) -> Section:
 
 
 def plot_map(campaign: Campaign) -> PlotMap | None:
-    """The plots on every date, coloured by distance; None where there are none, or where they lie too far apart."""
+    """The plots on every date, coloured by distance; None without plots, or if they lie too far apart."""
     if not campaign.plots:
         return None
     first = campaign.plots[0]
@@ -104,7 +104,7 @@ def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
 
 
 def _table(date: str, visits: Sequence[Visit]) -> Table:
-    """Plots of one date, the greatest distance first."""
+    """A table of one date's plots, the greatest distance first."""
     ordered = sorted(visits, key=lambda v: (not v.error, -(score_of(v) or 0.0), v.plot))
     distances = distances_of(visit.f_score for visit in visits)
     distances = [d for d in distances if d in ("0.005", "0.010")] or distances[:1]

@@ -18,13 +18,13 @@ from fieldkit.present.tables.tabulated import MOST_ROWS
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation
 
 Views = Mapping[str, tuple[View | None, str]]
-"""By plot: its 3D view, or why there is none (or nothing)."""
+"""By plot: its 3D view, or the reason why there is none."""
 
 
 def evaluation_section(
     result: EvaluationResult, anchor: str, views: Views, pictures: Mapping[str, Pictures]
 ) -> Section:  # fmt: skip
-    """How captures of one plot or many compare with the reference."""
+    """The comparison of one plot's or many plots' captures with the reference."""
     plots = result.report.plots
     blocks = list(_plot_blocks(plots[0], views, pictures) if len(plots) == 1 else _plots_blocks(plots, views, pictures))
     return Section(anchor, f"Evaluation: {result.report.source}", tuple(blocks))

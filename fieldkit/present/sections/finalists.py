@@ -14,7 +14,7 @@ _NOTE = (
 
 
 def finalist_table(outcome: Outcome) -> Table:
-    """The best sets of a search, the plan first; trials have the numbers of evaluations.jsonl."""
+    """The finalists of a search, the plan first; trials are numbered as in evaluations.jsonl."""
     best = outcome.finalists[0].number if outcome.finalists else -1
     return tabulated("Finalists", outcome.finalists, (
         (Column("trial"), lambda found: f"{found.number}{', the plan' * (found.number == best)}"),

@@ -1,4 +1,4 @@
-"""The glossary of a report: what its terms mean, for who has never met them."""
+"""The glossary of a report, for readers who do not know its terms."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ MEANINGS = {
     "height": "95 % of what was reconstructed of the plants is lower.",
     "hull volume": "Volume of the smallest convex body that holds all of the plants.",
 }
-"""By term."""
+"""Meanings by term."""
 
 
 def meanings(names: Iterable[str]) -> tuple[tuple[str, str], ...]:

@@ -1,4 +1,4 @@
-"""Results as read from their folders: what a report is made of."""
+"""Results as read from their folders, for a report."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fieldkit.results.plan import Plan
 
 @dataclass(frozen=True)
 class ReferenceResult:
-    """A reference's folder.
+    """A reference.
 
     Attributes:
         folder: absolute.
@@ -33,15 +33,15 @@ class ReferenceResult:
 
 @dataclass(frozen=True)
 class PlanResult:
-    """A plan, alone or in the folder of the run that found it.
+    """A plan, alone or with its run.
 
     Attributes:
         folder, name: as `ReferenceResult` has them.
-        plan: plan.json; None while the run is not finished.
+        plan: plan.json; None for an unfinished run.
         sha256: of plan.json, or empty.
         settings: search.json; None for a plan without a run.
-        trials: evaluations.jsonl's trials of the search, by number.
-        confirmations: its evaluations of finalists.
+        trials: the search's entries of evaluations.jsonl, by number.
+        confirmations: its entries of finalists.
         outcome: outcome.json, or None.
     """
 
@@ -60,12 +60,12 @@ class MissionResult:
     """A flight of a mission.
 
     Attributes:
-        file: absolute, mission.json.
+        file: absolute path of mission.json.
         name: relative to the report's folder.
-        mission_file: name of what the vehicle takes; empty where it does not lie beside mission.json.
-        changed: whether that file is not the one that was exported.
+        mission_file: name of the vehicle's file; empty if it is not beside mission.json.
+        changed: whether that file differs from the exported one.
         record: mission.json.
-        flight: of it.
+        flight: the flight within it.
         sha256: of mission.json.
     """
 
@@ -80,7 +80,7 @@ class MissionResult:
 
 @dataclass(frozen=True)
 class EvaluationResult:
-    """An evaluation's folder.
+    """An evaluation.
 
     Attributes:
         folder, name: as `ReferenceResult` has them.
@@ -96,7 +96,7 @@ class EvaluationResult:
 
 @dataclass(frozen=True)
 class CampaignResult:
-    """A campaign's folder.
+    """A campaign.
 
     Attributes:
         folder, name: as `ReferenceResult` has them.
@@ -112,7 +112,7 @@ class CampaignResult:
 
 @dataclass(frozen=True)
 class Unreadable:
-    """A result that is there but cannot be used.
+    """A damaged result.
 
     Attributes:
         name: relative to the report's folder.
@@ -127,13 +127,13 @@ class Unreadable:
 
 @dataclass(frozen=True)
 class Results:
-    """Everything that a folder holds, each kind in the order of names.
+    """All results of a folder, each kind in the order of names.
 
     Attributes:
         root: absolute.
-        references, plans, missions, evaluations, campaigns: found.
-        unreadable: found and damaged.
-        earlier: names of missions without a mission.json, which earlier versions of fieldkit did not write.
+        references, plans, missions, evaluations, campaigns: readable results.
+        unreadable: damaged results.
+        earlier: names of missions without a mission.json, from early versions of fieldkit.
     """
 
     root: Path
@@ -147,6 +147,6 @@ class Results:
 
     @property
     def count(self) -> int:
-        """Results that can be shown."""
+        """Number of results that can be shown."""
         kinds = (self.references, self.plans, self.missions, self.evaluations, self.campaigns)
         return sum(len(kind) for kind in kinds)

@@ -1,4 +1,4 @@
-"""Thumbnails of the photographs that a result was made of, where their folder can still be found."""
+"""Thumbnails of a result's photographs, if their folder can be found."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fieldkit.files import file_beside
 from fieldkit.present.content import Picture
 
 SIDE = 160
-"""Longer side of a thumbnail, pixels; it is shown at half of it."""
+"""Longer side of a thumbnail, pixels; shown at half the size."""
 
 _QUALITY = 72
 _LARGEST_BYTES = 64 << 20
@@ -21,10 +21,10 @@ _MOST_FOLDERS = 400
 
 
 def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) -> Path | None:
-    """The folder that photographs came from.
+    """The folder of a result's photographs.
 
-    Results know its name only. It is looked for beside the result, in folders named captures there, and below the
-    report's folder; it counts where every photograph is in it.
+    Results know only its name. It is searched beside the result, in folders named captures there, and below the
+    report's folder. It must hold all photographs.
 
     Args:
         source: name of the folder, or "FOLDER/PLOT".
@@ -33,7 +33,7 @@ def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) 
         root: the report's.
 
     Returns:
-        The folder; None where it is not found.
+        The folder; None if it is not found.
     """
     if not names or not source or Path(source).is_absolute() or ".." in Path(source).parts:
         return None
@@ -48,7 +48,7 @@ def find_photographs(source: str, names: Sequence[str], near: Path, root: Path) 
 
 
 def thumbnails(folder: Path | None, names: Sequence[str], most: int) -> Mapping[str, Picture]:
-    """Small JPEGs of the first ``most`` photographs, by name; those that cannot be read are left out."""
+    """Small JPEGs of the first ``most`` photographs, by name; unreadable ones are left out."""
     found: dict[str, Picture] = {}
     for name in names[:most] if folder is not None else ():
         file = None if folder is None else _file(folder, name)
@@ -58,7 +58,7 @@ def thumbnails(folder: Path | None, names: Sequence[str], most: int) -> Mapping[
 
 
 def thumbnail(file: Path, name: str) -> Picture | None:
-    """A small JPEG of a photograph, without any of its metadata; None where it cannot be read."""
+    """A small JPEG of a photograph, without metadata; None if it cannot be read."""
     try:
         if file.stat().st_size > _LARGEST_BYTES:
             return None
@@ -81,11 +81,11 @@ def _places(near: Path, root: Path) -> Iterator[Path]:
 
 
 def _file(folder: Path, name: str) -> Path | None:
-    """A photograph of the folder; never a file elsewhere, whatever its name says."""
+    """The path of a photograph, never outside the folder."""
     if not name or Path(name).is_absolute():
         return None
     try:
-        # With a folder in its name a capture keeps photographs in images/.
+        # Captures may keep their photographs in images/.
         for place in (folder, folder / "images"):
             found = file_beside(Path(name), place / "photographs")
             if found is not None and found.is_file():

@@ -25,11 +25,11 @@ from fieldkit.present.sections.loaded_results import MissionResult, PlanResult
 from fieldkit.present.style import decimal, format_length, format_nominal, format_seconds, metres
 from fieldkit.present.tables.tabulated import tabulated
 
-_LATER = 0.97  # quantile of the values that the curve's axis shows; the first random sets are often far off
+_LATER = 0.97  # quantile of the values within the curve's axis; the first random sets are often much worse
 
 
 def plan_section(result: PlanResult, anchor: str, view: View | None, note: str) -> Section:
-    """A plan's stations, and how the search found them."""
+    """A plan's stations, and the search for them."""
     blocks: list[Block] = [KeyFigures(tuple(_figures(result)))]
     if view is not None:
         blocks.append(view)

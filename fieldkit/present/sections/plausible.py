@@ -1,4 +1,4 @@
-"""Numbers that no measurement gives, found before they reach a drawing."""
+"""Check for implausible numbers before they reach a drawing."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import Any
 from fieldkit.errors import MetadataError
 
 LARGEST = 1e9
-"""Of any number with a fraction: metres, pixels, seconds, degrees."""
+"""Largest number that is not a count: metres, pixels, seconds, degrees."""
 
 LARGEST_COUNT = 2**64
 
 
 def check_plausible(values: Any, file: Path) -> None:
-    """Refuse numbers that would overflow what is computed from them.
+    """Refuse numbers that would cause overflows.
 
     Args:
-        values: mappings, sequences and plain values, as pydantic and dataclasses give them.
-        file: that they come from.
+        values: mappings, sequences and plain values, as pydantic and dataclasses dump them.
+        file: source of the values.
 
     Raises:
-        MetadataError: a number beyond `LARGEST` or `LARGEST_COUNT`, or one that is not finite; it is named.
+        MetadataError: a number beyond `LARGEST` or `LARGEST_COUNT`, or not finite; the message names it.
     """
     waiting: list[tuple[str, Any]] = [("", values)]
     while waiting:
@@ -32,7 +32,7 @@ def check_plausible(values: Any, file: Path) -> None:
         elif isinstance(value, list | tuple):
             waiting += [(f"{key}.{place}", inner) for place, inner in enumerate(value)]
         elif isinstance(value, float):
-            if not abs(value) <= LARGEST:  # also where it is no number at all
+            if not abs(value) <= LARGEST:  # also for NaN
                 raise _implausible(key, file)
         elif isinstance(value, int) and abs(value) > LARGEST_COUNT:
             raise _implausible(key, file)

@@ -1,4 +1,4 @@
-"""Where a report's figures come from: versions, seeds, settings, hashes."""
+"""The provenance of a report's figures: versions, seeds, settings, hashes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LONGEST = 200
 
 
 def provenance_section(results: Results, command: str) -> Section:
-    """What made this report and what it was made from.
+    """The command and the results that a report was made with.
 
     Args:
         results: shown in it.

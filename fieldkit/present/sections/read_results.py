@@ -1,4 +1,4 @@
-"""Finding and reading the results that a folder holds."""
+"""Finding and reading the results of a folder."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from fieldkit.results.report_files import (
 
 CAMPAIGN_FILE = "campaign.toml"
 DEPTH = 2
-"""So many levels below the folder are looked through."""
+"""Levels below the folder that are searched."""
 
 _REMEDY = (
     "Give a folder that a command of fieldkit wrote (reference, plan, export-mission, evaluate, campaign, demo), or "
@@ -49,16 +49,15 @@ _Result = TypeVar("_Result")
 
 
 def read_results(path: Path) -> Results:
-    """Read everything of fieldkit's that a folder holds, itself or up to two levels below.
+    """Read all results of fieldkit in a folder or up to two levels below.
 
-    What is damaged is told in the results, as long as there is something else to show.
+    Damaged results are listed, if there are others to show.
 
     Args:
-        path: the folder; or a file of a result (reference.json …, mission.json, a mission), which stands for its
-            result.
+        path: the folder, or a file of a result (reference.json …, mission.json, a mission).
 
     Raises:
-        MetadataError: nothing of fieldkit's is there, or all of it is damaged.
+        MetadataError: there is no result of fieldkit, or all are damaged.
         StorageError: the folder cannot be read.
     """
     path = Path(os.path.abspath(Path(path).expanduser()))  # noqa: PTH100 - links stay as they were given
@@ -81,7 +80,7 @@ def read_results(path: Path) -> Results:
 
 
 def _folders(root: Path) -> Iterator[Path]:
-    """The folder and those below it, level by level, in the order of names. Campaigns' own folders are left to them."""
+    """The folder and those below it, by level and name, without the folders within campaigns."""
     level, seen = [root], 0
     for depth in range(DEPTH + 1):
         below: list[Path] = []
@@ -114,7 +113,7 @@ def _subfolders(folder: Path) -> list[Path]:
 
 
 class _Reader:
-    """Gathers results; what is damaged becomes a note."""
+    """Gathers results, and notes the damaged ones."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -124,7 +123,7 @@ class _Reader:
         self.first_error: FieldkitError | None = None
 
     def results(self) -> Results:
-        """What was gathered."""
+        """The gathered results."""
 
         def of(kind: type[_Result]) -> tuple[_Result, ...]:
             return tuple(result for result in self.found if isinstance(result, kind))
@@ -135,7 +134,7 @@ class _Reader:
         )  # fmt: skip
 
     def read_folder(self, folder: Path, only: str = "") -> None:
-        """Whatever result the folder itself is."""
+        """Read the folder itself as a result."""
         readers: list[tuple[str, Callable[[Path], Any]]] = [
             (REFERENCE_FILE, self._reference),
             (EVALUATION_FILE, self._evaluation),
@@ -145,14 +144,14 @@ class _Reader:
             if (folder / file).is_file() and only in ("", file):
                 self._try(folder / file, lambda read=read: read(folder))  # type: ignore[misc]
         held = [name for name in (PLAN_FILE, SETTINGS_FILE) if (folder / name).is_file()]
-        # A campaign's own plan is told of with the campaign.
+        # A campaign's plan is shown with the campaign.
         if held and only in ("", *held) and not (folder / CAMPAIGN_FILE).is_file():
             self._try(folder / held[0], lambda: self._plan(folder))
         if not only:
             self.read_missions(folder)
 
     def read_missions(self, folder: Path, only: str = "") -> None:
-        """The flights of a folder's missions, or those that a file is of."""
+        """Read the flights of a folder's missions, or those of a given file."""
         described: set[str] = set()
         damaged = len(self.unreadable)
         for file in records_in(folder)[:_MOST_MISSIONS]:
@@ -169,7 +168,7 @@ class _Reader:
 
             self._try(file, read)
         if len(self.unreadable) > damaged:
-            return  # it may be theirs, whatever else lies here
+            return  # a route may belong to a damaged mission
         for route in sorted(folder.glob("*.geojson"))[:_MOST_MISSIONS]:
             wanted = not only or Path(only).stem == route.stem
             if wanted and route.name not in described and _is_route(route):

@@ -1,4 +1,4 @@
-"""Blocks that references and evaluated plots have in common: figures of a reconstruction, its photographs, findings."""
+"""Blocks shared by references and evaluated plots: figures of a reconstruction, its photographs, findings."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from fieldkit.present.tables.reconstruction import finding_table, photograph_tab
 from fieldkit.results.evaluation import ReconstructionEntry
 
 Pictures = Mapping[str, Picture]
-"""Of photographs, by name."""
+"""Thumbnails of photographs, by name."""
 
 _OPEN_ROWS = 14
 _MOST_NAMES = 20
 
 
 def photographs_figure(report: ReconstructionEntry) -> KeyFigure:
-    """How many photographs were used."""
+    """The number of used photographs."""
     used = "placed by reconstruction, and where they are known to be"
     return KeyFigure("photographs used", f"{report.right} of {report.images}", used)
 
 
 def points_figure(report: ReconstructionEntry) -> KeyFigure:
-    """How many points the plants' cloud has."""
+    """The number of points of the plants' cloud."""
     return KeyFigure("points of plants", f"{report.points:,}")
 
 
 def reconstruction_blocks(report: ReconstructionEntry, pictures: Pictures) -> Iterator[Block]:
-    """How a reconstruction went: photographs, figures, times, findings."""
+    """The result of a reconstruction: photographs, figures, times, findings."""
     if report.image_reports:
         table = photograph_table(report.image_reports, "Photographs", metric=report.metric, pictures=pictures)
         many = len(table.rows) > _OPEN_ROWS
@@ -41,7 +41,7 @@ def reconstruction_blocks(report: ReconstructionEntry, pictures: Pictures) -> It
 
 
 def view_blocks(view: View | None, note: str) -> Iterator[Block]:
-    """A 3D view, or why there is none."""
+    """A 3D view, or the reason why there is none."""
     if view is not None:
         yield view
     elif note:

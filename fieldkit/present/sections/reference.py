@@ -19,7 +19,7 @@ _RESIDUALS = "how far cameras lie from where they were said to be"
 def reference_section(
     result: ReferenceResult, anchor: str, view: View | None, note: str, pictures: Pictures
 ) -> Section:  # fmt: skip
-    """What a reference was made from and how it went."""
+    """The photographs and the result of a reference."""
     report = result.report
     metric = report.metric
     blocks: list[Block] = [

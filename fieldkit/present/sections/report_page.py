@@ -31,22 +31,22 @@ from fieldkit.results.evaluation import PlotEvaluation, ReconstructionEntry
 from fieldkit.runtime.progress import Progress
 
 MOST_THUMBNAILS = 300
-"""Of a report: more than 2 MB of it are of no use to anybody."""
+"""Largest number of a report's thumbnails, about 2 MB."""
 
 MOST_VIEWS = 10
-"""Of a report: browsers keep no more than sixteen views alive at once."""
+"""Largest number of a report's views: browsers keep at most sixteen alive."""
 
 
 @dataclass(frozen=True)
 class Built:
-    """A page with what it holds.
+    """A page with its numbers.
 
     Attributes:
         page: its content.
         points: of all 3D views together.
-        points_found: as many there were before they were thinned out.
-        thumbnails: photographs shown.
-        views: 3D views.
+        points_found: number of points before thinning.
+        thumbnails: number of photographs shown.
+        views: number of 3D views.
     """
 
     page: Page
@@ -57,14 +57,14 @@ class Built:
 
 
 def build_page(results: Results, *, title: str, command: str, most_points: int, progress: Progress) -> Built:
-    """Everything that a report says, in the order reference, plan, mission, evaluation, campaign.
+    """The page of a report, in the order reference, plan, mission, evaluation, campaign.
 
     Args:
         results: found and read.
         title: of the page; empty takes the folder's name.
-        command: that made it.
-        most_points: of all 3D views together.
-        progress: told of what takes long.
+        command: the command that makes the report.
+        most_points: largest number of points of all 3D views together.
+        progress: receives the stages.
     """
     with progress.stage("Reading clouds and comparing them"):
         found = _Views(results)
@@ -115,7 +115,7 @@ class _Views:
             self.scenes.append(scene)
 
     def view(self, kind: str, number: int, plot: str = "") -> tuple[View | None, str]:
-        """A result's view, or why it has none."""
+        """A result's view, or the reason why it has none."""
         key = (kind, number, plot)
         note = self._notes.get(key, "")
         place = self._places.get(key)
@@ -146,7 +146,7 @@ class _Pictures:
         for source in sources:
             folder = find_photographs(source, names, result.folder, results.root)
             if folder is not None:
-                # Those that were not used first: they are what people look for.
+                # Unused photographs first: people look for them.
                 bad_first = sorted(report.image_reports, key=was_used)
                 found = thumbnails(folder, [i.name for i in bad_first], MOST_THUMBNAILS - self.count)
                 self.count += len(found)
@@ -170,7 +170,7 @@ def _sections(results: Results, views: _Views, pictures: _Pictures) -> Iterator[
 
 
 def _farthest(result: EvaluationResult) -> list[PlotEvaluation]:
-    """The plots that are shown in 3D: all where they are few, else those with the greatest distances."""
+    """The plots shown in 3D: all if they are few, else those with the greatest distances."""
     plots = [plot for plot in result.report.plots if plot.error is None]
     if len(plots) <= MOST_VIEWS_OF_PLOTS:
         return plots
@@ -187,7 +187,7 @@ def _subtitle(results: Results) -> str:
 
 
 def _used(results: Results) -> set[str]:
-    """The terms that a report uses."""
+    """The terms used in a report."""
     used: set[str] = set()
     if results.references or results.evaluations:
         used |= {

@@ -1,7 +1,6 @@
-"""The summary in words: what was done, how well, and what to do about what is wrong, by rules from the figures.
+"""The summary in words, by rules from the figures: what was done, how well, and what to do about problems.
 
-Every sentence is true of the figures it is made from. Nothing is called good that has no measure; advice is only given
-where a figure calls for it.
+Sentences state only what the figures say. Nothing is called good without a measure, and advice needs a figure.
 """
 
 from __future__ import annotations

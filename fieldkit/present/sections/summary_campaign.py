@@ -11,11 +11,11 @@ from fieldkit.present.content import Statement
 from fieldkit.present.sections.loaded_results import CampaignResult
 from fieldkit.present.style import count, format_length, listed
 
-_NAMED = 5  # problems that are told one by one
+_NAMED = 5  # problems named one by one
 
 
 def campaign_statements(result: CampaignResult) -> Iterator[Statement]:
-    """What a campaign's captures came to, date by date."""
+    """The results of a campaign, date by date."""
     campaign = result.campaign
     visits, dates = campaign.visits, campaign.dates
     if not visits:
@@ -62,7 +62,7 @@ def campaign_statements(result: CampaignResult) -> Iterator[Statement]:
 
 
 def _spread(what: str, scores: Sequence[tuple[float, str]]) -> Statement:
-    """Median, least and greatest of plots' distances."""
+    """Median, least and greatest distance of the plots."""
     middle = format_length(median(value for value, _ in scores))
     if len(scores) == 1:
         return Statement("fact", f"{what} {middle} in {scores[0][1]}.")

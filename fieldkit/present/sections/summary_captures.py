@@ -11,13 +11,13 @@ from fieldkit.present.style import count, decimal, format_length, listed, percen
 from fieldkit.present.tables.adherence import ACHIEVED_BY
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, ReconstructionEntry
 
-_LOP_SIDED = 1.5  # one directed term this many times the other is worth a word
+_LOP_SIDED = 1.5  # ratio of the directed terms that is worth mentioning
 _SHOWN_M = "0.010"
-_NAMED = 5  # problems that are told one by one
+_NAMED = 5  # problems named one by one
 
 
 def reference_statements(result: ReferenceResult) -> Iterator[Statement]:
-    """What a reference was made from, and what is doubtful about it."""
+    """The photographs of a reference, and its doubtful points."""
     report = result.report
     yield Statement(
         "good" if report.right == report.images and report.metric else "fact",
@@ -36,7 +36,7 @@ def reference_statements(result: ReferenceResult) -> Iterator[Statement]:
 
 
 def evaluation_statements(result: EvaluationResult) -> Iterator[Statement]:
-    """How captures came out, plot by plot where it is one, and together where they are many."""
+    """The result of one plot, or of many plots together."""
     report = result.report
     plots = [plot for plot in report.plots if plot.error is None]
     if len(report.plots) == 1:
@@ -73,7 +73,7 @@ def _plot(plot: PlotEvaluation, *, scored: bool) -> Iterator[Statement]:
 
 
 def _unscored(plot: PlotEvaluation) -> Statement:
-    """What is known of the distance of a plot that was compared with nothing."""
+    """What is known about the distance of a plot without a reference."""
     advice = "Evaluate it again with --reference to measure the distance."
     text = f"{plot.name} was not compared with a reference"
     found = plot.prediction
@@ -116,7 +116,7 @@ def _distances(plot: PlotEvaluation, chamfer: float, accuracy: float, completene
             "In the 3D view, look at what stands out in the capture. A whole plant was displaced (wind, growth, wrong "
             "positions); scattered points are noise of reconstruction.",
         )
-    # The frame is fitted to all positions at once: their errors average out, as a mean's do.
+    # The frame is fitted to all positions at once, so their errors average out.
     shift = None if plot.pose_rms_m is None or not plot.right else plot.pose_rms_m / plot.right**0.5
     if plot.correction is None and shift is not None and shift > 0.25 * chamfer:
         yield Statement(

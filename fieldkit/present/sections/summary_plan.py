@@ -9,13 +9,13 @@ from fieldkit.present.content import Statement
 from fieldkit.present.sections.loaded_results import MissionResult, PlanResult
 from fieldkit.present.style import count, format_length, format_seconds, percent
 
-_LATE = 0.1  # a search that still improved in its last tenth
-_GAIN = 0.01  # by this share at least
-_FEWEST_TRIALS = 20  # before that is said
+_LATE = 0.1  # the last tenth of a search
+_GAIN = 0.01  # least improvement, as a share
+_FEWEST_TRIALS = 20  # before late improvement is reported
 
 
 def plan_statements(result: PlanResult) -> Iterator[Statement]:
-    """How good a plan is by its own confirmations, and against the circles that were tried."""
+    """The quality of a plan by its confirmations, and against the circles tried."""
     plan, settings, outcome = result.plan, result.settings, result.outcome
     where = f" on “{settings.source.name}”" if settings is not None else ""
     if plan is None:
@@ -93,7 +93,7 @@ def _pace(result: PlanResult) -> float:
 
 
 def mission_statement(result: MissionResult) -> Statement:
-    """What a mission does."""
+    """A sentence on a mission."""
     flight = result.flight
     over = count(len(flight.plots), "plot")
     advice = ""

@@ -1,4 +1,4 @@
-"""The report's 3D views: which clouds, cameras and ways they show, in one frame each."""
+"""The report's 3D views: their clouds, cameras and ways, each in one frame."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import check_file
 
 MOST_VIEWS_OF_PLOTS = 4
-"""An evaluation of more plots shows those with the greatest distances: a browser draws a dozen views at once."""
+"""An evaluation of more plots shows those with the greatest distances: browsers draw about a dozen views at once."""
 
 CLOUD_FILE, SCENE_FILE = "cloud.ply", "scene.ply"
 _ACHIEVED, _PLANNED, _WRONG = "#2f9e6e", "#3b7dd8", "#d0383f"
 _WAY, _FENCE, _ZONE = "#d9812b", "#7b61c4", "#d0383f"
-_HALF_VIEW = (0.55, 0.41)  # of a camera that nobody described
+_HALF_VIEW = (0.55, 0.41)  # of an unknown camera
 _LARGEST_SCALE_M = 10.0
-_NEAR_M = 100.0  # a way that passes a plot farther off is not over it
+_NEAR_M = 100.0  # a way farther from a plot is not shown with it
 _FARTHEST_M = 100_000.0
 _PLANT_GREEN = (70, 140, 70)
-_MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones are shown
+_MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones count
 
 Points = NDArray[np.float64]
 
 
 def reference_view(result: ReferenceResult) -> tuple[ViewerScene | None, str]:
-    """The reference's cloud, with the ground where it was kept, and the cameras it was made from.
+    """The reference's cloud, with the ground if it was kept, and its cameras.
 
     Returns:
-        The view, None where its cloud cannot be read; and a note.
+        The view, None if the cloud cannot be read; and a note.
     """
     report = result.report
     try:
@@ -66,10 +66,10 @@ def plot_view(
 ) -> tuple[ViewerScene | None, str]:  # fmt: skip
     """A plot's cloud and the reference, each coloured by its distance to the other, with cameras planned and achieved.
 
-    Distances are exact: of every point to the whole other cloud.
+    Distances are exact: from every point to the whole other cloud.
 
     Returns:
-        The view, None where the plot's cloud cannot be read; and a note.
+        The view, None if the plot's cloud cannot be read; and a note.
     """
     try:
         cloud = _read(_plot_cloud(result, plot))
@@ -131,7 +131,7 @@ def plan_view(result: PlanResult, results: Results) -> tuple[ViewerScene | None,
 
 
 def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
-    """The plants that a plan is made for, in its plot frame: the reference's cloud, and what flights keep clear of."""
+    """The plants of a plan, in its plot frame: the reference's cloud, and the plants that flights keep clear of."""
     layers: list[PointLayer] = []
     note = ""
     source = None if plan.source is None else plan.source.sha256
@@ -189,9 +189,9 @@ def mission_view(result: MissionResult, results: Results) -> ViewerScene:
 
 
 def within_budget(scenes: Sequence[ViewerScene], most_points: int) -> list[ViewerScene]:
-    """The same views with at most so many points in all: every layer keeps the same share of its own.
+    """The same views with a limited number of points in all: every layer keeps the same share.
 
-    Which points are kept is drawn at random from a fixed seed, so it is the same every time.
+    The kept points are drawn at random from a fixed seed.
     """
     total = sum(len(layer.points) for scene in scenes for layer in scene.points)
     if total <= most_points:
@@ -201,7 +201,7 @@ def within_budget(scenes: Sequence[ViewerScene], most_points: int) -> list[Viewe
 
 
 def points_of(scenes: Sequence[ViewerScene]) -> int:
-    """How many points views hold."""
+    """The number of points of views."""
     return sum(len(layer.points) for scene in scenes for layer in scene.points)
 
 
@@ -217,10 +217,10 @@ def _thinned(layer: PointLayer, share: float) -> PointLayer:
 
 
 def _read(path: Path) -> Cloud:
-    """A cloud that can be drawn.
+    """Read a cloud that can be drawn.
 
     Raises:
-        CloudError: it cannot be read, or lies where no plot does.
+        CloudError: it cannot be read, or lies too far from the plot.
     """
     cloud = read_cloud(path)
     if len(cloud) and np.abs(cloud.points).max() > _FARTHEST_M:
@@ -245,7 +245,7 @@ def _plot_cloud(result: EvaluationResult, plot: PlotEvaluation) -> Path:
 
 
 class _AsReport:
-    """A plot's files, listed as `check_file` looks for them."""
+    """A plot's files, in the form that `check_file` takes."""
 
     def __init__(self, report: EvaluationReport | ReferenceReport, plot: PlotEvaluation) -> None:
         self.files, self.kind = plot.files, report.kind
@@ -287,8 +287,7 @@ def _plans_on(reference: ReferenceResult, results: Results) -> list[PlanResult]:
 def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
     """The ways of missions in the plot frame of a georeferenced reference, as far as they come near it.
 
-    Mission heights are above home; where home's height above the reference's datum is not known, there is no way to
-    place them.
+    Mission heights are above home. If home's height above the reference's datum is unknown, the ways cannot be placed.
     """
     frame = source_frame(report.metric_source, report.frame)
     if frame.origin is None:
@@ -325,7 +324,7 @@ def _half_view(camera: Intrinsics) -> tuple[float, float]:
 
 
 def _box(lower: Sequence[float], upper: Sequence[float]) -> list[NDArray[np.float32]]:
-    """The twelve edges of a box: two rings and four posts."""
+    """The twelve edges of a box, as two rings and four posts."""
     (x0, y0, z0), (x1, y1, z1) = lower, upper
     ring = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
     rings = [np.array([(x, y, z) for x, y in ring], dtype=np.float32) for z in (z0, z1)]

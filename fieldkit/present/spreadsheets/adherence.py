@@ -14,7 +14,7 @@ COLUMNS = ("image", "station", "source", "x_m", "y_m", "z_m", "yaw_deg", "pitch_
 
 
 def write_adherence_csv(path: Path, found: AdherenceEntry) -> None:
-    """Write the poses of a plot's photographs; UTF-8, commas, decimal points, empty where there is no value.
+    """Write the poses of a plot's photographs; UTF-8, commas, decimal points, empty cells for missing values.
 
     Raises:
         StorageError: the place is full or not writable.

@@ -14,7 +14,7 @@ COLUMNS = (
 
 
 def compare_csv(report: ComparisonReport) -> str:
-    """One row per plot, figure and evaluation, and one per further difference; means over plots have no plot."""
+    """One row per plot, figure and evaluation, and one per further difference; means over plots have an empty plot."""
     return csv_text(COLUMNS, _rows(report))
 
 

@@ -1,4 +1,4 @@
-"""CSV as all of its files are: commas, decimal points, lines that end in a newline, empty where there is no value."""
+"""CSV text: commas, decimal points, newlines, empty cells for missing values."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def csv_text(columns: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
 
 
 def csv_cell(value: object) -> str:
-    """A value as a cell's text; texts that a spreadsheet would take for a formula have a quote before them."""
+    """A value as a cell's text; a text that a spreadsheet would take for a formula gets a leading quote."""
     match value:
         case None:
             return ""

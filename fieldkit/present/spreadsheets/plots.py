@@ -11,7 +11,7 @@ from fieldkit.results.evaluation import EvaluationReport, PlantEntry, PlotEvalua
 
 
 def write_plots_csv(path: Path, report: EvaluationReport) -> None:
-    """Write one row per plot, in order; UTF-8, commas, decimal points, empty where there is no value.
+    """Write one row per plot, in order; UTF-8, commas, decimal points, empty cells for missing values.
 
     Raises:
         StorageError: the place is full or not writable.
@@ -20,7 +20,7 @@ def write_plots_csv(path: Path, report: EvaluationReport) -> None:
 
 
 def plots_csv(report: EvaluationReport) -> str:
-    """The table as text. Its columns depend on the report's distances only."""
+    """The table as text. Its columns depend only on the report's distances."""
     distances = [distance_key(distance) for distance in report.distances_m]
     return csv_text(column_names(distances), (_row(plot, distances) for plot in report.plots))
 

@@ -1,1 +1,1 @@
-"""The figures of results as values to show: one function for each table, whatever it is shown in."""
+"""The tables of results as values to show: one function each, for all media."""

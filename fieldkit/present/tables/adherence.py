@@ -1,4 +1,4 @@
-"""How photographs kept to the plan."""
+"""Adherence of photographs to the plan."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ACHIEVED_BY = {
     "reconstructed": "the reconstruction",
     "tagged": "the photographs' tags",
 }
-"""Where achieved poses come from, by `AdherenceEntry.achieved_by`."""
+"""Sources of achieved poses, by `AdherenceEntry.achieved_by`."""
 
 _MOST_NAMES = 20
 _AXES = (("east_m", 3), ("north_m", 3), ("up_m", 3), ("yaw_deg", 2), ("pitch_deg", 2))
@@ -23,7 +23,7 @@ _STATISTICS = (("bias", "mean"), ("std_dev", "std. dev."), ("max", "largest"))
 
 
 def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
-    """How each plot's flight kept to its plan, root mean squares; without rows where nothing is known of any."""
+    """Each plot's adherence as root mean squares; no rows if nothing is known of any plot."""
     found = [(plot.name, plot.adherence) for plot in plots if plot.adherence is not None]
     return tabulated("How the photographs kept to the plan, RMS", found, (
         (Column("plot"), lambda row: row[0]), (Column("by"), lambda row: row[1].achieved_by),
@@ -35,7 +35,7 @@ def adherence_by_plot(plots: Sequence[PlotEvaluation]) -> Table:
 
 
 def station_table(found: AdherenceEntry) -> Table:
-    """Where photographs were taken, less where they should have been: one row per station."""
+    """Poses of photographs less their stations': one row per station."""
     columns = (
         Column("station"), Column("photograph"), *_AXIS_COLUMNS, Column("speed, m/s", True),
         Column("turning, °/s", True),
@@ -51,7 +51,7 @@ def station_table(found: AdherenceEntry) -> Table:
 
 
 def difference_table(found: AdherenceEntry) -> Table:
-    """Statistics of what the sources of poses say of the same photographs; without rows where less than two say any."""
+    """Statistics of the differences between sources of poses; no rows with fewer than two sources."""
     rows: list[tuple[Cell, ...]] = []
     for each in found.differences:
         spreads = [(getattr(each, axis), digits) for axis, digits in _AXES]
@@ -64,7 +64,7 @@ def difference_table(found: AdherenceEntry) -> Table:
 
 
 def gaps(found: AdherenceEntry) -> Terms | None:
-    """Sources that say nothing and why, stations without a photograph, photographs of no station; None without any."""
+    """Missing sources with reasons, stations without photograph, photographs of no station; None if complete."""
     rows: list[tuple[str, str]] = [(source, f"not known: {why}") for source, why in found.unknown.items()]
     for label, names in (("no photograph of", found.missing), ("of no station", found.extra)):
         rows += [(label, listed(list(names), _MOST_NAMES))] if names else []

@@ -16,7 +16,7 @@ _UNITS = {"_m": ("mm", 1000.0), "_m3": ("m³", 1.0), "_px": ("px", 1.0)}
 
 
 def comparison_blocks(report: ComparisonReport) -> Iterator[Block]:
-    """The leading figures with their differences to the first evaluation, then what is to be known of them."""
+    """The leading figures with their differences to the first evaluation, then remarks."""
     leading = [figure for figure in report.figures if figure in _LEADING]
     leading += [figure for figure in report.figures if figure.startswith(_F_SCORE)][:1]
     for figure in sorted(leading, key=report.figures.index):
@@ -28,7 +28,7 @@ def comparison_blocks(report: ComparisonReport) -> Iterator[Block]:
 
 
 def difference_table(report: ComparisonReport, figure: str) -> Table:
-    """A figure's differences to the first evaluation, those over all plots first; without rows where there are none."""
+    """A figure's differences to the first evaluation, those over all plots first; no rows without differences."""
     first = report.evaluations[0].label
     values = {(v.plot, v.label): v.value for v in report.values if v.figure == figure}
     found = [d for d in report.differences if d.less == first and d.figure == figure]
@@ -56,7 +56,7 @@ def difference_table(report: ComparisonReport, figure: str) -> Table:
 
 
 def unit_of(figure: str) -> tuple[str, float]:
-    """Unit in which a figure is shown, and by what it is multiplied: millimetres for lengths."""
+    """Unit of a figure, and the factor to it: millimetres for lengths."""
     if figure in ("height_m", "pose_rms_m") or not figure.endswith(tuple(_UNITS)):
         return ("m", 1.0) if figure.endswith("_m") else ("", 1.0)
     return next(found for end, found in _UNITS.items() if figure.endswith(end))

@@ -1,4 +1,4 @@
-"""How a reconstruction went: its main figures, its photographs, its findings, the time it took."""
+"""The result of a reconstruction: main figures, photographs, findings, times."""
 
 from __future__ import annotations
 
@@ -51,20 +51,20 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
 
 
 def was_used(image: ImageEntry) -> bool:
-    """Whether a photograph is registered, and not known to be wrong."""
+    """Whether a photograph is registered and its pose not known to be wrong."""
     return image.registered and image.right is not False
 
 
 def photograph_table(
     images: Sequence[ImageEntry], caption: str, *, metric: bool, pictures: Mapping[str, Picture] | None = None
 ) -> Table:
-    """What became of photographs; those that were not used come first.
+    """The state of photographs, unused ones first.
 
     Args:
         images: to tell of.
         caption: of the table.
         metric: whether lengths are metres.
-        pictures: of them by name.
+        pictures: thumbnails by name.
     """
     length = millimetres if metric else lambda value: decimal(value, 4)
     return tabulated(caption, sorted(images, key=was_used), (
@@ -90,7 +90,7 @@ def state(image: ImageEntry) -> Mark:
 
 
 def stage_table(report: ReconstructionEntry) -> Table:
-    """The time that each stage took, and all of them."""
+    """The time of each stage and of all together."""
     columns = (
         Column("stage"), Column("items", True), Column("from cache", True), Column("time", True),
         Column("CPU time", True),
@@ -104,7 +104,7 @@ def stage_table(report: ReconstructionEntry) -> Table:
 
 
 def finding_table(findings: Sequence[FindingEntry], most_names: int) -> Table:
-    """One row per finding; files with the same one share it, ``most_names`` of them by name."""
+    """One row per finding; files with the same finding share it, up to ``most_names`` by name."""
     groups: dict[tuple[str, str, bool], list[str]] = {}
     for finding in findings:
         groups.setdefault((finding.code, finding.message, finding.left_out), []).append(finding.name)

@@ -1,4 +1,4 @@
-"""How captures compare with their reference, and what is known of their plants."""
+"""Scores of captures against their reference, and figures of their plants."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def score_figures(plot: PlotEvaluation) -> Iterator[KeyFigure]:
 
 
 def score_rows(plot: PlotEvaluation) -> tuple[tuple[str, str], ...]:
-    """The same with the F-scores, as label and value."""
+    """The same and the F-scores, as label and value."""
     f_scores = (plot.f_score or {}).items()
     return (
         *((figure.label, f"{figure.value}; {figure.meaning}") for figure in score_figures(plot)),
@@ -51,7 +51,7 @@ def score_rows(plot: PlotEvaluation) -> tuple[tuple[str, str], ...]:
 
 
 def distance_table(plot: PlotEvaluation) -> Table:
-    """How much of a scored plot lies within each distance."""
+    """The share of a scored plot within each distance."""
     precision, recall, f_score = plot.precision or {}, plot.recall or {}, plot.f_score or {}
     columns = (
         Column("within"), Column("of its points (precision), %", True, short="precision, %"),
@@ -65,7 +65,7 @@ def distance_table(plot: PlotEvaluation) -> Table:
 
 
 def correction_sentence(plot: PlotEvaluation) -> str:
-    """How a plot's cloud was moved onto the reference; empty where it was not."""
+    """How a plot's cloud was aligned to the reference; empty if it was not."""
     moved = plot.correction
     if moved is None:
         return ""
@@ -96,12 +96,12 @@ def score_columns(distances: Sequence[str]) -> list[tuple[Column, Callable[[Scor
 
 
 def interval(low_m: float | None, high_m: float | None) -> str | None:
-    """``8.00 to 16.0``, in millimetres; None where an end is not known."""
+    """``8.00 to 16.0``, in millimetres; None if an end is unknown."""
     return None if low_m is None or high_m is None else f"{millimetres(low_m)} to {millimetres(high_m)}"
 
 
 def plot_table(plots: Sequence[PlotEvaluation]) -> Table:
-    """One row per plot: its scores where any has one, else the figures that need no reference."""
+    """One row per plot: scores if any plot has one, else the figures that need no reference."""
     used = (Column("photographs used", True, short="used"), lambda plot: f"{plot.right} of {plot.images}")
     scored = any(plot.chamfer_m is not None for plot in plots)
     columns: list[tuple[Column, Callable[[PlotEvaluation], Cell]]] = [
@@ -126,7 +126,7 @@ def plot_table(plots: Sequence[PlotEvaluation]) -> Table:
 
 
 def plant_tables(plots: Sequence[PlotEvaluation]) -> Iterator[Table]:
-    """Plant figures and predicted distances by plot, and why there is no prediction; nothing where no plot has any."""
+    """Plant figures, predicted distances and reasons for missing predictions by plot; empty if no plot has any."""
     if any(plot.plants is not None or plot.prediction is not None for plot in plots):
         yield tabulated("Plants", [(plot.name, plot.plants, plot.prediction) for plot in plots], (
             (Column("plot"), lambda row: row[0]),
@@ -146,7 +146,7 @@ def plant_tables(plots: Sequence[PlotEvaluation]) -> Iterator[Table]:
 
 
 def unused_table(plots: Sequence[PlotEvaluation]) -> Table:
-    """How many photographs of each plot do not count, by reason; without rows where all do."""
+    """The number of unused photographs of each plot, by reason; no rows if all are used."""
     found = [(plot.name, why, f"{number:,}") for plot in plots for why, number in plot.unregistered.items()]
     return tabulated("Photographs that do not count", found, (
         (Column("plot"), lambda row: row[0]), (Column("why"), lambda row: row[1]),
@@ -155,7 +155,7 @@ def unused_table(plots: Sequence[PlotEvaluation]) -> Table:
 
 
 def failure_table(plots: Sequence[PlotEvaluation]) -> Table:
-    """Why plots have no result, and what to do; without rows where all have one."""
+    """Why plots have no result, and what to do; no rows if all have one."""
     errors = [(plot.name, plot.error) for plot in plots if plot.error is not None]
     return _reasons("Failed", [(name, f"{e.message}\n→ {e.remedy}" if e.remedy else e.message) for name, e in errors])
 

@@ -1,4 +1,4 @@
-"""Tables made of things, one a row, by what each column says of them."""
+"""Tables with one row per thing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TypeVar
 from fieldkit.present.content import Cell, Column, Table
 
 MOST_ROWS = 400
-"""Of a table; the files hold all."""
+"""Largest number of rows of a table; files hold all."""
 
 _Thing = TypeVar("_Thing")
 
@@ -16,12 +16,12 @@ _Thing = TypeVar("_Thing")
 def tabulated(
     caption: str, things: Sequence[_Thing], columns: Iterable[tuple[Column, Callable[[_Thing], Cell]]], note: str = ""
 ) -> Table:
-    """A row for each of the first things; columns that say nothing of any of them are left out.
+    """A row for each of the first things; empty columns are left out.
 
     Args:
         caption: above it.
-        things: to tell of; beyond `MOST_ROWS` a note says how many there are.
-        columns: with what they say of a thing.
+        things: of the rows; beyond `MOST_ROWS` a note gives their number.
+        columns: each with the function that gives its cell.
         note: below it.
     """
     shown = things[:MOST_ROWS]

@@ -1,7 +1,6 @@
 """Blocks of content as Rich shows them on a terminal of 80 characters and more.
 
-Charts, maps, views and pictures are left out. Nothing is markup, and characters that are invisible or that steer a
-terminal are written out.
+Charts, maps, views and pictures are left out. Text is never markup; invisible and control characters are written out.
 """
 
 from __future__ import annotations
@@ -22,22 +21,22 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 MOST_ROWS = 20
-"""Of a table; how many more there are is said."""
+"""Largest number of rows of a table; the number of further ones is given."""
 
 _WIDTH = 80  # characters that every table has room in
-_LEAST_WIDTH = 7  # of a column of words, where the columns are few: a narrow terminal breaks them, and drops none
+_LEAST_WIDTH = 7  # of a column of words, if there are few columns: a narrow terminal wraps words and drops none
 _COLORS = {"good": "green", "fact": "", "note": "yellow", "problem": "red"}
 
 
 def rendered(
     blocks: Iterable[Block], heading: str = "", *, most_rows: int | None = MOST_ROWS
 ) -> Iterator[RenderableType]:
-    """What Rich prints for blocks, from top to bottom.
+    """The blocks for Rich to print, from top to bottom.
 
     Args:
         blocks: to show.
         heading: above them; empty for none.
-        most_rows: of a table; None for all.
+        most_rows: limit of a table's rows; None shows all.
     """
     if heading:
         yield _text(f"{heading}\n", "bold")
@@ -88,7 +87,7 @@ def _table(block: Table, most_rows: int | None) -> RichTable:
 
 
 def _label(column: Column, cells: list[str]) -> Text:
-    """A column's label, its unit in a line of its own; of numbers no wider than they need."""
+    """A column's label, with its unit on a line of its own; numeric columns are no wider than needed."""
     label = column.short or column.label
     if not column.numeric:
         return _text(label)

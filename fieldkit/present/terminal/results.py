@@ -1,4 +1,4 @@
-"""What commands print of a reference, an evaluation and a comparison."""
+"""The terminal output for a reference, an evaluation and a comparison."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _MOST_NAMES = 3
 
 
 def reference_output(report: ReferenceReport) -> Iterator[RenderableType]:
-    """What a person should look at after a reconstruction: figures, photographs that do not count, stages, findings."""
+    """The output of a reconstruction: figures, unused photographs, stages, findings."""
     yield from rendered(_reconstruction(report), report.source)
 
 
 def evaluation_output(report: EvaluationReport) -> Iterator[RenderableType]:
-    """A single plot in full; of many one row each, then what failed, and why photographs do not count."""
+    """A single plot in full; for many plots a row each, then failures, and reasons for unused photographs."""
     plots = [plot for plot in report.plots if plot.error is None]
     if len(report.plots) == 1:
         yield from rendered((block for plot in plots for block in _plot(plot)), report.plots[0].name)
@@ -34,7 +34,7 @@ def evaluation_output(report: EvaluationReport) -> Iterator[RenderableType]:
 
 
 def comparison_output(report: ComparisonReport) -> Iterator[RenderableType]:
-    """Differences to the first evaluation, and what is to be known of them."""
+    """Differences to the first evaluation, and remarks."""
     yield from rendered(comparison_blocks(report))
 
 

@@ -90,7 +90,7 @@ def test_two_cameras_at_one_place_get_two_views(source: RecordedSource) -> None:
 
 
 def test_more_cameras_than_views_are_refused(source: RecordedSource) -> None:
-    with pytest.raises(UsageError, match="9 cameras are asked of a set of 8"):
+    with pytest.raises(UsageError, match="9 cameras are asked for, but the set has 8"):
         source.project(source.cameras([*range(8), 0]))
 
 
