@@ -59,6 +59,7 @@ NEW_PLANTS, _FLOWN, _PLANNED = 3, range(8001, 8011), range(8101, 8111)
 POSITIONS_M = (0.0, 0.005, 0.01, 0.02, 0.05)
 _DEG_PER_M = 50.0
 """Noise of angles per noise of positions: 1° at 2 cm."""
+FLIGHT_M, _FLIGHTS = 0.02, 10
 GREY_LEVELS = (0.0, 5.0, 10.0, 20.0, 40.0)
 
 
@@ -92,6 +93,11 @@ class PaperOptions:
         """The test cases with their cases."""
         wanted = self.scenes or (("test-case-1", "test-case-4") if self.quick else tuple(TESTS))
         return {name: TESTS[name] for name in wanted if name in TESTS}
+
+    @property
+    def flown(self) -> Sequence[int]:
+        """Seeds of the new plots."""
+        return _FLOWN[: min(self.count, 2 if self.quick else len(_FLOWN))]
 
     @property
     def cases(self) -> list[str]:
@@ -313,18 +319,12 @@ def _noise(
 def _new_plots(options: PaperOptions, progress: Progress) -> StudyResult:
     """One plan for the kind, made on ten plots and flown over ten others, against circles optimised there."""
     wall, cpu = time.perf_counter(), time.process_time()
-    count = min(options.count, 2 if options.quick else len(_FLOWN))
-    origin = _several([_new_plot(seed, options.runs) for seed in _PLANNED])
-    contender = replace(options.contenders([_KIND])[0], plots=len(_PLANNED))
-    plans = run_all(
-        origin, [contender], options.runs, cameras=_CAMERAS, mapping=_MAPPING, fidelity=_FIDELITY,
-        confirm_fidelity="fine", repeats=_REPEATS, workers=options.workers, cache=options.cache, progress=progress,
-    )  # fmt: skip
+    origin, plans = _made_elsewhere(options, progress)
     rows: list[tuple[Cell, ...]] = []
     ratios: list[float] = []
-    for seed in _FLOWN[:count]:
+    for seed in options.flown:
         place = _new_plot(seed, options.runs)
-        carried = _carry(plans, origin.name, place, options, progress)
+        carried = _carry(plans, origin, place, options, progress)
         circles = _run(place, ("circle",), replace(options, seeds=1), progress)
         value, circle = (float(np.mean([plan.value_m for plan in own])) for own in (carried, circles))
         ratios.append(value / circle)
@@ -345,6 +345,54 @@ def _new_plots(options: PaperOptions, progress: Progress) -> StudyResult:
     )
 
 
+def _flights(options: PaperOptions, progress: Progress) -> StudyResult:
+    """Counts flights over the new plots, with a vehicle's noise of poses, in which every photograph is right.
+
+    A photograph is right or wrong before dense stereo, so draft does.
+    """
+    wall, cpu = time.perf_counter(), time.process_time()
+    _, (plan,) = _made_elsewhere(replace(options, seeds=1), progress)
+    noise = CaptureNoise(position_m=FLIGHT_M, angle_deg=_DEG_PER_M * FLIGHT_M)
+    flights = 2 if options.quick else _FLIGHTS
+    rows: list[tuple[Cell, ...]] = []
+    whole = 0
+    for seed in options.flown:
+        place = _new_plot(seed, options.runs)
+        source = SimulatedSource.from_description(read_scene(place.path)).with_noise(noise)
+        objective = Objective(source, ObjectiveSettings("draft", _MAPPING, refine=True))
+        with progress.stage(f"{place.name}: flights", flights) as advance:
+            found = []
+            with ProcessExecutor(objective, workers=options.workers) as pool:
+                for evaluation in pool.run(Job(plan.cameras, seed) for seed in range(flights)):
+                    found.append(evaluation.right)
+                    advance(1)
+        all_right = sum(right == _CAMERAS for right in found)
+        whole += all_right
+        rows.append((place.name, f"{all_right} of {flights}", str(min(found))))
+    rows.append(("all", f"{whole} of {flights * len(options.flown)}", None))
+    return StudyResult(
+        name="flights",
+        title="Flights with noise of poses",
+        tables=(ResultTable("Carried plan for the kind", ("plot", "all ten right>", "right at least>"), tuple(rows)),),
+        notes=(
+            f"Noise of poses {1000 * FLIGHT_M:g} mm and {_DEG_PER_M * FLIGHT_M:g}°, draft; {flights} flights each.",
+        ),
+        figures={"whole": whole},
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+    )
+
+
+def _made_elsewhere(options: PaperOptions, progress: Progress) -> tuple[str, list[Ran]]:
+    """The plan for the kind that is made on ten plots, and their name."""
+    origin = _several([_new_plot(seed, options.runs) for seed in _PLANNED])
+    contender = replace(options.contenders([_KIND])[0], plots=len(_PLANNED))
+    return origin.name, run_all(
+        origin, [contender], options.runs, cameras=_CAMERAS, mapping=_MAPPING, fidelity=_FIDELITY,
+        confirm_fidelity="fine", repeats=_REPEATS, workers=options.workers, cache=options.cache, progress=progress,
+    )  # fmt: skip
+
+
 def _new_plot(seed: int, runs: Path) -> Place:
     runs.mkdir(parents=True, exist_ok=True)
     file = runs / f"new-{seed}.toml"
@@ -363,6 +411,7 @@ STUDIES: dict[str, Callable[[PaperOptions, Progress], StudyResult]] = {
     "pose-noise": _pose_noise,
     "image-noise": _image_noise,
     "new-plots": _new_plots,
+    "flights": _flights,
 }
 
 

@@ -18,7 +18,7 @@ from fieldkit.planning.space.cameras import Array, Cameras
 Weights = tuple[float, float, float]
 TERMS = 3
 """Gap, noise and tie."""
-WEIGHTS: Weights = (1.0, 1.1, 0.1)
+WEIGHTS: Weights = (1.0, 1.1, 0.3)
 """Metres of value per metre of each term, fitted on tuning scenes: used until a plot has its own results."""
 DOUBT = 0.1
 """Standard deviation of each weight, over plots whose values are as large as the score expects."""
