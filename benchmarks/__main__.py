@@ -61,6 +61,7 @@ class Study(StrEnum):
     POSE_NOISE = "pose-noise"
     IMAGE_NOISE = "image-noise"
     NEW_PLOTS = "new-plots"
+    FLIGHTS = "flights"
     TRIPS = "trips"
     POSES = "poses"
     UPLOADS = "uploads"
@@ -163,7 +164,7 @@ def command(
     recorded and proxy; the planner's are simulated, transfer, surrogate, ablation, chosen and rehearsed (of recorded
     sets); those of missions are trips, poses, uploads, routes and fuzz; campaign's are season, field-check,
     plant-figures, score-prediction, plan-reuse, next-visit and report-size; paper's are tables, pose-noise, image-noise
-    and new-plots, all by default. FIELDKIT_DATA names the recorded image sets; studies that need them are skipped
+    new-plots and flights, all by default. FIELDKIT_DATA names the recorded image sets; studies that need them are skipped
     without it. The result holds results.json, results.md and pictures.
 
     Examples:
