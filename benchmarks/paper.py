@@ -203,8 +203,14 @@ def _best_baseline(plans: Plans) -> float:
 
 
 def _run(place: Place, methods: Sequence[str], options: PaperOptions, progress: Progress) -> list[Ran]:
+    return _run_contenders(place, options.contenders(methods), options, progress)
+
+
+def _run_contenders(
+    place: Place, contenders: Sequence[Contender], options: PaperOptions, progress: Progress
+) -> list[Ran]:
     return run_all(
-        place, options.contenders(methods), options.runs, cameras=_CAMERAS, mapping=_MAPPING, fidelity=_FIDELITY,
+        place, contenders, options.runs, cameras=_CAMERAS, mapping=_MAPPING, fidelity=_FIDELITY,
         confirm_fidelity="fine", repeats=_REPEATS, workers=options.workers, cache=options.cache, progress=progress,
     )  # fmt: skip
 
@@ -222,7 +228,7 @@ def _at_home(
 ) -> dict[str, list[Ran | Carried]]:
     """Plans by method; plans for a kind, confirmed on other plots under noise, are evaluated at home too."""
     for_kind = _carry([p for p in plans if p.method.endswith(OF_A_KIND)], case, Place.scene(case), options, progress)
-    return {name: _by_method(for_kind).get(name, own) for name, own in _by_method(plans).items()}
+    return _by_method(plans) | _by_method(for_kind)
 
 
 def _by_method(plans: Sequence[Ran] | Sequence[Carried]) -> dict[str, list[Ran | Carried]]:
@@ -360,12 +366,15 @@ def _flights(options: PaperOptions, progress: Progress) -> StudyResult:
         place = _new_plot(seed, options.runs)
         source = SimulatedSource.from_description(read_scene(place.path)).with_noise(noise)
         objective = Objective(source, ObjectiveSettings("draft", _MAPPING, refine=True))
-        with progress.stage(f"{place.name}: flights", flights) as advance:
-            found = []
-            with ProcessExecutor(objective, workers=options.workers) as pool:
-                for evaluation in pool.run(Job(plan.cameras, seed) for seed in range(flights)):
-                    found.append(evaluation.right)
-                    advance(1)
+        found = []
+        with (
+            progress.stage(f"{place.name}: flights", flights) as advance,
+            ProcessExecutor(objective, workers=options.workers) as pool,
+        ):
+            for evaluation in pool.run(Job(plan.cameras, draw) for draw in range(flights)):
+                found.append(evaluation.right)
+                advance(1)
+        source.close()
         all_right = sum(right == _CAMERAS for right in found)
         whole += all_right
         rows.append((place.name, f"{all_right} of {flights}", str(min(found))))
@@ -387,10 +396,7 @@ def _made_elsewhere(options: PaperOptions, progress: Progress) -> tuple[str, lis
     """The plan for the kind that is made on ten plots, and their name."""
     origin = _several([_new_plot(seed, options.runs) for seed in _PLANNED])
     contender = replace(options.contenders([_KIND])[0], plots=len(_PLANNED))
-    return origin.name, run_all(
-        origin, [contender], options.runs, cameras=_CAMERAS, mapping=_MAPPING, fidelity=_FIDELITY,
-        confirm_fidelity="fine", repeats=_REPEATS, workers=options.workers, cache=options.cache, progress=progress,
-    )  # fmt: skip
+    return origin.name, _run_contenders(origin, [contender], options, progress)
 
 
 def _new_plot(seed: int, runs: Path) -> Place:

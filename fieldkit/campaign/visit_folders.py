@@ -28,13 +28,7 @@ def read_visits(campaign: Path) -> list[Visit]:
     Raises:
         MetadataError: a visit.json is damaged or of a newer version, or so is the table of an earlier fieldkit.
     """
-    rows = read_earlier_table(campaign)  # first: a run may be taking it into the folders just now
-    today, before = _in_folders(campaign)
-    visits = dict(today)
-    for row in rows:
-        if row.key not in visits:
-            visits[row.key] = _newer(row, before.get(row.key))
-    return sorted((before | visits).values(), key=lambda visit: visit.key)
+    return _read(campaign)[0]
 
 
 def adopt_earlier_visits(campaign: Path) -> bool:
@@ -47,8 +41,8 @@ def adopt_earlier_visits(campaign: Path) -> bool:
         MetadataError: as `read_visits`.
         StorageError: the disk is full or not writable.
     """
-    today, _ = _in_folders(campaign)
-    kept = [keep_visit(campaign, visit) for visit in read_visits(campaign) if visit.key not in today]
+    visits, today = _read(campaign)
+    kept = [keep_visit(campaign, visit) for visit in visits if visit.key not in today]
     return all(kept)
 
 
@@ -66,6 +60,17 @@ def keep_visit(campaign: Path, visit: Visit) -> bool:
         return False
     save_visit(place, visit)
     return True
+
+
+def _read(campaign: Path) -> tuple[list[Visit], Visits]:
+    """All visits by plot and date, and those that have a visit.json of today's format."""
+    rows = read_earlier_table(campaign)  # first: a run may be taking it into the folders just now
+    today, before = _in_folders(campaign)
+    visits = dict(today)
+    for row in rows:
+        if row.key not in visits:
+            visits[row.key] = _newer(row, before.get(row.key))
+    return sorted((before | visits).values(), key=lambda visit: visit.key), today
 
 
 def _in_folders(campaign: Path) -> tuple[Visits, Visits]:

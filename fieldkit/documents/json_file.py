@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from fieldkit.documents.file_bytes import file_bytes
+from fieldkit.documents.validation_sentence import validation_sentence
 from fieldkit.errors import MetadataError
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -73,18 +74,8 @@ def validated(model: type[Model], document: dict[str, Any], file: Path, remedy: 
 def first_problem(error: ValidationError) -> str:
     """The first thing that pydantic found wrong as "field: what it is", in one line, and how many more there are."""
     problems = error.errors(include_url=False, include_context=False)
-    first = problems[0]
-    field = ".".join(str(part) for part in first["loc"]) or "the object"
-    match first["type"]:
-        case "missing":
-            problem = "is missing"
-        case "extra_forbidden":
-            problem = "is not known to this version of the format"
-        case _:
-            problem = first["msg"].removeprefix("Value error, ")
-            problem = problem[:1].lower() + problem[1:]
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"{field}: {problem}{more}"
+    field = ".".join(str(part) for part in problems[0]["loc"]) or "the object"
+    return validation_sentence(field, problems, {"extra_forbidden": "is not known to this version of the format"})
 
 
 def schema_text(schema: dict[str, Any]) -> str:

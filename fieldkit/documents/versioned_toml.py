@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from fieldkit.documents.toml_file import one_line, read_toml
+from fieldkit.documents.validation_sentence import validation_sentence
 from fieldkit.errors import MetadataError
 
 FORMAT = 1
@@ -53,23 +54,13 @@ def sentence(error: ValidationError) -> str:
     # A problem within a list item makes the list itself too short as well: what lies deepest is what a person wrote.
     outer = {problem["loc"][:k] for problem in problems for k in range(len(problem["loc"]))}
     problems = [problem for problem in problems if problem["loc"] not in outer]
-    first = problems[0]
     key = ""
-    for part in first["loc"]:
+    for part in problems[0]["loc"]:
         key += f" {part + 1}" if isinstance(part, int) else f".{part}" if key else str(part)
     key = key if len(key) <= 80 else f"{key[:80]}…"
-    match first["type"]:
-        case "missing":
-            problem = "is missing"
-        case "extra_forbidden":
-            problem = "is not a key of this format"
-        case "model_type":
-            problem = "should be a table"
-        case _:
-            problem = first["msg"].removeprefix("Value error, ")
-            problem = problem[:1].lower() + problem[1:]
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"{key}: {problem}{more}" if key else f"{problem}{more}"
+    return validation_sentence(
+        key, problems, {"extra_forbidden": "is not a key of this format", "model_type": "should be a table"}
+    )
 
 
 def _check_format(found: Any, path: Path) -> None:

@@ -19,6 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 from fieldkit.documents.json_file import schema_text
 from fieldkit.documents.toml_file import read_toml
 from fieldkit.documents.toml_text import toml_text
+from fieldkit.documents.validation_sentence import validation_sentence
 from fieldkit.errors import SceneError
 from fieldkit.files import file_beside, write_atomic
 from fieldkit.scenes.description import SceneDescription
@@ -30,6 +31,10 @@ _REMEDY = "sim/README.md lists the keys of a scene file."
 _MISSING = "`fieldkit scene new` makes a scene file; `fieldkit scene show` lists those that come with fieldkit."
 _ADAPTER = TypeAdapter(SceneDescription)
 _KINDS = {"maize": "MaizeDescription", "mesh": "MeshPlantDescription"}
+_TEXTS = {
+    "unexpected_keyword_argument": "is not a key of this format", "extra_forbidden": "is not a key of this format",
+    "dataclass_type": "should be a table", "dataclass_exact_type": "should be a table",
+}  # fmt: skip
 
 
 def read_scene(path: Path) -> SceneDescription:
@@ -242,25 +247,13 @@ def _has_default(field: dataclasses.Field[Any], item: Any) -> bool:
 def _sentence(error: ValidationError, document: dict[str, Any]) -> str:
     """The first problem as ``key: what is wrong``, and how many more there are."""
     problems = [p for p in error.errors(include_url=False, include_context=False) if not _other_kind(p, document)]
-    first = problems[0]
     key = ""
-    for part in first["loc"]:
+    for part in problems[0]["loc"]:
         if isinstance(part, int):
             key += f" {part + 1}"
         elif part not in _KINDS.values():
             key += f".{part}" if key else str(part)
-    match first["type"]:
-        case "missing":
-            problem = "is missing"
-        case "unexpected_keyword_argument" | "extra_forbidden":
-            problem = "is not a key of this format"
-        case "dataclass_type" | "dataclass_exact_type":
-            problem = "should be a table"
-        case _:
-            problem = first["msg"].removeprefix("Value error, ")
-            problem = problem[:1].lower() + problem[1:]
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"{key or 'the scene'}: {problem}{more}"
+    return validation_sentence(key or "the scene", problems, _TEXTS)
 
 
 def _other_kind(problem: Any, document: dict[str, Any]) -> bool:

@@ -61,16 +61,16 @@ def mission_section(result: MissionResult, anchor: str, view: View | None) -> Se
         between = f"{format_length(min(heights))} to {format_length(max(heights))}"
         figures.append(KeyFigure("heights of photographs", between, "above home"))
     positions = site_frame(result.record).points(geo_points(stations)).tolist()
-    flown = list(enumerate(zip(stations, positions, strict=True), 1))
+    flown = [(number, *each) for number, each in enumerate(zip(stations, positions, strict=True), 1)]
     table = tabulated("Photographs in the order they are flown", flown, (
         (Column("photograph"), lambda row: f"{row[0]}"),
-        (Column("plot"), lambda row: row[1][0].plot),
-        (Column("station", True), lambda row: f"{row[1][0].station}"),
-        (Column("east of home, m", True), lambda row: metres(row[1][1][0])),
-        (Column("north of home, m", True), lambda row: metres(row[1][1][1])),
-        (Column("height above home, m", True), lambda row: metres(row[1][1][2])),
-        (Column("yaw, °", True), lambda row: decimal(row[1][0].yaw_deg % 360.0, 1)),
-        (Column("pitch, °", True), lambda row: decimal(row[1][0].pitch_deg, 1)),
+        (Column("plot"), lambda row: row[1].plot),
+        (Column("station", True), lambda row: f"{row[1].station}"),
+        (Column("east of home, m", True), lambda row: metres(row[2][0])),
+        (Column("north of home, m", True), lambda row: metres(row[2][1])),
+        (Column("height above home, m", True), lambda row: metres(row[2][2])),
+        (Column("yaw, °", True), lambda row: decimal(row[1].yaw_deg % 360.0, 1)),
+        (Column("pitch, °", True), lambda row: decimal(row[1].pitch_deg, 1)),
     ))  # fmt: skip
     blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *([view] if view is not None else []))
     blocks += (table,) if len(table.rows) <= 14 else (Details(f"All {len(stations)} photographs", (table,)),)

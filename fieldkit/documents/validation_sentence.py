@@ -1,0 +1,26 @@
+"""What pydantic found wrong with a document, as one sentence for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+
+def validation_sentence(key: str, problems: Sequence[ErrorDetails], texts: Mapping[str, str]) -> str:
+    """The first problem as "key: what is wrong", and how many more there are; without a key only what is wrong.
+
+    Args:
+        key: of the first problem, as a person finds it in the document.
+        problems: at least one.
+        texts: what is said of problems by pydantic's name of their type, where its own words are for programmers.
+    """
+    first = problems[0]
+    problem = {"missing": "is missing", **texts}.get(first["type"])
+    if problem is None:
+        problem = first["msg"].removeprefix("Value error, ")
+        problem = problem[:1].lower() + problem[1:]
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"{key}: {problem}{more}" if key else f"{problem}{more}"
