@@ -74,7 +74,7 @@ class Side:
     error: str = ""
     poses: Mapping[str, Pose] = field(default_factory=dict, repr=False)
 
-    def plain(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """The figures, without the poses."""
         figures = asdict(replace(self, poses={}))
         del figures["poses"]
@@ -107,7 +107,7 @@ def run_evaluation(data: Path | None, *, cache: StageCache, progress: Progress) 
         title="One evaluation of ten images",
         tables=(summary(results), stage_table(results)),
         notes=tuple(notes),
-        figures={name: {side.name: side.plain() for side in sides} for name, sides in results.items()},
+        figures={name: {side.name: side.as_dict() for side in sides} for name, sides in results.items()},
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
     )

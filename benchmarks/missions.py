@@ -141,14 +141,14 @@ def _uploads(options: MissionOptions, progress: Progress) -> StudyResult:
     with progress.stage(f"{options.uploads} broken links"):
         cut = cut_trials(options.uploads, options.seed, items=items, recording=logs["probe_items"], speed=_SPEED)
     figures["cut"] = asdict(cut)
-    told = ", ".join(f"{count} {name.lower()}" for name, count in sorted(cut.told.items()))
+    counts = ", ".join(f"{count} {name.lower()}" for name, count in sorted(cut.reported.items()))
     columns = (
         "loss each way>", "succeeded>", "identical>", "attempts>", "read-backs>", "packets>", "lost>", "seconds>",
     )  # fmt: skip
     cuts = ResultTable(
         "Links broken after a random packet, then mended",
         ("links>", "what was told of the vehicle", "told wrongly>", "whole after the repeat>"),
-        ((cut.count, told, cut.untrue, cut.whole),),
+        ((cut.count, counts, cut.untrue, cut.whole),),
     )
     return StudyResult(
         name="uploads",

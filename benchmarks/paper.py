@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.depth_images import depth_error
 from benchmarks.planner_runs import OF_A_KIND, Confirmed, Contender, Place, Ran, run_all
-from benchmarks.planner_transfer import Carried, carry
+from benchmarks.planner_transfer import Carried, carry, flown_over
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.suite import run_studies
 from fieldkit.cache import StageCache, digest
@@ -25,6 +25,7 @@ from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.settings import GivenPlot
+from fieldkit.planning.space.plots import Plot
 from fieldkit.present.pictures.curves import draw_bands, png
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.generator import new_scene
@@ -364,14 +365,16 @@ def _flights(options: PaperOptions, progress: Progress) -> StudyResult:
     whole = 0
     for seed in options.flown:
         place = _new_plot(seed, options.runs)
-        source = SimulatedSource.from_description(read_scene(place.path)).with_noise(noise)
+        description = read_scene(place.path)
+        source = SimulatedSource.from_description(description).with_noise(noise)
+        cameras = flown_over(plan, Plot.of(description)[0])
         objective = Objective(source, ObjectiveSettings("draft", _MAPPING, refine=True))
         found = []
         with (
             progress.stage(f"{place.name}: flights", flights) as advance,
             ProcessExecutor(objective, workers=options.workers) as pool,
         ):
-            for evaluation in pool.run(Job(plan.cameras, draw) for draw in range(flights)):
+            for evaluation in pool.run(Job(cameras, draw) for draw in range(flights)):
                 found.append(evaluation.right)
                 advance(1)
         source.close()

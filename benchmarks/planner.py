@@ -178,7 +178,7 @@ def _transfer(options: PlannerOptions, progress: Progress) -> StudyResult:
 
 
 def _surrogate(options: PlannerOptions, progress: Progress) -> StudyResult:
-    from benchmarks.planner_surrogate import foretell_all, surrogate_table  # brings PyTorch along
+    from benchmarks.planner_surrogate import prediction_errors_of_all, surrogate_table  # brings PyTorch along
 
     wall, cpu = time.perf_counter(), time.process_time()
     found = {}
@@ -191,7 +191,7 @@ def _surrogate(options: PlannerOptions, progress: Progress) -> StudyResult:
             problem = set_up_run(read_settings(folder), folder, cache=options.cache, progress=progress).problem
             results = [entry.result for entry in searched(read_log(folder))]
             with progress.stage(f"Models of {folder.name}"):
-                found[folder.name] = foretell_all(problem, results)
+                found[folder.name] = prediction_errors_of_all(problem, results)
     return StudyResult(
         name="surrogate",
         title="Models in the field method's place",

@@ -23,8 +23,8 @@ from fieldkit.planning.run.request import KIND_CONFIRMED, KIND_METHOD, RECORDED_
 from fieldkit.planning.run.run_setup import describe_sources
 from fieldkit.planning.settings import GivenPlot, NoiseSettings, SearchSettings, lag_for
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.results.plan import PlanSource
-from fieldkit.results.plan_file import PLAN_FILE
+from fieldkit.results.plan import Plan, PlanSource
+from fieldkit.results.plan_file import PLAN_FILE, load_plan
 from fieldkit.runtime.progress import Progress
 
 
@@ -89,6 +89,7 @@ class Ran:
     Attributes:
         method, seed: of it.
         outcome: its finalists by confirmations.
+        plan: as written.
         cameras: of the plan.
         views: names of the plan's photographs, for a recorded set.
         best_m: the best so far after each evaluation of the search; None before the first measured one. Empty without a
@@ -100,6 +101,7 @@ class Ran:
     method: str
     seed: int
     outcome: Outcome
+    plan: Plan
     cameras: Cameras
     views: tuple[str, ...]
     best_m: tuple[float | None, ...]
@@ -198,7 +200,7 @@ def run_all(
             outcome = _outcome(output, settings, workers, cache, progress, shared)
         entries = read_log(output)
         shared += entries
-        found.append(_ran(settings, outcome, entries))
+        found.append(_ran(settings, outcome, load_plan(output / PLAN_FILE), entries))
     return found
 
 
@@ -245,13 +247,13 @@ def _outcome(
     return resume_plan(output, settings, cache=cache, workers=workers, progress=progress, known=known)
 
 
-def _ran(settings: SearchSettings, outcome: Outcome, entries: Sequence[LogEntry]) -> Ran:
+def _ran(settings: SearchSettings, outcome: Outcome, plan: Plan, entries: Sequence[LogEntry]) -> Ran:
     confirmed_m(outcome.chamfer_m)
-    plan = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
+    confirmations = [e for e in entries if e.stage == "confirmation" and e.number == outcome.finalists[0].number]
     return Ran(
-        name_of(settings), settings.seed, outcome, plan[0].trial.cameras, plan[0].views,
-        tuple(best_so_far(searched(entries))), mean_of(plan, "right"), mean_of(plan, "accuracy_m"),
-        mean_of(plan, "completeness_m"),
+        name_of(settings), settings.seed, outcome, plan, confirmations[0].trial.cameras, confirmations[0].views,
+        tuple(best_so_far(searched(entries))), mean_of(confirmations, "right"),
+        mean_of(confirmations, "accuracy_m"), mean_of(confirmations, "completeness_m"),
     )  # fmt: skip
 
 

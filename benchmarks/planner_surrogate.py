@@ -25,7 +25,7 @@ Fit = Callable[[Sequence[Result], Sequence[Result]], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
-class Foretold:
+class PredictionErrors:
     """A model's predictions of the next trials of a run, means over its stages.
 
     Attributes:
@@ -56,7 +56,7 @@ def variants(problem: PlanningProblem) -> dict[str, Fit]:
     }
 
 
-def foretell(results: Sequence[Result], fit: Fit) -> Foretold:
+def prediction_errors(results: Sequence[Result], fit: Fit) -> PredictionErrors:
     """Learn from the first 20, 28, 36 … results of a run and predict the next 12.
 
     Args:
@@ -73,15 +73,15 @@ def foretell(results: Sequence[Result], fit: Fit) -> Foretold:
         rank = float(spearmanr(mean, [-result.value_m for result in ahead]).statistic)
         found.append((float(np.sqrt((off**2).mean())), rank, float(density.mean())))
     rmse, rank, density = np.nanmean(np.array(found), axis=0)
-    return Foretold(float(rmse), float(rank), float(density))
+    return PredictionErrors(float(rmse), float(rank), float(density))
 
 
-def foretell_all(problem: PlanningProblem, results: Sequence[Result]) -> dict[str, Foretold]:
-    """The figures of every model on one run; see `foretell`."""
-    return {name: foretell(results, fit) for name, fit in variants(problem).items()}
+def prediction_errors_of_all(problem: PlanningProblem, results: Sequence[Result]) -> dict[str, PredictionErrors]:
+    """The figures of every model on one run; see `prediction_errors`."""
+    return {name: prediction_errors(results, fit) for name, fit in variants(problem).items()}
 
 
-def surrogate_table(found: Mapping[str, Mapping[str, Foretold]]) -> ResultTable:
+def surrogate_table(found: Mapping[str, Mapping[str, PredictionErrors]]) -> ResultTable:
     """A row per model, averaged over runs.
 
     Args:

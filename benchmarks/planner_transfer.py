@@ -11,18 +11,21 @@ import numpy as np
 from benchmarks.planner_runs import Place, Ran, confirmed_m, figures, mean_of
 from benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
+from fieldkit.missions.plan_site.fitted import fitted_to_height
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.problem import Trial
 from fieldkit.planning.run.executor import ProcessExecutor
 from fieldkit.planning.run.folder import SETTINGS_FILE, create_run, open_run
-from fieldkit.planning.run.loop import Finalist, evaluate_again, nobody
+from fieldkit.planning.run.loop import Finalist, evaluate_again, no_watch
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.progress import Progress
 
 _METHOD = "given"
 """Stands for the method in search.json of such a folder."""
+_MEASURED_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,7 @@ def carry(
     plans: Sequence[Ran], origin: str, place: Place, folder: Path, *, cameras: int, mapping: MappingName,
     fidelity: FidelityName, repeats: int, workers: int, cache: StageCache, progress: Progress,
 ) -> list[Carried]:  # fmt: skip
-    """Plans evaluated at ``fine`` on another plot, without optimisation.
+    """Plans evaluated at ``fine`` on another plot, without optimisation, flown as `flown_over` says.
 
     Infeasible cameras, such as those among taller plants, are moved as little as needed. Evaluations are kept in a run
     folder and not repeated.
@@ -75,13 +78,22 @@ def carry(
         setup = set_up_run(settings, run.path, cache=cache, progress=progress, workers=workers)
         trials, moved = [], {}
         for number, plan in enumerate(plans):
-            there = setup.problem.nearest(plan.cameras)
-            moved[number] = float(np.linalg.norm(there.positions - plan.cameras.positions, axis=1).max())
+            flown = flown_over(plan, setup.problem.plots[0])
+            there = setup.problem.nearest(flown)
+            moved[number] = float(np.linalg.norm(there.positions - flown.positions, axis=1).max())
             trials.append(Trial(number, there, f"{plan.method}-{plan.seed}"))
         with ProcessExecutor(setup.objective, workers=workers) as executor:
-            found = evaluate_again(executor, run, trials, watch=nobody)
+            found = evaluate_again(executor, run, trials, watch=no_watch)
     by_number = {each.trial.number: each for each in found}
     return [_carried(plan, by_number[number], moved[number]) for number, plan in enumerate(plans)]
+
+
+def flown_over(ran: Ran, plot: Plot) -> Cameras:
+    """A plan's cameras over a plot: one for a kind is fitted to the plants' height, measured to 5 cm."""
+    if ran.plan.plant_height_m is None:
+        return ran.cameras
+    flown = fitted_to_height(ran.plan, _MEASURED_M * round(plot.height_m / _MEASURED_M))
+    return Cameras.from_poses(station.pose for station in flown.stations)
 
 
 def _carried(ran: Ran, found: Finalist, moved_m: float) -> Carried:

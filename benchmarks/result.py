@@ -74,7 +74,7 @@ class StudyResult:
             parts.append("\n".join(f"- {note}" for note in self.notes) + "\n")
         return "\n".join(parts)
 
-    def plain(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """Everything but the pictures' bytes, as JSON takes it."""
         found = asdict(self)
         found["pictures"] = sorted(self.pictures)

@@ -77,7 +77,7 @@ def report(results: Sequence[StudyResult]) -> dict[str, Any]:
             "python": platform.python_version(),
         },
         "libraries": {name: found for name in _LIBRARIES if (found := _version(name)) is not None},
-        "studies": {result.name: result.plain() for result in results},
+        "studies": {result.name: result.as_dict() for result in results},
     }
 
 

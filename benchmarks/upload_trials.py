@@ -112,7 +112,7 @@ class CutTrials:
         count: links that broke.
         unheard: that broke before the vehicle was heard; nothing was sent.
         completed: links that broke after the upload had ended well.
-        told: reported states of the vehicle, by the names of `Held`.
+        reported: states reported of the vehicle, by the names of `Held`.
         untrue: reports that were wrong.
         whole: repeated uploads after which the vehicle held the whole new mission.
         failures: messages of the repeated uploads that failed.
@@ -121,7 +121,7 @@ class CutTrials:
     count: int
     unheard: int
     completed: int
-    told: dict[str, int]
+    reported: dict[str, int]
     untrue: int
     whole: int
     failures: tuple[str, ...]
@@ -144,7 +144,7 @@ def cut_trials(
     generator = random.Random(seed)
     old = tuple(items[: max(1, len(items) // 2)])
     new = tuple(stored(item) for item in to_wire(items))
-    told: dict[str, int] = {}
+    reported: dict[str, int] = {}
     unheard = completed = untrue = whole = 0
     failures = []
     hasty = Patience(reply_s=0.01, attempts=1, downloads=1, connect_s=2.0)
@@ -168,7 +168,7 @@ def cut_trials(
             else:
                 completed += 1
                 held = Held.WHOLE
-            told[held.name] = told.get(held.name, 0) + 1
+            reported[held.name] = reported.get(held.name, 0) + 1
             now = vehicle.autopilot.items[1:]
             true = {Held.UNTOUCHED: before, Held.CLEARED: (), Held.WHOLE: new}
             untrue += held in true and now != true[held]
@@ -180,4 +180,4 @@ def cut_trials(
                 failures.append(str(error))
             else:
                 whole += vehicle.autopilot.items[1:] == new
-    return CutTrials(count, unheard, completed, told, untrue, whole, tuple(failures))
+    return CutTrials(count, unheard, completed, reported, untrue, whole, tuple(failures))

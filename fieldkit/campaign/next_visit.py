@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from fieldkit.errors import MissionError, UsageError
 from fieldkit.evaluation.reference import CLOUD_FILE
 from fieldkit.files import atomic_folder
 from fieldkit.missions.export_mission import ExportedMission, export_mission
+from fieldkit.missions.plan_site.fitted import fitted_to_height
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.planning.methods.geometric import Effort, optimise
@@ -95,8 +97,9 @@ def next_plans(
             remedy="Make it again with fieldkit plan.",
         )  # fmt: skip
     known = [_cloud_of(campaign, plot.id) for plot in campaign.plots]
-    make = partial(_next_plan, campaign.plan, vehicle, growth, seed)
-    items = [(plot.id, *found) for plot, found in zip(campaign.plots, known, strict=True)]
+    make = partial(_next_plan, vehicle, growth, seed)
+    items = [(campaign.carried_plan(plot.id), plot.id, *found)
+             for plot, found in zip(campaign.plots, known, strict=True)]  # fmt: skip
     with progress.stage("Planning the next visit", len(items)) as advance:
         return tuple(map_parallel(make, items, workers=workers, advance=advance))
 
@@ -123,9 +126,9 @@ def _cloud_of(campaign: Campaign, plot: str) -> tuple[str | None, Path | None]:
 
 
 def _next_plan(
-    plan: Plan, vehicle: Vehicle | None, growth: float, seed: int, item: tuple[str, str | None, Path | None]
+    vehicle: Vehicle | None, growth: float, seed: int, item: tuple[Plan, str, str | None, Path | None]
 ) -> NextPlan:
-    plot, date, file = item
+    plan, plot, date, file = item
     if file is None:
         return NextPlan(plot, plan)
     begun = time.perf_counter()
@@ -148,8 +151,11 @@ def plan_for_plants(
         seed: of the optima.
 
     Returns:
-        The plan, and what the score expects of the carried one there, metres.
+        The plan, and what the score expects there of the carried one, metres; fitted to the plants' height if it is
+        made for that.
     """
+    with suppress(MissionError):  # too different: searched for from where the plan's cameras are
+        plan = fitted_to_height(plan, float(plants.points[:, 2].max()))
     problem = _problem(plan, vehicle, plants)
     weights = WEIGHTS if plan.method is None or plan.method.weights is None else plan.method.weights
     cost_model = CostModel(problem)
@@ -169,6 +175,8 @@ def plan_for_plants(
             "stations": plan_from_poses(best.poses()).stations,
             "envelope": plan_envelope(problem.envelope),
             "plants": plants_of(problem),
+            "plant_height_m": None,
+            "fit": None,
             "source": PlanSource(kind="captures", name=name),
             "method": method,
         }

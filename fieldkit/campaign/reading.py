@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,13 +15,14 @@ from fieldkit.campaign.campaign_file import (
 from fieldkit.campaign.folder_names import folder_name
 from fieldkit.campaign.visit_folders import read_visits
 from fieldkit.documents.versioned_toml import read_versioned
-from fieldkit.errors import MetadataError, UsageError
+from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.files import file_beside
+from fieldkit.missions.plan_site.fitted import flown_plans
 from fieldkit.missions.plan_site.geojson import read_features
 from fieldkit.missions.plan_site.site import Site, SitePlot
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.results.evaluation import PlotEvaluation
-from fieldkit.results.plan import Plan
+from fieldkit.results.plan import Plan, plan_on
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_evaluation_report
 from fieldkit.results.visit import Visit
@@ -98,9 +100,17 @@ class Campaign:
             raise KeyError(id_)
         return found
 
+    def carried_plan(self, plot: str) -> Plan:
+        """The campaign's plan as it is flown over a plot: fitted to it, if the plan is made for that."""
+        known = [each for each in self.site.plots if each.name == plot]
+        with suppress(MissionError):  # too different a plot: nothing was exported for it
+            plans = flown_plans(self.plan, known)
+            return plan_on(plans, plot) if known else self.plan
+        return self.plan
+
     def plan_of(self, plot: str, date: str) -> Plan:
         """That a visit flew: the plot's newest from `fieldkit campaign plan` for that date or an earlier one, else the
-        campaign's.
+        campaign's, `carried_plan`.
 
         Raises:
             MetadataError: it is damaged.
@@ -109,7 +119,7 @@ class Campaign:
         made = sorted(each.name for each in folder.iterdir() if each.name <= date) if folder.is_dir() else []
         files = (folder / each / plan_file_name(plot) for each in reversed(made))
         file = next((file for file in files if file.is_file()), None)
-        return self.plan if file is None else load_plan(file)
+        return self.carried_plan(plot) if file is None else load_plan(file)
 
     @property
     def dates(self) -> tuple[str, ...]:

@@ -28,8 +28,8 @@ def command(
         Path | None, Option("--site", help="Site file: check legs against its fence, zones and obstacles.")
     ] = None,
     fit: Annotated[
-        bool, Option("--fit", help="The mission was exported with --fit: compare with the fitted stations.")
-    ] = False,
+        bool | None, Option("--fit/--no-fit", help="As at the export: compare with the stations fitted to each plot.")
+    ] = None,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -121,22 +121,19 @@ def _show(report: Report, file: Path) -> None:
 
 
 def _from_site(
-    plan: Path | None, site: Path | None, vehicle: Vehicle, fit: bool
+    plan: Path | None, site: Path | None, vehicle: Vehicle, fit: bool | None
 ) -> tuple[tuple[Shot, ...], list[float], Obstacles | None, Home | None]:
     """The plan's photographs, the ground's height below each, what legs keep clear of, and home."""
     if site is None:
         return (), [], None, None
-    from fieldkit.missions.plan_site.fitted import fitted_to
+    from fieldkit.missions.plan_site.fitted import flown_plans
     from fieldkit.missions.plan_site.placement import grounds_m, home_of, place
     from fieldkit.missions.plan_site.site_file import load_site
     from fieldkit.missions.plan_site.site_obstacles import site_obstacles
-    from fieldkit.results.plan import Plan, Plans
     from fieldkit.results.plan_file import load_plan
 
     where = load_site(site)
-    plans: Plans | None = None if plan is None else load_plan(plan)
-    if fit and isinstance(plans, Plan):
-        plans = fitted_to(plans, where.plots)
+    plans = None if plan is None else flown_plans(load_plan(plan), where.plots, fit)
     shots = () if plans is None else place(plans, where)
     grounds = grounds_m(where, shots).tolist()
     return shots, grounds, site_obstacles(where, vehicle.clearance_m, plans), home_of(where)

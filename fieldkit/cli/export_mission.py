@@ -45,8 +45,13 @@ def command(
         Path | None, Option("--plots", help="GeoJSON of plots, in place of those of the site file.")
     ] = None,
     fit: Annotated[
-        bool, Option("--fit", help="Fit the plan to each plot's plant height and size, as the site gives them.")
-    ] = False,
+        bool | None,
+        Option(
+            "--fit/--no-fit",
+            help="Fit the plan to each plot's plant height and size, as the site gives them. Without: a plan for "
+            "plots of a kind is fitted to the height.",
+        ),
+    ] = None,
     adjust: AdjustOption = False,
     no_picture: Annotated[bool, Option("--no-picture", help="Do not draw the flights.")] = False,
     seed: SeedOption = 0,

@@ -21,6 +21,7 @@ from fieldkit.demo.plots import (
     build,
     dense_shooting,
     evaluate,
+    measured_height_m,
     photograph,
     scene_path,
 )
@@ -28,6 +29,7 @@ from fieldkit.evaluation.reference import CLOUD_FILE, Reference
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
+from fieldkit.missions.plan_site.fitted import fitted_to_height
 from fieldkit.missions.plan_site.vehicle_file import missions_folder
 from fieldkit.planning.methods.circle import expected_circle
 from fieldkit.planning.run.outcome import Outcome
@@ -37,7 +39,7 @@ from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.present.report import REPORT_FILE, write_report
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.plan import Plan
-from fieldkit.results.plan_file import load_plan
+from fieldkit.results.plan_file import load_plan, plan_from_poses
 from fieldkit.runtime.parallel import map_parallel
 from fieldkit.runtime.progress import Progress, Silent
 
@@ -199,12 +201,20 @@ def _captures_and_scores(
     progress: Progress, workers: int,
 ) -> dict[str, EvaluationReport]:  # fmt: skip
     camera = None if plan.camera is None else plan.camera.intrinsics
-    poses = {PLANNED: [station.pose for station in plan.stations], CIRCLE: circle}
+    carried = {PLANNED: plan, CIRCLE: plan.model_copy(update={"stations": plan_from_poses(circle).stations})}
     plots = (SEEN, UNSEEN)
+    heights = {plot: measured_height_m(plot) for plot in plots}
     shootings = [
-        Shooting(plot, folder / "captures" / plot / name, stations, camera, flight.pose_noise, seed * 1000 + 10 + k)
+        Shooting(
+            plot,
+            folder / "captures" / plot / name,
+            [station.pose for station in fitted_to_height(stated, heights[plot]).stations],
+            camera,
+            flight.pose_noise,
+            seed * 1000 + 10 + k,
+        )
         for k, plot in enumerate(plots)
-        for name, stations in poses.items()
+        for name, stated in carried.items()
     ]
     scorings = [
         Scoring(folder / "captures" / plot, reference_folder(folder, plot), folder / f"evaluation-{plot}", seed, cache)

@@ -10,6 +10,7 @@ from fieldkit.cache import StageCache
 from fieldkit.evaluation.evaluate import evaluate_captures
 from fieldkit.evaluation.reference import build_reference
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -28,6 +29,7 @@ judge.
 """
 DENSE_NOISE = (0.005, 0.5)
 """Of poses, metres and degrees: a dense capture is flown slowly."""
+_MEASURED_M = 0.05
 # The photographs are small and their poses well known: half the features and neighbours are enough.
 _SETTINGS = ReconstructionSettings(
     features=FeatureSettings(max_features=2048), prior=PriorMappingSettings(max_neighbours=12)
@@ -37,6 +39,12 @@ _SETTINGS = ReconstructionSettings(
 def scene_path(plot: str) -> Path:
     """The scene file of a plot."""
     return scenes_folder() / f"{SCENES[plot]}.toml"
+
+
+def measured_height_m(plot: str) -> float:
+    """The plants' height as a person measures it before a flight, to 5 cm."""
+    known, _ = Plot.of(read_scene(scene_path(plot)))
+    return _MEASURED_M * round(known.height_m / _MEASURED_M)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fieldkit.geometry import Pose
 from fieldkit.missions.mission import Fence, GeoPoint, Mission, Shot, Via
 from fieldkit.missions.plan_site.fit import FitFinding, fit_site, require_fit
-from fieldkit.missions.plan_site.fitted import fitted_to
+from fieldkit.missions.plan_site.fitted import flown_plans
 from fieldkit.missions.plan_site.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
 from fieldkit.missions.plan_site.plot_plants import facts_of, plants_on
 from fieldkit.missions.plan_site.reach import Unreachable, adjusted, require_reachable
@@ -91,11 +91,11 @@ class Routed:
 
 
 def route_plan(
-    plan: Plans, vehicle: Vehicle, site: Site, *, fit: bool = False, adjust: bool = False, seed: int = 0
+    plan: Plans, vehicle: Vehicle, site: Site, *, fit: bool | None = None, adjust: bool = False, seed: int = 0
 ) -> Routed:
     """Put a plan on every plot of a site and find the flights over it.
 
-    The photographs' poses are the plan's, exactly, or with ``fit`` those of `fitted`; only with ``adjust`` are those
+    The photographs' poses are those of `flown_plans`, exactly; only with ``adjust`` are those
     that the vehicle cannot take replaced by the nearest that it can. Flights keep the vehicle's clearance to the plan's
     plants on every leg.
 
@@ -103,7 +103,7 @@ def route_plan(
         plan: stations in the plot frame; for all plots, or each plot's own by name.
         vehicle: flies it.
         site: home, plots, fence, zones, obstacles.
-        fit: fit the plan to each plot's plants and size.
+        fit: see `flown_plans`.
         adjust: fly the nearest poses where the plan's cannot be taken.
         seed: of the search for the order of many plots.
 
@@ -113,7 +113,7 @@ def route_plan(
             are named.
         MetadataError: the height of a plot cannot be connected with home's.
     """
-    plans = fitted_to(plan, site.plots) if fit and isinstance(plan, Plan) else plan
+    plans = flown_plans(plan, site.plots, fit)
     shots = place(plans, site)
     findings = require_fit(fit_site(plans, site, vehicle.clearance_m))
     moved: tuple[Unreachable, ...] = ()

@@ -52,7 +52,7 @@ def export_mission(
     *,
     format: str = "plan",  # noqa: A002
     plots: Path | None = None,
-    fit: bool = False,
+    fit: bool | None = None,
     adjust: bool = False,
     route: bool = True,
     picture: bool = True,
@@ -72,8 +72,8 @@ def export_mission(
         output: the mission file; its suffix may be left out.
         format: "plan", "waypoints", "wpml", "litchi" or "kml".
         plots: GeoJSON of plots that takes the place of the site's own.
-        fit: fit the plan to each plot's plants and size, and write the plans that are flown, MISSION-PLOT.json: what
-            `evaluate --plan` and `check` have to be given.
+        fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written as MISSION-PLOT.json:
+            `evaluate --plan` and `check` have to be given these.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
         route: write each flight's route as GeoJSON beside it.
         picture: draw all flights from above and from the side.

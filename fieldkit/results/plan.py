@@ -129,6 +129,9 @@ class Plan(Strict):
     """Compass heading of the plot frame's x axis."""
     envelope: PlanEnvelope | None = None
     plants: PlanPlants | None = None
+    plant_height_m: Annotated[float, Field(gt=0)] | None = None
+    """Height of plants that the stations are stated for: they are fitted to each plot's. Null where they hold as they
+    are."""
     source: PlanSource | None = None
     method: PlanMethod | None = None
     fit: PlanFit | None = None

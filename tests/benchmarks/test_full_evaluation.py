@@ -47,7 +47,7 @@ def test_both_sides_reach_a_score(few: Case) -> None:
     assert first.refined_f_score is not None
     assert first.refined_f_score > 0.8
     assert sum(first.stages.values()) == pytest.approx(first.cpu_s, rel=0.1)
-    assert "poses" not in first.plain()
+    assert "poses" not in first.as_dict()
     assert alone.stages["Features"] > 0
     assert alone.right <= alone.registered <= 10
     assert (alone.f_score is None) == bool(alone.error) == bool(lent)

@@ -13,7 +13,7 @@ from benchmarks.planner_ablation import StandIn, ablation_table, search
 from benchmarks.planner_ablation import variants as variants_of_search
 from benchmarks.planner_rehearsed import situations
 from benchmarks.planner_runs import Contender, Place, Ran, _purpose, run_all
-from benchmarks.planner_surrogate import foretell, surrogate_table, variants
+from benchmarks.planner_surrogate import prediction_errors, surrogate_table, variants
 from benchmarks.planner_transfer import Carried, transfer_table
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
@@ -27,6 +27,7 @@ from fieldkit.planning.run.outcome import FinalistReport, Outcome
 from fieldkit.planning.run.request import RECORDED_CONFIRMED
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.plan import PlanSource
+from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.progress import Silent
 from tests.cli.test_scene_commands import TINY
 from tests.planning.bowl import bowl_problem
@@ -40,7 +41,9 @@ def ran(method: str, seed: int, best_mm: list[float | None], value_mm: float) ->
         stopped="evaluations", finalists=(finalist,),
     )  # fmt: skip
     best = tuple(None if value is None else value / 1000 for value in best_mm)
-    return Ran(method, seed, outcome, bowl_problem().sample(0), (), best, 10.0, value_mm / 2000, value_mm / 2000)
+    cameras = bowl_problem().sample(0)
+    plan = plan_from_poses(cameras.poses())
+    return Ran(method, seed, outcome, plan, cameras, (), best, 10.0, value_mm / 2000, value_mm / 2000)
 
 
 def test_methods_are_compared_with_the_best_baseline_and_with_bosfms_end() -> None:
@@ -124,7 +127,7 @@ def test_models_that_know_foretell_better() -> None:
     ]
     shuffled = [Result(r.trial, results[int(k)].value_m) for r, k in zip(results, rng.permutation(36), strict=True)]
     model = variants(problem)["no geometric score"]  # for these values have nothing to do with the score
-    true, false = foretell(results, model), foretell(shuffled, model)
+    true, false = prediction_errors(results, model), prediction_errors(shuffled, model)
     assert true.rank > 0.45 > false.rank
     assert true.rmse < 0.9 * false.rmse
     assert true.density > false.density

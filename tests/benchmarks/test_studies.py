@@ -58,8 +58,8 @@ class TestResult:
 
     def test_plain_is_json(self) -> None:
         result = StudyResult("n", "t", figures={"x": np.float64(1.5)}, pictures={"a.png": b"123"})
-        assert json.loads(json.dumps(result.plain()))["figures"] == {"x": 1.5}
-        assert result.plain()["pictures"] == ["a.png"]
+        assert json.loads(json.dumps(result.as_dict()))["figures"] == {"x": 1.5}
+        assert result.as_dict()["pictures"] == ["a.png"]
 
     def test_a_skipped_study_says_why(self) -> None:
         assert "Not measured: no data" in StudyResult("n", "t", skipped="no data").markdown()

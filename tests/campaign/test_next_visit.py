@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from fieldkit.errors import UsageError
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.planning.methods.geometric import Effort
-from fieldkit.results.plan import PlanEnvelope
+from fieldkit.results.plan import Plan, PlanEnvelope
 from fieldkit.runtime.progress import Silent
 from tests.campaign.examples import PLAN, campaign_folder, field
 from tests.evaluation.test_compare import evaluation_folder
@@ -42,9 +43,9 @@ def row() -> Cloud:
     return make_row().cloud
 
 
-def season(tmp_path: Path, visited: Sequence[str] = ("r1c1", "r1c2")) -> Campaign:
+def season(tmp_path: Path, visited: Sequence[str] = ("r1c1", "r1c2"), plan: Plan = PLAN) -> Campaign:
     """Three plots; those named have a visit with a cloud, and a later one that came to nothing."""
-    folder = campaign_folder(tmp_path, FIELD, PLAN.model_copy(update={"envelope": ENVELOPE}))
+    folder = campaign_folder(tmp_path, FIELD, plan.model_copy(update={"envelope": ENVELOPE}))
     site = folder / "site.toml"
     site.write_text(site.read_text().replace("latitude_deg = 52.296\n", "latitude_deg = 52.2957\n"))  # beside the plots
     for plot in visited:
@@ -104,6 +105,25 @@ def test_visits_are_compared_with_the_plan_that_was_made_for_them(tmp_path: Path
     assert len(mission.items) > 3 * len(PLAN.stations)
     with pytest.raises(UsageError, match="exists already"):
         plan_next_visit(found, "2026-07-02", tmp_path / "b.plan", vehicle="ardupilot-pitch", progress=Silent())
+
+
+def test_a_plan_for_a_kind_is_fitted_to_each_plots_plants(tmp_path: Path) -> None:
+    """A visit is compared with the stations that were flown, and the next one is planned from them."""
+    assert PLAN.plants is not None
+    height_m = max(z for _, _, z in PLAN.plants.points_m)
+    found = season(tmp_path, ("r1c1",), PLAN.model_copy(update={"plant_height_m": height_m}))
+    sites = tuple(
+        plot.model_copy(update={"plant_height_m": 1.2 * height_m if plot.name == "r1c3" else None})
+        for plot in found.site.plots
+    )
+    found = replace(found, site=found.site.model_copy(update={"plots": sites}))
+    assert found.plan_of("r1c1", DATES[0]) is found.plan
+    flown = found.plan_of("r1c3", DATES[0])
+    assert flown.fit is not None
+    assert flown.fit.height == pytest.approx(1.2)
+    plans = {each.plot: each.plan for each in next_plans(found, None, growth=1.2, progress=Silent())}
+    assert plans["r1c3"] == flown
+    assert plans["r1c1"].plant_height_m is None  # for these plants: not to be fitted once more
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -130,6 +130,13 @@ def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") ->
 def _plants(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[FitFinding]:
     height, top, plants = plot.plant_height_m, facts.top_m, plants_on(facts, plot)
     if height is None:
+        if facts.plan.plant_height_m is not None:
+            yield FitFinding(
+                plot.name, "plant-height-unknown", "note",
+                "the site does not say how high its plants are, so the plan is flown as for plants of "
+                f"{facts.plan.plant_height_m:.2f} m",
+                "Measure them and give plant_height_m: the plan is then fitted to it.",
+            )  # fmt: skip
         return
     if top is None or plants is None:
         yield FitFinding(

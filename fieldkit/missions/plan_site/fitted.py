@@ -1,13 +1,7 @@
-"""A plan fitted to another plot: its distances relative to the plants' height and to the plot's size.
-
-A plan's cameras see plants of one height. Flown as it is over plants a third higher, the geometric score expects up to
-84 % more error; with its stations moved out and up by as much as the plants have grown it is worth what it was
-(docs/vehicles-and-sites.md).
-"""
+"""A plan fitted to another plot: its distances relative to the plants' height and to the plot's size."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,13 +10,14 @@ from numpy.typing import NDArray
 from fieldkit.errors import MissionError
 from fieldkit.missions.plan_site.plot_plants import BESIDE_M, PlanFacts
 from fieldkit.missions.plan_site.site import SitePlot
-from fieldkit.results.plan import Plan, PlanFit, PlanPlants, Station
+from fieldkit.missions.plan_site.stretch import Stretch
+from fieldkit.results.plan import Plan, PlanEnvelope, PlanFit, PlanPlants, Plans, Station
 
 SMALLEST, LARGEST = 0.5, 2.0
 """Factors of height and size between which a plan is still the same plan."""
-_SAME = 0.05
-"""Share by which plants may differ in height and still be the plan's."""
-_NEAREST_AIM_M = 0.2
+_SAME, _SAME_M = 0.05, 0.05
+"""Share and length by which plants may differ in height and still be the plan's."""
+_NO_SIZE = {"length_m": None, "width_m": None}
 
 Array = NDArray[np.float64]
 
@@ -32,10 +27,8 @@ def fitted(plan: Plan, plot: SitePlot) -> Plan:
 
     Along each axis the box about the plan's plants is stretched to the plot's: upwards to ``plant_height_m``, along and
     across the row to ``length_m`` and ``width_m`` where these are beyond the plan's plants or short of them by more
-    than 0.25 m. A station keeps to the stretched box as it kept to the plan's; its distance from the box goes with the
-    plants' height, but is never less than the plan's clearance, where it was more. It looks at the stretched place of
-    what it looked at. Heights and pitches stay within the plan's envelope. A plan that was fitted to a plot is not
-    changed by fitting it again.
+    than 0.25 m. `Stretch` says how stations are moved. Heights and pitches stay within the plan's envelope. A plan that
+    was fitted to a plot is not changed by fitting it again.
 
     Args:
         plan: with plants, in the plot frame.
@@ -62,20 +55,52 @@ def fitted(plan: Plan, plot: SitePlot) -> Plan:
         raise MissionError(
             f"{plot.name} is too different from the plot of the plan: its plants' length, width and height are "
             f"{scale[0]:.2f}, {scale[1]:.2f} and {scale[2]:.2f} times the plan's",
-            remedy="Plan again on a plot like it.",
+            remedy="Plan again on a plot like it; --no-fit flies the plan as it is.",
         )
-    low, high = np.append(facts.box[0], 0.0), np.append(facts.box[1], facts.top_m)
-    stations = tuple(_moved(station, plan, low, high, scale) for station in plan.stations)
+    limits = plan.envelope or PlanEnvelope()
+    stretch = Stretch(
+        np.append(facts.box[0], 0.0), np.append(facts.box[1], _height_m(facts)), scale, limits.plant_distance_m or 0.0,
+        None if limits.lower_m is None else limits.lower_m[2], limits.pitch_deg,
+    )  # fmt: skip
     points = tuple((float(x), float(y), float(z)) for x, y, z in facts.points * scale)
     cell_m = plan.plants.cell_m * float(scale.max())
     length, width, height = (float(factor) for factor in scale)
     return plan.model_copy(
         update={
-            "stations": stations,
+            "stations": _stations(plan, stretch),
+            "plant_height_m": None if plan.plant_height_m is None else plan.plant_height_m * height,
             "plants": PlanPlants(points_m=points, cell_m=cell_m),
             "fit": PlanFit(plot=plot.name, length=length, width=width, height=height),
         }
     )
+
+
+def fitted_to_height(plan: Plan, plant_height_m: float) -> Plan:
+    """The plan for plants of a height; itself if its stations are not stated for one. Raises MissionError."""
+    if plan.plant_height_m is None:
+        return plan
+    name = f"plants of {plant_height_m:.2f} m"
+    return fitted(plan, SitePlot(name=name, latitude_deg=0.0, longitude_deg=0.0, plant_height_m=plant_height_m))
+
+
+def flown_plans(plan: Plans, plots: Sequence[SitePlot], fit: bool | None = None) -> Plans:
+    """The plans that are flown over plots.
+
+    Args:
+        plan: for all plots, or each plot's own by name, which is flown as it is.
+        plots: of the site.
+        fit: whether to fit the plan to each plot's plant height and size; None fits a plan whose stations are stated
+            for plants of a height, to the height only.
+
+    Raises:
+        MissionError: as `fitted`.
+    """
+    if not isinstance(plan, Plan):
+        return plan
+    if fit is None:
+        stated = plan.plant_height_m is not None
+        return fitted_to(plan, [plot.model_copy(update=_NO_SIZE) for plot in plots]) if stated else plan
+    return fitted_to(plan, plots) if fit else plan
 
 
 def fitted_to(plan: Plan, plots: Sequence[SitePlot]) -> dict[str, Plan]:
@@ -90,13 +115,20 @@ def fitted_to(plan: Plan, plots: Sequence[SitePlot]) -> dict[str, Plan]:
     return found
 
 
+def _height_m(facts: PlanFacts) -> float:
+    """Of the plants that the plan's stations are stated for, else of its highest."""
+    known = facts.plan.plant_height_m or facts.top_m
+    assert known is not None
+    return known
+
+
 def _scale(facts: PlanFacts, plot: SitePlot) -> Array:
     """(3,) by which the plan's plants are stretched along, across and upwards."""
     scale = np.ones(3)
     assert facts.box is not None
-    assert facts.top_m is not None
-    if plot.plant_height_m is not None and abs(plot.plant_height_m / facts.top_m - 1.0) > _SAME:
-        scale[2] = plot.plant_height_m / facts.top_m
+    height_m = _height_m(facts)
+    if plot.plant_height_m is not None and abs(plot.plant_height_m - height_m) > min(_SAME * height_m, _SAME_M):
+        scale[2] = plot.plant_height_m / height_m
     if plot.size_m is not None:
         reach = 2.0 * np.maximum(np.abs(facts.box[0]), np.abs(facts.box[1]))
         for axis, side in enumerate(plot.size_m):
@@ -105,23 +137,14 @@ def _scale(facts: PlanFacts, plot: SitePlot) -> Array:
     return scale
 
 
-def _moved(station: Station, plan: Plan, low: Array, high: Array, scale: Array) -> Station:
-    position = np.array(station.position_m, dtype=np.float64)
-    kept = np.clip(position, low, high)
-    away = position - kept
-    distance = float(np.linalg.norm(away))
-    clearance = 0.0 if plan.envelope is None else plan.envelope.plant_distance_m or 0.0
-    grown = max(distance * float(scale[2]), min(distance, clearance))
-    there = kept * scale + (away * (grown / distance) if distance > 0.0 else 0.0)
-    if plan.envelope is not None and plan.envelope.lower_m is not None:
-        there[2] = max(there[2], plan.envelope.lower_m[2])
-    forward = station.pose.forward
-    along = max(float((0.5 * (low + high) - position) @ forward), _NEAREST_AIM_M)
-    ray = (position + along * forward) * scale - there
-    flat = math.hypot(ray[0], ray[1])
-    yaw = math.degrees(math.atan2(ray[0], ray[1])) if flat > 1e-9 else station.yaw_deg
-    pitch = math.degrees(math.atan2(ray[2], flat))
-    if plan.envelope is not None and plan.envelope.pitch_deg is not None:
-        pitch = min(max(pitch, plan.envelope.pitch_deg[0]), plan.envelope.pitch_deg[1])
-    x, y, z = (float(value) for value in there)
-    return Station(position_m=(x, y, z), yaw_deg=yaw, pitch_deg=pitch)
+def _stations(plan: Plan, stretch: Stretch) -> tuple[Station, ...]:
+    poses = [station.pose for station in plan.stations]
+    positions, yaw, pitch = stretch.moved(
+        np.array([station.position_m for station in plan.stations]),
+        np.array([station.yaw_deg for station in plan.stations]),
+        np.array([pose.forward for pose in poses]),
+    )
+    return tuple(
+        Station(position_m=(x, y, z), yaw_deg=heading, pitch_deg=tilt)
+        for (x, y, z), heading, tilt in zip(positions.tolist(), yaw.tolist(), pitch.tolist(), strict=True)
+    )

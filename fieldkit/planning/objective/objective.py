@@ -10,6 +10,7 @@ from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import DISTANCES_M, nearest_distances, score_distances
 from fieldkit.errors import ReconstructionError, UsageError
+from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.planning.objective.fidelity import FIDELITIES, FidelityName
 from fieldkit.planning.objective.rule import Rule, value_m
@@ -84,14 +85,19 @@ class Objective:
         source: simulated or recorded photographs.
         settings: of the objective.
         seed: of mapping and dense stereo, and of the photographs' noise unless `evaluate` gets another one.
+        stretch: fits cameras to the plot first, if it is one of several that a plan is for.
 
     Example:
         >>> objective = Objective(SimulatedSource(proxy), ObjectiveSettings("draft"))
         >>> objective.evaluate(Cameras.from_poses(ring(10, 1.4, 1.1))).value_m
     """
 
-    def __init__(self, source: PhotoSource, settings: ObjectiveSettings | None = None, *, seed: int = 0) -> None:
+    def __init__(
+        self, source: PhotoSource, settings: ObjectiveSettings | None = None, *, seed: int = 0,
+        stretch: Stretch | None = None,
+    ) -> None:  # fmt: skip
         self.source = source
+        self.stretch = stretch
         self.settings = settings or ObjectiveSettings()
         self.seed = seed
 
@@ -135,6 +141,8 @@ class Objective:
         """As `evaluate`, with the plants' cloud (plot frame); empty if there is none."""
         if len(cameras) < _LEAST_CAMERAS:
             raise UsageError(f"an evaluation needs at least two cameras, not {len(cameras)}")
+        if self.stretch is not None:
+            cameras = cameras.stretched(self.stretch)
         timer = StageTimer(Silent())
         chosen = FIDELITIES[fidelity or self.settings.fidelity]
         noise_seed = self.seed if seed is None else seed

@@ -8,11 +8,12 @@ import shutil
 import tempfile
 import weakref
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from fieldkit.files import write_atomic
+from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.scenes.renderer import Renderer
@@ -33,13 +34,15 @@ class PlotsObjective:
         source: makes the source of photographs from a plot's proxy; picklable.
         settings: of all objectives.
         seed: of all objectives.
+        stretches: by plots' numbers, for those that cameras are fitted to.
     """
 
     def __init__(
         self, build: Callable[[int], Proxy], source: Callable[[Proxy], SimulatedSource],
-        settings: ObjectiveSettings, *, seed: int = 0,
+        settings: ObjectiveSettings, *, seed: int = 0, stretches: Mapping[int, Stretch] | None = None,
     ) -> None:  # fmt: skip
         self._build, self._source, self.settings, self.seed = build, source, settings, seed
+        self._stretches = stretches or {}
         self._shared = Path(tempfile.mkdtemp(prefix="fieldkit-plots-"))
         weakref.finalize(self, shutil.rmtree, self._shared, ignore_errors=True)
         self._open: OrderedDict[int, Objective] = OrderedDict()
@@ -54,7 +57,9 @@ class PlotsObjective:
     def on(self, plot: int) -> Objective:
         """The plot's objective. Raises SceneError."""
         if plot not in self._open:
-            self._open[plot] = Objective(self._source(self._proxy(plot)), self.settings, seed=self.seed)
+            self._open[plot] = Objective(
+                self._source(self._proxy(plot)), self.settings, seed=self.seed, stretch=self._stretches.get(plot)
+            )
             if len(self._open) > _OPEN:
                 self._open.popitem(last=False)[1].close()
         self._open.move_to_end(plot)

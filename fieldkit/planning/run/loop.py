@@ -282,7 +282,7 @@ class _Clock:
         return self._before + time.monotonic() - self._start
 
 
-def nobody(entry: LogEntry) -> None:
+def no_watch(entry: LogEntry) -> None:
     """A `Watch` that does nothing."""
 
 

@@ -234,6 +234,7 @@ def _plan(run: RunFolder, setup: RunSetup, chosen: Finalist, outcome: Outcome) -
         setup.problem.camera,
         envelope=setup.envelope,
         plants=plants_of(setup.problem),
+        plant_height_m=setup.plant_height_m,
         source=settings.source,
         method=PlanMethod(
             name=settings.method,

@@ -15,7 +15,7 @@ from fieldkit.planning.methods.registry import USING_MATCHES, make_method
 from fieldkit.planning.problem import Chooser
 from fieldkit.planning.run.executor import Evaluator, Executor, ProcessExecutor
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
-from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluate_again, nobody, ranked, search
+from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluate_again, no_watch, ranked, search
 from fieldkit.planning.run.outcome import Outcome, write_outcome
 from fieldkit.planning.run.recalling import Recalling
 from fieldkit.planning.run.run_setup import RunSetup, set_up_run
@@ -58,7 +58,7 @@ def plan_views(
         StorageError: the disk is full; the run can be resumed.
     """
     with create_run(output, settings, overwrite=overwrite) as run:
-        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or nobody, known)
+        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or no_watch, known)
 
 
 def resume_plan(
@@ -92,7 +92,7 @@ def resume_plan(
                 f"this run was begun with fieldkit {run.settings.fieldkit} and goes on with {__version__}: where the "
                 "changelog names the objective, values of the two do not compare"
             )
-        return _planned(run, cache, workers, scheduler, progress, watch or nobody, known)
+        return _planned(run, cache, workers, scheduler, progress, watch or no_watch, known)
 
 
 def _planned(

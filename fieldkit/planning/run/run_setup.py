@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from fieldkit.errors import SceneError, UsageError
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics
+from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.objective.kind import Kind
 from fieldkit.planning.objective.objective import ObjectiveSettings
 from fieldkit.planning.objective.plots_objective import PlotsObjective
@@ -27,8 +28,9 @@ from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.executor import Evaluator
 from fieldkit.planning.run.flyable import check_views
 from fieldkit.planning.score.match_graph import match_graph
-from fieldkit.planning.settings import GivenPlot, NoiseSettings, SearchSettings, unchanging
+from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, NoiseSettings, SearchSettings, unchanging
 from fieldkit.planning.space.envelope import Envelope
+from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.results.plan import PlanEnvelope, PlanSource
 from fieldkit.results.report_files import REFERENCE_FILE
@@ -54,6 +56,8 @@ class RunSetup:
         envelope: as in plan.json.
         make_objective: makes the objective of all plots, for the executor.
         apart: by name of each given recorded plot, its plants and how they were told apart; only for plans for a kind.
+        plant_height_m: of the first given plot, for which cameras are stated if they are fitted to each plot; else
+            None.
         photographs: names of recorded photographs, in the order of the problem's views; empty if they are rendered.
     """
 
@@ -62,6 +66,7 @@ class RunSetup:
     make_objective: Callable[[], Evaluator]
     photographs: tuple[str, ...] = ()
     apart: tuple[tuple[str, Cloud, PlantsApart], ...] = ()
+    plant_height_m: float | None = None
 
     @cached_property
     def objective(self) -> Evaluator:
@@ -151,28 +156,53 @@ def set_up_run(
         camera = description.camera
         if settings.camera is not None:
             camera = _rendered(settings.camera.intrinsics, camera)
-        found = [kind.plot(number) for number in range(settings.plots)]
-        unmet = tuple(kind.plot(settings.plots + k)[0] for k in range(settings.repeats if settings.plots > 1 else 0))
+        unmet = settings.repeats if settings.plots > 1 else 0
+        found = [kind.plot(number) for number in range(settings.plots + unmet)]
     drawn = kind.recorded if settings.plots > len(descriptions) else ()
     apart = tuple((given.source.name, *plants) for given, plants in zip(settings.given, drawn, strict=False))
     for name, _, how in apart:
         progress.note(f"{name}: {_told_apart(how)}")
-    plots = tuple(plot for plot, _ in found)
-    volume = Volume.around([corner for _, each in found for corner in (each.lower, each.upper)])
-    limits = settings.envelope
-    envelope = Envelope.around(
-        Cloud(np.concatenate([plot.points for plot in plots])), volume, margin_m=limits.margin_m,
-        height_m=limits.height_m, clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg,
-        separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
+    height_m = found[0][0].height_m
+    envelope = _envelope(found[: settings.plots], height_m, settings.envelope)
+    plots = [plot for plot, _ in found]
+    if settings.plots > 1:
+        plots = [replace(plot, stretch=_stretch(plot, height_m, envelope)) for plot in plots]
+    problem = PlanningProblem(
+        settings.cameras, envelope, camera, tuple(plots[: settings.plots]), blind=settings.blind,
+        unmet=tuple(plots[settings.plots :]),
     )  # fmt: skip
-    problem = PlanningProblem(settings.cameras, envelope, camera, plots, blind=settings.blind, unmet=unmet)
     noise = _capture_noise(settings.noise, description.noise)
     source = partial(kind.source, noise=noise, wind_m=settings.noise.wind_m)
     wanted = ObjectiveSettings(settings.fidelity, settings.mapping, refine=settings.refine)
     return RunSetup(
         problem, plan_envelope(envelope),
-        lambda: PlotsObjective(partial(kind.proxy, camera=camera), source, wanted, seed=settings.seed),
-        apart=apart,
+        lambda: PlotsObjective(
+            partial(kind.proxy, camera=camera), source, wanted, seed=settings.seed,
+            stretches={number: plot.stretch for number, plot in enumerate(plots) if plot.stretch is not None},
+        ),
+        apart=apart, plant_height_m=height_m if settings.plots > 1 else None,
+    )  # fmt: skip
+
+
+def _envelope(found: Sequence[tuple[Plot, Volume]], height_m: float, limits: EnvelopeSettings) -> Envelope:
+    """An envelope about plots of plants and their volumes of interest, all stretched to one height."""
+    scales = [np.array([1.0, 1.0, height_m / plot.height_m]) for plot, _ in found]
+    points = [plot.points * scale for (plot, _), scale in zip(found, scales, strict=True)]
+    corners = [np.array(corner) * scale for (_, volume), scale in zip(found, scales, strict=True)
+               for corner in (volume.lower, volume.upper)]  # fmt: skip
+    return Envelope.around(
+        Cloud(np.concatenate(points)), Volume.around(corners), margin_m=limits.margin_m,
+        height_m=limits.height_m, clearance_m=limits.clearance_m, pitch_deg=limits.pitch_deg,
+        separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
+    )  # fmt: skip
+
+
+def _stretch(plot: Plot, height_m: float, envelope: Envelope) -> Stretch:
+    """How cameras stated for plants of a height are flown over a plot; as `fitted` does with the plan."""
+    points = np.array(envelope.plan_plants(envelope.plants).points_m)
+    return Stretch(
+        np.append(points[:, :2].min(axis=0), 0.0), np.append(points[:, :2].max(axis=0), height_m),
+        np.array([1.0, 1.0, plot.height_m / height_m]), envelope.clearance_m, envelope.height_m[0], envelope.pitch_deg,
     )  # fmt: skip
 
 

@@ -122,7 +122,8 @@ class GeometricScore:
         self._distances = np.minimum(np.asarray(distance).reshape(len(self.surface), count), self.settings.cap_m)
 
     def score(self, cameras: Cameras) -> Geometry:
-        """The terms of a set of at least one camera; the order of the cameras affects only rounding."""
+        """The terms of a set of at least one camera, fitted to the plot; the cameras' order affects only rounding."""
+        cameras = self._plot.fitted(cameras)
         views, cap = self._views(cameras), self.settings.cap_m
         p, noise = self._reconstructed(views)
         gap = float(_expected_distance(p, self._neighbors, self._distances, cap).mean())
@@ -137,8 +138,8 @@ class GeometricScore:
         return Geometry(gap + spread, tie, gap, spread, float(p.mean()), loose, matches)
 
     def probability(self, cameras: Cameras) -> Array:
-        """(p,) probability that each point of `surface` is reconstructed."""
-        return self._reconstructed(self._views(cameras))[0]
+        """(p,) probability that each point of `surface` is reconstructed by a set, fitted to the plot."""
+        return self._reconstructed(self._views(self._plot.fitted(cameras)))[0]
 
     def _reconstructed(self, views: list[_View]) -> tuple[Array, Array]:
         s = self.settings

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.geometry import Pose
+from fieldkit.missions.plan_site.stretch import Stretch
 
 Array = NDArray[np.float64]
 PER_CAMERA = 5
@@ -69,6 +70,10 @@ class Cameras:
         positions = self.positions.copy()
         positions[:, :2] = (positions[:, :2] - axis) @ np.array([[c, s], [-s, c]]) + axis
         return Cameras(positions, self.yaw_deg - turn_deg, self.pitch_deg)
+
+    def stretched(self, stretch: Stretch) -> Cameras:
+        """Cameras moved to fit other plants."""
+        return Cameras(*stretch.moved(self.positions, self.yaw_deg, self.forward))
 
     @classmethod
     def from_vector(cls, z: ArrayLike) -> Cameras:

@@ -9,7 +9,8 @@ import numpy as np
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import SceneError
-from fieldkit.planning.space.cameras import Array
+from fieldkit.missions.plan_site.stretch import Stretch
+from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.plot import build_plants, sample_visible
@@ -29,11 +30,13 @@ class Plot:
         obstacles: (m, 3) further points that hide others and that cameras keep clear of, such as other rows; plot
             frame.
         matches: (m, m) counted between each pair of recorded views; None if unknown.
+        stretch: how a plan's cameras are moved to fit this plot; None if they are not.
     """
 
     reference: Cloud
     obstacles: Array
     matches: Array | None = None
+    stretch: Stretch | None = None
 
     @classmethod
     def of(cls, description: SceneDescription) -> tuple[Plot, Volume]:
@@ -55,6 +58,15 @@ class Plot:
     def without_others(cls, reference: Cloud) -> Plot:
         """A plot with only its own plants."""
         return cls(reference, np.zeros((0, 3)))
+
+    @property
+    def height_m(self) -> float:
+        """Of the highest plant above the ground."""
+        return float(self.reference.points[:, 2].max())
+
+    def fitted(self, cameras: Cameras) -> Cameras:
+        """A plan's cameras as they are flown over this plot."""
+        return cameras if self.stretch is None else cameras.stretched(self.stretch)
 
     @property
     def points(self) -> Array:

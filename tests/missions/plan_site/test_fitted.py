@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
 from fieldkit.missions.export_mission import export_mission
-from fieldkit.missions.plan_site.fitted import fitted, fitted_to
+from fieldkit.missions.plan_site.fit import fit_site
+from fieldkit.missions.plan_site.fitted import fitted, fitted_to, fitted_to_height, flown_plans
 from fieldkit.missions.plan_site.plot_plants import PlanFacts
 from fieldkit.missions.plan_site.site import SitePlot
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
@@ -98,6 +99,30 @@ def test_cameras_keep_looking_at_the_same_part_of_the_plants() -> None:
     assert (positions(found)[:, 2] > positions(plan)[:, 2]).all()
 
 
+def test_a_plan_stated_for_plants_of_a_height_is_fitted_unless_it_must_not_be() -> None:
+    """Its plants are those of several plots, of which one may be higher than the height it is stated for."""
+    plan = plan_in_envelope().model_copy(update={"plant_height_m": 0.8})
+    plots = [plot(name="a", plant_height_m=0.8), plot(name="b", plant_height_m=1.2), plot(name="c")]
+    flown = flown_plans(plan, plots)
+    assert isinstance(flown, dict)
+    assert flown["a"] is flown["c"] is plan
+    assert flown["b"].fit is not None
+    assert flown["b"].fit.height == pytest.approx(1.5)
+    assert flown["b"].plant_height_m == pytest.approx(1.2)
+    assert flown["b"].stations == fitted_to_height(plan, 1.2).stations
+    assert flown_plans(plan, plots, fit=False) is plan
+    assert flown_plans(flown, plots) is flown
+    assert flown_plans(plan_in_envelope(), plots) == plan_in_envelope()
+    assert fitted_to_height(plan_in_envelope(), 1.2) == plan_in_envelope()
+
+
+def test_where_no_height_is_known_that_is_said() -> None:
+    plan = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
+    site = site_with({"name": "a"}, {"name": "b", "plant_height_m": 0.9})
+    (finding,) = fit_site(flown_plans(plan, site.plots), site, VEHICLE.clearance_m)
+    assert (finding.plot, finding.code, finding.severity) == ("a", "plant-height-unknown", "note")
+
+
 @pytest.mark.parametrize(
     ("plan", "known", "message"),
     [
@@ -146,5 +171,10 @@ def test_a_fitted_mission_is_checked_against_the_fitted_stations(
     said = " ".join(capsys.readouterr().err.split())
     assert "Fitted to a: plants 1.3" in said
     assert "m-a.json" in said
-    for plan, fit, code in (("plan.json", ["--fit"], 0), ("m-a.json", [], 0), ("plan.json", [], 5)):
+    stated = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
+    save_plan(tmp_path / "kind.json", stated)
+    for plan, fit, code in (
+        ("plan.json", ["--fit"], 0), ("m-a.json", [], 0), ("plan.json", [], 5), ("kind.json", [], 0),
+        ("kind.json", ["--no-fit"], 5),
+    ):  # fmt: skip
         assert main(["check-mission", file, *what, *where, "--plan", str(tmp_path / plan), *fit]) == code

@@ -5,8 +5,10 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.objective.objective import ObjectiveSettings
 from fieldkit.planning.objective.plots_objective import PlotsObjective
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
@@ -38,6 +40,14 @@ def test_each_plot_is_built_once_for_all_workers(
     digests = [evaluation.cloud_digest for evaluation in found]
     assert digests[:3] == digests[3:]
     assert len(set(digests)) == 3
+    stretch = Stretch(np.array([-0.3, -0.2, 0.0]), np.array([0.3, 0.2, 0.4]), np.array([1.0, 1.0, 1.2]))
+    fitting = PlotsObjective(
+        partial(build, tmp_path / "built"), SimulatedSource, ObjectiveSettings("draft"), stretches={1: stretch}
+    )
     alone = objective.on(1).evaluate(arc, seed=5)  # in this process, of the same scene
-    objective.close()
+    flown = objective.on(1).evaluate(arc.stretched(stretch), seed=5)
+    fitted = fitting.on(1).evaluate(arc, seed=5)
+    for each in (objective, fitting):
+        each.close()
     assert alone == found[1]
+    assert flown == fitted != alone

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.planning.run.request import search_settings
 from fieldkit.planning.run.run_setup import set_up_run
+from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.runtime.progress import Silent
 
 
@@ -25,6 +28,30 @@ def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monk
     assert not setup.problem.exact  # photographs are taken anew at every seed
     blind = search_settings(scene=Path("demo"), cameras=4, mapping="incremental")
     assert set_up_run(blind, tmp_path, cache=StageCache(None), progress=Silent()).problem.blind
+
+
+def test_plans_for_a_kind_are_stated_for_the_given_plots_height(tmp_path: Path) -> None:
+    settings = search_settings(scene=Path("demo"), cameras=4, method="score", plots=3)
+    setup = set_up_run(settings, tmp_path, cache=StageCache(None), progress=Silent())
+    problem, height_m = setup.problem, setup.plant_height_m
+    given, *drawn = problem.plots
+    assert height_m == given.height_m
+    assert problem.envelope.target.upper[2] == pytest.approx(height_m + 0.03, abs=0.01)
+    cameras = problem.sample(0)
+    np.testing.assert_allclose(given.fitted(cameras).vector(), cameras.vector(), atol=1e-9)
+    for plot in (*drawn, *problem.unmet):
+        assert plot.stretch is not None
+        assert plot.stretch.scale[2] == pytest.approx(plot.height_m / height_m)
+        flown = plot.fitted(cameras)
+        assert flown != cameras
+        of_plan, of_flown = (
+            GeometricScore(problem, plot=p).score(c) for p, c in ((plot, cameras), (replace(plot, stretch=None), flown))
+        )
+        assert of_plan.distance_m == of_flown.distance_m
+    alone = search_settings(scene=Path("demo"), cameras=4, purpose="this-plot")
+    setup = set_up_run(alone, tmp_path, cache=StageCache(None), progress=Silent())
+    assert setup.plant_height_m is None
+    assert setup.problem.plots[0].stretch is None
 
 
 def test_a_scene_that_is_no_longer_the_same_is_refused(tmp_path: Path) -> None:
