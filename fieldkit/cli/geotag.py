@@ -48,11 +48,11 @@ class FrameOptions:
         if not self.origin:
             return None
         latitude, longitude, altitude = read_numbers("--origin", self.origin, (3,), least=-1000.0)
-        if abs(latitude) > 90.0 or abs(longitude) > 180.0 or altitude > 10_000.0:
+        from fieldkit.geometry.geodesy import LocalFrame, on_earth
+
+        if not on_earth(latitude, longitude) or altitude > 10_000.0:
             remedy = "Write it like --origin 50.865,6.4473,92 (latitude first)."
             raise UsageError(f"--origin: not on Earth: {self.origin}", remedy=remedy)
-        from fieldkit.geometry.geodesy import LocalFrame
-
         return LocalFrame(latitude, longitude, altitude, "sea level")
 
 
