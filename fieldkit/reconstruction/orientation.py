@@ -2,12 +2,13 @@
 
 The relative rotations of verified pairs, joined over a maximum spanning tree, orient the images of a component
 against each other. The pairs' translation directions must then be the known directions between the positions, which
-fixes the component's rotation in the world (Wahba's problem, solved by SVD inside RANSAC).
+fixes the component's rotation in the world (Wahba's problem, solved by SVD inside RANSAC). A wrong pair in the tree
+turns all images beyond it: it is exchanged for a pair that contradicts it if then more matches agree.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
-from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.reconstruction.verification import TwoView
 
 Matrix = NDArray[np.float64]
@@ -24,6 +24,7 @@ _MAX_AGREE_DEG = 40.0
 _ROUNDS = 3
 _TRIALS = 500
 _MIN_SHARE = 0.4  # of the pairs' matches must agree with the positions
+_EXCHANGES, _WRONG = 10, 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +60,11 @@ def orient_cameras(
     found: dict[int, Matrix] = {}
     for _ in range(_ROUNDS):
         found = {}
-        for rotations in _components(edges):
-            found.update(_align(rotations, edges, seed))
-        agreeing = [e for e in edges if e.i in found and e.j in found and _consistent(e, found)]
+        for rotations, tree in _components(edges):
+            aligned = _align(rotations, edges, seed)
+            found.update(_exchanged(aligned, tree, edges) if aligned else {})
+        within = [e for e in edges if e.i in found and e.j in found]
+        agreeing = [e for e, good in zip(within, _agree(within, found), strict=True) if good]
         connected = {k for e in agreeing for k in (e.i, e.j)}
         found = {k: r for k, r in found.items() if k in connected}
         if len(agreeing) == len(edges):
@@ -84,8 +87,10 @@ def _edge(
     return _Edge(i, j, len(pair.inliers), pair.rotation, inside, (b - a) / baseline, limit)
 
 
-def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
-    """Rotations of every image against its component's first, along the maximum spanning tree."""
+def _components(edges: Sequence[_Edge]) -> list[tuple[dict[int, Matrix], dict[int, int]]]:
+    """Rotations of every image against its component's first, along the maximum spanning tree; and the image before
+    each of the others in that tree.
+    """
     images = sorted({k for e in edges for k in (e.i, e.j)})
     ends = np.searchsorted(images, np.array([(e.i, e.j) for e in edges], dtype=np.int64).reshape(-1, 2)).T
     # Ranks as weights, so that equal ones fall the same way everywhere.
@@ -95,19 +100,77 @@ def _components(edges: Sequence[_Edge]) -> list[dict[int, Matrix]]:
     )
     tree = minimum_spanning_tree(coo_array((rank, tuple(ends)), shape=(len(images),) * 2))
     turns = {(e.i, e.j): e.rotation for e in edges} | {(e.j, e.i): e.rotation.T for e in edges}
-    components: list[dict[int, Matrix]] = []
+    components: list[tuple[dict[int, Matrix], dict[int, int]]] = []
     seen: set[int] = set()
     for start, image in enumerate(images):
         if image in seen:
             continue
-        rotations = {image: np.eye(3)}
+        rotations, parents = {image: np.eye(3)}, {}
         order, before = breadth_first_order(tree, start, directed=False)
         for k in order[1:]:
             one, other = images[before[k]], images[k]
             rotations[other] = turns[one, other] @ rotations[one]
+            parents[other] = one
         seen.update(rotations)
-        components.append(rotations)
+        components.append((rotations, parents))
     return components
+
+
+def _exchanged(rotations: dict[int, Matrix], parents: Mapping[int, int], edges: Sequence[_Edge]) -> dict[int, Matrix]:
+    """A component's rotations in the world after exchanges of pairs in its tree, while they raise the matches of the
+    pairs that agree.
+    """
+    mine = [e for e in edges if e.i in rotations and e.j in rotations]
+    weights = np.array([e.weight for e in mine])
+    tree = {frozenset(link) for link in parents.items()}
+    agree = _agree(mine, rotations)
+    best = int(weights[agree].sum())
+    for _ in range(_EXCHANGES):
+        wrong = sorted((e for e, good in zip(mine, agree, strict=True) if not good), key=lambda e: -e.weight)
+        options = [
+            (_turned(rotations, _beyond(tree - {link}, e), e), (tree - {link}) | {frozenset((e.i, e.j))})
+            for e in wrong[:_WRONG]
+            for link in _path(tree, e.i, e.j)
+        ]
+        scores = [int(weights[_agree(mine, found)].sum()) for found, _ in options]
+        if not scores or max(scores) <= best:
+            break
+        best = max(scores)
+        rotations, tree = options[scores.index(best)]
+        agree = _agree(mine, rotations)
+    return rotations
+
+
+def _path(tree: set[frozenset[int]], start: int, end: int) -> list[frozenset[int]]:
+    """The tree's links between two images."""
+    return sorted((link for link in tree if end not in _reached(tree - {link}, start)), key=sorted)
+
+
+def _reached(links: Iterable[frozenset[int]], start: int) -> set[int]:
+    neighbors: dict[int, list[int]] = {}
+    for a, b in links:
+        neighbors.setdefault(a, []).append(b)
+        neighbors.setdefault(b, []).append(a)
+    found, waiting = {start}, [start]
+    while waiting:
+        new = [k for k in neighbors.get(waiting.pop(), []) if k not in found]
+        found.update(new)
+        waiting += new
+    return found
+
+
+def _beyond(links: Iterable[frozenset[int]], edge: _Edge) -> set[int]:
+    """The smaller of the two parts that a pair connects."""
+    return min(_reached(links, edge.i), _reached(links, edge.j), key=len)
+
+
+def _turned(rotations: Mapping[int, Matrix], part: set[int], edge: _Edge) -> dict[int, Matrix]:
+    """The rotations with a part turned as a whole, so that the pair that connects it with the rest holds."""
+    if edge.j in part:
+        turn = rotations[edge.j].T @ edge.rotation @ rotations[edge.i]
+    else:
+        turn = rotations[edge.i].T @ edge.rotation.T @ rotations[edge.j]
+    return {k: rotation @ turn if k in part else rotation for k, rotation in rotations.items()}
 
 
 def _align(rotations: Mapping[int, Matrix], edges: Sequence[_Edge], seed: int) -> dict[int, Matrix]:
@@ -145,8 +208,16 @@ def _wahba(inside: Matrix, world: Matrix, weights: NDArray[np.float64]) -> Matri
     return rotation
 
 
-def _consistent(edge: _Edge, found: Mapping[int, Matrix]) -> bool:
-    turned = found[edge.i].T @ edge.direction
-    if float(turned @ edge.world) < np.cos(np.radians(edge.limit_deg)):
-        return False
-    return rotation_angle_deg(found[edge.j] @ found[edge.i].T, edge.rotation) <= 1.5 * _AGREE_DEG
+def _agree(edges: Sequence[_Edge], found: Mapping[int, Matrix]) -> NDArray[np.bool_]:
+    """(n,) whether each pair's direction and rotation agree with the images' rotations in the world."""
+    if not edges:
+        return np.zeros(0, dtype=np.bool_)
+    first, second = (np.array([found[k] for k in ends]) for ends in zip(*((e.i, e.j) for e in edges), strict=True))
+    turned = np.einsum("nji,nj->ni", first, np.array([e.direction for e in edges]))
+    along = (turned * np.array([e.world for e in edges])).sum(axis=1)
+    relative = np.einsum("nij,nkj->nik", second, first)
+    # The trace of a rotation is 1 + 2 cos of its angle.
+    trace = np.einsum("nij,nij->n", relative, np.array([e.rotation for e in edges]))
+    close = trace >= 1.0 + 2.0 * np.cos(np.radians(1.5 * _AGREE_DEG))
+    good: NDArray[np.bool_] = (along >= np.cos(np.radians([e.limit_deg for e in edges]))) & close
+    return good

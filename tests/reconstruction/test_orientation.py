@@ -79,6 +79,27 @@ def test_wrong_pairs_with_fewer_matches_are_overruled() -> None:
     assert errors(poses, found).max() < 3.0
 
 
+@pytest.mark.parametrize("where", range(4))
+@pytest.mark.parametrize("wrong_matches", [28, 200])
+def test_a_wrong_pair_with_more_matches_turns_no_chain(where: int, wrong_matches: int) -> None:
+    """Four photographs hang on two pairs: a wrong one, and a right one with fewer matches."""
+    poses = ring(13)
+    chain = {(where + k) % 13 for k in range(4)}
+    first, last = where % 13, (where + 3) % 13
+    pairs = {key: pair for key, pair in pairs_of(poses, reach=2, noise_deg=0.5).items() if len(chain & set(key)) != 1}
+    pairs |= {key: two_view(p.rotation, p.translation, 60) for key, p in pairs.items() if chain >= set(key)}
+    for (a, b), turn_deg, matches in (
+        (((first - 1) % 13, first), 0.0, 26), ((last, (last + 1) % 13), 67.0, wrong_matches),
+    ):  # fmt: skip
+        i, j = min(a, b), max(a, b)
+        rotation, translation = relative_pose(poses[i], poses[j])
+        turn = rotation_from_vector(np.radians(turn_deg) * np.array([0.0, 0.0, 1.0]))
+        pairs[i, j] = two_view(turn @ rotation, turn @ translation, matches)
+    found = orient(poses, pairs, noise_m=0.005)
+    assert len(found) == 13
+    assert errors(poses, found).max() < 8.0
+
+
 def test_an_image_that_only_a_wrong_pair_reaches_is_missing() -> None:
     poses = ring(12)
     pairs = {key: pair for key, pair in pairs_of(poses).items() if 7 not in key}
