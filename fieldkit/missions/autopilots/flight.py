@@ -7,7 +7,16 @@ from dataclasses import dataclass, replace
 
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.ardupilot.accepting import kept_params
-from fieldkit.missions.autopilots.execution import Execution, Photograph, Track, Turning, aim, along, offset
+from fieldkit.missions.autopilots.execution import (
+    LONGEST_S,
+    Execution,
+    Photograph,
+    Track,
+    Turning,
+    aim,
+    along,
+    offset,
+)  # fmt: skip
 from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.missions.mission import GeoPoint, Home
 from fieldkit.missions.plan_site.vehicle import Vehicle
@@ -20,7 +29,6 @@ _PX4_RETURN_M = 30.0
 """PX4's RTL_RETURN_ALT as it comes; near home it may stay lower."""
 _RETURN_PAUSE_S = 5.0
 """ArduPilot's RTL_LOIT_TIME as it comes: RTL stands over home before it lands (read from mount_then_yaw.BIN)."""
-LONGEST_S = 1e6
 
 RESTING = frozenset({Command.NAV_LOITER_TIME, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS})
 LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_VTOL_LAND, Command.NAV_PAYLOAD_PLACE})
@@ -111,10 +119,13 @@ class Flight:
             late, moving, settled = since, False, since - nav.travel_s
             after = nav.travel_s + nav.dwell_s - since
         heading, pitch = self._camera(now, place)
+        turns = self.commanded and self.roi is None
         self.photographs.append(
             Photograph(
                 number, len(self.photographs), place, heading, pitch, self.waypoint,
                 late_s=late, moving=moving, settled_s=max(settled, 0.0), after_s=after,
+                turning_s=max(self.heading.done_s - now, 0.0) if turns else 0.0,
+                heading_why=self.heading.why if turns else "",
             )
         )  # fmt: skip
 
@@ -247,15 +258,27 @@ class Flight:
             case Command.CONDITION_DELAY:
                 return now + min(max(p1, 0.0), LONGEST_S)
             case Command.CONDITION_YAW if self.dialect == "ardupilot":
-                target = p1
-                if item.params[3] == 1.0:
-                    target = (self.heading.at(now) or 0.0) + math.copysign(p1, p3 or 1.0)
-                self.heading.turn_to(target, now)
-                self.commanded = True
+                self._condition_yaw(item, now)
                 return self.heading.done_s + TURN_LAG_S
             case _:
                 pass
         return now
+
+    def _condition_yaw(self, item: MissionItem, now: float) -> None:
+        """Angle, degrees per second, direction and whether relative (ArduCopter's AutoYaw::set_fixed_yaw).
+
+        Of the direction only the sign counts; a relative turn without one is clockwise. The rate is at most the
+        vehicle's, which also stands for 0.
+        """
+        angle, rate, direction, relative = kept_params(item.command, item.params[:4])
+        if relative > 0.0:
+            turning = self.heading.at(now) is not None and self.heading.done_s > now
+            self.heading.turn_by(-angle if direction < 0.0 else angle, now, rate)
+            if turning:  # AutoYaw counts from the target that it holds, which the mount's yaw has just become
+                self.heading.why = "the turn is relative, and DO_MOUNT_CONTROL has just begun one to its own yaw"
+        else:
+            self.heading.turn_to(angle, now, int(direction > 0.0) - int(direction < 0.0), rate)
+        self.commanded = True
 
     def _gimbal(self, pitch: float, now: float) -> None:
         if self.vehicle.mount.kind == "fixed":

@@ -11,8 +11,8 @@ import math
 from collections.abc import Sequence
 
 from fieldkit.missions.autopilots.acceptance import refusal
-from fieldkit.missions.autopilots.execution import Execution, Photograph, Track
-from fieldkit.missions.autopilots.flight import GOING, LONGEST_S, TAKEOFFS, Flight, Nav, dwell_seconds, is_shutter
+from fieldkit.missions.autopilots.execution import LONGEST_S, Execution, Photograph, Track
+from fieldkit.missions.autopilots.flight import GOING, TAKEOFFS, Flight, Nav, dwell_seconds, is_shutter
 from fieldkit.missions.files.read_mission import ReadMission, ReadStop
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.missions.mission import GeoPoint, Home
@@ -123,6 +123,8 @@ def _run(flight: Flight, queue: Numbered, nav: Nav) -> None:
         now = flight.do(item, now)
     if leaves:
         flight.commanded = False
+    if nav.way is not None and not flight.commanded:
+        flight.heading.release()
 
 
 def _px4(flight: Flight, numbered: Numbered) -> Execution:
