@@ -86,7 +86,7 @@ class Flight:
         if home is not None:
             self.track.here = GeoPoint(home.latitude_deg, home.longitude_deg, 0.0)
         self.heading = Turning(vehicle.speeds)
-        self.commanded = False
+        self.commanded = self.mount_turns = False
         self.offset = 0.0
         fixed = vehicle.mount.kind == "fixed"
         self.pitch: float | None = vehicle.mount.pitch_deg[0] if fixed else None
@@ -241,6 +241,7 @@ class Flight:
                     self.offset = p3
                 elif self.dialect == "ardupilot" and self.vehicle.mount.kind == "pitch":
                     self.heading.turn_to(p3, now)  # the yaw turns the copter (measured)
+                    self.mount_turns = True
             case Command.DO_GIMBAL_MANAGER_PITCHYAW if math.isfinite(p1):
                 whole = self.dialect == "ardupilot"
                 self._gimbal(float(int(p1)) if whole else p1, now)
@@ -272,13 +273,13 @@ class Flight:
         """
         angle, rate, direction, relative = kept_params(item.command, item.params[:4])
         if relative > 0.0:
-            turning = self.heading.at(now) is not None and self.heading.done_s > now
+            turning = self.mount_turns and self.heading.at(now) is not None and self.heading.done_s > now
             self.heading.turn_by(-angle if direction < 0.0 else angle, now, rate)
             if turning:  # AutoYaw counts from the target that it holds, which the mount's yaw has just become
                 self.heading.why = "the turn is relative, and DO_MOUNT_CONTROL has just begun one to its own yaw"
         else:
             self.heading.turn_to(angle, now, int(direction > 0.0) - int(direction < 0.0), rate)
-        self.commanded = True
+        self.commanded, self.mount_turns = True, False
 
     def _gimbal(self, pitch: float, now: float) -> None:
         if self.vehicle.mount.kind == "fixed":
