@@ -82,8 +82,8 @@ def _when(shot: Photograph, vehicle: Vehicle, places: Mapping[int, GeoPoint]) ->
         )
         return
     if shot.settled_s is None:
-        message = "how long the vehicle stands still before it is up to the action that takes it, and not documented"
-        yield warning("short-settle", message, *where)
+        message = "the action that takes it waits until the camera is turned: how long, is not documented"
+        yield warning("not-modelled", message, *where)
     elif shot.settled_s < min(LEAST_SETTLE_S, settle) - 1e-9:
         message = f"the vehicle has stood still with the camera turned for {shot.settled_s:.1f} s only"
         yield error("no-settle", message, *where)

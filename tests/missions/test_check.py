@@ -207,6 +207,17 @@ def test_what_is_worth_knowing_is_said(read: ReadMission, warning: str) -> None:
     assert counted(check_mission(read, vehicle()), "warning")[warning] > 0
 
 
+@pytest.mark.parametrize(
+    ("dialect", "trigger"),
+    [("ardupilot", 206), ("px4", 206), ("px4", 214)],  # ArduPilot does not know the last one
+)
+def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any, trigger: int) -> None:
+    there = MissionItem(trigger, 2, (2.0, 0, 0, 0, 0, 0, 0))
+    items = tuple(there if item.command == Command.IMAGE_START_CAPTURE else item for item in ITEMS)
+    found = counted(check_mission(ReadMission("plan", items, home=HOME), vehicle(dialect)))
+    assert (found["no-photographs"], found["photo-interval"]) == (0, 3)
+
+
 def test_px4_refuses_ardupilots_words() -> None:
     report = check_mission(with_items(lambda _: None), vehicle("px4"), planned=small_mission().shots)
     assert counted(report)["item-rejected"] == 3  # CONDITION_YAW of each photograph

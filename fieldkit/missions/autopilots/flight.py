@@ -96,7 +96,7 @@ class Flight:
         self.photographs: list[Photograph] = []
         self.skipped: list[tuple[int, str]] = []
         self.lands = ""
-        self.takeoff = False
+        self.takeoff = self.uncounted = False
         self.waypoint: int | None = None
         self.arrived_s = 0.0
 
@@ -256,6 +256,8 @@ class Flight:
                 self.roi = None
             case Command.DO_CHANGE_SPEED if 0.01 < p2 < 100.0:
                 self.cruise = p2
+            case Command.DO_SET_CAM_TRIGG_DIST | Command.DO_SET_CAM_TRIGG_INTERVAL | Command.DO_TRIGGER_CONTROL:
+                self.uncounted = self.uncounted or p1 > 0.0  # on the way, from here on
             case Command.CONDITION_DELAY:
                 return now + min(max(p1, 0.0), LONGEST_S)
             case Command.CONDITION_YAW if self.dialect == "ardupilot":
@@ -318,6 +320,7 @@ class Flight:
             tuple(self.skipped),
             self.lands,
             self.takeoff,
+            self.uncounted,
         )
 
 
