@@ -40,6 +40,8 @@ _PASSED_FOR = frozenset({
     Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TIME,
 })  # fmt: skip
 """A waypoint without a hold is passed if one of these follows (ArduCopter's ModeAuto::set_next_wp)."""
+_LOCK = 16
+"""GIMBAL_MANAGER_FLAGS_YAW_LOCK (MAVLink common.xml): the gimbal's yaw is from north."""
 _SHUTTERS = frozenset({Command.IMAGE_START_CAPTURE, Command.DO_DIGICAM_CONTROL})
 
 
@@ -87,7 +89,7 @@ class Flight:
             self.track.here = GeoPoint(home.latitude_deg, home.longitude_deg, 0.0)
         self.heading = Turning(vehicle.speeds)
         self.commanded = self.mount_turns = False
-        self.offset = 0.0
+        self.offset, self.locked = 0.0, False
         fixed = vehicle.mount.kind == "fixed"
         self.pitch: float | None = vehicle.mount.pitch_deg[0] if fixed else None
         self.turned_s = 0.0
@@ -119,7 +121,7 @@ class Flight:
             late, moving, settled = since, False, since - nav.travel_s
             after = nav.travel_s + nav.dwell_s - since
         heading, pitch = self._camera(now, place)
-        turns = self.commanded and self.roi is None
+        turns = self.commanded and self.roi is None and not self.locked
         self.photographs.append(
             Photograph(
                 number, len(self.photographs), place, heading, pitch, self.waypoint,
@@ -238,7 +240,7 @@ class Flight:
             case Command.DO_MOUNT_CONTROL:
                 self._gimbal(p1, now)
                 if pan:
-                    self.offset = p3
+                    self._pan(p3, now)
                 elif self.dialect == "ardupilot" and self.vehicle.mount.kind == "pitch":
                     self.heading.turn_to(p3, now)  # the yaw turns the copter (measured)
                     self.mount_turns = True
@@ -246,7 +248,10 @@ class Flight:
                 whole = self.dialect == "ardupilot"
                 self._gimbal(float(int(p1)) if whole else p1, now)
                 if pan and math.isfinite(p2):
-                    self.offset = float(int(p2)) if whole else p2
+                    flags = item.params[4]
+                    self._pan(
+                        float(int(p2)) if whole else p2, now, locked=math.isfinite(flags) and bool(int(flags) & _LOCK)
+                    )
             case Command.DO_SET_ROI | Command.DO_SET_ROI_LOCATION:
                 latitude, longitude, altitude = item.params[4:]
                 off = (latitude == 0.0 and longitude == 0.0) or not on_earth(latitude, longitude)
@@ -290,14 +295,22 @@ class Flight:
             self.turned_s = now
         self.pitch, self.roi = pitch, None
 
+    def _pan(self, yaw: float, now: float, *, locked: bool = False) -> None:
+        """Turn the gimbal's own yaw: off the nose, or from north where it is locked to that."""
+        if (yaw, locked) != (self.offset, self.locked):
+            self.turned_s = now
+        self.offset, self.locked = yaw, locked
+
     def _turned(self, now: float) -> float:
         """When heading and gimbal came to rest, at latest now."""
-        done = max(self.heading.done_s if self.commanded else 0.0, self.turned_s)
+        done = max(self.heading.done_s if self.commanded and not self.locked else 0.0, self.turned_s)
         return min(done, now)
 
     def _camera(self, now: float, place: GeoPoint | None) -> tuple[float | None, float | None]:
         if self.roi is not None and place is not None:
             return aim(place, self.roi)
+        if self.locked:
+            return self.offset % 360.0, self.pitch
         heading = self.heading.at(now) if self.commanded else None
         return None if heading is None else (heading + self.offset) % 360.0, self.pitch
 

@@ -13,6 +13,7 @@ from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.missions.mission import GeoPoint, Mission
+from fieldkit.missions.plan_site.vehicle import Mount
 from fieldkit.missions.routing.motion import leg, turn_deg
 from tests.missions.vehicles import HOME, metres, recorded_items, recording, small_mission, vehicle
 
@@ -249,3 +250,18 @@ def test_the_mounts_own_yaw_in_front_of_a_relative_turn_is_told_of() -> None:
     shot = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot").photographs[1]
     assert shot.heading_deg == pytest.approx(270.0)
     assert "DO_MOUNT_CONTROL" in shot.heading_why
+
+
+@pytest.mark.parametrize(("flags", "heading"), [(12.0, 40.0), (28.0, 30.0)])
+def test_a_pan_gimbals_yaw_is_off_the_nose_unless_it_is_locked_to_north(flags: float, heading: float) -> None:
+    pan = vehicle(mount=Mount(kind="pitch-yaw", pitch_deg=(-90.0, 30.0), yaw_deg=(-160.0, 160.0)))
+    items = (
+        MissionItem(Command.CONDITION_YAW, 2, (10.0, 0, 0, 0, 0, 0, 0)),
+        MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.865, 6.4473, 3.0)),
+        MissionItem(Command.DO_GIMBAL_MANAGER_PITCHYAW, 2, (-45.0, 30.0, 0, 0, flags, 0, 0)),
+        MissionItem(Command.IMAGE_START_CAPTURE, 2, (0, 0, 1.0, 0, 0, 0, 0)),
+        MissionItem(Command.NAV_DELAY, 2, (1.0, -1, -1, -1, 0, 0, 0)),
+    )
+    shot = interpret(ReadMission("plan", items, home=HOME), pan, "ardupilot").photographs[0]
+    assert (shot.heading_deg, shot.pitch_deg) == (pytest.approx(heading), -45.0)
+    assert shot.settled_s == 0.0  # it has only just been turned

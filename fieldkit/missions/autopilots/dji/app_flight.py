@@ -40,6 +40,7 @@ from fieldkit.missions.routing.motion import TURN_LAG_S, Leg, leg, turn_deg
 _SLOWEST_MPS = 0.01
 """Of a waypoint's own speed; with less, 0 above all, the mission's or the app's counts."""
 _NO_WAY_M = 0.01
+_NO_TURN_DEG = 1e-3
 _SAME_DEG = 1.0
 """A turn of less goes the short way, whatever way round is asked for: headings are rounded."""
 _MOST_IN_SERIES = 10_000
@@ -72,7 +73,7 @@ class _AppFlight:
             self.track.here = GeoPoint(home.latitude_deg, home.longitude_deg, 0.0)
             if first.height_from == "home":  # it climbs first
                 self.track.go(GeoPoint(home.latitude_deg, home.longitude_deg, first.place.height_m), first.number)
-        self.stop: ReadStop | None = None
+        self.stop = first
         self.clock = self.arrived_s = self.faced_s = self.tilted_s = 0.0
         self.heading: float | None = None
         self.heading_why = ""
@@ -217,9 +218,6 @@ class _AppFlight:
 
     def _shoot(self, settles: bool) -> None:
         stop = self.stop
-        if stop is None:  # before the first waypoint: its place is the app's
-            self.uncounted = True
-            return
         self.still.append((len(self.photographs), self.clock))
         settled = self.clock - max(self.arrived_s, self.faced_s, self.tilted_s)
         self.photographs.append(
@@ -235,7 +233,7 @@ class _AppFlight:
     def _face(self, heading: float, way: int) -> None:
         angle = (way * 360.0 or 180.0) if self.heading is None else _turn(self.heading, heading, way)
         self.heading, self.heading_why = heading % 360.0, ""
-        if angle:
+        if abs(angle) > _NO_TURN_DEG:
             self._stand_no_more()
             self.clock += abs(angle) / self.vehicle.speeds.yaw_dps + TURN_LAG_S
             self.faced_s = self.clock

@@ -21,7 +21,7 @@ from fieldkit.missions.autopilots.dji.wpml_actions import Group, read_actions, r
 from fieldkit.missions.files.archive import read_members
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
 from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark, in_passing
-from fieldkit.missions.files.stop_actions import Action, Facing, Lose, Series, Tilt, Together
+from fieldkit.missions.files.stop_actions import Action, Facing, Lose, Series, Shoot, Tilt, Together
 from fieldkit.missions.mission import GeoPoint, Home
 
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
@@ -139,8 +139,11 @@ class _File:
         start = folder.find("startActionGroup")
         if start is not None and len(self.stops) > first:
             found = read_actions(start.iter("action"), first, self.remarks)
-            self.stops[first].before = found.actions
-            self.stops[first].uncounted = found.uncounted
+            self.stops[first].before = tuple(each for each in found.actions if not isinstance(each, Shoot))
+            self.stops[first].uncounted = found.uncounted or bool(found.shots)
+            if found.shots:
+                message = "photographs are taken before the way to its first waypoint: they are not counted"
+                self.remarks.append(Remark("not-modelled", message, item=first))
         for group in groups:  # in the order of the file; those of one waypoint run one after the other
             self._place(group, places)
 
@@ -195,6 +198,9 @@ class _File:
         pitch = None if parameters is None else number(parameters.findtext("waypointGimbalPitchAngle", ""))
         if parameters is None or pitch is None:
             return None
+        if number(parameters.findtext("waypointGimbalYawAngle", "")):
+            message = "turns the gimbal's yaw by waypointGimbalYawAngle, which is passed over"
+            self.remarks.append(Remark("not-modelled", message, item=index))
         mode = parameters.findtext("waypointGimbalHeadingMode")
         if mode is not None:
             return pitch if mode == "smoothTransition" else None

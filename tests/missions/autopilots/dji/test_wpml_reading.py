@@ -194,6 +194,8 @@ def test_a_waypoints_own_pitch_of_0_is_a_placeholder_unless_the_file_says_so(tmp
     assert manual.findings == ()
     bare = checked(tmp_path, shot + own_pitch(-20), pitch=-60)
     assert (poses(bare), codes(bare)) == ([(90.0, -20.0)], {"not-modelled"})
+    yaw = checked(tmp_path, shot + own_pitch(0).replace("YawAngle>0", "YawAngle>30"), pitch=-60)
+    assert (poses(yaw), codes(yaw)) == ([(90.0, -60.0)], {"not-modelled"})
     broken = checked(tmp_path, shot + own_pitch(0), pitch=-60, template="<")
     assert poses(broken) == [(90.0, -60.0)]
 
@@ -300,7 +302,7 @@ def test_actions_before_the_wayline(tmp_path: Path) -> None:
     report = checked(tmp_path, EAST + group(0, 0, HOVER, PHOTO), start=tilt(-70))
     assert (poses(report), report.findings) == ([(90.0, -70.0)], ())
     shot = checked(tmp_path, EAST, EAST, start=tilt(-70) + PHOTO)
-    assert "no-photographs" not in codes(shot)
+    assert (codes(shot), shot.photographs) == ({"not-modelled"}, ())
 
 
 def test_a_group_of_several_waypoints_is_carried_out_at_each(tmp_path: Path) -> None:
