@@ -102,7 +102,7 @@ def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterato
     where = (shot.item, shot.station)
     if shot.heading_why:
         yield warning("heading-unknown", f"its heading cannot be told for sure: {shot.heading_why}", *where)
-    elif shot.heading_deg is None:
+    elif shot.heading_deg is None and not shot.turning_s:
         yield error("no-heading", "nothing turns the camera to a heading: it is the autopilot's own", *where)
     if shot.pitch_why:
         yield warning("pitch-unknown", f"its pitch cannot be told for sure: {shot.pitch_why}", *where)

@@ -43,7 +43,8 @@ _NO_WAY_M = 0.01
 _NO_TURN_DEG = 1e-3
 _SAME_DEG = 1.0
 """A turn of less goes the short way, whatever way round is asked for: headings are rounded."""
-_MOST_IN_SERIES = 10_000
+_MOST_IN_SERIES, _MOST_AT_ONCE = 10_000, 20
+"""Photographs at intervals that are counted, and series of them that run at the same time."""
 _RELATIVE = "it is turned relative to a {} that nobody knows"
 
 
@@ -116,6 +117,8 @@ class _AppFlight:
         self.arrived_s, self.stop = self.clock, stop
         self.series = [(series, left) for series, left in self.series if series.until != stop.number]
         self.series += [(series, 0.0) for series in stop.series]
+        self.uncounted = self.uncounted or len(self.series) > _MOST_AT_ONCE
+        self.series = self.series[:_MOST_AT_ONCE]
         self.uncounted = self.uncounted or stop.uncounted
 
     def _arrival_heading(

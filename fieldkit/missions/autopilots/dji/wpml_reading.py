@@ -60,6 +60,17 @@ def _read_home(root: Element) -> Home | None:
     return Home(values[0], values[1], None)
 
 
+def _own(placemark: Element, folder: Element, switch: str, own: str, everybodys: str) -> Element | None:
+    """A waypoint's own element, or its wayline's where it has none or its useGlobal… switch is on."""
+    found, shared = placemark.find(own), folder.find(everybodys)
+    on = placemark.findtext(f"useGlobal{switch}") in ("1", "true")
+    return shared if shared is not None and (on or found is None) else found
+
+
+def _text(element: Element | None) -> str:
+    return "" if element is None else element.text or ""
+
+
 @dataclass
 class _Stop:
     """A waypoint, to which action groups of several waypoints add."""
@@ -131,7 +142,7 @@ class _File:
             here = len(self.stops)
             if here >= MAX_ITEMS:
                 raise MetadataError(f"has more than {MAX_ITEMS} waypoints", path=self.path, remedy=_REMEDY)
-            self.stops.append(self._read_placemark(placemark, base, folder.findtext("templateId", "0")))
+            self.stops.append(self._read_placemark(placemark, base, folder))
             index = number(placemark.findtext("index", ""))
             places.setdefault(here - first if index is None else int(index), here)
             own = here - first if index is None else int(index)
@@ -147,7 +158,7 @@ class _File:
         for group in groups:  # in the order of the file; those of one waypoint run one after the other
             self._place(group, places)
 
-    def _read_placemark(self, placemark: Element, base: str, template: str) -> _Stop:
+    def _read_placemark(self, placemark: Element, base: str, folder: Element) -> _Stop:
         index = len(self.stops)
         parts = [number(p) for p in (placemark.findtext("Point/coordinates") or "").split(",")]
         height = number(placemark.findtext("executeHeight") or placemark.findtext("height") or "")
@@ -157,15 +168,17 @@ class _File:
             index,
             GeoPoint(parts[1], parts[0], height),
             base,
-            self._facing(placemark, index),
-            self._pitch(placemark, index, template),
-            placemark.findtext("waypointTurnParam/waypointTurnMode", ""),
-            number(placemark.findtext("waypointSpeed", "")),
+            self._facing(
+                _own(placemark, folder, "HeadingParam", "waypointHeadingParam", "globalWaypointHeadingParam"), index
+            ),
+            self._pitch(placemark, index, folder.findtext("templateId", "0")),
+            _text(_own(placemark, folder, "TurnParam", "waypointTurnParam/waypointTurnMode", "globalWaypointTurnMode")),
+            number(_text(_own(placemark, folder, "Speed", "waypointSpeed", "autoFlightSpeed"))),
         )
 
-    def _facing(self, placemark: Element, index: int) -> Facing:
+    def _facing(self, parameters: Element | None, index: int) -> Facing:
         def text(name: str) -> str:
-            return placemark.findtext(f"waypointHeadingParam/{name}", "")
+            return "" if parameters is None else parameters.findtext(name, "")
 
         way = _WAYS.get(text("waypointHeadingPathMode"), 0)
         match text("waypointHeadingMode"):
@@ -243,7 +256,7 @@ class _File:
                 self._pass_over(group, stop, f"its trigger {group.trigger[:30]!r} is not known")
 
     def _act(self, stop: _Stop, actions: Sequence[Action]) -> None:
-        self.most -= len(actions)
+        self.most -= 1 + len(actions)
         if self.most < 0:
             raise MetadataError(f"has more than {_MOST_ACTIONS} actions", path=self.path, remedy=_REMEDY)
         stop.actions += actions

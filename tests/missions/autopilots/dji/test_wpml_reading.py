@@ -63,6 +63,7 @@ def pan(yaw: object, base: str) -> str:
 def checked(
     folder: Path,
     *waypoints: str,
+    shared: str = "",
     template: str | None = None,
     start: str = "",
     by: object = DJI,
@@ -80,7 +81,7 @@ def checked(
         for k, inner in enumerate(waypoints)
     )
     head = '<kml xmlns:wpml="http://www.dji.com/wpmz/1.0.6"><Document>'
-    members = [(WAYLINES, f"{head}<Folder>{own}{placemarks}</Folder></Document></kml>".encode())]
+    members = [(WAYLINES, f"{head}<Folder>{shared}{own}{placemarks}</Folder></Document></kml>".encode())]
     if template is not None:
         members.append((TEMPLATE, f"{head}<Folder>{template}</Folder></Document></kml>".encode()))
     (folder / "a.kmz").write_bytes(zip_bytes(members))
@@ -359,3 +360,25 @@ def test_a_fixed_camera_is_not_turned(tmp_path: Path) -> None:
     down = vehicle("dji", mount=Mount(kind="fixed", pitch_deg=(-90.0, -90.0)))
     report = checked(tmp_path, EAST + group(0, 0, tilt(-30), HOVER, PHOTO) + own_pitch(-20), by=down)
     assert poses(report) == [(90.0, -90.0)]
+
+
+def test_what_a_waypoint_shares_with_the_others_of_its_wayline(tmp_path: Path) -> None:
+    shot = group(0, 0, tilt(-30), HOVER, PHOTO)
+    everybodys = facing(angle=200).replace("waypointHeadingParam", "globalWaypointHeadingParam")
+    shared = everybodys + tags(autoFlightSpeed=1)
+    assert poses(checked(tmp_path, EAST + shot, shared=shared)) == [(90.0, -30.0)]
+    assert poses(checked(tmp_path, shot, shared=shared)) == [(200.0, -30.0)]
+    for flag, heading in ((0, 90.0), (1, 200.0)):
+        report = checked(tmp_path, EAST + tags(useGlobalHeadingParam=flag) + shot, shared=shared)
+        assert poses(report) == [(heading, -30.0)]
+    assert poses(checked(tmp_path, EAST + tags(useGlobalHeadingParam=1) + shot)) == [(90.0, -30.0)]
+    own = tags(waypointSpeed=2)
+    slow, fast = (checked(tmp_path, *(2 * [EAST + speed + shot]), shared=shared).seconds for speed in ("", own))
+    assert slow > fast + 4.0
+    assert checked(tmp_path, *(2 * [EAST + own + tags(useGlobalSpeed=1) + shot]), shared=shared).seconds == slow
+
+
+def test_many_series_at_once_are_not_all_counted(tmp_path: Path) -> None:
+    series = "".join(group(0, 1, action("takePhoto"), trigger="multipleDistance", every=100) for _ in range(30))
+    report = checked(tmp_path, EAST + group(0, 0, tilt(-30)) + series, EAST)
+    assert len(report.photographs) == 20
