@@ -37,7 +37,7 @@ def photograph_findings(
         grounds: heights above home of the ground below photographs, by the number of the item that takes them; home's
             own where one is missing.
     """
-    if not flown.photographs:
+    if not flown.photographs and not flown.uncounted:
         yield error("no-photographs", "the mission takes no photograph")
     for shot in flown.photographs:
         if shot.never:
@@ -64,6 +64,15 @@ def _when(shot: Photograph, vehicle: Vehicle, places: Mapping[int, GeoPoint]) ->
             "photo-late", f"taken {shot.late_s:.1f} s after item {shot.waypoint} is left{away}, {state}", *where
         )
         return
+    if shot.turning_s > 0.0:
+        yield error(
+            "photo-late",
+            f"the turn to its heading is late: it is over {shot.turning_s:.1f} s after the photograph",
+            *where,
+        )
+        return
+    if shot.interval:  # said once for all of them
+        return
     if shot.moving:
         yield error(
             "photo-moving",
@@ -72,7 +81,10 @@ def _when(shot: Photograph, vehicle: Vehicle, places: Mapping[int, GeoPoint]) ->
             *where,
         )
         return
-    if shot.settled_s < min(LEAST_SETTLE_S, settle) - 1e-9:
+    if shot.settled_s is None:
+        message = "the action that takes it waits until the camera is turned: how long, is not documented"
+        yield warning("not-modelled", message, *where)
+    elif shot.settled_s < min(LEAST_SETTLE_S, settle) - 1e-9:
         message = f"the vehicle has stood still with the camera turned for {shot.settled_s:.1f} s only"
         yield error("no-settle", message, *where)
     elif shot.settled_s < settle - _SLACK_S:
@@ -88,10 +100,15 @@ def _when(shot: Photograph, vehicle: Vehicle, places: Mapping[int, GeoPoint]) ->
 
 def _pose(shot: Photograph, vehicle: Vehicle, ground_m: float | None) -> Iterator[Finding]:
     where = (shot.item, shot.station)
-    if shot.heading_deg is None:
+    if shot.heading_why:
+        yield warning("heading-unknown", f"its heading cannot be told for sure: {shot.heading_why}", *where)
+    elif shot.heading_deg is None and not shot.turning_s:
         yield error("no-heading", "nothing turns the camera to a heading: it is the autopilot's own", *where)
+    if shot.pitch_why:
+        yield warning("pitch-unknown", f"its pitch cannot be told for sure: {shot.pitch_why}", *where)
     if shot.pitch_deg is None:
-        yield error("no-pitch", "nothing turns the gimbal before it", *where)
+        if not shot.pitch_why:
+            yield error("no-pitch", "nothing turns the gimbal before it", *where)
     # ArduPilot's gimbal manager cuts to whole degrees, towards the horizon: within the mount all the same.
     elif not vehicle.mount.reaches(shot.pitch_deg):
         message = f"pitch {shot.pitch_deg:.1f}° is beyond the mount ({vehicle.mount.range_text})"

@@ -167,6 +167,7 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (with_items(changed(Command.NAV_WAYPOINT, frame=0)), "datum"),
         (with_items(changed(Command.NAV_WAYPOINT, p7=94.0)), "datum"),
         (with_items(changed(Command.NAV_WAYPOINT, p7=-5000.0)), "datum"),
+        (with_items(changed(Command.CONDITION_YAW, p2=5.0, p3=1.0)), "photo-late"),
         (with_items(changed(Command.DO_MOUNT_CONTROL, p1=40.0)), "pitch-limit"),
         (with_items(changed(Command.NAV_WAYPOINT, p7=0.5)), "too-low"),
         (with_items(changed(Command.NAV_WAYPOINT, p1=-1.0)), "endurance"),
@@ -192,6 +193,7 @@ def test_every_fault_is_found(read: ReadMission, error: str) -> None:
         (with_items(changed(Command.NAV_WAYPOINT, p1=2.0)), "short-settle"),
         (with_items(changed(Command.NAV_DELAY, p1=0.5)), "short-delay"),
         (with_items(changed(Command.NAV_WAYPOINT, p4=90.0)), "value-dropped"),
+        (with_items(changed(Command.CONDITION_YAW, p4=1.0)), "heading-unknown"),
         (with_items(changed(Command.NAV_TAKEOFF, p7=0.5)), "takeoff-raised"),
         (with_items(changed(Command.DO_MOUNT_CONTROL, p7=0.0)), "mount-mode"),
         (with_items(without(Command.NAV_LAND)), "no-landing"),
@@ -203,6 +205,17 @@ def test_every_fault_is_found(read: ReadMission, error: str) -> None:
 )  # fmt: skip
 def test_what_is_worth_knowing_is_said(read: ReadMission, warning: str) -> None:
     assert counted(check_mission(read, vehicle()), "warning")[warning] > 0
+
+
+@pytest.mark.parametrize(
+    ("dialect", "trigger"),
+    [("ardupilot", 206), ("px4", 206), ("px4", 214)],  # ArduPilot does not know the last one
+)
+def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any, trigger: int) -> None:
+    there = MissionItem(trigger, 2, (2.0, 0, 0, 0, 0, 0, 0))
+    items = tuple(there if item.command == Command.IMAGE_START_CAPTURE else item for item in ITEMS)
+    found = counted(check_mission(ReadMission("plan", items, home=HOME), vehicle(dialect)))
+    assert (found["no-photographs"], found["photo-interval"]) == (0, 3)
 
 
 def test_px4_refuses_ardupilots_words() -> None:

@@ -8,9 +8,12 @@ from pathlib import Path
 import pytest
 
 from fieldkit.errors import MetadataError, MissionError
+from fieldkit.missions.autopilots.interpret import interpret
+from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.litchi import COLUMNS, read_litchi
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.writing import mission_bytes
+from fieldkit.missions.findings import Report
 from tests.missions.vehicles import small_mission, vehicle
 
 DJI = vehicle("dji")
@@ -43,13 +46,13 @@ def test_columns() -> None:
 def test_read_back(tmp_path: Path) -> None:
     mission = small_mission()
     read = read_of(tmp_path, TEXT)
-    photographed = [stop for stop in read.stops if stop.photographs]
-    for shot, stop in zip(mission.shots, photographed, strict=True):
-        assert stop.place.latitude_deg == pytest.approx(shot.place.latitude_deg, abs=1e-9)
-        assert stop.place.height_m == pytest.approx(shot.place.height_m, abs=1e-3)
-        assert stop.yaw_deg == pytest.approx(shot.yaw_deg, abs=0.01)
-        assert stop.pitch_deg == pytest.approx(shot.pitch_deg, abs=0.01)
-        assert (stop.before_s, stop.after_s) == (4.0, 1.0)
+    for shot, taken in zip(mission.shots, interpret(read, DJI, "dji").photographs, strict=True):
+        assert taken.place is not None
+        assert taken.place.latitude_deg == pytest.approx(shot.place.latitude_deg, abs=1e-9)
+        assert taken.place.height_m == pytest.approx(shot.place.height_m, abs=1e-3)
+        assert taken.heading_deg == pytest.approx(shot.yaw_deg, abs=0.01)
+        assert taken.pitch_deg == pytest.approx(shot.pitch_deg, abs=0.01)
+        assert (taken.settled_s, taken.after_s) == (pytest.approx(4.0), pytest.approx(1.0))
     assert [remark.code for remark in read.remarks] == ["heading-mode"]
 
 
@@ -59,7 +62,7 @@ def test_other_spellings(tmp_path: Path) -> None:
         assert read_of(tmp_path, variant) == expected
     feet = read_of(tmp_path, "latitude,longitude,altitude(ft),heading(deg)\n50.865,6.4473,10,90\n")
     assert feet.stops[0].place.height_m == pytest.approx(3.048)
-    assert feet.stops[0].photographs == 0
+    assert interpret(feet, DJI, "dji").photographs == ()
 
 
 def test_too_many_waypoints() -> None:
@@ -89,3 +92,91 @@ def test_errors(tmp_path: Path, text: str, message: str) -> None:
 def test_a_pause_that_litchi_cannot_hold() -> None:
     with pytest.raises(MissionError, match="40 s; Litchi pauses for at most 32 s"):
         mission_bytes("litchi", replace(small_mission(), settle_s=40.0), vehicle("dji"))
+
+
+def checked(folder: Path, *rows: dict[str, object], units: str = "m") -> Report:
+    """The check of waypoints 11.12 m apart to the north, each with these cells, 5 m high and facing east."""
+    columns = tuple(name.replace("(m)", f"({units})") for name in COLUMNS)
+    lines = [",".join(columns)]
+    for k, row in enumerate(rows):
+        cells: dict[str, object] = dict.fromkeys(columns, 0) | {name: -1 for name in columns if "actiontype" in name}
+        cells |= {"photo_timeinterval": -1, "photo_distinterval": -1}
+        cells |= {"latitude": 50.865 + 1e-4 * k, "longitude": 6.4473, f"altitude({units})": 5.0, "heading(deg)": 90}
+        lines.append(",".join(str((cells | row)[name]) for name in columns))
+    return check_mission(read_of(folder, "\n".join(lines)), DJI)
+
+
+def acts(*actions: tuple[int, float], **others: object) -> dict[str, object]:
+    cells: dict[str, object] = {}
+    for k, (kind, parameter) in enumerate(actions, 1):
+        cells |= {f"actiontype{k}": kind, f"actionparam{k}": parameter}
+    return cells | others
+
+
+SHOT = ((0, 4000.0), (1, 0.0), (0, 1000.0))
+TILTED = {"gimbalmode": 2, "gimbalpitchangle": -45}
+
+
+def poses(report: Report) -> list[tuple[float | None, float | None]]:
+    return [(shot.heading_deg, shot.pitch_deg) for shot in report.photographs]
+
+
+def codes(report: Report) -> set[str]:
+    return {finding.code for finding in report.findings} - {"heading-mode"}
+
+
+def test_actions_are_carried_out_in_order_with_time(tmp_path: Path) -> None:
+    row = acts(*SHOT, (5, -90.0), *SHOT, (4, 270.0), *SHOT, **TILTED)
+    report = checked(tmp_path, row, TILTED)
+    assert poses(report) == [(90.0, -45.0), (90.0, -90.0), (270.0, -90.0)]
+    assert codes(report) == set()
+    plain = checked(tmp_path, acts(*SHOT, *SHOT, *SHOT, **TILTED), TILTED)
+    assert report.seconds - plain.seconds == pytest.approx(180.0 / 60.0 + 0.15)
+    assert codes(checked(tmp_path, acts((0, 4000.0), (5, -90.0), (1, 0.0), (0, 1000.0), **TILTED), TILTED)) == {
+        "no-settle"
+    }
+    assert codes(checked(tmp_path, acts((5, -90.0), (0, 4000.0), (1, 0.0), (4, 0.0), **TILTED), TILTED)) == {"no-delay"}
+
+
+def test_a_tilt_stays_where_the_gimbals_mode_is_off(tmp_path: Path) -> None:
+    report = checked(tmp_path, acts((5, -60.0)), acts(*SHOT), acts(*SHOT, **TILTED), TILTED)
+    assert poses(report) == [(90.0, -60.0), (90.0, -45.0)]
+    assert codes(checked(tmp_path, acts(*SHOT))) == {"no-pitch"}
+    alone = checked(tmp_path, {}, acts(*SHOT, **TILTED), {})
+    assert (poses(alone), codes(alone)) == ([(90.0, -45.0)], {"not-modelled"})
+
+
+def test_a_point_of_interest_is_faced(tmp_path: Path) -> None:
+    for units, scale in (("m", 1.0), ("ft", 1.0 / 0.3048)):
+        poi = {
+            "poi_latitude": 50.865,
+            "poi_longitude": 6.448,
+            f"poi_altitude({units})": 1 * scale,
+            f"altitude({units})": 5 * scale,
+        }
+        report = checked(tmp_path, acts(*SHOT, **poi, gimbalmode=1), acts(*SHOT, **poi, **TILTED), units=units)
+        # It lies 49 m east, then 49 m east and 11 m south, and 4 m lower.
+        (first, steep), (second, pitch) = poses(report)
+        assert (first, steep) == (pytest.approx(90.0, abs=0.01), pytest.approx(-4.6, abs=0.1))
+        assert (second, pitch) == (pytest.approx(102.7, abs=0.1), -45.0)
+        assert codes(report) == set()
+    ground = checked(tmp_path, acts(*SHOT, **poi, gimbalmode=1, poi_altitudemode=1), units="ft")
+    assert (codes(ground), poses(ground)[0][1]) == ({"pitch-unknown"}, None)
+    assert codes(checked(tmp_path, acts(*SHOT, gimbalmode=1))) == {"pitch-unknown"}
+
+
+def test_photographs_at_intervals_are_taken_on_the_way(tmp_path: Path) -> None:
+    report = checked(tmp_path, TILTED | {"photo_distinterval": 5}, TILTED, TILTED | {"photo_distinterval": 5})
+    assert [shot.interval for shot in report.photographs] == [True, True, True]
+    assert codes(report) == {"photo-interval"}
+    assert [f.item for f in report.findings if f.code == "photo-interval"] == [0]
+    timed = checked(tmp_path, TILTED | {"photo_timeinterval": 2}, TILTED | {"gimbalpitchangle": -25}, TILTED)
+    pitches = [shot.pitch_deg for shot in timed.photographs if shot.pitch_deg is not None]
+    assert pitches[0] == -45.0
+    assert pitches == sorted(pitches)
+    assert len(pitches) == len(timed.photographs) > 2
+
+
+def test_other_actions_are_told_of(tmp_path: Path) -> None:
+    assert codes(checked(tmp_path, acts((2, 0.0), (3, 0.0), (5, -45.0), *SHOT))) == {"not-modelled"}
+    assert codes(checked(tmp_path, acts((9, 0.0), (5, -45.0), *SHOT))) == {"unknown-item"}

@@ -13,7 +13,9 @@ import pytest
 
 from fieldkit.documents.xml_tree import parse_local
 from fieldkit.errors import MetadataError, MissionError
-from fieldkit.missions.autopilots.dji.wpml import TEMPLATE, WAYLINES, read_wpml
+from fieldkit.missions.autopilots.dji.wpml import TEMPLATE, WAYLINES
+from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
+from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.mission import Shot
 from tests.missions.vehicles import small_mission, vehicle
@@ -44,16 +46,18 @@ def test_read_back(tmp_path: Path) -> None:
     mission = small_mission()
     (tmp_path / "a.kmz").write_bytes(mission_bytes("wpml", mission, DJI))
     read = read_wpml(tmp_path / "a.kmz")
-    photographed = [stop for stop in read.stops if stop.photographs]
-    assert len(photographed) == len(mission.shots) == 3
-    for shot, stop in zip(mission.shots, photographed, strict=True):
-        assert stop.place.latitude_deg == pytest.approx(shot.place.latitude_deg, abs=1e-9)
-        assert stop.place.longitude_deg == pytest.approx(shot.place.longitude_deg, abs=1e-9)
-        assert stop.place.height_m == pytest.approx(shot.place.height_m, abs=1e-3)
-        assert stop.yaw_deg == pytest.approx(shot.yaw_deg, abs=0.01)
-        assert stop.pitch_deg == pytest.approx(shot.pitch_deg, abs=0.01)
-        assert (stop.before_s, stop.after_s, stop.stops) == (4.0, 1.0, True)
+    photographs = interpret(read, DJI, "dji").photographs
+    assert len(photographs) == len(mission.shots) == 3
+    for shot, taken in zip(mission.shots, photographs, strict=True):
+        assert taken.place is not None
+        assert taken.place.latitude_deg == pytest.approx(shot.place.latitude_deg, abs=1e-9)
+        assert taken.place.longitude_deg == pytest.approx(shot.place.longitude_deg, abs=1e-9)
+        assert taken.place.height_m == pytest.approx(shot.place.height_m, abs=1e-3)
+        assert taken.heading_deg == pytest.approx(shot.yaw_deg, abs=0.01)
+        assert taken.pitch_deg == pytest.approx(shot.pitch_deg, abs=0.01)
+        assert (taken.settled_s, taken.after_s, taken.moving) == (pytest.approx(4.0), pytest.approx(1.0), False)
     assert read.firmware == "dji"
+    assert read.remarks == ()
 
 
 def test_names_of_plots_cannot_break_the_xml(tmp_path: Path) -> None:

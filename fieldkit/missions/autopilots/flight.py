@@ -7,7 +7,16 @@ from dataclasses import dataclass, replace
 
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.ardupilot.accepting import kept_params
-from fieldkit.missions.autopilots.execution import Execution, Photograph, Track, Turning, aim, along, offset
+from fieldkit.missions.autopilots.execution import (
+    LONGEST_S,
+    Execution,
+    Photograph,
+    Track,
+    Turning,
+    aim,
+    along,
+    offset,
+)  # fmt: skip
 from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.missions.mission import GeoPoint, Home
 from fieldkit.missions.plan_site.vehicle import Vehicle
@@ -20,7 +29,6 @@ _PX4_RETURN_M = 30.0
 """PX4's RTL_RETURN_ALT as it comes; near home it may stay lower."""
 _RETURN_PAUSE_S = 5.0
 """ArduPilot's RTL_LOIT_TIME as it comes: RTL stands over home before it lands (read from mount_then_yaw.BIN)."""
-LONGEST_S = 1e6
 
 RESTING = frozenset({Command.NAV_LOITER_TIME, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS})
 LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_VTOL_LAND, Command.NAV_PAYLOAD_PLACE})
@@ -32,6 +40,8 @@ _PASSED_FOR = frozenset({
     Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TIME,
 })  # fmt: skip
 """A waypoint without a hold is passed if one of these follows (ArduCopter's ModeAuto::set_next_wp)."""
+_LOCK = 16
+"""GIMBAL_MANAGER_FLAGS_YAW_LOCK (MAVLink common.xml): the gimbal's yaw is from north."""
 _SHUTTERS = frozenset({Command.IMAGE_START_CAPTURE, Command.DO_DIGICAM_CONTROL})
 
 
@@ -78,8 +88,8 @@ class Flight:
         if home is not None:
             self.track.here = GeoPoint(home.latitude_deg, home.longitude_deg, 0.0)
         self.heading = Turning(vehicle.speeds)
-        self.commanded = False
-        self.offset = 0.0
+        self.commanded = self.mount_turns = False
+        self.offset, self.locked = 0.0, False
         fixed = vehicle.mount.kind == "fixed"
         self.pitch: float | None = vehicle.mount.pitch_deg[0] if fixed else None
         self.turned_s = 0.0
@@ -88,7 +98,7 @@ class Flight:
         self.photographs: list[Photograph] = []
         self.skipped: list[tuple[int, str]] = []
         self.lands = ""
-        self.takeoff = False
+        self.takeoff = self.uncounted = False
         self.waypoint: int | None = None
         self.arrived_s = 0.0
 
@@ -111,10 +121,13 @@ class Flight:
             late, moving, settled = since, False, since - nav.travel_s
             after = nav.travel_s + nav.dwell_s - since
         heading, pitch = self._camera(now, place)
+        turns = self.commanded and self.roi is None and not self.locked
         self.photographs.append(
             Photograph(
                 number, len(self.photographs), place, heading, pitch, self.waypoint,
                 late_s=late, moving=moving, settled_s=max(settled, 0.0), after_s=after,
+                turning_s=max(self.heading.done_s - now, 0.0) if turns else 0.0,
+                heading_why=self.heading.why if turns else "",
             )
         )  # fmt: skip
 
@@ -227,14 +240,18 @@ class Flight:
             case Command.DO_MOUNT_CONTROL:
                 self._gimbal(p1, now)
                 if pan:
-                    self.offset = p3
+                    self._pan(p3, now)
                 elif self.dialect == "ardupilot" and self.vehicle.mount.kind == "pitch":
                     self.heading.turn_to(p3, now)  # the yaw turns the copter (measured)
+                    self.mount_turns = True
             case Command.DO_GIMBAL_MANAGER_PITCHYAW if math.isfinite(p1):
                 whole = self.dialect == "ardupilot"
                 self._gimbal(float(int(p1)) if whole else p1, now)
                 if pan and math.isfinite(p2):
-                    self.offset = float(int(p2)) if whole else p2
+                    flags = item.params[4]
+                    self._pan(
+                        float(int(p2)) if whole else p2, now, locked=math.isfinite(flags) and bool(int(flags) & _LOCK)
+                    )
             case Command.DO_SET_ROI | Command.DO_SET_ROI_LOCATION:
                 latitude, longitude, altitude = item.params[4:]
                 off = (latitude == 0.0 and longitude == 0.0) or not on_earth(latitude, longitude)
@@ -244,18 +261,32 @@ class Flight:
                 self.roi = None
             case Command.DO_CHANGE_SPEED if 0.01 < p2 < 100.0:
                 self.cruise = p2
+            case Command.DO_SET_CAM_TRIGG_DIST | Command.DO_SET_CAM_TRIGG_INTERVAL | Command.DO_TRIGGER_CONTROL:
+                self.uncounted = self.uncounted or p1 > 0.0  # on the way, from here on
             case Command.CONDITION_DELAY:
                 return now + min(max(p1, 0.0), LONGEST_S)
             case Command.CONDITION_YAW if self.dialect == "ardupilot":
-                target = p1
-                if item.params[3] == 1.0:
-                    target = (self.heading.at(now) or 0.0) + math.copysign(p1, p3 or 1.0)
-                self.heading.turn_to(target, now)
-                self.commanded = True
+                self._condition_yaw(item, now)
                 return self.heading.done_s + TURN_LAG_S
             case _:
                 pass
         return now
+
+    def _condition_yaw(self, item: MissionItem, now: float) -> None:
+        """Angle, degrees per second, direction and whether relative (ArduCopter's AutoYaw::set_fixed_yaw).
+
+        Of the direction only the sign counts; a relative turn without one is clockwise. The rate is at most the
+        vehicle's, which also stands for 0.
+        """
+        angle, rate, direction, relative = kept_params(item.command, item.params[:4])
+        if relative > 0.0:
+            turning = self.mount_turns and self.heading.at(now) is not None and self.heading.done_s > now
+            self.heading.turn_by(-angle if direction < 0.0 else angle, now, rate)
+            if turning:  # AutoYaw counts from the target that it holds, which the mount's yaw has just become
+                self.heading.why = "the turn is relative, and DO_MOUNT_CONTROL has just begun one to its own yaw"
+        else:
+            self.heading.turn_to(angle, now, int(direction > 0.0) - int(direction < 0.0), rate)
+        self.commanded, self.mount_turns = True, False
 
     def _gimbal(self, pitch: float, now: float) -> None:
         if self.vehicle.mount.kind == "fixed":
@@ -264,14 +295,22 @@ class Flight:
             self.turned_s = now
         self.pitch, self.roi = pitch, None
 
+    def _pan(self, yaw: float, now: float, *, locked: bool = False) -> None:
+        """Turn the gimbal's own yaw: off the nose, or from north where it is locked to that."""
+        if (yaw, locked) != (self.offset, self.locked):
+            self.turned_s = now
+        self.offset, self.locked = yaw, locked
+
     def _turned(self, now: float) -> float:
         """When heading and gimbal came to rest, at latest now."""
-        done = max(self.heading.done_s if self.commanded else 0.0, self.turned_s)
+        done = max(self.heading.done_s if self.commanded and not self.locked else 0.0, self.turned_s)
         return min(done, now)
 
     def _camera(self, now: float, place: GeoPoint | None) -> tuple[float | None, float | None]:
         if self.roi is not None and place is not None:
             return aim(place, self.roi)
+        if self.locked:
+            return self.offset % 360.0, self.pitch
         heading = self.heading.at(now) if self.commanded else None
         return None if heading is None else (heading + self.offset) % 360.0, self.pitch
 
@@ -294,6 +333,7 @@ class Flight:
             tuple(self.skipped),
             self.lands,
             self.takeoff,
+            self.uncounted,
         )
 
 

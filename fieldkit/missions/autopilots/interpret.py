@@ -2,7 +2,8 @@
 
 ArduPilot (measured on ArduCopter 4.5.6): the items behind a NAV item that are none themselves run one after the other
 while the *next* NAV item is carried out, and are lost where that one ends first; CONDITION_YAW holds up those behind
-it until the turn is done. PX4 (read from its source): items run strictly in order.
+it until the turn is done. PX4 (read from its source): items run strictly in order. Waypoints of formats without items
+are DJI's (`dji.app_flight`).
 """
 
 from __future__ import annotations
@@ -11,20 +12,17 @@ import math
 from collections.abc import Sequence
 
 from fieldkit.missions.autopilots.acceptance import refusal
-from fieldkit.missions.autopilots.execution import Execution, Photograph, Track
-from fieldkit.missions.autopilots.flight import GOING, LONGEST_S, TAKEOFFS, Flight, Nav, dwell_seconds, is_shutter
-from fieldkit.missions.files.read_mission import ReadMission, ReadStop
+from fieldkit.missions.autopilots.dji.app_flight import fly_stops
+from fieldkit.missions.autopilots.execution import LONGEST_S, Execution
+from fieldkit.missions.autopilots.flight import GOING, TAKEOFFS, Flight, Nav, dwell_seconds, is_shutter
+from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.missions.mission import GeoPoint, Home
 from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.motion import TURN_LAG_S, leg
+from fieldkit.missions.routing.motion import TURN_LAG_S
 
 # Commands up to here are NAV ones (MAVLink common.xml); so are ArduPilot's yaw-and-speed, script and attitude items.
 _LAST_NAV = 95
 _OTHER_NAV = frozenset({int(Command.NAV_SET_YAW_SPEED), 42702, 42703})
-
-_SLOWEST_MPS = 0.01
-"""Of a waypoint's own speed; with less, 0 above all, the mission's or the app's counts."""
 
 Numbered = Sequence[tuple[int, MissionItem]]
 
@@ -38,7 +36,7 @@ def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
         dialect: "ardupilot" or "px4"; of no matter for a file without items.
     """
     if read.stops:
-        return _stops(read.stops, read.home, vehicle)
+        return fly_stops(read.stops, read.home, vehicle)
     numbered = list(enumerate(read.items, read.first_number))
     if dialect == "px4":
         return _px4(Flight(vehicle, read.home, dialect), numbered)
@@ -123,6 +121,8 @@ def _run(flight: Flight, queue: Numbered, nav: Nav) -> None:
         now = flight.do(item, now)
     if leaves:
         flight.commanded = False
+    if nav.way is not None and not flight.commanded:
+        flight.heading.release()
 
 
 def _px4(flight: Flight, numbered: Numbered) -> Execution:
@@ -157,31 +157,3 @@ def _px4(flight: Flight, numbered: Numbered) -> Execution:
 
 def _is_nav(item: MissionItem) -> bool:
     return item.command <= _LAST_NAV or item.command in _OTHER_NAV
-
-
-def _stops(stops: Sequence[ReadStop], home: Home | None, vehicle: Vehicle) -> Execution:
-    """DJI's apps carry the actions of a waypoint out there, one after the other."""
-    track = Track()
-    if home is not None:
-        track.here = GeoPoint(home.latitude_deg, home.longitude_deg, 0.0)
-        if stops[0].height_from == "home":  # it climbs first
-            track.go(GeoPoint(home.latitude_deg, home.longitude_deg, stops[0].place.height_m), stops[0].number)
-    photographs: list[Photograph] = []
-    clock = 0.0
-    fixed = vehicle.mount.pitch_deg[0] if vehicle.mount.kind == "fixed" else None
-    for stop in stops:
-        height = stop.place.height_m if stop.height_from == "home" else math.nan
-        place = GeoPoint(stop.place.latitude_deg, stop.place.longitude_deg, height)
-        horizontal, up = track.go(place, stop.number)
-        speed = stop.speed_mps if stop.speed_mps is not None and stop.speed_mps > _SLOWEST_MPS else None
-        clock += leg(horizontal, up, vehicle.speeds, speed).seconds
-        clock += stop.before_s + stop.after_s
-        pitch = stop.pitch_deg if fixed is None else fixed
-        photographs += [
-            Photograph(
-                stop.number, len(photographs) + k, place, stop.yaw_deg, pitch, stop.number,
-                moving=not stop.stops, settled_s=stop.before_s, after_s=stop.after_s,
-            )
-            for k in range(stop.photographs)
-        ]  # fmt: skip
-    return Execution(tuple(photographs), tuple(track.legs), clock, (), "land", True)

@@ -9,21 +9,24 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable
 from pathlib import Path
 
 from fieldkit.errors import MetadataError, MissionError
+from fieldkit.missions.autopilots.execution import aim
 from fieldkit.missions.autopilots.stops import LEAST_EXPOSURE_S
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
-from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark
+from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark, in_passing
 from fieldkit.missions.files.route import RoutePoint, route_points
+from fieldkit.missions.files.stop_actions import Action, Face, Facing, Series, Shoot, Stay, Tilt
 from fieldkit.missions.mission import GeoPoint, Mission
 from fieldkit.missions.plan_site.vehicle import Vehicle
 
 _ACTIONS = 15
 _MOST_WAYPOINTS = 99
 _LONGEST_PAUSE_S = 32.0
-_NONE, _STAY, _PHOTO, _ROTATE, _TILT = -1, 0, 1, 4, 5
-_INTERPOLATE = 2
+_NONE, _STAY, _PHOTO = -1, 0, 1
+_FOCUS, _INTERPOLATE = 1, 2
 _FEET_M = 0.3048
 _REMEDY = "Export it again from Litchi's Mission Hub, or with `fieldkit export-mission --format litchi`."
 
@@ -87,6 +90,12 @@ def read_litchi(path: Path) -> ReadMission:
         Remark("heading-mode", "headings count only with Litchi's Heading Mode set to Custom, which no file can hold")
     ]
     stops = [_read_row(path, names, row, line, k, remarks) for k, (line, row) in enumerate(filled)]
+    for stop in stops[:-1]:  # behind the last one there is no way
+        remarks += [in_passing(series.every, series.unit, stop.number, series.until) for series in stop.series]
+    for before, stop, after in zip((None, *stops), stops, (*stops[1:], None), strict=False):
+        if stop.pitch_deg is not None and not any(each is not None and _pitched(each) for each in (before, after)):
+            message = "Litchi sets the gimbal's pitch only between waypoints that both have one: is it meant so?"
+            remarks.append(Remark("not-modelled", message, item=stop.number))
     return ReadMission("litchi", stops=tuple(stops), firmware="dji", remarks=tuple(remarks), first_number=0)
 
 
@@ -102,43 +111,72 @@ def _read_row(path: Path, names: list[str], row: list[str], line: int, index: in
             raise _error(path, f"line {line}: {keys[0]} is not a number: {text[:20]!r}")
         return found
 
-    latitude, longitude, metres = value("latitude"), value("longitude"), value("altitude(m)")
-    feet = value("altitude(ft)")
-    height = metres if metres is not None else None if feet is None else feet * _FEET_M
+    latitude, longitude, height = value("latitude"), value("longitude"), _metres(value, "altitude")
     if latitude is None or longitude is None or height is None:
         raise _error(path, f"line {line} lacks a latitude, longitude or altitude")
-    yaw = value("heading(deg)", "heading")
-    pitch = value("gimbalpitchangle") if value("gimbalmode") == _INTERPOLATE else None
-    before = after = 0.0
-    photographs = 0
+    place = GeoPoint(latitude, longitude, height)
+    above = "ground" if value("altitudemode") == 1 else "home"
+    mode = value("gimbalmode")
+    pitch = value("gimbalpitchangle") if mode == _INTERPOLATE else None
+    heading, pitch_why = value("heading(deg)", "heading"), ""
+    poi = GeoPoint(value("poi_latitude") or 0.0, value("poi_longitude") or 0.0, _metres(value, "poi_altitude") or 0.0)
+    if poi.latitude_deg or poi.longitude_deg:
+        heading, steep = aim(place, poi)
+        if mode == _FOCUS and above == "home" and value("poi_altitudemode") != 1:
+            pitch = steep
+        elif mode == _FOCUS:
+            pitch_why = "it is aimed at a point of interest, and the heights above ground are not known"
+    elif mode == _FOCUS:
+        pitch_why = "it is aimed at a point of interest that the file does not have"
+    actions: list[Action] = []
     for k in range(1, _ACTIONS + 1):
         kind, amount = value(f"actiontype{k}"), value(f"actionparam{k}") or 0.0
-        if kind == _PHOTO:
-            photographs, after = photographs + 1, 0.0
-        elif kind == _STAY and photographs:
-            after += max(amount, 0.0) / 1000.0
-        elif kind == _STAY:
-            before += max(amount, 0.0) / 1000.0
-        elif kind == _ROTATE and not photographs:
-            yaw, before = amount, 0.0
-        elif kind == _TILT and not photographs:
-            pitch, before = amount, 0.0
-    if (value("photo_timeinterval") or 0.0) > 0.0 or (value("photo_distinterval") or 0.0) > 0.0:
-        message = "photographs are taken at intervals, on the way: they are not counted"
-        remarks.append(Remark("photo-moving", message, item=index, error=True))
+        match kind:
+            case 0:
+                actions.append(Stay(max(amount, 0.0) / 1000.0))
+            case 1:
+                actions.append(Shoot())
+            case 2:
+                remarks.append(Remark("not-modelled", "records a video, which is passed over", item=index))
+            case 4:
+                actions.append(Face(amount))
+            case 5:
+                actions.append(Tilt(amount))
+            case None | -1 | 3:
+                pass
+            case _:
+                remarks.append(Remark("unknown-item", f"the action {kind:g} is not known, and passed over", item=index))
+    # A curve size above 0 rounds the corner, unless an action stops the aircraft.
+    held = any(isinstance(action, Shoot) or (isinstance(action, Stay) and action.seconds > 0.0) for action in actions)
     return ReadStop(
         index,
-        GeoPoint(latitude, longitude, height),
-        height_from="ground" if value("altitudemode") == 1 else "home",
-        yaw_deg=None if yaw is None else yaw % 360.0,
+        place,
+        height_from=above,
+        facing=Facing("free") if heading is None else Facing("angle", heading % 360.0),
         pitch_deg=pitch,
-        # A curve size above 0 rounds the corner, unless an action stops the aircraft.
-        stops=photographs > 0 or before > 0.0 or not (value("curvesize(m)", "curvesize(ft)") or 0.0) > 0.0,
-        before_s=before,
-        after_s=after,
-        photographs=photographs,
+        pitch_why=pitch_why,
+        actions=tuple(actions),
+        stops=held or not (value("curvesize(m)", "curvesize(ft)") or 0.0) > 0.0,
         speed_mps=value("speed(m/s)"),
+        series=_series(value, index),
     )
+
+
+def _pitched(stop: ReadStop) -> bool:
+    return stop.pitch_deg is not None or bool(stop.pitch_why)
+
+
+def _metres(value: Callable[..., float | None], name: str) -> float | None:
+    """A length that is in metres or in feet."""
+    metres, feet = value(f"{name}(m)"), value(f"{name}(ft)")
+    return metres if metres is not None else None if feet is None else feet * _FEET_M
+
+
+def _series(value: Callable[..., float | None], index: int) -> tuple[Series, ...]:
+    """Photographs at intervals, from one waypoint to the next."""
+    seconds, metres = value("photo_timeinterval") or 0.0, value("photo_distinterval") or 0.0
+    timed = (Series(seconds, "s", index + 1),) if seconds > 0.0 else ()
+    return (*timed, *((Series(metres, "m", index + 1),) if metres > 0.0 else ()))
 
 
 def _error(path: Path, message: str) -> MetadataError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fieldkit.missions.files.stop_actions import FREE, Action, Facing, Series
 from fieldkit.missions.items import Command, Frame, MissionItem
 from fieldkit.missions.mission import Fence, GeoPoint, Home
 
@@ -16,25 +17,29 @@ class ReadStop:
         number: in the file, from 0.
         place: where; its height is above take-off.
         height_from: "home", or what else the file says that the height is above.
-        yaw_deg: heading there, clockwise from north; None where the file leaves it to the app.
-        pitch_deg: of the gimbal, or None.
+        facing: heading there and from there on.
+        pitch_deg: of the gimbal on arrival, turned evenly on the way; None where it stays as it was.
+        pitch_why: why nobody can say what it is on arrival; "" elsewhere.
+        before: done before the way to it.
+        actions: done there, one after the other.
         stops: whether the vehicle stands still there.
-        before_s: standing still with the camera turned before the first photograph.
-        after_s: standing still after the last one.
-        photographs: how many are taken here.
         speed_mps: towards the next one, or None.
+        series: photographs at intervals that begin here.
+        uncounted: whether photographs are taken that are neither in ``actions`` nor in ``series``.
     """
 
     number: int
     place: GeoPoint
     height_from: str = "home"
-    yaw_deg: float | None = None
+    facing: Facing = FREE
     pitch_deg: float | None = None
+    pitch_why: str = ""
+    before: tuple[Action, ...] = ()
+    actions: tuple[Action, ...] = ()
     stops: bool = True
-    before_s: float = 0.0
-    after_s: float = 0.0
-    photographs: int = 0
     speed_mps: float | None = None
+    series: tuple[Series, ...] = ()
+    uncounted: bool = False
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,14 @@ class Remark:
     message: str
     item: int | None = None
     error: bool = False
+
+
+def in_passing(every: float, unit: str, start: int, end: int) -> Remark:
+    """Of photographs at intervals of so many seconds or metres from one waypoint to another."""
+    message = (
+        f"photographs are taken every {every:g} {unit} up to waypoint {end}, on the way: none of them stands still"
+    )
+    return Remark("photo-interval", message, item=start, error=True)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
-from fieldkit.missions.autopilots.dji.wpml import read_wpml
+from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
 from fieldkit.missions.files.limits import REMEDY
 from fieldkit.missions.files.litchi import read_litchi
 from fieldkit.missions.files.qgc_plan import read_plan

@@ -13,6 +13,7 @@ from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.missions.mission import GeoPoint, Mission
+from fieldkit.missions.plan_site.vehicle import Mount
 from fieldkit.missions.routing.motion import leg, turn_deg
 from tests.missions.vehicles import HOME, metres, recorded_items, recording, small_mission, vehicle
 
@@ -165,3 +166,102 @@ def test_turning_and_paths() -> None:
     path = [GeoPoint(50.0, 6.0, 0.0), GeoPoint(50.0, 6.0, 10.0), GeoPoint(50.0, 6.0, 0.0)]
     assert along(path, 0.25).height_m == pytest.approx(5.0)
     assert along(path, 0.75).height_m == pytest.approx(5.0)
+    way = Turning(vehicle().speeds, start_deg=10.0)
+    way.turn_to(350.0, 0.0, way=1, rate_dps=20.0)
+    assert way.at(10.0) == pytest.approx(210.0)
+    assert way.done_s == pytest.approx(17.0)
+    way.turn_to(340.0, 20.0, way=-1, rate_dps=200.0)  # the profile's 60°/s are the most
+    assert way.done_s == pytest.approx(20.0 + 10.0 / 60.0)
+    way.turn_by(270.0, 30.0)
+    assert way.at(31.0) == pytest.approx(40.0)
+    assert way.at(40.0) == pytest.approx(250.0)
+    way.release()
+    way.turn_by(90.0, 50.0)
+    assert way.done_s == pytest.approx(51.5)
+    assert (way.at(60.0), way.why) == (None, "the turn is relative to a heading that nobody knows")
+
+
+def turned(*yaws: tuple[float, float, float, float], hold: float = 4.0) -> Execution:
+    """A photograph at each of some places 11 m apart, each with a CONDITION_YAW of these parameters in front."""
+    items = [MissionItem(Command.NAV_TAKEOFF, 3, (0, 0, 0, 0, 0, 0, 3.0))]
+    for k, yaw in enumerate(yaws):
+        items += [
+            MissionItem(Command.CONDITION_YAW, 2, (*yaw, 0, 0, 0)),
+            MissionItem(Command.NAV_WAYPOINT, 3, (hold, 0, 0, 0, 50.865 + 1e-4 * k, 6.4473, 3.0)),
+            MissionItem(Command.IMAGE_START_CAPTURE, 2, (0, 0, 1.0, 0, 0, 0, 0)),
+            MissionItem(Command.NAV_DELAY, 2, (1.0, -1, -1, -1, 0, 0, 0)),
+        ]
+    return interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot")
+
+
+@pytest.mark.parametrize(
+    ("yaw", "heading"),
+    [
+        ((90.0, 0.0, 0.0, 0.0), 90.0),
+        ((90.0, 0.0, 1.0, 1.0), 100.0),
+        ((90.0, 0.0, 0.0, 1.0), 100.0),
+        ((90.0, 0.0, -1.0, 1.0), 280.0),
+        ((-90.0, 0.0, -1.0, 1.0), 100.0),
+        ((270.0, 0.0, 1.0, 1.0), 280.0),
+        ((0.0, 0.0, 1.0, 1.0), 10.0),
+    ],
+)
+def test_a_turn_may_be_relative_to_a_heading_that_is_known(yaw: tuple[float, ...], heading: float) -> None:
+    shot = turned((10.0, 0.0, 0.0, 0.0), yaw).photographs[1]  # type: ignore[arg-type]
+    assert shot.heading_deg == pytest.approx(heading)
+    assert (shot.turning_s, shot.settled_s) == (0.0, pytest.approx(4.0))
+
+
+@pytest.mark.parametrize("yaw", [(180.0, 5.0, 0.0, 0.0), (350.0, 20.0, 1.0, 0.0), (20.0, 20.0, -1.0, 0.0)])
+def test_a_turn_that_is_slow_or_the_long_way_is_not_over_in_time(yaw: tuple[float, ...]) -> None:
+    shot = turned((10.0, 0.0, 0.0, 0.0), yaw, hold=1.0).photographs[1]  # type: ignore[arg-type]
+    assert shot.turning_s > 3.0
+    assert shot.settled_s == 0.0
+    assert shot.heading_deg is not None
+    assert abs(turn_deg(shot.heading_deg, yaw[0])) > 30.0
+
+
+def test_a_turn_relative_to_a_heading_of_the_autopilots_own_leads_nobody_knows_where() -> None:
+    relative = (90.0, 0.0, 1.0, 1.0)
+    first, second, third = turned(relative, (30.0, 0.0, 0.0, 0.0), relative).photographs
+    assert (first.heading_deg, second.heading_deg, third.heading_deg) == (None, 30.0, pytest.approx(120.0))
+    assert "nobody knows" in first.heading_why
+    assert (second.heading_why, third.heading_why) == ("", "")
+    # A leg without a turn of its own: ArduCopter looks where it flies.
+    items = [
+        MissionItem(Command.CONDITION_YAW, 2, (30.0, 0, 0, 0, 0, 0, 0)),
+        *(
+            MissionItem(Command.NAV_WAYPOINT, 3, (1.0, 0, 0, 0, latitude, 6.4473, 3.0))
+            for latitude in (50.865, 50.8651)
+        ),
+        MissionItem(Command.CONDITION_YAW, 2, (*relative, 0, 0, 0)),
+        MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.865, 6.4473, 3.0)),
+        MissionItem(Command.IMAGE_START_CAPTURE, 2, (0, 0, 1.0, 0, 0, 0, 0)),
+        MissionItem(Command.NAV_DELAY, 2, (1.0, -1, -1, -1, 0, 0, 0)),
+    ]
+    shot = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot").photographs[0]
+    assert (shot.heading_deg, bool(shot.heading_why)) == (None, True)
+
+
+def test_the_mounts_own_yaw_in_front_of_a_relative_turn_is_told_of() -> None:
+    items = list(render(small_mission(vias=False), vehicle())[1:])
+    second = [k for k, item in enumerate(items) if item.command == Command.CONDITION_YAW][1]
+    items[second] = replace(items[second], params=(90.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0))
+    shot = interpret(ReadMission("plan", tuple(items), home=HOME), vehicle(), "ardupilot").photographs[1]
+    assert shot.heading_deg == pytest.approx(270.0)
+    assert "DO_MOUNT_CONTROL" in shot.heading_why
+
+
+@pytest.mark.parametrize(("flags", "heading"), [(12.0, 40.0), (28.0, 30.0)])
+def test_a_pan_gimbals_yaw_is_off_the_nose_unless_it_is_locked_to_north(flags: float, heading: float) -> None:
+    pan = vehicle(mount=Mount(kind="pitch-yaw", pitch_deg=(-90.0, 30.0), yaw_deg=(-160.0, 160.0)))
+    items = (
+        MissionItem(Command.CONDITION_YAW, 2, (10.0, 0, 0, 0, 0, 0, 0)),
+        MissionItem(Command.NAV_WAYPOINT, 3, (4.0, 0, 0, 0, 50.865, 6.4473, 3.0)),
+        MissionItem(Command.DO_GIMBAL_MANAGER_PITCHYAW, 2, (-45.0, 30.0, 0, 0, flags, 0, 0)),
+        MissionItem(Command.IMAGE_START_CAPTURE, 2, (0, 0, 1.0, 0, 0, 0, 0)),
+        MissionItem(Command.NAV_DELAY, 2, (1.0, -1, -1, -1, 0, 0, 0)),
+    )
+    shot = interpret(ReadMission("plan", items, home=HOME), pan, "ardupilot").photographs[0]
+    assert (shot.heading_deg, shot.pitch_deg) == (pytest.approx(heading), -45.0)
+    assert shot.settled_s == 0.0  # it has only just been turned

@@ -12,29 +12,20 @@ out, as in its samples: the height that is set in the controller counts.
 from __future__ import annotations
 
 import re
-from pathlib import Path
-from xml.etree.ElementTree import Element
 
-from fieldkit.documents.xml_tree import XmlError, escaped, parse_local
-from fieldkit.errors import MetadataError
+from fieldkit.documents.xml_tree import escaped
 from fieldkit.geometry.angles import wrapped_deg
-from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.dji.models import DjiModel, dji_model
 from fieldkit.missions.autopilots.stops import LEAST_EXPOSURE_S
-from fieldkit.missions.files.archive import read_members, zip_bytes
-from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
-from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark
+from fieldkit.missions.files.archive import zip_bytes
 from fieldkit.missions.files.route import RoutePoint, route_points
-from fieldkit.missions.mission import GeoPoint, Home, Mission
+from fieldkit.missions.mission import Mission
 from fieldkit.missions.plan_site.vehicle import Vehicle
 
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
 _MOST_WAYPOINTS = 200
 """Not in the documentation, whose index goes to 65535: what DJI's apps are said to take."""
 _LEAST_TAKEOFF_M = 1.2
-_PARAMETERS = "actionActuatorFuncParam"
-_PITCH_TURNS = f"{_PARAMETERS}/gimbalPitchRotateEnable"
-_REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
 
 
 def wpml_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
@@ -184,111 +175,3 @@ def _actions(mission: Mission, index: int, group: int, point: RoutePoint, turn_d
         step = _tags(actionId=step_id, actionActuatorFunc=function) + _within("actionActuatorFuncParam", values)
         body += _within("action", step)
     return _within("actionGroup", body)
-
-
-def read_wpml(path: Path) -> ReadMission:
-    """Read a WPML .kmz: its waylines, which the aircraft flies; the template is not looked at.
-
-    Raises:
-        MetadataError: no such archive, hostile XML, or a waypoint that is none.
-    """
-    members = read_members(read_bytes(path), [WAYLINES], path)
-    if WAYLINES not in members:
-        raise MetadataError(f"holds no {WAYLINES}: it is no DJI mission", path=path, remedy=_REMEDY)
-    try:
-        root = parse_local(members[WAYLINES])
-    except XmlError as error:
-        raise MetadataError(f"{WAYLINES}: {error}", path=path, remedy=_REMEDY) from error
-    folders = list(root.iter("Folder"))
-    if not folders:
-        raise MetadataError(f"{WAYLINES} has no Folder with a wayline", path=path, remedy=_REMEDY)
-    remarks: list[Remark] = []
-    stops: list[ReadStop] = []
-    for folder in folders:
-        mode = folder.findtext("executeHeightMode") or "relativeToStartPoint"
-        base = {"relativeToStartPoint": "home", "WGS84": "ellipsoid"}.get(mode, "ground")
-        for placemark in folder.iter("Placemark"):
-            if len(stops) >= MAX_ITEMS:
-                raise MetadataError(f"has more than {MAX_ITEMS} waypoints", path=path, remedy=_REMEDY)
-            stops.append(_read_placemark(path, placemark, len(stops), base, remarks))
-    return ReadMission(
-        "wpml", stops=tuple(stops), home=_read_home(root), firmware="dji", remarks=tuple(remarks), first_number=0
-    )
-
-
-def _read_home(root: Element) -> Home | None:
-    text = root.findtext("Document/missionConfig/takeOffRefPoint")
-    values = [number(part) for part in (text or "").split(",")]
-    if len(values) < 2 or values[0] is None or values[1] is None or not on_earth(values[0], values[1]):
-        return None
-    return Home(values[0], values[1], None)
-
-
-def _read_placemark(path: Path, placemark: Element, index: int, base: str, remarks: list[Remark]) -> ReadStop:
-    parts = [number(p) for p in (placemark.findtext("Point/coordinates") or "").split(",")]
-    height = number(placemark.findtext("executeHeight") or placemark.findtext("height") or "")
-    if len(parts) < 2 or parts[0] is None or parts[1] is None or height is None:
-        raise MetadataError(f"waypoint {index} has no coordinates and height", path=path, remedy=_REMEDY)
-    yaw: float | None = None
-    if placemark.findtext("waypointHeadingParam/waypointHeadingMode") == "smoothTransition":
-        yaw = number(placemark.findtext("waypointHeadingParam/waypointHeadingAngle", ""))
-    pitch = number(placemark.findtext("waypointGimbalHeadingParam/waypointGimbalPitchAngle", ""))
-    turn = placemark.findtext("waypointTurnParam/waypointTurnMode", "")
-    stop = _Stop(yaw, pitch)
-    for group in placemark.findall("actionGroup"):
-        _read_actions(group, index, stop, remarks)
-    return ReadStop(
-        index,
-        GeoPoint(parts[1], parts[0], height),
-        height_from=base,
-        yaw_deg=None if stop.yaw is None else stop.yaw % 360.0,
-        pitch_deg=stop.pitch,
-        # Actions on arrival make the aircraft stop whatever its turn mode.
-        stops=turn.startswith("toPointAndStop") or stop.acts,
-        before_s=stop.before,
-        after_s=stop.after,
-        photographs=stop.photographs,
-        speed_mps=number(placemark.findtext("waypointSpeed", "")),
-    )
-
-
-class _Stop:
-    """What the actions of a waypoint come to."""
-
-    def __init__(self, yaw: float | None, pitch: float | None) -> None:
-        self.yaw, self.pitch = yaw, pitch
-        self.before = self.after = 0.0
-        self.photographs = 0
-        self.acts = False
-
-
-def _read_actions(group: Element, index: int, stop: _Stop, remarks: list[Remark]) -> None:
-    trigger = group.findtext("actionTrigger/actionTriggerType", "")
-    one_by_one = group.findtext("actionGroupMode") == "sequence"
-    for action in group.findall("action"):
-        function = action.findtext("actionActuatorFunc", "")
-        if trigger != "reachPoint":
-            if function in ("takePhoto", "orientedShoot"):
-                message = f"photographs are triggered by {trigger or 'nothing'}, on the way: they are not counted"
-                remarks.append(Remark("photo-moving", message, item=index, error=True))
-            continue
-        stop.acts = True
-        match function:
-            case "takePhoto":
-                stop.photographs += 1
-                stop.after = 0.0
-            case "rotateYaw" if not stop.photographs:
-                stop.yaw, stop.before = number(action.findtext(f"{_PARAMETERS}/aircraftHeading", "")), 0.0
-            case "gimbalRotate" if not stop.photographs and action.findtext(_PITCH_TURNS) == "1":
-                stop.pitch, stop.before = number(action.findtext(f"{_PARAMETERS}/gimbalPitchRotateAngle", "")), 0.0
-            case "hover":
-                hover = number(action.findtext(f"{_PARAMETERS}/hoverTime", "")) or 0.0
-                seconds = max(hover, 0.0) if one_by_one else 0.0
-                if stop.photographs:
-                    stop.after += seconds
-                else:
-                    stop.before += seconds
-            case "orientedShoot" | "accurateShoot" | "panoShot" | "startRecord":
-                remarks.append(Remark("unknown-item", f"the action {function} is not understood", item=index))
-            case _:
-                pass

@@ -1,0 +1,384 @@
+"""What the waypoints of a WPML file come to: actions in order, what stays, what is done on the way."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from fieldkit.errors import MetadataError
+from fieldkit.missions.autopilots.dji.wpml import TEMPLATE, WAYLINES
+from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
+from fieldkit.missions.check import check_mission
+from fieldkit.missions.files.archive import zip_bytes
+from fieldkit.missions.findings import Report
+from fieldkit.missions.plan_site.vehicle import Mount
+from fieldkit.missions.routing.motion import leg
+from tests.missions.vehicles import vehicle
+
+DJI = vehicle("dji")
+PAN = vehicle("dji", mount=Mount(kind="pitch-yaw", pitch_deg=(-90.0, 30.0), yaw_deg=(-160.0, 160.0)))
+STEP_M = 11.12
+"""Between waypoints, which lie 1e-4° of latitude apart."""
+
+
+def tags(**values: object) -> str:
+    return "".join(f"<wpml:{name}>{value}</wpml:{name}>" for name, value in values.items())
+
+
+def action(function: str, **values: object) -> str:
+    parameters = f"<wpml:actionActuatorFuncParam>{tags(**values)}</wpml:actionActuatorFuncParam>"
+    return f"<wpml:action>{tags(actionId=0, actionActuatorFunc=function)}{parameters}</wpml:action>"
+
+
+def group(
+    start: int, end: int, *actions: str, trigger: str = "reachPoint", every: object = "", mode: str = "sequence"
+) -> str:
+    inner = tags(actionGroupStartIndex=start, actionGroupEndIndex=end, actionGroupMode=mode)
+    inner += f"<wpml:actionTrigger>{tags(actionTriggerType=trigger, actionTriggerParam=every)}</wpml:actionTrigger>"
+    return f"<wpml:actionGroup>{inner}{''.join(actions)}</wpml:actionGroup>"
+
+
+def facing(mode: str = "smoothTransition", angle: object = 90, **values: object) -> str:
+    inner = tags(waypointHeadingMode=mode, waypointHeadingAngle=angle, **values)
+    return f"<wpml:waypointHeadingParam>{inner}</wpml:waypointHeadingParam>"
+
+
+EAST = facing()
+HOVER = action("hover", hoverTime=4)
+PHOTO = action("takePhoto") + action("hover", hoverTime=1)
+
+
+def tilt(pitch: object, mode: str = "absoluteAngle", **values: object) -> str:
+    return action(
+        "gimbalRotate", gimbalRotateMode=mode, gimbalPitchRotateEnable=1, gimbalPitchRotateAngle=pitch, **values
+    )  # fmt: skip
+
+
+def pan(yaw: object, base: str) -> str:
+    return action("gimbalRotate", gimbalHeadingYawBase=base, gimbalYawRotateEnable=1, gimbalYawRotateAngle=yaw)
+
+
+def checked(
+    folder: Path,
+    *waypoints: str,
+    shared: str = "",
+    template: str | None = None,
+    start: str = "",
+    by: object = DJI,
+    pitch: float | None = None,
+) -> Report:
+    """The check of waypoints one after the other to the north, each given by what it holds besides its place."""
+    own = f"<wpml:startActionGroup>{start}</wpml:startActionGroup>" if start else ""
+    if pitch is not None:  # a first waypoint turns the gimbal
+        waypoints = (EAST + group(0, 0, tilt(pitch)), *waypoints)
+    placemarks = "".join(
+        f"<Placemark><Point><coordinates>6.4473,{50.865 + 1e-4 * k:.4f}</coordinates></Point>"
+        f"{tags(index=k, executeHeight=5)}{inner}"
+        f"<wpml:waypointTurnParam>{tags(waypointTurnMode='toPointAndStopWithDiscontinuityCurvature')}"
+        "</wpml:waypointTurnParam></Placemark>"
+        for k, inner in enumerate(waypoints)
+    )
+    head = '<kml xmlns:wpml="http://www.dji.com/wpmz/1.0.6"><Document>'
+    members = [(WAYLINES, f"{head}<Folder>{shared}{own}{placemarks}</Folder></Document></kml>".encode())]
+    if template is not None:
+        members.append((TEMPLATE, f"{head}<Folder>{template}</Folder></Document></kml>".encode()))
+    (folder / "a.kmz").write_bytes(zip_bytes(members))
+    return check_mission(read_wpml(folder / "a.kmz"), by)  # type: ignore[arg-type]
+
+
+def poses(report: Report) -> list[tuple[float | None, float | None]]:
+    return [(shot.heading_deg, shot.pitch_deg) for shot in report.photographs]
+
+
+def codes(report: Report) -> set[str]:
+    return {finding.code for finding in report.findings}
+
+
+def test_the_actions_of_a_group_are_carried_out_in_order(tmp_path: Path) -> None:
+    turn = action("rotateYaw", aircraftHeading=-90, aircraftPathMode="clockwise")
+    report = checked(
+        tmp_path, EAST + group(0, 0, tilt(-90), HOVER, PHOTO, tilt(-45), HOVER, PHOTO, turn, HOVER, PHOTO)
+    )  # fmt: skip
+    assert poses(report) == [(90.0, -90.0), (90.0, -45.0), (270.0, -45.0)]
+    assert [(shot.settled_s, shot.after_s) for shot in report.photographs] == 3 * [
+        (pytest.approx(4.0), pytest.approx(1.0))
+    ]
+    # 15 s of standing, and a turn of 180° at 60°/s.
+    assert report.seconds == pytest.approx(15.0 + 3.15 + 0.8)
+    assert report.findings == ()
+
+
+def test_several_groups_at_one_waypoint_follow_each_other(tmp_path: Path) -> None:
+    report = checked(tmp_path, EAST + group(0, 0, tilt(-90), HOVER, PHOTO) + group(0, 0, tilt(-30), HOVER, PHOTO))
+    assert poses(report) == [(90.0, -90.0), (90.0, -30.0)]
+    assert report.findings == ()
+
+
+def test_a_photograph_right_behind_a_turn_has_not_settled(tmp_path: Path) -> None:
+    report = checked(tmp_path, EAST + group(0, 0, HOVER, tilt(-30), PHOTO))
+    assert codes(report) == {"no-settle"}
+    again = checked(tmp_path, EAST + group(0, 0, tilt(-30), HOVER, tilt(-30), PHOTO))  # nothing turns
+    assert again.findings == ()
+    leaves = checked(tmp_path, EAST + group(0, 0, tilt(-30), HOVER, action("takePhoto"), tilt(-60)))
+    assert codes(leaves) == {"no-delay"}
+    # All of a group at once.
+    both = checked(tmp_path, EAST + group(0, 0, tilt(-30), HOVER, PHOTO, mode="parallel"))
+    assert "no-settle" in codes(both)
+
+
+def test_a_turn_takes_its_way_round_and_its_time(tmp_path: Path) -> None:
+    def seconds(way: str) -> float:
+        turn = action("rotateYaw", aircraftHeading=60, aircraftPathMode=way)
+        return checked(tmp_path, EAST + group(0, 0, tilt(-30), turn, HOVER, PHOTO)).seconds
+
+    assert seconds("clockwise") - seconds("counterClockwise") == pytest.approx(5.0)  # 330° and 30° at 60°/s
+    slow = checked(tmp_path, EAST + group(0, 0, tilt(-30, gimbalRotateTimeEnable=1, gimbalRotateTime=7), HOVER, PHOTO))
+    fast = checked(tmp_path, EAST + group(0, 0, tilt(-30, gimbalRotateTimeEnable=0, gimbalRotateTime=7), HOVER, PHOTO))
+    assert slow.seconds - fast.seconds == pytest.approx(7.0)
+    assert slow.photographs[0].settled_s == pytest.approx(4.0)
+
+
+def test_a_relative_pitch_counts_from_where_the_gimbal_is(tmp_path: Path) -> None:
+    up, down = tilt(20, "relativeAngle"), tilt(-10, "relativeAngle")
+    report = checked(
+        tmp_path,
+        EAST + group(1, 1, up, HOVER, PHOTO, down, HOVER, PHOTO),
+        EAST + group(2, 2, up, HOVER, PHOTO),
+        pitch=-60,
+    )
+    assert [pitch for _, pitch in poses(report)] == [-40.0, -50.0, -30.0]
+    assert report.findings == ()
+    unknown = checked(tmp_path, EAST + group(0, 0, up, HOVER, PHOTO, tilt(-30), HOVER, PHOTO))
+    assert poses(unknown) == [(90.0, None), (90.0, -30.0)]
+    assert codes(unknown) == {"pitch-unknown"}
+    assert unknown.ok
+
+
+def test_a_commanded_pitch_stays_until_another(tmp_path: Path) -> None:
+    shot, turned = EAST + group(1, 1, HOVER, PHOTO), EAST + group(3, 3, tilt(-20), HOVER, PHOTO)
+    report = checked(tmp_path, shot, EAST, turned, EAST + group(4, 4, HOVER, PHOTO), pitch=-60)
+    assert [pitch for _, pitch in poses(report)] == [-60.0, -20.0, -20.0]
+    assert report.findings == ()
+    none = checked(tmp_path, EAST + group(0, 0, HOVER, PHOTO))
+    assert codes(none) == {"no-pitch"}
+    off = checked(
+        tmp_path,
+        EAST + group(0, 0, action("gimbalRotate", gimbalPitchRotateEnable=0, gimbalPitchRotateAngle=-60), HOVER, PHOTO),
+    )
+    assert codes(off) == {"no-pitch"}
+
+
+def own_pitch(pitch: object, **values: object) -> str:
+    inner = tags(waypointGimbalPitchAngle=pitch, waypointGimbalYawAngle=0, **values)
+    return f"<wpml:waypointGimbalHeadingParam>{inner}</wpml:waypointGimbalHeadingParam>"
+
+
+def test_a_waypoints_own_pitch_of_0_is_a_placeholder_unless_the_file_says_so(tmp_path: Path) -> None:
+    shot = EAST + group(1, 1, HOVER, PHOTO)
+    assert poses(checked(tmp_path, shot + own_pitch(0), pitch=-60)) == [(90.0, -60.0)]
+    used = checked(tmp_path, shot + own_pitch(0, waypointGimbalHeadingMode="smoothTransition"), pitch=-60)
+    assert poses(used) == [(90.0, 0.0)]
+    point = "<Placemark>" + tags(index=1, gimbalPitchAngle=0) + "</Placemark>"
+    set_there = checked(
+        tmp_path, shot + own_pitch(0), pitch=-60, template=tags(gimbalPitchMode="usePointSetting") + point
+    )
+    assert poses(set_there) == [(90.0, 0.0)]
+    elsewhere = checked(
+        tmp_path, shot + own_pitch(0), pitch=-60,
+        template=tags(gimbalPitchMode="usePointSetting") + point.replace(">0<", ">-45<"),
+    )  # fmt: skip
+    assert poses(elsewhere) == [(90.0, -60.0)]
+    manual = checked(tmp_path, shot + own_pitch(-20), pitch=-60, template=tags(gimbalPitchMode="manual") + point)
+    assert poses(manual) == [(90.0, -60.0)]
+    assert manual.findings == ()
+    bare = checked(tmp_path, shot + own_pitch(-20), pitch=-60)
+    assert (poses(bare), codes(bare)) == ([(90.0, -20.0)], {"not-modelled"})
+    yaw = checked(tmp_path, shot + own_pitch(0).replace("YawAngle>0", "YawAngle>30"), pitch=-60)
+    assert (poses(yaw), codes(yaw)) == ([(90.0, -60.0)], {"not-modelled"})
+    broken = checked(tmp_path, shot + own_pitch(0), pitch=-60, template="<")
+    assert poses(broken) == [(90.0, -60.0)]
+
+
+def test_the_gimbal_turns_evenly_to_the_next_waypoint(tmp_path: Path) -> None:
+    def even(start: int, end: int, pitch: object = -30) -> str:
+        return group(
+            start, end, action("gimbalEvenlyRotate", gimbalPitchRotateAngle=pitch), trigger="betweenAdjacentPoints"
+        )
+
+    shot = EAST + group(2, 2, HOVER, PHOTO)
+    report = checked(tmp_path, EAST + even(1, 2), shot, EAST + group(3, 3, HOVER, PHOTO), pitch=-60)
+    assert poses(report) == [(90.0, -30.0), (90.0, -30.0)]
+    assert report.findings == ()
+    # Its group may stand at another waypoint, and the next one's placeholder does not undo it.
+    assert poses(checked(tmp_path, EAST, shot + own_pitch(0) + even(1, 2), pitch=-60)) == [(90.0, -30.0)]
+    last = checked(tmp_path, EAST + group(1, 1, HOVER, PHOTO) + even(1, 2), pitch=-60)
+    assert (poses(last), codes(last)) == ([(90.0, -60.0)], {"not-modelled"})
+    long = checked(tmp_path, EAST + even(1, 3), shot, EAST, pitch=-60)
+    assert (poses(long), codes(long)) == ([(90.0, -30.0)], {"not-modelled"})
+    reach = checked(
+        tmp_path, EAST + group(1, 1, action("gimbalEvenlyRotate", gimbalPitchRotateAngle=-30), HOVER, PHOTO), pitch=-60
+    )
+    assert (poses(reach), codes(reach)) == ([(90.0, None)], {"pitch-unknown"})
+    blank = checked(tmp_path, EAST + even(1, 2, ""), shot, pitch=-60)
+    assert codes(blank) == {"pitch-unknown"}
+
+
+def test_an_oriented_photograph_brings_its_pose_along(tmp_path: Path) -> None:
+    oriented = action(
+        "orientedShoot",
+        gimbalPitchRotateAngle=-30,
+        gimbalYawRotateAngle=-170,
+        aircraftHeading=-170,
+        accurateFrameValid=0,
+    )
+    report = checked(tmp_path, EAST + group(0, 0, oriented, action("hover", hoverTime=1)))
+    assert poses(report) == [(190.0, -30.0)]
+    assert report.ok
+    assert codes(report) == {"not-modelled"}
+    assert report.photographs[0].settled_s is None
+    found = checked(tmp_path, EAST + group(0, 0, oriented.replace("Valid>0", "Valid>1"), action("hover", hoverTime=1)))
+    assert sorted(finding.code for finding in found.findings) == 2 * ["not-modelled"]
+    assert any("recognises" in finding.message for finding in found.findings)
+
+
+def test_what_photographs_but_is_not_modelled_is_told(tmp_path: Path) -> None:
+    for function in ("panoShot", "startTimeLapse", "startContinuousShooting"):
+        report = checked(tmp_path, EAST + group(0, 0, tilt(-30), action(function)))
+        assert codes(report) == {"not-modelled"}
+        assert function in report.findings[0].message
+    video = checked(tmp_path, EAST + group(0, 0, action("startRecord"), action("stopRecord")))
+    assert codes(video) == {"not-modelled", "no-photographs"}
+    other = checked(tmp_path, EAST + group(0, 0, action("doSomething"), tilt(-30), HOVER, PHOTO))
+    assert codes(other) == {"unknown-item"}
+    zoomed = checked(tmp_path, EAST + group(0, 0, action("zoom", focalLength=48), tilt(-30), HOVER, PHOTO))
+    assert codes(zoomed) == {"not-modelled"}
+    for trigger in ("", "overheard", "betweenAdjacentPoints"):
+        report = checked(
+            tmp_path, EAST + group(0, 0, tilt(-30), PHOTO, trigger=trigger), EAST + group(1, 1, HOVER, PHOTO)
+        )
+        assert (
+            {"photo-interval", "not-modelled", "pitch-unknown"} > codes(report) >= {"photo-interval", "pitch-unknown"}
+        )
+        assert not report.ok
+
+
+def test_photographs_at_intervals_are_taken_on_the_way(tmp_path: Path) -> None:
+    series = group(1, 3, action("takePhoto"), trigger="multipleDistance", every=5)
+    report = checked(tmp_path, EAST + series, EAST, EAST + group(3, 3, HOVER, PHOTO), EAST, pitch=-60)
+    along = [shot for shot in report.photographs if shot.interval]
+    assert len(along) == math.floor(2 * STEP_M / 5) + 1
+    assert {(shot.heading_deg, shot.pitch_deg, shot.moving) for shot in along} == {(90.0, -60.0, True)}
+    places = [(shot.place.latitude_deg - 50.8651) * 1e4 * STEP_M for shot in along if shot.place is not None]
+    assert places == pytest.approx([0.0, 5.0, 10.0, 15.0, 20.0], abs=0.02)
+    assert len(report.photographs) == len(along) + 1
+    assert [f.code for f in report.findings] == ["photo-interval"]
+    assert "every 5 m up to waypoint 3" in report.findings[0].message
+    timed = checked(
+        tmp_path, EAST + series.replace("Distance", "Timing").replace(">5<", ">2<"), EAST, EAST, EAST, pitch=-60
+    )
+    assert len(timed.photographs) == math.floor(2 * leg(STEP_M, 0.0, DJI.speeds).seconds / 2) + 1
+    one = checked(tmp_path, EAST + group(1, 1, PHOTO, trigger="multipleTiming", every=2), EAST, pitch=-60)
+    assert (one.photographs, codes(one)) == ((), {"photo-interval"})
+    many = checked(tmp_path, EAST + series.replace(">5<", ">0.0001<"), EAST, EAST, pitch=-60)
+    assert len(many.photographs) == 10_000
+
+
+def test_on_the_way_heading_and_pitch_change_evenly(tmp_path: Path) -> None:
+    series = group(0, 1, action("takePhoto"), trigger="multipleDistance", every=STEP_M / 2)
+    even = group(0, 1, action("gimbalEvenlyRotate", gimbalPitchRotateAngle=-20), trigger="betweenAdjacentPoints")
+    for way, heading in (("followBadArc", 10.0), ("counterClockwise", 190.0)):
+        start = facing(angle=-10, waypointHeadingPathMode=way)
+        report = checked(tmp_path, start + group(0, 0, tilt(-60)) + series + even, facing(angle=30))
+        first, middle = report.photographs[:2]
+        assert (first.heading_deg, first.pitch_deg) == (pytest.approx(350.0), -60.0)
+        assert (middle.heading_deg, middle.pitch_deg) == (
+            pytest.approx(heading, abs=0.1),
+            pytest.approx(-40.0, abs=0.1),
+        )
+
+
+def test_actions_before_the_wayline(tmp_path: Path) -> None:
+    report = checked(tmp_path, EAST + group(0, 0, HOVER, PHOTO), start=tilt(-70))
+    assert (poses(report), report.findings) == ([(90.0, -70.0)], ())
+    shot = checked(tmp_path, EAST, EAST, start=tilt(-70) + PHOTO)
+    assert (codes(shot), shot.photographs) == ({"not-modelled"}, ())
+
+
+def test_a_group_of_several_waypoints_is_carried_out_at_each(tmp_path: Path) -> None:
+    report = checked(tmp_path, EAST + group(0, 1, tilt(-40), HOVER, PHOTO), EAST, EAST)
+    assert (poses(report), codes(report)) == ([(90.0, -40.0), (90.0, -40.0)], {"not-modelled"})
+    assert [shot.item for shot in report.photographs] == [0, 1]
+    nowhere = checked(tmp_path, EAST + group(7, 7, tilt(-40), PHOTO), EAST + group(1, 1, HOVER, PHOTO))
+    assert codes(nowhere) == {"photo-interval", "pitch-unknown"}
+    endless = "".join(group(0, 90, *(20 * [HOVER])) for _ in range(120))
+    with pytest.raises(MetadataError, match="more than 200000 actions"):
+        checked(tmp_path, EAST + endless, *(90 * [EAST]))
+
+
+POI = facing("towardPOI", 0, waypointPoiPoint="50.8650,6.4480,0")
+
+
+def test_headings_of_their_own_kind(tmp_path: Path) -> None:
+    shot = [group(k, k, tilt(-30), HOVER, PHOTO) for k in range(3)]
+    poi = checked(tmp_path, POI + shot[0], POI + shot[1], EAST + shot[2])
+    # East of the first waypoint; 11 m farther north it lies 49 m east and 11 m south.
+    assert [heading for heading, _ in poses(poi)] == pytest.approx([90.0, 102.7, 90.0], abs=0.1)
+    assert poi.findings == ()
+    # Each one's mode is for the way to the next: the first one's heading is nobody's.
+    course = checked(tmp_path, *(facing("followWayline", 0, waypointHeadingAngleEnable=0) + each for each in shot))
+    north = (pytest.approx(0.0, abs=1e-6), -30.0)
+    assert poses(course) == [(None, -30.0), north, north]
+    assert codes(course) == {"no-heading"}
+    turn = action("rotateYaw", aircraftHeading=45, aircraftPathMode="clockwise")
+    kept = checked(
+        tmp_path, facing("fixed") + group(0, 0, turn), facing("fixed") + shot[1], facing("manually") + shot[2]
+    )
+    assert [heading for heading, _ in poses(kept)] == [45.0, 45.0]
+    by_hand = checked(tmp_path, facing("manually") + shot[0], facing("manually") + shot[1])
+    assert codes(by_hand) == {"no-heading"}
+    onward = checked(tmp_path, POI, facing("followWayline") + shot[1], facing("followWayline") + shot[2])
+    assert [heading for heading, _ in poses(onward)] == [pytest.approx(102.7, abs=0.1), pytest.approx(0.0, abs=1e-6)]
+    without = checked(tmp_path, facing("towardPOI", 0, waypointPoiPoint="0.000000,0.000000,0.000000") + shot[0])
+    assert codes(without) == {"no-heading", "not-modelled"}
+    off = checked(tmp_path, facing(angle=0, waypointHeadingAngleEnable=0) + shot[0])
+    assert codes(off) == {"no-heading", "not-modelled"}
+
+
+def test_the_gimbals_own_yaw(tmp_path: Path) -> None:
+    for base, yaw, heading in (("north", 120, 120.0), ("aircraft", 30, 120.0), ("aircraft", -100, 350.0)):
+        report = checked(tmp_path, EAST + group(0, 0, tilt(-30), pan(yaw, base), HOVER, PHOTO), by=PAN)
+        assert (poses(report), report.findings) == ([(pytest.approx(heading), -30.0)], ())
+    same = checked(tmp_path, EAST + group(0, 0, tilt(-30), pan(90, "north"), HOVER, PHOTO))
+    assert same.findings == ()
+    none = checked(tmp_path, EAST + group(0, 0, tilt(-30), pan(30, "aircraft"), HOVER, PHOTO))
+    assert codes(none) == {"heading-unknown"}
+
+
+def test_a_fixed_camera_is_not_turned(tmp_path: Path) -> None:
+    down = vehicle("dji", mount=Mount(kind="fixed", pitch_deg=(-90.0, -90.0)))
+    report = checked(tmp_path, EAST + group(0, 0, tilt(-30), HOVER, PHOTO) + own_pitch(-20), by=down)
+    assert poses(report) == [(90.0, -90.0)]
+
+
+def test_what_a_waypoint_shares_with_the_others_of_its_wayline(tmp_path: Path) -> None:
+    shot = group(0, 0, tilt(-30), HOVER, PHOTO)
+    everybodys = facing(angle=200).replace("waypointHeadingParam", "globalWaypointHeadingParam")
+    shared = everybodys + tags(autoFlightSpeed=1)
+    assert poses(checked(tmp_path, EAST + shot, shared=shared)) == [(90.0, -30.0)]
+    assert poses(checked(tmp_path, shot, shared=shared)) == [(200.0, -30.0)]
+    for flag, heading in ((0, 90.0), (1, 200.0)):
+        report = checked(tmp_path, EAST + tags(useGlobalHeadingParam=flag) + shot, shared=shared)
+        assert poses(report) == [(heading, -30.0)]
+    assert poses(checked(tmp_path, EAST + tags(useGlobalHeadingParam=1) + shot)) == [(90.0, -30.0)]
+    own = tags(waypointSpeed=2)
+    slow, fast = (checked(tmp_path, *(2 * [EAST + speed + shot]), shared=shared).seconds for speed in ("", own))
+    assert slow > fast + 4.0
+    assert checked(tmp_path, *(2 * [EAST + own + tags(useGlobalSpeed=1) + shot]), shared=shared).seconds == slow
+
+
+def test_many_series_at_once_are_not_all_counted(tmp_path: Path) -> None:
+    series = "".join(group(0, 1, action("takePhoto"), trigger="multipleDistance", every=100) for _ in range(30))
+    report = checked(tmp_path, EAST + group(0, 0, tilt(-30)) + series, EAST)
+    assert len(report.photographs) == 20
