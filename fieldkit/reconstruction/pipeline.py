@@ -24,8 +24,9 @@ from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points,
 from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
 from fieldkit.reconstruction.dense import Settings as DenseSettings
 from fieldkit.reconstruction.dense.views import view_camera
+from fieldkit.reconstruction.doubts import doubts
 from fieldkit.reconstruction.guided import Region
-from fieldkit.reconstruction.interest import cuts_plants, volume_of_interest
+from fieldkit.reconstruction.interest import volume_of_interest
 from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
 from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
@@ -39,8 +40,6 @@ from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.progress import Progress
 
 _MIN_DENSE_VIEWS = 2
-_STEEP_DEG = 8.0
-"""Fields that are worked by machines are rarely steeper than 15 %."""
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
 Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
 
@@ -122,13 +121,14 @@ def reconstruct(
     plants = nearby.select(of_interest(nearby.points, volume, ground))
     if len(plants) == 0:
         raise _no_plants(sparse, len(above))
-    doubts = [_cut(capture, volume)] if cuts_plants(plants.points, volume, gsd_m) else []
-    if known_plot is None or known_plot.ground is None:
-        doubts += _steep(capture, sparse.frame)
-    for doubt in doubts:
+    doubted = doubts(
+        capture.folder.name, plants, volume, gsd_m, sparse.frame, sparse.poses,
+        own_ground=known_plot is None or known_plot.ground is None,
+    )  # fmt: skip
+    for doubt in doubted:
         progress.note(doubt.message)
     return Reconstruction(
-        sparse=replace(sparse, findings=(*sparse.findings, *doubts)),
+        sparse=replace(sparse, findings=(*sparse.findings, *doubted)),
         volume=volume,
         plants=plants,
         nearby=nearby,
@@ -318,25 +318,6 @@ def _ground_sampling_distance(sparse: SparseResult, volume: Volume) -> float:
         for name, pose in sparse.poses.items()
     ]
     return float(np.median(values))
-
-
-def _cut(capture: Capture, volume: Volume) -> Finding:
-    message = (
-        f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off there; "
-        "give a higher one with --bounds"
-    )
-    return Finding(capture.folder.name, "volume-cuts-plants", message)
-
-
-def _steep(capture: Capture, frame: MetricFrame) -> list[Finding]:
-    """That the ground found is steep; where up is not known nothing is said."""
-    if frame.ground is None or frame.origin is None or frame.ground.tilt_deg() <= _STEEP_DEG:
-        return []
-    message = (
-        f"the ground came out {frame.ground.tilt_deg():.0f}° from level; where the land is flatter, little of the soil "
-        "was seen, and heights above it are wrong"
-    )
-    return [Finding(capture.folder.name, "steep-ground", message)]
 
 
 def _require_masks(capture: Capture) -> None:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fieldkit.clouds import Cloud, Volume
-from fieldkit.evaluation.scoring import _refined, scale_doubt
+from fieldkit.clouds import Cloud, Volume, score
+from fieldkit.evaluation.scoring import _other_plants, _refined, scale_doubt
 from fieldkit.reconstruction.result import Reconstruction
 from tests.evaluation.examples import reconstruction
 from tests.evaluation.test_compare import leaves
@@ -37,6 +37,21 @@ def test_plants_of_another_size_are_not_scaled_away(scale: float, rms_m: float |
     middle = reference.points.mean(axis=0)
     cloud = Cloud(middle + scale * (reference.points - middle) + [0.004, -0.003, 0.002], reference.colors)
     moved, correction, _ = _refined(found_with(cloud, rms_m), reference, "plot")
+    assert correction is not None
     assert correction.scale == pytest.approx(1.0 / scale if scaled else 1.0, abs=0.002)
     error = np.linalg.norm(moved.points - reference.points, axis=1).mean()
     assert (error < 0.001) == scaled
+
+
+def test_other_plants_are_not_scored_without_a_word() -> None:
+    reference = leaves(0, noise_m=0.0)
+    sparse, moved = leaves(0, noise_m=0.01, points=300), Cloud(reference.points[:, [1, 0, 2]] + [0.2, 0.0, 0.1])
+    assert _other_plants("plot", score(reference, sparse), reference) == []
+    (finding,) = _other_plants("plot", score(reference, moved), reference)
+    assert finding.code == "other-plants"
+    far, correction, findings = _refined(
+        found_with(Cloud(reference.points + np.array([5.0, 0.0, 0.0])), None), reference, "plot"
+    )
+    assert [each.code for each in findings] == ["refinement-not-converged"]
+    assert correction is None  # it is scored where it lies
+    np.testing.assert_array_equal(far.points, reference.points + np.array([5.0, 0.0, 0.0]))

@@ -1,0 +1,58 @@
+"""Findings about results that are hardly those of the plot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fieldkit.clouds import Cloud, Volume
+from fieldkit.clouds.ground import Plane
+from fieldkit.geometry import Pose
+from fieldkit.reconstruction.doubts import doubts
+from fieldkit.reconstruction.result import MetricFrame
+from tests.evaluation.examples import reconstruction
+from tests.reconstruction.synthetic import ring
+
+VOLUME = Volume((-1.0, -1.0, 0.0), (1.0, 1.0, 1.5))
+GROUND = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.004, 0.3, 0.01)
+PLANTS = Cloud(np.random.default_rng(0).uniform((-0.4, -0.4, 0.05), (0.4, 0.4, 0.9), (2000, 3)))
+
+
+def frame(ground: Plane | None) -> MetricFrame:
+    return replace(reconstruction().sparse.frame, ground=ground)
+
+
+def codes(
+    plants: Cloud = PLANTS, ground: Plane | None = GROUND, roll_deg: float = 0.0, *, own: bool = True
+) -> set[str]:
+    poses = {}
+    for k, pose in enumerate(ring(6)):
+        yaw, pitch, _ = pose.yaw_pitch_roll_deg()
+        poses[f"{k}.jpg"] = Pose.from_yaw_pitch(pose.center, yaw, pitch, roll_deg)
+    return {f.code for f in doubts("plot", plants, VOLUME, 0.001, frame(ground), poses, own_ground=own)}
+
+
+def test_nothing_is_said_of_a_plot_on_level_ground() -> None:
+    assert codes() == set()
+    assert codes(roll_deg=90.0) == set()  # photographs in portrait format
+    assert codes(ground=None) == set()
+
+
+@pytest.mark.parametrize(
+    ("changed", "code"),
+    [
+        ({"plants": PLANTS.select(np.arange(12))}, "few-plant-points"),
+        ({"ground": replace(GROUND, inlier_share=0.04)}, "weak-ground"),
+        ({"ground": replace(GROUND, offset=170.0)}, "volume-below-ground"),
+        ({"roll_deg": 29.0}, "cameras-off-level"),
+        ({"roll_deg": -61.0}, "cameras-off-level"),
+    ],
+)
+def test_what_is_hardly_the_plots_is_said(changed: dict[str, object], code: str) -> None:
+    assert code in codes(**changed)  # type: ignore[arg-type]
+
+
+def test_a_references_ground_is_not_doubted() -> None:
+    assert codes(ground=replace(GROUND, inlier_share=0.01), roll_deg=29.0, own=False) == set()
