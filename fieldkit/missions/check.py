@@ -15,14 +15,16 @@ from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
 from fieldkit.missions.check_photographs import deviations, photograph_findings, plan_findings
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding, Report, error, warning
-from fieldkit.missions.mission import Fence, GeoPoint, Home, Shot
+from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.site import SiteHome
 from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.obstacles import Obstacles, Volume
+from fieldkit.missions.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.present.style import format_seconds
 
 _MOST_LEG_FINDINGS = 50
+_CORNERS = 64
+"""Of the polygon that a circle of a fence is checked as."""
 
 
 def check_mission(
@@ -150,5 +152,16 @@ _LEG_CODES = {
 
 def _fence(fence: Fence, frame: SiteFrame) -> Obstacles:
     """A file's fence in the local frame."""
-    zones = tuple(Volume.no_fly(f"{k} of the file", frame.outline(ring)) for k, ring in enumerate(fence.outside, 1))
-    return Obstacles(zones, tuple(frame.outline(ring) for ring in fence.inside), ceiling_m=fence.ceiling_m)
+    outside = [frame.outline(ring) for ring in fence.outside]
+    # The polygon lies within a circle to stay in, and around one to stay out of, so that it never forgives a leg.
+    outside += [_ring(each, each.radius_m / math.cos(math.pi / _CORNERS), frame) for each in fence.outside_circles]
+    inside = [frame.outline(ring) for ring in fence.inside]
+    inside += [_ring(each, each.radius_m, frame) for each in fence.inside_circles]
+    zones = tuple(Volume.no_fly(f"{k} of the file", ring) for k, ring in enumerate(outside, 1))
+    return Obstacles(zones, tuple(inside), ceiling_m=fence.ceiling_m)
+
+
+def _ring(circle: Circle, radius_m: float, frame: SiteFrame) -> Corners:
+    ((east, north),) = frame.outline([(circle.latitude_deg, circle.longitude_deg)])
+    angles = [2.0 * math.pi * k / _CORNERS for k in range(_CORNERS)]
+    return tuple((east + radius_m * math.cos(angle), north + radius_m * math.sin(angle)) for angle in angles)

@@ -22,7 +22,7 @@ from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.findings import Report
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.missions.mission import Fence, GeoPoint, Home, Mission, Shot
+from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home, Mission, Shot
 from fieldkit.missions.plan_site.placement import home_of, place
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.missions.plan_site.vehicle import Battery, Mount
@@ -239,6 +239,11 @@ def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:
     narrow = ((50.8648, 6.4470), (50.8648, 6.4476), (50.86505, 6.4476), (50.86497, 6.4473), (50.86505, 6.4470))
     out = check_mission(ReadMission("plan", items, home=HOME, fence=Fence((narrow,))), vehicle())
     assert counted(out)["leg-fence"] > 0
+    home = (HOME.latitude_deg, HOME.longitude_deg)
+    small = Fence(inside_circles=(Circle(*home, 5.0),))
+    assert counted(check_mission(ReadMission("plan", items, home=HOME, fence=small), vehicle()))["leg-fence"] > 0
+    circled = Fence(inside_circles=(Circle(*home, 60.0),), outside_circles=(Circle(middle[0], middle[1], 0.2),))
+    assert counted(check_mission(ReadMission("plan", items, home=HOME, fence=circled), vehicle())) == {"leg-no-fly": 1}
     sky = changed(Command.NAV_WAYPOINT, p7=5e5)
     high = check_mission(replace(with_items(sky), fence=Fence((ring,))), vehicle())
     assert counted(high, "warning")["datum"] > 0

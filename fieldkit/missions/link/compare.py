@@ -18,7 +18,7 @@ from fieldkit.missions.mission import Fence, Home
 _COMMON_UNITS = (1, 1, 0.011)
 """Tolerances of x and y in 1e-7 degrees and of z in metres, where an autopilot's own rounding was not measured."""
 _INT32 = 0x7FFF_FFFF
-_POLYGON_INSIDE, _POLYGON_OUTSIDE = 5001, 5002
+_POLYGON_INSIDE, _POLYGON_OUTSIDE, _CIRCLE_INSIDE, _CIRCLE_OUTSIDE = 5001, 5002, 5003, 5004
 
 
 def to_wire(items: Sequence[MissionItem]) -> tuple[WireItem, ...]:
@@ -39,25 +39,28 @@ def home_item(home: Home | None) -> WireItem:
 
 
 def fence_items(fence: Fence) -> tuple[WireItem, ...]:
-    """The polygons of a fence as items; its ceiling is a parameter of the vehicle (FENCE_ALT_MAX), not an item.
+    """The polygons and circles of a fence as items; its ceiling is a parameter of the vehicle (FENCE_ALT_MAX).
 
     Raises:
-        MissionError: a polygon has fewer than three corners, or a corner is nowhere on earth.
+        MissionError: a polygon has fewer than three corners, or a corner or a centre is nowhere on earth.
     """
     items = []
     for command, polygons in ((_POLYGON_INSIDE, fence.inside), (_POLYGON_OUTSIDE, fence.outside)):
         for polygon in polygons:
             if len(polygon) < 3:
                 raise MissionError("a polygon of the fence has fewer than three corners", remedy="Correct the fence.")
-            for latitude, longitude in polygon:
-                if not on_earth(latitude, longitude):
-                    raise MissionError(
-                        f"a corner of the fence is nowhere on earth: {latitude}, {longitude}",
-                        remedy="Correct the fence.",
-                    )
-                params = (float(len(polygon)), 0.0, 0.0, 0.0)
-                items.append(WireItem(command, 0, params, round(latitude * 1e7), round(longitude * 1e7), 0.0))
+            items += [_fence_item(command, len(polygon), *corner) for corner in polygon]
+    for command, circles in ((_CIRCLE_INSIDE, fence.inside_circles), (_CIRCLE_OUTSIDE, fence.outside_circles)):
+        items += [_fence_item(command, each.radius_m, each.latitude_deg, each.longitude_deg) for each in circles]
     return tuple(items)
+
+
+def _fence_item(command: int, first: float, latitude: float, longitude: float) -> WireItem:
+    if not on_earth(latitude, longitude):
+        raise MissionError(
+            f"a corner of the fence is nowhere on earth: {latitude}, {longitude}", remedy="Correct the fence."
+        )
+    return WireItem(command, 0, (float(first), 0.0, 0.0, 0.0), round(latitude * 1e7), round(longitude * 1e7), 0.0)
 
 
 def differences(
