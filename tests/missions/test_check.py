@@ -105,6 +105,7 @@ def test_what_fieldkit_writes_has_nothing_against_it(tmp_path: Path) -> None:
         assert max(d.metres for d in report.deviations) < 0.005
 
 
+NAN = float("nan")
 ITEMS = render(small_mission(), vehicle())[1:]
 
 
@@ -197,7 +198,6 @@ def test_every_fault_is_found(read: ReadMission, error: str) -> None:
         (with_items(changed(Command.NAV_TAKEOFF, p7=0.5)), "takeoff-raised"),
         (with_items(changed(Command.DO_MOUNT_CONTROL, p7=0.0)), "mount-mode"),
         (with_items(without(Command.NAV_LAND)), "no-landing"),
-        (with_items(inserted(MissionItem(Command.DO_JUMP, 2, (1.0, 2.0, 0, 0, 0, 0, 0)))), "not-followed"),
         (with_items(inserted(MissionItem(181, 2, (0.0,) * 7))), "unknown-item"),
         (with_items(changed(Command.NAV_WAYPOINT, frame=10)), "datum"),
         (replace(with_items(lambda _: None), firmware="px4"), "wrong-vehicle"),
@@ -216,6 +216,18 @@ def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any,
     items = tuple(there if item.command == Command.IMAGE_START_CAPTURE else item for item in ITEMS)
     found = counted(check_mission(ReadMission("plan", items, home=HOME), vehicle(dialect)))
     assert (found["no-photographs"], found["photo-interval"]) == (0, 3)
+
+
+def test_the_cameras_mode_on_px4() -> None:
+    items = render(small_mission(), vehicle("px4"))
+
+    def with_mode(mode: float) -> ReadMission:
+        camera = MissionItem(Command.SET_CAMERA_MODE, 2, (0.0, mode, NAN, NAN, NAN, NAN, NAN))
+        return ReadMission("plan", (items[0], camera, *items[1:]), home=HOME, firmware="px4")
+
+    assert check_mission(with_mode(0.0), vehicle("px4")).findings == ()
+    assert check_mission(with_mode(2.0), vehicle("px4")).findings == ()
+    assert counted(check_mission(with_mode(1.0), vehicle("px4")), "warning") == {"camera-mode": 1}
 
 
 def test_px4_refuses_ardupilots_words() -> None:
