@@ -9,11 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from fieldkit.errors import MissionError
+from fieldkit.missions.autopilots.dji.models import dji_model
 from fieldkit.missions.autopilots.execution import Execution, distance
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
 from fieldkit.missions.check_photographs import deviations, photograph_findings, plan_findings
+from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.stop_actions import Stay
 from fieldkit.missions.findings import Finding, Report, error, warning
 from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.missions.plan_site.placement import SiteFrame
@@ -88,9 +91,37 @@ def _fit(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:
         yield error("wrong-vehicle", f"{vehicle.title} does not fly {read.format} files")
     elif read.firmware not in (None, vehicle.dialect):
         yield warning("wrong-vehicle", f"the file was made for {read.firmware}, the vehicle is {vehicle.dialect}")
+    if read.drone is not None and vehicle.dialect == "dji":
+        yield from _drone_findings(read.drone, vehicle)
+
+
+def _drone_findings(drone: tuple[int, int], vehicle: Vehicle) -> Iterator[Finding]:
+    """Whether a file is for the profile's model, where WPML has a number for that."""
+    try:
+        own = dji_model(vehicle).drone
+    except MissionError:
+        return
+    message = "the file is for DJI's model {}-{}, {} is {}-{}".format(*drone, vehicle.title, *own)
+    if drone[0] != own[0]:
+        yield error("wrong-vehicle", message)
+    elif drone != own:
+        yield warning("wrong-vehicle", message)
 
 
 def _stop_findings(read: ReadMission) -> Iterator[Finding]:
+    count, app = len(read.stops), "Litchi" if read.format == "litchi" else "DJI"
+    if count and count < LEAST_WAYPOINTS.get(read.format, 0):
+        least = LEAST_WAYPOINTS[read.format]
+        yield error("too-few-waypoints", f"{app} takes missions of at least {least} waypoints; this one has {count}")
+    if count > MOST_WAYPOINTS.get(read.format, count):
+        most = MOST_WAYPOINTS[read.format]
+        yield error("too-many-items", f"the mission has {count} waypoints; {app} takes at most {most}")
+    longest = LONGEST_STAY_S.get(read.format, math.inf)
+    for stop in read.stops:
+        for stay in (action for action in stop.actions if isinstance(action, Stay) and action.seconds > longest):
+            yield error(
+                "long-stay", f"stays for {stay.seconds:g} s; {app} pauses for at most {longest:g} s", stop.number
+            )
     for stop in read.stops:
         if stop.height_from != "home":
             what = f"its height is above the {stop.height_from}, not above take-off: what it comes to is not known"

@@ -16,7 +16,7 @@ from fieldkit.errors import UsageError
 from fieldkit.missions.autopilots import render
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.qgc_plan import plan_bytes
-from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.read_mission import ReadMission, ReadStop
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.writing import mission_bytes
@@ -236,6 +236,48 @@ def test_px4_refuses_ardupilots_words() -> None:
     # Without it all look north: the waypoints' own yaw is 0.
     assert [shot.heading_deg for shot in report.taken] == 3 * [0.0]
     assert counted(report)["off-plan"] == 3
+
+
+def stops_of(form: str, count: int) -> ReadMission:
+    shots = small_mission().shots
+    stops = tuple(
+        ReadStop(k, shots[k % 2].place, yaw_deg=90.0, pitch_deg=-45.0, before_s=4.0, after_s=1.0, photographs=1)
+        for k in range(count)
+    )
+    return ReadMission(form, stops=stops, home=HOME, firmware="dji", first_number=0)
+
+
+@pytest.mark.parametrize(("form", "most"), [("litchi", 99), ("wpml", 200)])
+def test_the_limits_of_the_apps_that_the_exporter_knows(form: str, most: int) -> None:
+    lasting = vehicle("dji", battery=Battery(endurance_s=1e5, reserve=0.1))
+    assert check_mission(stops_of(form, most), lasting).ok
+    assert counted(check_mission(stops_of(form, most + 1), lasting)) == {"too-many-items": 1}
+    assert check_mission(stops_of(form, 2), lasting).ok
+    assert counted(check_mission(stops_of(form, 1), lasting)) == {"too-few-waypoints": 1}
+
+
+def test_a_stay_that_litchi_does_not_hold(tmp_path: Path) -> None:
+    text = mission_bytes("litchi", small_mission(), vehicle("dji")).decode()
+    for seconds, found in ((32.0, {}), (32.5, {"long-stay": 3})):
+        (tmp_path / "long.csv").write_text(text.replace(",0,4000,", f",0,{seconds * 1000:.0f},"))
+        assert counted(check_mission(read_mission(tmp_path / "long.csv"), vehicle("dji"))) == found
+
+
+def test_the_files_own_model_against_the_profile(tmp_path: Path) -> None:
+    def by(title: str) -> Any:
+        return vehicle("dji", title=title)
+
+    path = tmp_path / "enterprise.kmz"
+    path.write_bytes(mission_bytes("wpml", small_mission(), by("DJI Mavic 3 Enterprise")))
+    read = read_mission(path)
+    assert read.drone == (77, 0)
+    assert check_mission(read, by("Mavic 3 E, ours")).findings == ()
+    assert counted(check_mission(read, by("DJI Matrice 4E"))) == {"wrong-vehicle": 1}
+    thermal = check_mission(read, by("DJI Mavic 3 Thermal"))
+    assert thermal.ok
+    assert counted(thermal, "warning") == {"wrong-vehicle": 1}
+    assert check_mission(read, by("a drone without a number")).findings == ()
+    assert check_mission(replace(read, drone=None), by("DJI Matrice 4E")).findings == ()
 
 
 def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:

@@ -81,6 +81,7 @@ class ReadMission:
         rally: places to return to.
         remarks: what its reader noticed.
         first_number: of ``items[0]``: 1 behind a home row and in .plan files, whose doJumpId counts from 1.
+        drone: droneEnumValue and droneSubEnumValue of the aircraft that a WPML file is for; None where it names none.
     """
 
     format: str
@@ -92,6 +93,7 @@ class ReadMission:
     rally: tuple[GeoPoint, ...] = ()
     remarks: tuple[Remark, ...] = ()
     first_number: int = 1
+    drone: tuple[int, int] | None = None
 
     def upload_items(self, dialect: str) -> tuple[MissionItem, ...]:
         """The items as they are uploaded: with the home item in front for "ardupilot" where the file has a home."""
