@@ -20,7 +20,7 @@ from fieldkit.missions.files.read_mission import ReadMission, ReadStop
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.writing import mission_bytes
-from fieldkit.missions.findings import Report
+from fieldkit.missions.findings import Report, error, grouped
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home, Mission, Shot
 from fieldkit.missions.plan_site.placement import home_of, place
@@ -370,6 +370,26 @@ def test_a_vehicles_battery_and_mount_count() -> None:
     assert counted(check_mission(with_items(lambda _: None), fixed), "warning")["item-ignored"] == 3
 
 
+def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path) -> None:
+    naive = check_mission(read_mission(file_of(tmp_path, "naive", "plan")), vehicle(), planned=recorded_mission().shots)
+    groups = grouped(naive.findings)
+    assert sum(len(each.findings) for each in groups) == len(naive.findings)
+    assert len(groups) < 12
+    severities = [each.first.severity for each in groups]
+    assert severities == sorted(severities)  # errors first
+    (late,) = (each for each in groups if each.first.code == "photo-late")
+    assert late.text.startswith("13 photographs, the first at item 5: taken ")
+    (rejected,) = grouped([error("item-rejected", "CONDITION_YAW is refused (UNSUPPORTED)", 3)])
+    assert rejected.text == "CONDITION_YAW is refused (UNSUPPORTED)"
+    same = [error("photo-moving", "taken in passing", k, k) for k in range(35)]
+    home = error("other-home", "the file's home is 6403.5 km from the site's")
+    cause, photographs = grouped([*same, home])
+    assert (cause.text, photographs.text) == (home.message, "35 photographs: taken in passing")
+    assert grouped(error("leg-fence", f"the leg to item {k} leaves the fence", k) for k in (4, 9))[0].text == (
+        "2 legs, the first at item 4: the leg to item 4 leaves the fence"
+    )
+
+
 def test_the_command_with_a_plan_and_a_site(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     site_file = missions_folder() / "sites" / "example.toml"
     plan = plan_from_poses(ring(9, 2.5, 2.0))
@@ -413,4 +433,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     shown = capsys.readouterr()
     assert shown.out == ""
     assert "must not be flown" in shown.err
+    assert "13 photographs" in shown.err
+    assert shown.err.count("photo-late") == 1
+    assert "--json lists each of them" in shown.err
     assert "photo-late" in shown.err
