@@ -90,18 +90,22 @@ def _facts(report: Report) -> dict[str, Any]:
             "planned": None if near is None else near.planned,
             "off_plan_m": None if near is None else near.metres,
         })  # fmt: skip
-    findings = [
-        {"code": f.code, "severity": f.severity, "item": f.item, "station": f.station, "message": f.message}
-        for f in report.findings
-    ]
     return {
         "ok": report.ok,
         "photographs": len(report.taken),
-        "findings": findings,
+        "findings": finding_entries(report.findings),
         "poses": poses,
         "length_m": report.length_m,
         "time_s": report.seconds,
     }
+
+
+def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+    """Findings as JSON has them."""
+    return [
+        {"code": f.code, "severity": f.severity, "item": f.item, "station": f.station, "message": f.message}
+        for f in findings
+    ]
 
 
 def _show(report: Report, file: Path) -> None:

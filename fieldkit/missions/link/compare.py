@@ -10,7 +10,7 @@ import numpy as np
 from fieldkit.errors import MissionError
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.ardupilot.accepting import MEASURED
-from fieldkit.missions.items import MissionItem, command_name, plain_frame
+from fieldkit.missions.items import MissionItem, command_name, plain_frame, with_jump_moved
 from fieldkit.missions.link.item_rules import Kind, WireItem, stored, stored_fence_item
 from fieldkit.missions.link.listener import ARDUPILOT
 from fieldkit.missions.mission import Fence, Home
@@ -36,6 +36,22 @@ def home_item(home: Home | None) -> WireItem:
         return WireItem(16, 0, (0.0, 0.0, 0.0, 0.0), 0, 0, 0.0)
     x, y = round(home.latitude_deg * 1e7), round(home.longitude_deg * 1e7)
     return WireItem(16, 0, (0.0, 0.0, 0.0, 0.0), x, y, home.amsl_m or 0.0)
+
+
+def mission_items(items: Sequence[MissionItem], home: Home | None, autopilot: int) -> tuple[WireItem, ...]:
+    """A mission as it is sent: behind home to an ArduPilot; others have none, and count from 0.
+
+    Args:
+        items: without home; jumps lead to them counted from 1.
+        home: as the file has it.
+        autopilot: MAV_AUTOPILOT.
+
+    Raises:
+        MissionError: a number does not fit into its field.
+    """
+    if autopilot == ARDUPILOT:
+        return (home_item(home), *to_wire(items))
+    return to_wire([with_jump_moved(item, -1) for item in items])
 
 
 def fence_items(fence: Fence) -> tuple[WireItem, ...]:

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
+from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import MissionItem
-from fieldkit.missions.link.compare import differences, fence_items, home_item, roundings, to_wire
+from fieldkit.missions.link.compare import differences, fence_items, home_item, mission_items, roundings, to_wire
 from fieldkit.missions.link.item_rules import Kind, WireItem, fence_problem, stored, stored_fence_item
 from fieldkit.missions.link.listener import ARDUPILOT, PX4
 from fieldkit.missions.mission import Circle, Fence, Home
@@ -126,6 +127,18 @@ def test_fences() -> None:
         fence_items(Fence(inside=(square[:2],)))
     with pytest.raises(MissionError, match="nowhere on earth"):
         fence_items(Fence(inside=(((91.0, 0.0), *square),)))
+
+
+def test_jumps_lead_to_the_same_items_on_every_autopilot() -> None:
+    land = MissionItem(21, 3, (0.0,) * 7)
+    items = (MissionItem(22, 3, (0.0,) * 7), MissionItem(177, 2, (3.0, 2.0, 0, 0, 0, 0, 0)), land)
+    for autopilot, target in ((ARDUPILOT, 3), (PX4, 2)):
+        sent = mission_items(items, None, autopilot)
+        assert sent[-2].params[:2] == (target, 2.0)
+        assert sent[target].command == land.command
+    # A file whose first row is no home row counts from 0.
+    read = ReadMission("waypoints", (items[0], MissionItem(177, 2, (2.0, 2.0, 0, 0, 0, 0, 0)), land), first_number=0)
+    assert read.behind_home() == ReadMission("waypoints", items, first_number=1)
 
 
 def test_home() -> None:
