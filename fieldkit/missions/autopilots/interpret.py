@@ -9,15 +9,18 @@ are DJI's (`dji.app_flight`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 from fieldkit.missions.autopilots.acceptance import refusal
 from fieldkit.missions.autopilots.dji.app_flight import fly_stops
 from fieldkit.missions.autopilots.execution import LONGEST_S, Execution
 from fieldkit.missions.autopilots.flight import GOING, TAKEOFFS, Flight, Nav, dwell_seconds, is_shutter
 from fieldkit.missions.autopilots.jumps import Numbered, course
-from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.read_mission import ReadMission, ReadStop
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.routing.flight_time import landing_s, takeoff_s
 from fieldkit.missions.routing.motion import TURN_LAG_S
 
 # Commands up to here are NAV ones (MAVLink common.xml); so are ArduPilot's yaw-and-speed, script and attitude items.
@@ -34,7 +37,7 @@ def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
         dialect: "ardupilot" or "px4"; of no matter for a file without items.
     """
     if read.stops:
-        return fly_stops(read.stops, read.home, vehicle)
+        return _with_ends(fly_stops(read.stops, read.home, vehicle), read.stops, vehicle)
     flight, followed = Flight(vehicle, read.home, dialect), course(read, dialect)
     (_px4 if dialect == "px4" else _ardupilot)(flight, followed.numbered)
     for number, item in followed.unreached:
@@ -146,3 +149,10 @@ def _px4(flight: Flight, numbered: Numbered) -> None:
 
 def _is_nav(item: MissionItem) -> bool:
     return item.command <= _LAST_NAV or item.command in _OTHER_NAV
+
+
+def _with_ends(flown: Execution, stops: Sequence[ReadStop], vehicle: Vehicle) -> Execution:
+    """The flight with take-off and landing, which waypoints do not have; heights that are not above home count as 0."""
+    first, last = (stop.place.height_m if stop.height_from == "home" else 0.0 for stop in (stops[0], stops[-1]))
+    ends_s = takeoff_s(max(first, 0.0), vehicle.speeds) + landing_s(last, vehicle.speeds)
+    return replace(flown, seconds=flown.seconds + ends_s)
