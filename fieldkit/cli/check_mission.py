@@ -7,19 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
+from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.present.style import format_length, format_seconds
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from fieldkit.missions.findings import Finding, Report
+    from fieldkit.missions.findings import Report
     from fieldkit.missions.mission import Home, Shot
     from fieldkit.missions.plan_site.vehicle import Vehicle
     from fieldkit.missions.routing.obstacles import Obstacles
-
-_MOST_ROWS = 30
 
 
 def command(
@@ -61,7 +58,7 @@ def command(
 
     flown_by = load_vehicle(vehicle)
     read = read_mission(file)
-    planned, grounds, obstacles, origin = site_facts(plan, site, flown_by, fit)
+    planned, grounds, obstacles, origin = _from_site(plan, site, flown_by, fit)
     report = check_mission(read, flown_by, planned=planned, grounds=grounds, obstacles=obstacles, origin=origin)
     if as_json:
         emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report)})
@@ -100,14 +97,6 @@ def _facts(report: Report) -> dict[str, Any]:
     }
 
 
-def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
-    """Findings as JSON has them."""
-    return [
-        {"code": f.code, "severity": f.severity, "item": f.item, "station": f.station, "message": f.message}
-        for f in findings
-    ]
-
-
 def _show(report: Report, file: Path) -> None:
     if report.findings:
         show_findings(report.findings, file)
@@ -120,23 +109,7 @@ def _show(report: Report, file: Path) -> None:
     say(f"{file.name}: {facts}; {verdict}")
 
 
-def show_findings(findings: Sequence[Finding], file: Path) -> None:
-    """A table of them, those that say the same as one."""
-    from fieldkit.missions.findings import grouped
-
-    groups = grouped(findings)
-    rows = [
-        (each.first.code, each.first.severity, "" if each.first.item is None else str(each.first.item), each.text)
-        for each in groups[:_MOST_ROWS]
-    ]
-    show(table(f"Findings in {file.name}", ["code", "severity", "item>", "what"], rows))
-    if len(groups) > _MOST_ROWS:
-        say(f"and {len(groups) - _MOST_ROWS} more kinds")
-    if len(groups) < len(findings):
-        say(f"{len(findings)} findings in all: --json lists each of them")
-
-
-def site_facts(
+def _from_site(
     plan: Path | None, site: Path | None, vehicle: Vehicle, fit: bool | None
 ) -> tuple[tuple[Shot, ...], list[float], Obstacles | None, Home | None]:
     """The plan's photographs, the ground's height below each, what legs keep clear of, and home."""

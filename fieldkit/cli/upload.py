@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.check_mission import finding_entries, show_findings
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
+from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.present.style import format_length

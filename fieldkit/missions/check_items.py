@@ -34,6 +34,8 @@ def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator
     for number, item in enumerate(read.items, read.first_number):
         if not (lost and number == 0):
             yield from _one(number, item, dialect, vehicle)
+        if item.command == Command.NAV_LOITER_UNLIM and number < read.first_number + len(read.items) - 1:
+            yield error("stops-there", f"{item.name} has no end: nothing behind it is carried out", number)
     trouble = course(read, dialect).trouble
     if trouble is not None:
         code, number, message = trouble

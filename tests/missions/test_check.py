@@ -177,6 +177,7 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (with_items(lambda _: None, home=None, first=0), "first-item-lost"),
         (with_items(lambda items: 50 * items), "too-many-items"),
         (with_items(inserted(MissionItem(206, 2, (2.0, 0, 0, 0, 0, 0, 0)))), "photo-interval"),
+        (with_items(inserted(MissionItem(17, 3, (0.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "stops-there"),
         (ReadMission("plan"), "empty"),
         (ReadMission("plan", ITEMS, home=HOME, firmware="dji"), "wrong-vehicle"),
     ],
