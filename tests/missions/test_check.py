@@ -16,7 +16,7 @@ from fieldkit.errors import UsageError
 from fieldkit.missions.autopilots import render
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.qgc_plan import plan_bytes
-from fieldkit.missions.files.read_mission import ReadMission, ReadStop
+from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.writing import mission_bytes
@@ -239,22 +239,21 @@ def test_px4_refuses_ardupilots_words() -> None:
     assert counted(report)["off-plan"] == 3
 
 
-def stops_of(form: str, count: int) -> ReadMission:
-    shots = small_mission().shots
-    stops = tuple(
-        ReadStop(k, shots[k % 2].place, yaw_deg=90.0, pitch_deg=-45.0, before_s=4.0, after_s=1.0, photographs=1)
-        for k in range(count)
-    )
-    return ReadMission(form, stops=stops, home=HOME, firmware="dji", first_number=0)
+def stops_of(folder: Path, form: str, count: int) -> ReadMission:
+    """A DJI file with its photographs again and again."""
+    path = folder / {"litchi": "many.csv", "wpml": "many.kmz"}[form]
+    path.write_bytes(mission_bytes(form, small_mission(vias=False), vehicle("dji")))
+    read = read_mission(path)
+    return replace(read, home=HOME, stops=tuple(replace(read.stops[1 + k % 2], number=k) for k in range(count)))
 
 
 @pytest.mark.parametrize(("form", "most"), [("litchi", 99), ("wpml", 200)])
-def test_the_limits_of_the_apps_that_the_exporter_knows(form: str, most: int) -> None:
+def test_the_limits_of_the_apps_that_the_exporter_knows(tmp_path: Path, form: str, most: int) -> None:
     lasting = vehicle("dji", battery=Battery(endurance_s=1e5, reserve=0.1))
-    assert check_mission(stops_of(form, most), lasting).ok
-    assert counted(check_mission(stops_of(form, most + 1), lasting)) == {"too-many-items": 1}
-    assert check_mission(stops_of(form, 2), lasting).ok
-    assert counted(check_mission(stops_of(form, 1), lasting)) == {"too-few-waypoints": 1}
+    assert check_mission(stops_of(tmp_path, form, most), lasting).ok
+    assert counted(check_mission(stops_of(tmp_path, form, most + 1), lasting)) == {"too-many-items": 1}
+    assert check_mission(stops_of(tmp_path, form, 2), lasting).ok
+    assert counted(check_mission(stops_of(tmp_path, form, 1), lasting)) == {"too-few-waypoints": 1}
 
 
 def test_a_stay_that_litchi_does_not_hold(tmp_path: Path) -> None:
