@@ -17,6 +17,7 @@ from fieldkit.errors import FieldkitError
 from fieldkit.mavlink.dialect import mavlink
 from fieldkit.missions.autopilots import render
 from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.files.waypoints import definite
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.items import Command, MissionItem, same_item
 from fieldkit.missions.mission import GeoPoint, Home, Mission, Shot, Via
@@ -151,9 +152,13 @@ def complete_photographs(items: Sequence[MissionItem], dialect: str) -> int:
     return complete
 
 
-def difference(mission: Mission, vehicle: Vehicle, ours: Sequence[MissionItem], theirs: Sequence[MissionItem]) -> str:
+def difference(
+    mission: Mission, vehicle: Vehicle, ours: Sequence[MissionItem], theirs: Sequence[MissionItem], form: str = "plan"
+) -> str:
     """The differences of a mission read by fieldkit and another program from the rendered one; empty if it is right."""
-    items = render(mission, vehicle)
+    items: Sequence[MissionItem] = render(mission, vehicle)
+    if form == "waypoints":
+        items = definite(items)
     if not len(items) == len(ours) == len(theirs):
         return f"{len(items)} items became {len(ours)} and {len(theirs)}"
     for number, (item, own, other) in enumerate(zip(items, ours, theirs, strict=True)):
@@ -183,7 +188,7 @@ def _trips(
             theirs = read(path)
             if form == "waypoints" and vehicle.dialect != "ardupilot":
                 theirs = theirs[1:]  # row 0 is home even if the dialect has none
-            problem = difference(mission, vehicle, ours, theirs)
+            problem = difference(mission, vehicle, ours, theirs, form)
         except FieldkitError as error:
             problem = str(error)
         if problem:

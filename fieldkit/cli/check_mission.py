@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
+from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.present.style import format_length, format_seconds
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from fieldkit.missions.mission import Home, Shot
     from fieldkit.missions.plan_site.vehicle import Vehicle
     from fieldkit.missions.routing.obstacles import Obstacles
-
-_MOST_ROWS = 60
 
 
 def command(
@@ -88,14 +87,10 @@ def _facts(report: Report) -> dict[str, Any]:
             "planned": None if near is None else near.planned,
             "off_plan_m": None if near is None else near.metres,
         })  # fmt: skip
-    findings = [
-        {"code": f.code, "severity": f.severity, "item": f.item, "station": f.station, "message": f.message}
-        for f in report.findings
-    ]
     return {
         "ok": report.ok,
         "photographs": len(report.taken),
-        "findings": findings,
+        "findings": finding_entries(report.findings),
         "poses": poses,
         "length_m": report.length_m,
         "time_s": report.seconds,
@@ -104,13 +99,7 @@ def _facts(report: Report) -> dict[str, Any]:
 
 def _show(report: Report, file: Path) -> None:
     if report.findings:
-        rows = [
-            (f.code, f.severity, *("" if k is None else str(k) for k in (f.item, f.station)), f.message)
-            for f in report.findings[:_MOST_ROWS]
-        ]
-        show(table(f"Findings in {file.name}", ["code", "severity", "item>", "photo>", "what"], rows))
-        if len(report.findings) > _MOST_ROWS:
-            say(f"and {len(report.findings) - _MOST_ROWS} more: --json lists all of them")
+        show_findings(report.findings, file)
     if report.deviations:
         farthest = max(report.deviations, key=lambda d: d.metres)
         say(f"{len(report.deviations)} photographs match the plan, at most {format_length(farthest.metres)} off")

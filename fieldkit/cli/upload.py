@@ -11,12 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
+from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.present.style import format_length
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from fieldkit.missions.files.read_mission import ReadMission
+    from fieldkit.missions.findings import Finding
     from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle
     from fieldkit.missions.link.start import Standing
     from fieldkit.missions.link.upload_outcome import UploadReport
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
     from fieldkit.missions.plan_site.site import Site
 
 _WORD = "START"
+_MOST_NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -64,8 +69,12 @@ def command(
     ],
     *,
     site: Annotated[
-        Path | None, Option("--site", metavar="FILE", help="Site file: its fence is uploaded, its home checked.")
+        Path | None, Option("--site", metavar="FILE", help="Site file: checked against it; its fence is uploaded.")
     ] = None,
+    vehicle: Annotated[
+        str | None, Option("--vehicle", metavar="NAME", help="Vehicle profile to check for: a name or a TOML file.")
+    ] = None,
+    force: Annotated[bool, Option("--force", help="Send a mission that check-mission finds errors in.")] = False,
     no_fence: Annotated[bool, Option("--no-fence", help="Leave the vehicle's fence as it is.")] = False,
     start: Annotated[
         bool, Option("--start", help="Arm and start, after checks and a typed confirmation; needs --site.")
@@ -77,9 +86,10 @@ def command(
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Upload a mission, read it back and compare it; clear it and try again after any failure.
+    """Check a mission, upload it, read it back and compare it; clear it and try again after any failure.
 
-    However it ends, it says what the vehicle holds: the new mission whole, none, or that it is not known.
+    What check-mission calls an error is refused, unless --force is given. However it ends, it says what the vehicle
+    holds: the new mission whole, none, or that it is not known.
 
     Examples:
         fieldkit upload field.plan --connect udpin://0.0.0.0:14550 --site site.toml
@@ -90,7 +100,7 @@ def command(
         0  the vehicle holds the new mission whole, and is started with --start
         2  wrong usage
         3  a file cannot be used
-        5  too large or empty, an item is refused, the vehicle is armed or may not start
+        5  check-mission finds errors, too large or empty, an item is refused, the vehicle is armed or may not start
         6  the link failed
 
     See Also:
@@ -99,37 +109,51 @@ def command(
     key = link.key()
     if start and site is None:
         raise UsageError("--start needs to know where home is", remedy="Give --site SITE.toml.")
+    if start and force:
+        raise UsageError("--start does not fly what was forced", remedy="Correct the mission, or start it yourself.")
     if start and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError(
             "--start asks a person, and there is no terminal", remedy="Run it in a terminal, or without --start."
         )
 
     from fieldkit.cli.progress import open_progress
-    from fieldkit.missions.link.upload import check_size, connected, upload_to
+    from fieldkit.missions.check_upload import findings_by_dialect
+    from fieldkit.missions.link.upload import autopilot_name, check_size, connected, upload_to
     from fieldkit.missions.link.upload_outcome import Patience
     from fieldkit.missions.plan_site.site_file import load_site
+    from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 
-    read, place = _with_items(mission), None if site is None else load_site(site)
+    read, place = _with_items(mission).behind_home(), None if site is None else load_site(site)
     check_size(read.items)
+    profile = None if vehicle is None else load_vehicle(vehicle)
+    found = findings_by_dialect(read, profile, place)
+    fewest = min(found.values(), key=_errors)
+    if not force:
+        _require_no_errors(fewest, mission)
     fence = None if no_fence else _fence(read, place)
     patience = Patience(connect_s=link.timeout, attempts=link.attempts, reply_s=link.reply)
     standing = None
-    with connected(connect, key=key, patience=patience) as vehicle:
+    with connected(connect, key=key, patience=patience) as connection:
+        findings = found.get(autopilot_name(connection).lower(), fewest)
+        if not force:
+            _require_no_errors(findings, mission)
         with open_progress(as_json=as_json) as progress, progress.stage("upload", len(read.items)) as advance:
             report = upload_to(
-                vehicle, read.items, home=read.home, fence=fence, dialect=read.firmware, signed=key is not None,
+                connection, read.items, home=read.home, fence=fence,
+                dialect=read.firmware or (None if profile is None else profile.dialect), signed=key is not None,
                 patience=patience, advance=advance,
             )  # fmt: skip
         if not as_json:
             _tell(report, read)
+            _tell_findings(findings, mission)
         if start and place is not None:
-            standing = _start(vehicle, place, within, report.items)
+            standing = _start(connection, place, within, report.items)
     if as_json:
         emit_json({
             "mission": mission, "autopilot": report.autopilot, "items": report.items,
             "fence_items": report.fence_items, "attempts": report.attempts, "downloads": report.downloads,
             "seconds": report.seconds, "signed": report.signed, "vehicle_holds": "new mission",
-            "roundings": list(report.roundings), "started": standing is not None,
+            "roundings": list(report.roundings), "findings": finding_entries(findings), "started": standing is not None,
             "distance_from_home_m": None if standing is None else standing.distance_m,
         })  # fmt: skip
 
@@ -146,6 +170,38 @@ def _with_items(mission: Path) -> ReadMission:
     return read
 
 
+def _errors(findings: Sequence[Finding]) -> int:
+    return sum(finding.severity == "error" for finding in findings)
+
+
+def _require_no_errors(findings: Sequence[Finding], mission: Path) -> None:
+    """Refuse a mission that should not be flown, before anything is sent.
+
+    Raises:
+        MissionError: there is an error.
+    """
+    from fieldkit.missions.findings import grouped
+
+    if not _errors(findings):
+        return
+    texts = [each.text for each in grouped(findings) if each.first.severity == "error"]
+    more = f"; and {len(texts) - _MOST_NAMED} more kinds" if len(texts) > _MOST_NAMED else ""
+    count = _errors(findings)
+    raise MissionError(
+        f"must not be flown: {count} error{'s' if count > 1 else ''}: {'; '.join(texts[:_MOST_NAMED])}{more}. "
+        "Nothing was sent",
+        path=mission, remedy="Correct it (fieldkit check-mission says more), or give --force to send it all the same.",
+    )  # fmt: skip
+
+
+def _tell_findings(findings: Sequence[Finding], mission: Path) -> None:
+    """Warnings, and what was forced."""
+    if findings:
+        show_findings(findings, mission)
+    if count := _errors(findings):
+        say(f"The mission was sent in spite of {count} error{'s' if count > 1 else ''}: do not start it as it is.")
+
+
 def _fence(read: ReadMission, site: Site | None) -> Fence | None:
     from fieldkit.missions.mission import Fence
 
@@ -158,7 +214,7 @@ def _fence(read: ReadMission, site: Site | None) -> Fence | None:
 
 def _tell(report: UploadReport, read: ReadMission) -> None:
     tries = "" if report.attempts == 1 else f" in {report.attempts} attempts"
-    corners = f", a fence of {report.fence_items} corners" if report.fence_items else ""
+    corners = f", a fence of {report.fence_items} corners and circles" if report.fence_items else ""
     held = f"{report.items} items{corners}, read back and compared{tries}"
     say(f"The {report.autopilot} holds the new mission whole: {held}.")
     alike = Counter(note.split(" ", 2)[2] for note in report.roundings)  # without "item N"

@@ -9,20 +9,25 @@ from dataclasses import replace
 import numpy as np
 
 from fieldkit.errors import MissionError
+from fieldkit.missions.autopilots.dji.models import dji_model
 from fieldkit.missions.autopilots.execution import Execution, distance
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
 from fieldkit.missions.check_photographs import deviations, photograph_findings, plan_findings
+from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.files.stop_actions import Stay
 from fieldkit.missions.findings import Finding, Report, error, warning
-from fieldkit.missions.mission import Fence, GeoPoint, Home, Shot
+from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.site import SiteHome
 from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.obstacles import Obstacles, Volume
+from fieldkit.missions.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.present.style import format_seconds
 
 _MOST_LEG_FINDINGS = 50
+_CORNERS = 64
+"""Of the polygon that a circle of a fence is checked as."""
 
 
 def check_mission(
@@ -86,9 +91,37 @@ def _fit(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:
         yield error("wrong-vehicle", f"{vehicle.title} does not fly {read.format} files")
     elif read.firmware not in (None, vehicle.dialect):
         yield warning("wrong-vehicle", f"the file was made for {read.firmware}, the vehicle is {vehicle.dialect}")
+    if read.drone is not None and vehicle.dialect == "dji":
+        yield from _drone_findings(read.drone, vehicle)
+
+
+def _drone_findings(drone: tuple[int, int], vehicle: Vehicle) -> Iterator[Finding]:
+    """Whether a file is for the profile's model, where WPML has a number for that."""
+    try:
+        own = dji_model(vehicle).drone
+    except MissionError:
+        return
+    message = "the file is for DJI's model {}-{}, {} is {}-{}".format(*drone, vehicle.title, *own)
+    if drone[0] != own[0]:
+        yield error("wrong-vehicle", message)
+    elif drone != own:
+        yield warning("wrong-vehicle", message)
 
 
 def _stop_findings(read: ReadMission) -> Iterator[Finding]:
+    count, app = len(read.stops), "Litchi" if read.format == "litchi" else "DJI"
+    if count and count < LEAST_WAYPOINTS.get(read.format, 0):
+        least = LEAST_WAYPOINTS[read.format]
+        yield error("too-few-waypoints", f"{app} takes missions of at least {least} waypoints; this one has {count}")
+    if count > MOST_WAYPOINTS.get(read.format, count):
+        most = MOST_WAYPOINTS[read.format]
+        yield error("too-many-items", f"the mission has {count} waypoints; {app} takes at most {most}")
+    longest = LONGEST_STAY_S.get(read.format, math.inf)
+    for stop in read.stops:
+        for stay in (action for action in stop.actions if isinstance(action, Stay) and action.seconds > longest):
+            yield error(
+                "long-stay", f"stays for {stay.seconds:g} s; {app} pauses for at most {longest:g} s", stop.number
+            )
     for stop in read.stops:
         if stop.height_from != "home":
             what = f"its height is above the {stop.height_from}, not above take-off: what it comes to is not known"
@@ -150,5 +183,16 @@ _LEG_CODES = {
 
 def _fence(fence: Fence, frame: SiteFrame) -> Obstacles:
     """A file's fence in the local frame."""
-    zones = tuple(Volume.no_fly(f"{k} of the file", frame.outline(ring)) for k, ring in enumerate(fence.outside, 1))
-    return Obstacles(zones, tuple(frame.outline(ring) for ring in fence.inside), ceiling_m=fence.ceiling_m)
+    outside = [frame.outline(ring) for ring in fence.outside]
+    # The polygon lies within a circle to stay in, and around one to stay out of, so that it never forgives a leg.
+    outside += [_ring(each, each.radius_m / math.cos(math.pi / _CORNERS), frame) for each in fence.outside_circles]
+    inside = [frame.outline(ring) for ring in fence.inside]
+    inside += [_ring(each, each.radius_m, frame) for each in fence.inside_circles]
+    zones = tuple(Volume.no_fly(f"{k} of the file", ring) for k, ring in enumerate(outside, 1))
+    return Obstacles(zones, tuple(inside), ceiling_m=fence.ceiling_m)
+
+
+def _ring(circle: Circle, radius_m: float, frame: SiteFrame) -> Corners:
+    ((east, north),) = frame.outline([(circle.latitude_deg, circle.longitude_deg)])
+    angles = [2.0 * math.pi * k / _CORNERS for k in range(_CORNERS)]
+    return tuple((east + radius_m * math.cos(angle), north + radius_m * math.sin(angle)) for angle in angles)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from fieldkit.geometry.geodesy import great_circle_m, look_swapped, on_earth
 from fieldkit.missions.autopilots.acceptance import dropped, refusal
 from fieldkit.missions.autopilots.flight import GOING, LANDINGS, TAKEOFFS
+from fieldkit.missions.autopilots.jumps import course
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding, error, warning
 from fieldkit.missions.items import Command, MissionItem, plain_frame
@@ -33,6 +34,12 @@ def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator
     for number, item in enumerate(read.items, read.first_number):
         if not (lost and number == 0):
             yield from _one(number, item, dialect, vehicle)
+        if item.command == Command.NAV_LOITER_UNLIM and number < read.first_number + len(read.items) - 1:
+            yield error("stops-there", f"{item.name} has no end: nothing behind it is carried out", number)
+    trouble = course(read, dialect).trouble
+    if trouble is not None:
+        code, number, message = trouble
+        yield error(code, message, number)
     yield from _datums(read)
     count = len(read.upload_items(dialect))
     if vehicle.max_items is not None and count > vehicle.max_items:
@@ -49,10 +56,8 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
         yield warning("unknown-item", f"{item.name} is not understood: what it does in flight is unknown", number)
     for what in dropped(item, dialect):
         yield warning("value-dropped", f"{item.name}: the autopilot drops the {what}", number)
-    p1, _, p3 = item.params[:3]
-    if item.command == Command.DO_JUMP:
-        yield warning("not-followed", "DO_JUMP is not followed: what is repeated is not checked", number)
-    elif item.command in _INTERVALS and p1 > 0.0:
+    p1, p2, p3 = item.params[:3]
+    if item.command in _INTERVALS and p1 > 0.0:
         yield error("photo-interval", f"{item.name} photographs on the way, at intervals, wherever that is", number)
     elif item.command == Command.IMAGE_START_CAPTURE and p3 != 1.0:
         what = "photographs without end" if p3 == 0.0 else f"takes {p3:g} photographs"
@@ -60,6 +65,8 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
     elif item.command == Command.DO_MOUNT_CONTROL and item.params[6] != 2.0:
         message = f"DO_MOUNT_CONTROL has mode {item.params[6]:g}: other firmware than 4.5 takes only 2 for an angle"
         yield warning("mount-mode", message, number)
+    elif item.command == Command.SET_CAMERA_MODE and p2 == 1.0:
+        yield warning("camera-mode", "the camera is set to video: photographs behind it may not be taken", number)
     elif item.command in TAKEOFFS and 0.0 < item.params[6] < 1.0 and dialect == "ardupilot":
         yield warning("takeoff-raised", "a take-off below 1 m is raised to 1 m", number)
     if not item.autocontinue and dialect == "px4":

@@ -41,7 +41,7 @@ def photograph_findings(
         yield error("no-photographs", "the mission takes no photograph")
     for shot in flown.photographs:
         if shot.never:
-            yield error("photo-never", f"this photograph is never taken: {shot.never}", shot.item, shot.station)
+            yield error("photo-never", f"never taken: {shot.never}", shot.item, shot.station)
             continue
         yield from _when(shot, vehicle, places)
         yield from _pose(shot, vehicle, grounds.get(shot.item))

@@ -117,12 +117,12 @@ def route_plan(
     shots = place(plans, site)
     findings = require_fit(fit_site(plans, site, vehicle.clearance_m))
     moved: tuple[Unreachable, ...] = ()
+    obstacles = site_obstacles(site, vehicle.clearance_m, plans)
     if adjust:
-        shots, moved = adjusted(shots, site, vehicle)
+        shots, moved = adjusted(shots, site, vehicle, obstacles)
     else:
         require_reachable(shots, site, vehicle)
     frame = SiteFrame(site.home)
-    obstacles = site_obstacles(site, vehicle.clearance_m, plans)
     flights = plan_flights(
         _stops(shots, frame, vehicle), (0.0, 0.0, 0.0), _landing(site, frame), obstacles, vehicle,
         takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed,

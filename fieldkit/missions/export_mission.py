@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,10 @@ import numpy as np
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.files import write_atomic
+from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.export import Routed, route_plan
 from fieldkit.missions.export_record import mission_record
+from fieldkit.missions.files.reading import READERS, read_mission_bytes
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.site import Site
@@ -27,6 +29,9 @@ from fieldkit.results.mission import FlownPlan
 from fieldkit.results.mission_file import record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
+
+_BEYOND = 1.002
+"""By what more flights are cut than they are too long, so that one more attempt is mostly enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +98,7 @@ def export_mission(
     place = site if isinstance(site, Site) else load_site(site, plots)
     if isinstance(site, Site) and plots is not None:
         place = with_plots(site, load_plots(plots))
-    routed = route_plan(loaded, profile, place, fit=fit, adjust=adjust, seed=seed)
+    routed = route_for_files(loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed)
     written = _plan_files(output, routed.own) if plans else {}
     more = {file: plan_bytes(routed.own[plot]) for plot, file in written.items()}
     if picture:
@@ -104,6 +109,47 @@ def export_mission(
     )  # fmt: skip
     write_mission(contents, overwrite=overwrite)
     return ExportedMission(routed, tuple(contents), written)
+
+
+def route_for_files(
+    plan: Plans, vehicle: Vehicle, site: Site, format: str, *, fit: bool | None = None, adjust: bool = False,  # noqa: A002
+    seed: int = 0,
+) -> Routed:  # fmt: skip
+    """As `route_plan`, with the time that the files take, which is the one that check-mission tells.
+
+    Files take some seconds more than the flights that are planned: holds in whole seconds and the like. Where that is
+    more than a battery, the flights are planned for so much less of one.
+
+    Args:
+        plan, vehicle, site, fit, adjust, seed: see `route_plan`.
+        format: of the files; nothing flies some, and their flights stay as they are.
+
+    Raises:
+        MissionError: as `route_plan`; or the vehicle's dialect or the format does not take a mission.
+        MetadataError: as `route_plan`.
+    """
+    planned_for = vehicle
+    while True:
+        routed = _timed(route_plan(plan, planned_for, site, fit=fit, adjust=adjust, seed=seed), vehicle, format)
+        most = max(each.flight.time.battery for each in routed.flights)
+        if most <= 1.0:
+            return routed
+        less = {"endurance_s": planned_for.battery.endurance_s / (_BEYOND * most)}
+        planned_for = planned_for.model_copy(update={"battery": planned_for.battery.model_copy(update=less)})
+
+
+def _timed(routed: Routed, vehicle: Vehicle, format: str) -> Routed:  # noqa: A002
+    """The flights with the times of their files, carried out as they are read."""
+    suffix = FORMATS[format][0]
+    if suffix not in READERS:
+        return routed
+    flights = []
+    for each in routed.flights:
+        read = read_mission_bytes(mission_bytes(format, each.mission, vehicle), suffix)
+        seconds = interpret(read, vehicle, vehicle.dialect).seconds
+        flight = replace(each.flight, time=each.flight.time.lasting(seconds, vehicle))
+        flights.append(replace(each, flight=flight))
+    return replace(routed, flights=tuple(flights))
 
 
 def mission_path(output: Path, format: str) -> Path:  # noqa: A002

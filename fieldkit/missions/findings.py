@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 from fieldkit.missions.autopilots.execution import Photograph
 
 Severity = Literal["error", "warning"]
+
+_NUMBER = re.compile(r"[-+]?[0-9][0-9.,:]*")
+
+_CAUSES = (
+    "empty", "wrong-vehicle", "unknown-item", "plan-version", "lat-lon-swapped", "other-home", "far-from-home",
+    "no-home", "first-item-lost", "item-rejected", "jump-nowhere", "jump-endless", "jump-long", "too-many-items",
+    "too-few-waypoints", "no-takeoff", "datum", "fence", "leg-no-fly", "leg-fence", "leg-ceiling", "leg-plants",
+    "leg-obstacle", "legs", "too-low", "endurance", "no-photographs", "missing-photo",
+)  # fmt: skip
+"""Codes of what other findings follow from, or what is dangerous; the first matter most."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +39,45 @@ class Finding:
     message: str
     item: int | None = None
     station: int | None = None
+
+
+@dataclass(frozen=True)
+class FindingGroup:
+    """Findings that say the same of several items, photographs or legs.
+
+    Attributes:
+        findings: one or more, in the order of the file; their messages differ in numbers alone.
+    """
+
+    findings: tuple[Finding, ...]
+
+    @property
+    def first(self) -> Finding:
+        """The one that stands for all."""
+        return self.findings[0]
+
+    @property
+    def text(self) -> str:
+        """For people: "35 photographs: …"; with the first one's place where they differ."""
+        first, count = self.first, len(self.findings)
+        if count == 1:
+            return first.message
+        what = "photographs" if first.station is not None else "legs" if first.code.startswith("leg-") else "items"
+        if first.item is None:
+            what = "times"
+        alike = len({finding.message for finding in self.findings}) == 1
+        example = "" if alike else ", the first" if first.item is None else f", the first at item {first.item}"
+        return f"{count} {what}{example}: {first.message}"
+
+
+def grouped(findings: Iterable[Finding]) -> tuple[FindingGroup, ...]:
+    """Findings by what they say, errors first, and what others follow from before these."""
+    groups: dict[tuple[str, str, str], list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault((finding.severity, finding.code, _NUMBER.sub("#", finding.message)), []).append(finding)
+    ranks = {code: rank for rank, code in enumerate(_CAUSES)}
+    order = sorted(groups.values(), key=lambda g: (g[0].severity != "error", ranks.get(g[0].code, len(ranks))))
+    return tuple(FindingGroup(tuple(group)) for group in order)
 
 
 @dataclass(frozen=True)

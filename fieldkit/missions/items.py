@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 Params = tuple[float, float, float, float, float, float, float]
@@ -62,6 +62,9 @@ class Command(IntEnum):
     DO_SET_CAM_TRIGG_DIST = 206
     NAV_SET_YAW_SPEED = 213
     DO_SET_CAM_TRIGG_INTERVAL = 214
+    SET_CAMERA_MODE = 530
+    JUMP_TAG = 600
+    DO_JUMP_TAG = 601
     DO_GIMBAL_MANAGER_PITCHYAW = 1000
     DO_GIMBAL_MANAGER_CONFIGURE = 1001
     IMAGE_START_CAPTURE = 2000
@@ -115,6 +118,13 @@ def command_name(command: int) -> str:
         return Command(command).name
     except ValueError:
         return f"command {command}"
+
+
+def with_jump_moved(item: MissionItem, by: int) -> MissionItem:
+    """A jump that leads as many items farther on; any other item as it is."""
+    if item.command != Command.DO_JUMP or not math.isfinite(item.params[0]):
+        return item
+    return replace(item, params=(item.params[0] + by, *item.params[1:]))
 
 
 def same_item(a: MissionItem, b: MissionItem, *, degrees: float = 1e-7, metres: float = 0.01) -> bool:

@@ -65,18 +65,36 @@ class Via:
 
 
 @dataclass(frozen=True)
+class Circle:
+    """A round part of a fence.
+
+    Attributes:
+        latitude_deg, longitude_deg: of its centre, WGS 84.
+        radius_m: above 0.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    radius_m: float
+
+
+@dataclass(frozen=True)
 class Fence:
     """Where the vehicle may and may not be.
 
     Attributes:
-        inside: polygons of (latitude, longitude) degrees, without a repeated last corner; in one of them where given.
+        inside: polygons of (latitude, longitude) degrees, without a repeated last corner; in one of them, or of
+            ``inside_circles``, where any are given.
         outside: polygons it keeps out of.
         ceiling_m: above home, or None.
+        inside_circles, outside_circles: the same as circles.
     """
 
     inside: tuple[tuple[tuple[float, float], ...], ...] = ()
     outside: tuple[tuple[tuple[float, float], ...], ...] = ()
     ceiling_m: float | None = None
+    inside_circles: tuple[Circle, ...] = ()
+    outside_circles: tuple[Circle, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,9 @@ from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.writing import mission_bytes
-from fieldkit.missions.findings import Report
+from fieldkit.missions.findings import Report, error, grouped
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.missions.mission import Fence, GeoPoint, Home, Mission, Shot
+from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home, Mission, Shot
 from fieldkit.missions.plan_site.placement import home_of, place
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.missions.plan_site.vehicle import Battery, Mount
@@ -105,6 +105,7 @@ def test_what_fieldkit_writes_has_nothing_against_it(tmp_path: Path) -> None:
         assert max(d.metres for d in report.deviations) < 0.005
 
 
+NAN = float("nan")
 ITEMS = render(small_mission(), vehicle())[1:]
 
 
@@ -176,6 +177,7 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (with_items(lambda _: None, home=None, first=0), "first-item-lost"),
         (with_items(lambda items: 50 * items), "too-many-items"),
         (with_items(inserted(MissionItem(206, 2, (2.0, 0, 0, 0, 0, 0, 0)))), "photo-interval"),
+        (with_items(inserted(MissionItem(17, 3, (0.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "stops-there"),
         (ReadMission("plan"), "empty"),
         (ReadMission("plan", ITEMS, home=HOME, firmware="dji"), "wrong-vehicle"),
     ],
@@ -197,7 +199,6 @@ def test_every_fault_is_found(read: ReadMission, error: str) -> None:
         (with_items(changed(Command.NAV_TAKEOFF, p7=0.5)), "takeoff-raised"),
         (with_items(changed(Command.DO_MOUNT_CONTROL, p7=0.0)), "mount-mode"),
         (with_items(without(Command.NAV_LAND)), "no-landing"),
-        (with_items(inserted(MissionItem(Command.DO_JUMP, 2, (1.0, 2.0, 0, 0, 0, 0, 0)))), "not-followed"),
         (with_items(inserted(MissionItem(181, 2, (0.0,) * 7))), "unknown-item"),
         (with_items(changed(Command.NAV_WAYPOINT, frame=10)), "datum"),
         (replace(with_items(lambda _: None), firmware="px4"), "wrong-vehicle"),
@@ -218,12 +219,65 @@ def test_a_mission_that_photographs_at_intervals_takes_photographs(dialect: Any,
     assert (found["no-photographs"], found["photo-interval"]) == (0, 3)
 
 
+def test_the_cameras_mode_on_px4() -> None:
+    items = render(small_mission(), vehicle("px4"))
+
+    def with_mode(mode: float) -> ReadMission:
+        camera = MissionItem(Command.SET_CAMERA_MODE, 2, (0.0, mode, NAN, NAN, NAN, NAN, NAN))
+        return ReadMission("plan", (items[0], camera, *items[1:]), home=HOME, firmware="px4")
+
+    assert check_mission(with_mode(0.0), vehicle("px4")).findings == ()
+    assert check_mission(with_mode(2.0), vehicle("px4")).findings == ()
+    assert counted(check_mission(with_mode(1.0), vehicle("px4")), "warning") == {"camera-mode": 1}
+
+
 def test_px4_refuses_ardupilots_words() -> None:
     report = check_mission(with_items(lambda _: None), vehicle("px4"), planned=small_mission().shots)
     assert counted(report)["item-rejected"] == 3  # CONDITION_YAW of each photograph
     # Without it all look north: the waypoints' own yaw is 0.
     assert [shot.heading_deg for shot in report.taken] == 3 * [0.0]
     assert counted(report)["off-plan"] == 3
+
+
+def stops_of(folder: Path, form: str, count: int) -> ReadMission:
+    """A DJI file with its photographs again and again."""
+    path = folder / {"litchi": "many.csv", "wpml": "many.kmz"}[form]
+    path.write_bytes(mission_bytes(form, small_mission(vias=False), vehicle("dji")))
+    read = read_mission(path)
+    return replace(read, home=HOME, stops=tuple(replace(read.stops[1 + k % 2], number=k) for k in range(count)))
+
+
+@pytest.mark.parametrize(("form", "most"), [("litchi", 99), ("wpml", 200)])
+def test_the_limits_of_the_apps_that_the_exporter_knows(tmp_path: Path, form: str, most: int) -> None:
+    lasting = vehicle("dji", battery=Battery(endurance_s=1e5, reserve=0.1))
+    assert check_mission(stops_of(tmp_path, form, most), lasting).ok
+    assert counted(check_mission(stops_of(tmp_path, form, most + 1), lasting)) == {"too-many-items": 1}
+    assert check_mission(stops_of(tmp_path, form, 2), lasting).ok
+    assert counted(check_mission(stops_of(tmp_path, form, 1), lasting)) == {"too-few-waypoints": 1}
+
+
+def test_a_stay_that_litchi_does_not_hold(tmp_path: Path) -> None:
+    text = mission_bytes("litchi", small_mission(), vehicle("dji")).decode()
+    for seconds, found in ((32.0, {}), (32.5, {"long-stay": 3})):
+        (tmp_path / "long.csv").write_text(text.replace(",0,4000,", f",0,{seconds * 1000:.0f},"))
+        assert counted(check_mission(read_mission(tmp_path / "long.csv"), vehicle("dji"))) == found
+
+
+def test_the_files_own_model_against_the_profile(tmp_path: Path) -> None:
+    def by(title: str) -> Any:
+        return vehicle("dji", title=title)
+
+    path = tmp_path / "enterprise.kmz"
+    path.write_bytes(mission_bytes("wpml", small_mission(), by("DJI Mavic 3 Enterprise")))
+    read = read_mission(path)
+    assert read.drone == (77, 0)
+    assert check_mission(read, by("Mavic 3 E, ours")).findings == ()
+    assert counted(check_mission(read, by("DJI Matrice 4E"))) == {"wrong-vehicle": 1}
+    thermal = check_mission(read, by("DJI Mavic 3 Thermal"))
+    assert thermal.ok
+    assert counted(thermal, "warning") == {"wrong-vehicle": 1}
+    assert check_mission(read, by("a drone without a number")).findings == ()
+    assert check_mission(replace(read, drone=None), by("DJI Matrice 4E")).findings == ()
 
 
 def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:
@@ -239,6 +293,11 @@ def test_legs_are_tested_along_their_length_not_at_waypoints() -> None:
     narrow = ((50.8648, 6.4470), (50.8648, 6.4476), (50.86505, 6.4476), (50.86497, 6.4473), (50.86505, 6.4470))
     out = check_mission(ReadMission("plan", items, home=HOME, fence=Fence((narrow,))), vehicle())
     assert counted(out)["leg-fence"] > 0
+    home = (HOME.latitude_deg, HOME.longitude_deg)
+    small = Fence(inside_circles=(Circle(*home, 5.0),))
+    assert counted(check_mission(ReadMission("plan", items, home=HOME, fence=small), vehicle()))["leg-fence"] > 0
+    circled = Fence(inside_circles=(Circle(*home, 60.0),), outside_circles=(Circle(middle[0], middle[1], 0.2),))
+    assert counted(check_mission(ReadMission("plan", items, home=HOME, fence=circled), vehicle())) == {"leg-no-fly": 1}
     sky = changed(Command.NAV_WAYPOINT, p7=5e5)
     high = check_mission(replace(with_items(sky), fence=Fence((ring,))), vehicle())
     assert counted(high, "warning")["datum"] > 0
@@ -311,6 +370,26 @@ def test_a_vehicles_battery_and_mount_count() -> None:
     assert counted(check_mission(with_items(lambda _: None), fixed), "warning")["item-ignored"] == 3
 
 
+def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path) -> None:
+    naive = check_mission(read_mission(file_of(tmp_path, "naive", "plan")), vehicle(), planned=recorded_mission().shots)
+    groups = grouped(naive.findings)
+    assert sum(len(each.findings) for each in groups) == len(naive.findings)
+    assert len(groups) < 12
+    severities = [each.first.severity for each in groups]
+    assert severities == sorted(severities)  # errors first
+    (late,) = (each for each in groups if each.first.code == "photo-late")
+    assert late.text.startswith("13 photographs, the first at item 5: taken ")
+    (rejected,) = grouped([error("item-rejected", "CONDITION_YAW is refused (UNSUPPORTED)", 3)])
+    assert rejected.text == "CONDITION_YAW is refused (UNSUPPORTED)"
+    same = [error("photo-moving", "taken in passing", k, k) for k in range(35)]
+    home = error("other-home", "the file's home is 6403.5 km from the site's")
+    cause, photographs = grouped([*same, home])
+    assert (cause.text, photographs.text) == (home.message, "35 photographs: taken in passing")
+    assert grouped(error("leg-fence", f"the leg to item {k} leaves the fence", k) for k in (4, 9))[0].text == (
+        "2 legs, the first at item 4: the leg to item 4 leaves the fence"
+    )
+
+
 def test_the_command_with_a_plan_and_a_site(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     site_file = missions_folder() / "sites" / "example.toml"
     plan = plan_from_poses(ring(9, 2.5, 2.0))
@@ -354,4 +433,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     shown = capsys.readouterr()
     assert shown.out == ""
     assert "must not be flown" in shown.err
+    assert "13 photographs" in shown.err
+    assert shown.err.count("photo-late") == 1
+    assert "--json lists each of them" in shown.err
     assert "photo-late" in shown.err

@@ -19,6 +19,7 @@ from fieldkit.missions.plan_site.site import NoFly, Site
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.missions.plan_site.site_obstacles import site_obstacles
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan import Plan, PlanPlants, Station
 from fieldkit.scenes.rigs import ring
 
@@ -82,6 +83,47 @@ def test_what_is_written_passes_its_check_against_the_plan(
     )
     assert report.ok, report.findings
     assert len(report.taken) == len(plan.stations)
+    # One duration, in the export's words, in its record, and in the check's.
+    assert done.routed.time_s == pytest.approx(report.seconds)
+    assert load_mission(done.files[1]).flights[0].time_s == pytest.approx(report.seconds)
+    assert done.routed.flights[0].flight.time.battery == pytest.approx(report.seconds / profile.battery.usable_s)
+
+
+def test_no_file_takes_more_than_a_battery(tmp_path: Path) -> None:
+    """Also where a flight as planned would just do, and holds in whole seconds are too much."""
+    plots = SITES / "plots.geojson"
+    flown_by = VEHICLE.model_copy(update={"trigger": VEHICLE.trigger.model_copy(update={"settle_s": 3.05})})
+    planned_s = route_plan(planned(5), flown_by, load_site(SITES / "example.toml", plots)).time_s
+    tired = {"endurance_s": 1.001 * planned_s / (1.0 - flown_by.battery.reserve)}
+    flown_by = flown_by.model_copy(update={"battery": flown_by.battery.model_copy(update=tired)})
+    assert len(route_plan(planned(5), flown_by, load_site(SITES / "example.toml", plots)).flights) == 1
+    done = export_mission(planned(5), flown_by, SITES / "example.toml", tmp_path / "m", plots=plots, picture=False)
+    assert len(done.routed.flights) == 2
+    for file, each in zip(done.files, done.routed.flights, strict=False):
+        report = check_mission(read_mission(file), flown_by)
+        assert "endurance" not in {finding.code for finding in report.findings}
+        assert each.flight.time.total_s == pytest.approx(report.seconds)
+
+
+def test_stations_too_low_over_plants_for_a_vehicle_are_raised_over_them(tmp_path: Path) -> None:
+    """As a plan that was made for a smaller vehicle: the demo's, on PX4's."""
+    plan, profile = planned(5, height_m=1.25), load_vehicle("px4-gimbal")
+    close = plan.model_copy(update={"stations": tuple(
+        station.model_copy(update={"position_m": (0.65 * station.position_m[0], 0.65 * station.position_m[1], 1.25)})
+        for station in plan.stations
+    )})  # fmt: skip
+    with pytest.raises(MissionError, match="too low over the plants") as caught:
+        route_plan(close, profile, site())
+    assert "--adjust" in caught.value.remedy
+    done = export_mission(close, profile, site(), tmp_path / "m", picture=False, adjust=True)
+    assert done.routed.moved
+    assert {limit for each in done.routed.moved for limit in each.limits} == {"plants"}
+    assert "too low over the plants for PX4" in str(done.routed.moved[0])
+    assert done.routed.plants_m is not None
+    assert done.routed.plants_m > profile.clearance_m - 0.07
+    assert 1.25 < done.routed.lowest_m < 1.7
+    obstacles = site_obstacles(site(), profile.clearance_m, close)
+    assert check_mission(read_mission(done.files[0]), profile, obstacles=obstacles).ok
 
 
 def test_many_plots_take_several_flights_in_numbered_files(tmp_path: Path) -> None:

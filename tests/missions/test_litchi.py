@@ -95,7 +95,10 @@ def test_a_pause_that_litchi_cannot_hold() -> None:
 
 
 def checked(folder: Path, *rows: dict[str, object], units: str = "m") -> Report:
-    """The check of waypoints 11.12 m apart to the north, each with these cells, 5 m high and facing east."""
+    """The check of waypoints 11.12 m apart to the north, each with these cells, 5 m high and facing east.
+
+    One is enough here.
+    """
     columns = tuple(name.replace("(m)", f"({units})") for name in COLUMNS)
     lines = [",".join(columns)]
     for k, row in enumerate(rows):
@@ -103,7 +106,8 @@ def checked(folder: Path, *rows: dict[str, object], units: str = "m") -> Report:
         cells |= {"photo_timeinterval": -1, "photo_distinterval": -1}
         cells |= {"latitude": 50.865 + 1e-4 * k, "longitude": 6.4473, f"altitude({units})": 5.0, "heading(deg)": 90}
         lines.append(",".join(str((cells | row)[name]) for name in columns))
-    return check_mission(read_of(folder, "\n".join(lines)), DJI)
+    report = check_mission(read_of(folder, "\n".join(lines)), DJI)
+    return replace(report, findings=tuple(f for f in report.findings if f.code != "too-few-waypoints"))
 
 
 def acts(*actions: tuple[int, float], **others: object) -> dict[str, object]:

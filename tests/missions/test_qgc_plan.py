@@ -14,10 +14,12 @@ from hypothesis import HealthCheck, given, settings
 from benchmarks.mission_trips import difference, mavsdk_importer
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.missions.autopilots import render
+from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.qgc_plan import read_plan
+from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.items import Command, same_item
-from fieldkit.missions.mission import Fence, GeoPoint, Mission
+from fieldkit.missions.mission import Circle, Fence, GeoPoint, Mission
 from tests.missions.random_missions import missions
 from tests.missions.vehicles import HOME, small_mission, vehicle
 
@@ -103,8 +105,124 @@ def test_another_programs_file_is_read(tmp_path: Path) -> None:
     assert read.remarks[0].error
     assert read.fence is not None
     assert len(read.fence.inside[0]) == 3
-    assert len(read.fence.outside[0]) == 64
-    assert all(abs(a - 50.865) < 1e-3 and abs(b - 6.4473) < 2e-3 for a, b in read.fence.outside[0])
+    assert read.fence.outside_circles == (Circle(50.865, 6.4473, 100.0),)
+
+
+def test_speeds_are_whole_numbers_as_mission_planner_reads_them() -> None:
+    for speed, whole in ((2.0, 2), (2.6, 3), (0.2, 1)):
+        mission = written(replace(small_mission(), speed_mps=speed))["mission"]
+        assert [type(mission[key]) for key in ("cruiseSpeed", "hoverSpeed")] == [int, int]
+        assert (mission["cruiseSpeed"], mission["hoverSpeed"]) == (whole, whole)
+        assert mission["items"][1]["params"][1] == pytest.approx(speed)  # what is flown
+
+
+def as_survey(items: list[dict[str, Any]], kind: str = "survey") -> dict[str, Any]:
+    """A complex item as QGroundControl writes it, with its items."""
+    carried = {"version": 2, "CameraShots": 2, "Items": items, "VisualTransectPoints": []}
+    return {"type": "ComplexItem", "complexItemType": kind, "version": 5, "TransectStyleComplexItem": carried}
+
+
+def with_survey(document: dict[str, Any], kind: str) -> dict[str, Any]:
+    """The second to the sixth item as one complex item."""
+    items = document["mission"]["items"]
+    mission = document["mission"] | {"items": [items[0], as_survey(items[1:6], kind), *items[6:]]}
+    return document | {"mission": mission}
+
+
+def read_of(folder: Path, document: dict[str, Any]) -> ReadMission:
+    path = folder / "some.plan"
+    path.write_text(json.dumps(document))
+    return read_plan(path)
+
+
+@pytest.mark.parametrize("kind", ["survey", "CorridorScan"])
+@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
+def test_complex_items_stand_for_the_items_they_carry(
+    tmp_path: Path, importers: dict[str, Any], dialect: str, kind: str
+) -> None:
+    simple = written(small_mission(), dialect)
+    document = with_survey(simple, kind)
+    read = read_of(tmp_path, document)
+    assert read == read_of(tmp_path, simple)
+    assert read.remarks == ()
+    if kind == "survey":  # MAVSDK takes no other
+        assert len(importers[dialect](json.dumps(document))) == len(read.upload_items(dialect))
+
+
+@pytest.mark.parametrize(
+    "item",
+    [
+        {"type": "ComplexItem", "complexItemType": "StructureScan", "Altitude": 20, "Layers": 2},
+        {"type": "ComplexItem", "complexItemType": "fwLandingPattern", "landCoordinate": [50.8, 6.4, 0]},
+        {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": {"Items": []}},
+        {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": {"Items": [as_survey([])]}},
+        {"type": "another"},
+    ],
+)
+def test_a_complex_item_without_items_is_an_error_and_says_where(tmp_path: Path, item: dict[str, Any]) -> None:
+    document = written(small_mission())
+    document["mission"]["items"].insert(1, item)
+    for later in document["mission"]["items"][2:]:  # as QGroundControl counts on
+        later["doJumpId"] += 7
+    (remark,) = read_of(tmp_path, document).remarks
+    assert (remark.code, remark.error, remark.item) == ("unknown-item", True, 2)
+
+
+@pytest.mark.parametrize("altitude", [[None], [], [0]])
+def test_home_without_an_altitude(tmp_path: Path, altitude: list[Any]) -> None:
+    document = written(small_mission())
+    document["mission"]["plannedHomePosition"][2:] = altitude
+    read = read_of(tmp_path, document)
+    assert read.home == replace(HOME, amsl_m=None)
+    assert check_mission(read, vehicle()).findings == ()
+
+
+@pytest.mark.parametrize("home", [None, [None, None, None], [0, 0, 0], [0.0, 0.0]])
+def test_no_home(tmp_path: Path, home: Any) -> None:
+    document = written(small_mission())
+    document["mission"]["plannedHomePosition"] = home
+    read = read_of(tmp_path, document)
+    assert read.home is None
+    assert [remark.code for remark in read.remarks] == ["no-home"]
+
+
+@pytest.mark.parametrize("version", [1, 3, 7, "2", True])
+def test_another_version_is_refused(tmp_path: Path, version: Any) -> None:
+    document = written(small_mission())
+    for part, name in ((document, "it is"), (document["mission"], '"mission" is')):
+        if version == 1 and part is document:
+            continue
+        with pytest.raises(MetadataError, match=f"{name} of version {version}"):
+            read_of(tmp_path, document | ({"version": version} if part is document else {"mission": part | {
+                "version": version}}))  # fmt: skip
+    del document["mission"]["version"]
+    assert [remark.code for remark in read_of(tmp_path, document).remarks] == ["plan-version"]
+
+
+def test_fences_of_all_versions(tmp_path: Path) -> None:
+    ring = [list(corner) for corner in RING]
+    document = written(small_mission()) | {"geoFence": {"version": 1, "polygon": ring, "breachReturn": [50.8, 6.4]}}
+    assert read_of(tmp_path, document).fence == Fence((RING,))
+    assert read_of(tmp_path, document | {"geoFence": {"version": 1, "polygon": []}}).fence is None
+    with pytest.raises(MetadataError, match="fence is of version 3"):
+        read_of(tmp_path, document | {"geoFence": {"version": 3, "polygons": [{"polygon": ring}]}})
+    round_ones = Fence(
+        (RING,), inside_circles=(Circle(50.865, 6.4473, 60.0),), outside_circles=(Circle(50.8652, 6.4476, 5.0),)
+    )
+    assert read_of(tmp_path, written(replace(small_mission(), fence=round_ones))).fence == round_ones
+
+
+def test_jumps_lead_to_ids_not_to_places(tmp_path: Path) -> None:
+    document = written(small_mission())
+    items = document["mission"]["items"]
+    for item in items:
+        item["doJumpId"] += 10
+    jump = items[1] | {"command": Command.DO_JUMP, "doJumpId": 99, "params": [12, 2, 0, 0, 0, 0, 0]}
+    items.insert(5, jump)
+    assert read_of(tmp_path, document).items[5].params[:2] == (2.0, 2.0)
+    jump["params"] = [77, 2, 0, 0, 0, 0, 0]
+    with pytest.raises(MetadataError, match="item 6: DO_JUMP leads to doJumpId 77, which no item has"):
+        read_of(tmp_path, document)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.waypoints import read_waypoints
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.items import Command
-from fieldkit.missions.mission import Mission
+from fieldkit.missions.mission import Mission, Shot
 from tests.missions.random_missions import missions
 from tests.missions.vehicles import HOME, small_mission, vehicle
 
@@ -45,7 +45,22 @@ def test_pymavlink_and_fieldkit_read_what_was_written(tmp_path: Path, mission: M
         own, others = read_waypoints(path), by_pymavlink(path)
         assert own.home is not None
         others = others if dialect == "ardupilot" else others[1:]  # row 0 is home also where PX4 has none
-        assert not difference(mission, by, own.upload_items(dialect), others)
+        assert not difference(mission, by, own.upload_items(dialect), others, "waypoints")
+
+
+def test_no_number_is_missing_and_no_place_turns_the_vehicle_north() -> None:
+    for mission in (small_mission(), random_mission(np.random.default_rng(5))):
+        text = mission_bytes("waypoints", mission, vehicle("px4")).decode()
+        assert "nan" not in text.lower()
+        rows = [[float(cell) for cell in line.split("\t")] for line in text.splitlines()[2:]]
+        headings = [row[7] for row in rows if int(row[3]) in (16, 21, 22)]
+        stops = [shot.yaw_deg if isinstance(shot, Shot) else None for shot in mission.stops]
+        wanted = [None, *stops, None, None]  # take-off, over the landing place, landing
+        for at, heading in enumerate(headings):
+            following = [yaw for yaw in wanted[at:] if yaw is not None]
+            assert heading == pytest.approx((following or [mission.shots[-1].yaw_deg])[0], abs=1e-3)
+        rates = [row[6:8] for row in rows if int(row[3]) == Command.DO_GIMBAL_MANAGER_PITCHYAW]
+        assert rates == [[0.0, 0.0]] * len(mission.shots)
 
 
 def test_files_of_other_programs(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.errors import UsageError
-from fieldkit.missions.export import Routed, route_plan
-from fieldkit.missions.export_mission import flown_plans, mission_contents, mission_path, write_mission
+from fieldkit.missions.export import Routed
+from fieldkit.missions.export_mission import flown_plans, mission_contents, mission_path, route_for_files, write_mission
 from fieldkit.missions.mission import Mission, Shot
 from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.site_file import load_site, with_plots
@@ -56,7 +56,7 @@ def write_refly(
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     place = _one_plot(site if isinstance(site, Site) else load_site(site), plot)
     place = place.model_copy(update={"name": f"{place.name}, again"})
-    routed = route_plan(part_of_plan(loaded, stations), profile, place, adjust=adjust, seed=seed)
+    routed = route_for_files(part_of_plan(loaded, stations), profile, place, format, adjust=adjust, seed=seed)
     contents = mission_contents(
         _renumbered(routed, sorted(set(stations))), profile, place, output, format,
         plans=flown_plans(plan, loaded, place), profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name,

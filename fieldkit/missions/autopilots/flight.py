@@ -94,6 +94,7 @@ class Flight:
         self.pitch: float | None = vehicle.mount.pitch_deg[0] if fixed else None
         self.turned_s = 0.0
         self.roi: GeoPoint | None = None
+        self.speeds = vehicle.speeds
         self.cruise = vehicle.speeds.cruise_mps
         self.photographs: list[Photograph] = []
         self.skipped: list[tuple[int, str]] = []
@@ -208,7 +209,7 @@ class Flight:
         return Even(abs(up), landing_s(-up, self.vehicle.speeds))
 
     def _leg(self, horizontal: float, up: float) -> Leg:
-        return leg(horizontal, up, self.vehicle.speeds, self.cruise)
+        return leg(horizontal, up, self.speeds, self.cruise)
 
     def _place(self, item: MissionItem) -> GeoPoint | None:
         latitude, longitude, altitude = item.params[4:]
@@ -260,7 +261,13 @@ class Flight:
             case Command.DO_SET_ROI_NONE:
                 self.roi = None
             case Command.DO_CHANGE_SPEED if 0.01 < p2 < 100.0:
-                self.cruise = p2
+                match p1:
+                    case 2.0:
+                        self.speeds = self.speeds.model_copy(update={"climb_mps": p2})
+                    case 3.0:
+                        self.speeds = self.speeds.model_copy(update={"descent_mps": p2})
+                    case _:
+                        self.cruise = p2
             case Command.DO_SET_CAM_TRIGG_DIST | Command.DO_SET_CAM_TRIGG_INTERVAL | Command.DO_TRIGGER_CONTROL:
                 self.uncounted = self.uncounted or p1 > 0.0  # on the way, from here on
             case Command.CONDITION_DELAY:
@@ -318,6 +325,12 @@ class Flight:
         self.skipped.append((number, "the autopilot refuses it"))
         if is_shutter(item):
             self.never(number, "the autopilot refuses the item")
+
+    def lost(self, number: int, item: MissionItem, why: str) -> None:
+        """An item that the autopilot has and does not carry out."""
+        self.skipped.append((number, why))
+        if is_shutter(item):
+            self.never(number, why)
 
     def never(self, number: int, why: str) -> None:
         here = self.track.here

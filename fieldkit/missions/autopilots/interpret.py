@@ -10,21 +10,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from fieldkit.missions.autopilots.acceptance import refusal
 from fieldkit.missions.autopilots.dji.app_flight import fly_stops
 from fieldkit.missions.autopilots.execution import LONGEST_S, Execution
 from fieldkit.missions.autopilots.flight import GOING, TAKEOFFS, Flight, Nav, dwell_seconds, is_shutter
-from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.autopilots.jumps import Numbered, course
+from fieldkit.missions.files.read_mission import ReadMission, ReadStop
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.routing.flight_time import landing_s, takeoff_s
 from fieldkit.missions.routing.motion import TURN_LAG_S
 
 # Commands up to here are NAV ones (MAVLink common.xml); so are ArduPilot's yaw-and-speed, script and attitude items.
 _LAST_NAV = 95
 _OTHER_NAV = frozenset({int(Command.NAV_SET_YAW_SPEED), 42702, 42703})
-
-Numbered = Sequence[tuple[int, MissionItem]]
 
 
 def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
@@ -36,16 +37,15 @@ def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
         dialect: "ardupilot" or "px4"; of no matter for a file without items.
     """
     if read.stops:
-        return fly_stops(read.stops, read.home, vehicle)
-    numbered = list(enumerate(read.items, read.first_number))
-    if dialect == "px4":
-        return _px4(Flight(vehicle, read.home, dialect), numbered)
-    if read.first_number == 0:
-        numbered = numbered[1:]  # the first item is overwritten by home
-    return _ardupilot(Flight(vehicle, read.home, dialect), numbered)
+        return _with_ends(fly_stops(read.stops, read.home, vehicle), read.stops, vehicle)
+    flight, followed = Flight(vehicle, read.home, dialect), course(read, dialect)
+    (_px4 if dialect == "px4" else _ardupilot)(flight, followed.numbered)
+    for number, item in followed.unreached:
+        flight.lost(number, item, "the mission never comes to it")
+    return flight.done()
 
 
-def _ardupilot(flight: Flight, numbered: Numbered) -> Execution:
+def _ardupilot(flight: Flight, numbered: Numbered) -> None:
     """NAV items in turn, each with the queue of items that stand before it."""
     queue: list[tuple[int, MissionItem]] = []
     rested, passing = 0.0, False
@@ -69,11 +69,7 @@ def _ardupilot(flight: Flight, numbered: Numbered) -> Execution:
         if refusal(item, "ardupilot") is not None:
             flight.refused(number, item)
             continue
-        why = "the mission is over before it: no NAV item follows"
-        flight.skipped.append((number, why))
-        if is_shutter(item):
-            flight.never(number, why)
-    return flight.done()
+        flight.lost(number, item, "the mission is over before it: no NAV item follows")
 
 
 def _next_nav(numbered: Numbered, at: int) -> MissionItem | None:
@@ -107,10 +103,7 @@ def _run(flight: Flight, queue: Numbered, nav: Nav) -> None:
             flight.refused(number, item)
             continue
         if now > nav.begin_s and now >= nav.over_s:
-            why = f"item {nav.number} is over before the items in front of it are done"
-            flight.skipped.append((number, why))
-            if is_shutter(item):
-                flight.never(number, why)
+            flight.lost(number, item, f"item {nav.number} is over before the items in front of it are done")
             continue
         if is_shutter(item):
             flight.shoot(number, item, now, nav)
@@ -125,7 +118,7 @@ def _run(flight: Flight, queue: Numbered, nav: Nav) -> None:
         flight.heading.release()
 
 
-def _px4(flight: Flight, numbered: Numbered) -> Execution:
+def _px4(flight: Flight, numbered: Numbered) -> None:
     """Items strictly one after the other."""
     rested, passing = 0.0, False
     for number, item in numbered:
@@ -152,8 +145,14 @@ def _px4(flight: Flight, numbered: Numbered) -> Execution:
             flight.shoot(number, item, flight.clock, nav)
         else:
             flight.clock = flight.do(item, flight.clock)
-    return flight.done()
 
 
 def _is_nav(item: MissionItem) -> bool:
     return item.command <= _LAST_NAV or item.command in _OTHER_NAV
+
+
+def _with_ends(flown: Execution, stops: Sequence[ReadStop], vehicle: Vehicle) -> Execution:
+    """The flight with take-off and landing, which waypoints do not have; heights that are not above home count as 0."""
+    first, last = (stop.place.height_m if stop.height_from == "home" else 0.0 for stop in (stops[0], stops[-1]))
+    ends_s = takeoff_s(max(first, 0.0), vehicle.speeds) + landing_s(last, vehicle.speeds)
+    return replace(flown, seconds=flown.seconds + ends_s)

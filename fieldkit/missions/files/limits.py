@@ -1,4 +1,4 @@
-"""Reading files that may come from anywhere: sizes, counts and numbers have limits, and errors are for people."""
+"""Limits of mission files: of what is read from anywhere, and of what the apps that fly them take."""
 
 from __future__ import annotations
 
@@ -13,6 +13,14 @@ MAX_BYTES = 16 << 20
 MAX_ITEMS = 10_000
 MAX_POINTS = 5_000
 """Corners of fences and the like."""
+
+MOST_WAYPOINTS = {"litchi": 99, "wpml": 200}
+"""By format, where the apps that fly it have a limit. Litchi's: its forum's list, "DJI SDK limits". WPML's: not in the
+documentation, whose index goes to 65535, but what DJI's apps are said to take."""
+LEAST_WAYPOINTS = {"litchi": 2, "wpml": 2}
+"""DJI's waypoint missions have at least two."""
+LONGEST_STAY_S = {"litchi": 32.0}
+"""Of one action; from the same list."""
 
 _NUMBER = re.compile(r"[+-]?([0-9]{1,24}(\.[0-9]{0,40})?|\.[0-9]{1,40})([eE][+-]?[0-9]{1,3})?")
 REMEDY = "Give a .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file."

@@ -2,7 +2,6 @@
 
 Columns and codes as Litchi's Mission Hub exports them and litchiutilities.com describes them. The file holds nothing
 global: Heading Mode must be set to Custom by hand, or every heading in it is ignored; Path Mode to Straight Lines.
-Limits as Litchi's forum lists them ("DJI SDK limits"): 99 waypoints, pauses of 32 s.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from pathlib import Path
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.missions.autopilots.execution import aim
 from fieldkit.missions.autopilots.stops import LEAST_EXPOSURE_S
-from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
+from fieldkit.missions.files.limits import LONGEST_STAY_S, MAX_ITEMS, MOST_WAYPOINTS, number, read_text
 from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark, in_passing
 from fieldkit.missions.files.route import RoutePoint, route_points
 from fieldkit.missions.files.stop_actions import Action, Face, Facing, Series, Shoot, Stay, Tilt
@@ -23,8 +22,6 @@ from fieldkit.missions.mission import GeoPoint, Mission
 from fieldkit.missions.plan_site.vehicle import Vehicle
 
 _ACTIONS = 15
-_MOST_WAYPOINTS = 99
-_LONGEST_PAUSE_S = 32.0
 _NONE, _STAY, _PHOTO = -1, 0, 1
 _FOCUS, _INTERPOLATE = 1, 2
 _FEET_M = 0.3048
@@ -45,13 +42,13 @@ def litchi_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
         MissionError: a pose is beyond the mount, there are more waypoints than Litchi takes, or a pause is longer.
     """
     longest = max(mission.settle_s, mission.exposure_s)
-    if not longest <= _LONGEST_PAUSE_S:
+    if not longest <= LONGEST_STAY_S["litchi"]:
         raise MissionError(
-            f"settling or exposing takes {longest:g} s; Litchi pauses for at most {_LONGEST_PAUSE_S:g} s",
+            f"settling or exposing takes {longest:g} s; Litchi pauses for at most {LONGEST_STAY_S['litchi']:g} s",
             remedy="Set settle_s and exposure_s in the vehicle's profile.",
         )
     lines = [",".join(COLUMNS)]
-    lines += [_row(mission, point) for point in route_points(mission, vehicle, _MOST_WAYPOINTS, "Litchi")]
+    lines += [_row(mission, point) for point in route_points(mission, vehicle, MOST_WAYPOINTS["litchi"], "Litchi")]
     return ("\n".join(lines) + "\n").encode("ascii")
 
 

@@ -1,7 +1,8 @@
 """QGroundControl's .plan: JSON with SimpleItems, home, geofence and rally points.
 
 Format: QGroundControl developer guide, "Plan file format". Only SimpleItems are written: the versions of complex ones
-differ between readers. NaN is null.
+differ between readers. Of complex ones the items are read that they carry (surveys and corridor scans; structure scans
+and landing patterns carry none). NaN is null. DO_JUMP leads to a doJumpId.
 """
 
 from __future__ import annotations
@@ -9,23 +10,26 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from fieldkit.documents.json_file import read_json_object
 from fieldkit.errors import MetadataError
-from fieldkit.geometry.geodesy import LocalFrame, on_earth
+from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.files.limits import MAX_BYTES, MAX_ITEMS, MAX_POINTS, json_number
 from fieldkit.missions.files.read_mission import ReadMission, Remark
-from fieldkit.missions.items import MissionItem, Params, plain_frame
-from fieldkit.missions.mission import Fence, GeoPoint, Home
+from fieldkit.missions.items import Command, MissionItem, Params, plain_frame
+from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home
 
 _FIRMWARE = {"ardupilot": 3, "px4": 12}
 _DIALECT = {number: name for name, number in _FIRMWARE.items()}
 _ALTITUDE_MODE = {0: 2, 3: 1, 10: 4}
 """QGroundControl's AltitudeMode by plain frame: 1 relative to home, 2 above mean sea level, 4 terrain frame."""
 _QUADROTOR = 2
-_CIRCLE_CORNERS = 64
+_PLAN_VERSION, _MISSION_VERSION, _FENCE_VERSIONS = 1, 2, (1, 2)
+_MOST_CIRCLES = 80
+"""Of a fence; each is checked as a polygon of many corners."""
 _REMEDY = "Save it again with QGroundControl, or export it with `fieldkit export-mission`."
 
 
@@ -44,25 +48,27 @@ def plan_bytes(
         items: without the home item.
         home: its altitude is written as 0 where it is not known: the format has no other word for it.
         dialect: "ardupilot" or "px4".
-        cruise_mps: speed between waypoints, for QGroundControl's estimates.
-        fence: its polygons; a ceiling is lost, the format has none.
+        cruise_mps: speed between waypoints, for the estimates of ground stations; written in whole metres per second,
+            as Mission Planner reads it.
+        fence: its polygons and circles; a ceiling is lost, the format has none.
         rally: places to return to.
     """
+    whole_mps = max(round(cruise_mps), 1)
     document = {
         "fileType": "Plan",
-        "version": 1,
+        "version": _PLAN_VERSION,
         "groundStation": "fieldkit",
         "mission": {
-            "version": 2,
+            "version": _MISSION_VERSION,
             "firmwareType": _FIRMWARE[dialect],
             "vehicleType": _QUADROTOR,
-            "cruiseSpeed": cruise_mps,
-            "hoverSpeed": cruise_mps,
+            "cruiseSpeed": whole_mps,
+            "hoverSpeed": whole_mps,
             "globalPlanAltitudeMode": 1,
             "plannedHomePosition": [round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0],
             "items": [_simple_item(item, number) for number, item in enumerate(items, 1)],
         },
-        "geoFence": {"version": 2, "circles": [], "polygons": _polygons(fence)},
+        "geoFence": {"version": 2, "circles": _circles(fence), "polygons": _polygons(fence)},
         "rallyPoints": {"version": 2, "points": [[p.latitude_deg, p.longitude_deg, p.height_m] for p in rally]},
     }
     return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode("ascii")
@@ -100,8 +106,23 @@ def _polygons(fence: Fence | None) -> list[dict[str, Any]]:
     ]
 
 
+def _circles(fence: Fence | None) -> list[dict[str, Any]]:
+    if fence is None:
+        return []
+    return [
+        {
+            "version": 1, "inclusion": inclusion,
+            "circle": {"center": [each.latitude_deg, each.longitude_deg], "radius": each.radius_m},
+        }
+        for inclusion, circles in ((True, fence.inside_circles), (False, fence.outside_circles))
+        for each in circles
+    ]  # fmt: skip
+
+
 def read_plan(path: Path) -> ReadMission:
-    """Read a .plan file, also one of QGroundControl's own: unknown keys are passed over, complex items reported.
+    """Read a .plan file, also one of QGroundControl's own: unknown keys are passed over.
+
+    Complex items stand for the items that they carry; one that carries none is reported as an error.
 
     Raises:
         MetadataError: it is no .plan file, or something in it is not what it must be.
@@ -112,29 +133,79 @@ def read_plan(path: Path) -> ReadMission:
     mission = document.get("mission")
     if not isinstance(mission, dict) or not isinstance(mission.get("items"), list):
         raise _error(path, 'has no "mission" with "items"')
-    if len(mission["items"]) > MAX_ITEMS:
-        raise _error(path, f"has {len(mission['items'])} items; at most {MAX_ITEMS} are read")
     remarks: list[Remark] = []
-    items: list[MissionItem] = []
-    for number, entry in enumerate(mission["items"], 1):
-        if isinstance(entry, dict) and entry.get("type", "SimpleItem") != "SimpleItem":
-            kind = str(entry.get("complexItemType", entry.get("type")))[:40]
-            message = f"a complex item ({kind}) is not read: what it flies and photographs is unknown"
-            remarks.append(Remark("unknown-item", message, item=number, error=True))
-            continue
-        items.append(_read_item(path, entry, number))
-        if entry.get("doJumpId", number) != number:
-            remarks.append(Remark("numbering", "its doJumpId is not its place in the file", item=number))
+    _check_version(path, document, _PLAN_VERSION, "it", remarks)
+    _check_version(path, mission, _MISSION_VERSION, 'its "mission"', remarks)
+    entries, whole = _unfolded(mission["items"], remarks)
+    if len(entries) > MAX_ITEMS:
+        raise _error(path, f"has {len(entries)} items; at most {MAX_ITEMS} are read")
+    items = [_read_item(path, entry, number) for number, entry in enumerate(entries, 1)]
+    ids = [entry.get("doJumpId", number) for number, entry in enumerate(entries, 1)]
+    if whole:
+        message = "its doJumpId is not its place in the file"
+        remarks += [Remark("numbering", message, item=k) for k, found in enumerate(ids, 1) if found != k]
     fence, fence_remarks = _read_fence(path, document.get("geoFence"))
     return ReadMission(
         "plan",
-        items=tuple(items),
+        items=_with_places_of_jumps(path, items, ids),
         home=_read_home(path, mission.get("plannedHomePosition"), remarks),
         firmware=_firmware(mission.get("firmwareType")),
         fence=fence,
         rally=_read_rally(path, document.get("rallyPoints")),
         remarks=(*remarks, *fence_remarks),
     )
+
+
+def _check_version(path: Path, entry: dict[str, Any], wanted: int, what: str, remarks: list[Remark]) -> None:
+    found = entry.get("version")
+    if found is None:
+        message = f"{what} does not say its version, without which other programs refuse it"
+        remarks.append(Remark("plan-version", message))
+    elif isinstance(found, bool) or found != wanted:
+        raise _error(path, f"{what} is of version {str(found)[:20]}; version {wanted} is read")
+
+
+def _unfolded(listed: list[Any], remarks: list[Remark]) -> tuple[list[Any], bool]:
+    """All simple items, those of complex ones in their place; and whether every complex one carries its items."""
+    entries: list[Any] = []
+    whole = True
+    for entry in listed:
+        if not isinstance(entry, dict) or entry.get("type", "SimpleItem") == "SimpleItem":
+            entries.append(entry)
+            continue
+        carried = _carried(entry)
+        if not carried:
+            whole = False
+            kind = str(entry.get("complexItemType", entry.get("type")))[:40]
+            message = f"a complex item ({kind}) does not carry its items: what it flies and photographs is unknown"
+            remarks.append(Remark("unknown-item", message, item=len(entries) + 1, error=True))
+        entries += carried
+    return entries, whole
+
+
+def _carried(entry: dict[str, Any]) -> list[Any]:
+    """The simple items of a complex one; none where any of them is something else."""
+    transects = entry.get("TransectStyleComplexItem")
+    found = (transects if isinstance(transects, dict) else entry).get("Items")
+    if not isinstance(found, list):
+        return []
+    simple = all(isinstance(each, dict) and each.get("type", "SimpleItem") == "SimpleItem" for each in found)
+    return found if simple else []
+
+
+def _with_places_of_jumps(path: Path, items: list[MissionItem], ids: list[Any]) -> tuple[MissionItem, ...]:
+    """The items, with the numbers of others that jumps lead to in place of their doJumpIds."""
+    places = {found: k for k, found in reversed(list(enumerate(ids, 1))) if isinstance(found, int)}
+    moved = []
+    for number, item in enumerate(items, 1):
+        target = item.params[0]
+        if item.command != Command.DO_JUMP or not math.isfinite(target):
+            moved.append(item)
+            continue
+        if target not in places:
+            raise _error(path, f"item {number}: DO_JUMP leads to doJumpId {target:g}, which no item has")
+        moved.append(replace(item, params=(float(places[target]), *item.params[1:])))  # type: ignore[index]
+    return tuple(moved)
 
 
 def _read_item(path: Path, entry: object, number: int) -> MissionItem:
@@ -170,21 +241,28 @@ def _read_home(path: Path, value: object, remarks: list[Remark]) -> Home | None:
     if value is None:
         remarks.append(Remark("no-home", "it has no plannedHomePosition", error=True))
         return None
-    numbers = _numbers(value, (2, 3))
+    if isinstance(value, list) and len(value) in (2, 3) and all(each in (None, 0) for each in value[:2]):
+        remarks.append(Remark("no-home", "its plannedHomePosition does not say where home is", error=True))
+        return None
+    numbers = _place_and_altitude(value)
     if numbers is None or not on_earth(numbers[0], numbers[1]):
         raise _error(path, 'its "plannedHomePosition" is not latitude, longitude and altitude')
-    # 0 is what programs write that do not know it.
-    amsl = numbers[2] if len(numbers) == 3 and numbers[2] != 0.0 else None
-    return Home(numbers[0], numbers[1], amsl)
+    # 0 is what programs write that do not know it, and null what QGroundControl does.
+    return Home(numbers[0], numbers[1], numbers[2] or None)
 
 
 def _read_fence(path: Path, value: object) -> tuple[Fence | None, list[Remark]]:
     if not isinstance(value, dict):
         return None, []
+    polygons, circles = _listed(path, value, "polygons"), _listed(path, value, "circles")
+    if value.get("polygon"):  # version 1 has one, to stay in
+        polygons = [{"polygon": value["polygon"]}, *polygons]
+    if (polygons or circles) and value.get("version", 2) not in _FENCE_VERSIONS:
+        raise _error(path, f"its fence is of version {str(value['version'])[:20]}; versions 1 and 2 are read")
     inside: list[tuple[tuple[float, float], ...]] = []
     outside: list[tuple[tuple[float, float], ...]] = []
     points = 0
-    for entry in _listed(path, value, "polygons"):
+    for entry in polygons:
         corners = entry.get("polygon") if isinstance(entry, dict) else None
         if not isinstance(corners, list) or len(corners) < 3:
             raise _error(path, "a fence polygon has fewer than three corners")
@@ -195,29 +273,25 @@ def _read_fence(path: Path, value: object) -> tuple[Fence | None, list[Remark]]:
         if polygon[0] == polygon[-1] and len(polygon) > 3:
             polygon.pop()
         (inside if entry.get("inclusion", True) is not False else outside).append(tuple(polygon))
-    circles = _listed(path, value, "circles")
-    if len(circles) > MAX_POINTS // _CIRCLE_CORNERS:
+    if len(circles) > _MOST_CIRCLES:
         raise _error(path, "has far too many fence circles")
+    rounds: dict[bool, list[Circle]] = {True: [], False: []}
     for entry in circles:
         inclusion = isinstance(entry, dict) and entry.get("inclusion", True) is not False
-        (inside if inclusion else outside).append(_circle(path, entry, inclusion))
+        rounds[inclusion].append(_circle(path, entry))
     remarks = [Remark("fence-circles", "its fence circles are checked as polygons of 64 corners")] if circles else []
-    fence = Fence(tuple(inside), tuple(outside)) if inside or outside else None
-    return fence, remarks
+    fence = Fence(
+        tuple(inside), tuple(outside), inside_circles=tuple(rounds[True]), outside_circles=tuple(rounds[False])
+    )
+    return None if fence == Fence() else fence, remarks
 
 
-def _circle(path: Path, entry: object, inclusion: bool) -> tuple[tuple[float, float], ...]:
+def _circle(path: Path, entry: object) -> Circle:
     circle = entry.get("circle") if isinstance(entry, dict) else None
     radius = json_number(circle.get("radius")) if isinstance(circle, dict) else None
     if not isinstance(circle, dict) or radius is None or not 0.0 < radius <= 1e5:
         raise _error(path, "a fence circle has no radius between 0 and 100 km")
-    latitude, longitude = _place(path, circle.get("center"))
-    # The polygon lies within an inclusion circle and around an exclusion circle, so that it never forgives a leg.
-    reach = radius if inclusion else radius / math.cos(math.pi / _CIRCLE_CORNERS)
-    angles = [2.0 * math.pi * k / _CIRCLE_CORNERS for k in range(_CIRCLE_CORNERS)]
-    corners = [[reach * math.cos(a), reach * math.sin(a), 0.0] for a in angles]
-    latitudes, longitudes, _ = LocalFrame(latitude, longitude).to_geodetic(corners)
-    return tuple((float(a), float(b)) for a, b in zip(latitudes, longitudes, strict=True))
+    return Circle(*_place(path, circle.get("center")), radius)
 
 
 def _read_rally(path: Path, value: object) -> tuple[GeoPoint, ...]:
@@ -228,10 +302,10 @@ def _read_rally(path: Path, value: object) -> tuple[GeoPoint, ...]:
         raise _error(path, "has far too many rally points")
     places = []
     for entry in points:
-        numbers = _numbers(entry, (2, 3))
+        numbers = _place_and_altitude(entry)
         if numbers is None:
             raise _error(path, "a rally point is not latitude, longitude and altitude")
-        places.append(GeoPoint(numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0))
+        places.append(GeoPoint(numbers[0], numbers[1], numbers[2] or 0.0))
     return tuple(places)
 
 
@@ -247,6 +321,14 @@ def _place(path: Path, value: object) -> tuple[float, float]:
     if numbers is None or not on_earth(numbers[0], numbers[1]):
         raise _error(path, "a corner of a fence is not a latitude and a longitude")
     return numbers[0], numbers[1]
+
+
+def _place_and_altitude(value: object) -> tuple[float, float, float | None] | None:
+    """Latitude, longitude and altitude, which may be missing or null; None where it is something else."""
+    if isinstance(value, list) and len(value) == 3 and value[2] is None:
+        value = value[:2]
+    numbers = _numbers(value, (2, 3))
+    return None if numbers is None else (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
 
 
 def _numbers(value: object, lengths: tuple[int, ...]) -> list[float] | None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fieldkit.missions.files.stop_actions import FREE, Action, Facing, Series
-from fieldkit.missions.items import Command, Frame, MissionItem
+from fieldkit.missions.items import Command, Frame, MissionItem, with_jump_moved
 from fieldkit.missions.mission import Fence, GeoPoint, Home
 
 
@@ -81,6 +81,7 @@ class ReadMission:
         rally: places to return to.
         remarks: what its reader noticed.
         first_number: of ``items[0]``: 1 behind a home row and in .plan files, whose doJumpId counts from 1.
+        drone: droneEnumValue and droneSubEnumValue of the aircraft that a WPML file is for; None where it names none.
     """
 
     format: str
@@ -92,6 +93,12 @@ class ReadMission:
     rally: tuple[GeoPoint, ...] = ()
     remarks: tuple[Remark, ...] = ()
     first_number: int = 1
+    drone: tuple[int, int] | None = None
+
+    def behind_home(self) -> ReadMission:
+        """The same with items that count from 1, as behind the home that an upload puts in front of them."""
+        by = 1 - self.first_number
+        return replace(self, items=tuple(with_jump_moved(item, by) for item in self.items), first_number=1)
 
     def upload_items(self, dialect: str) -> tuple[MissionItem, ...]:
         """The items as they are uploaded: with the home item in front for "ardupilot" where the file has a home."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,13 +14,30 @@ from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.waypoints import read_waypoints
 
-_READERS: dict[str, Callable[[Path], ReadMission]] = {
+READERS: dict[str, Callable[[Path], ReadMission]] = {
     ".plan": read_plan,
     ".waypoints": read_waypoints,
     ".txt": read_waypoints,
     ".kmz": read_wpml,
     ".csv": read_litchi,
 }
+"""By the suffix of files."""
+
+
+def read_mission_bytes(content: bytes, suffix: str) -> ReadMission:
+    """The same of a file's content.
+
+    Args:
+        content: of the file.
+        suffix: of its name, such as ".plan".
+
+    Raises:
+        MetadataError: as `read_mission`.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, f"mission{suffix}")
+        path.write_bytes(content)
+        return read_mission(path)
 
 
 def read_mission(path: Path) -> ReadMission:
@@ -32,7 +50,7 @@ def read_mission(path: Path) -> ReadMission:
         MetadataError: the file is missing, of no known format, damaged or far too large.
     """
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
+    reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise MetadataError(f"is of no known mission format ({path.suffix or 'no suffix'})", path=path, remedy=REMEDY)
     try:

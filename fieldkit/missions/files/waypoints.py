@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
@@ -18,6 +19,7 @@ from fieldkit.missions.items import Command, Frame, MissionItem
 from fieldkit.missions.mission import Home
 
 HEADER = "QGC WPL 110"
+_HEADED = frozenset({Command.NAV_WAYPOINT, Command.NAV_TAKEOFF, Command.NAV_LAND})
 _REMEDY = "Save it again with Mission Planner or QGroundControl, or export it with `fieldkit export-mission`."
 
 
@@ -25,13 +27,13 @@ def waypoints_bytes(items: Sequence[MissionItem], *, home: Home) -> bytes:
     """A .waypoints file.
 
     Args:
-        items: without the home item.
+        items: without the home item. What is left to the autopilot (NaN) is written as `definite` has it.
         home: row 0; its altitude is written as 0 where it is not known.
     """
     place = (round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0)
     rows = [MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0, *place)), *items]
     lines = [HEADER]
-    for seq, item in enumerate(rows):
+    for seq, item in enumerate(definite(rows)):
         columns = [str(seq), "1" if seq == 0 else "0", str(int(item.frame)), str(int(item.command))]
         columns += [_text(value) for value in item.params[:4]]
         columns += [_text(value, 9) for value in item.params[4:6]]
@@ -40,8 +42,28 @@ def waypoints_bytes(items: Sequence[MissionItem], *, home: Home) -> bytes:
     return ("\n".join(lines) + "\n").encode("ascii")
 
 
+def definite(items: Sequence[MissionItem]) -> list[MissionItem]:
+    """Items without NaN, which many readers of the format do not take.
+
+    A place that is flown to with any heading gets that of the next one that has one, or of the last one: 0 would turn
+    the vehicle north. Everything else is 0.
+    """
+    known = [item.params[3] for item in items if _has_heading(item)]
+    heading, found = known[-1] if known else 0.0, []
+    for item in reversed(items):
+        heading = item.params[3] if _has_heading(item) else heading
+        spare = (0.0, 0.0, 0.0, heading if item.command in _HEADED else 0.0, 0.0, 0.0, 0.0)
+        p1, p2, p3, p4, p5, p6, p7 = (b if math.isnan(a) else a for a, b in zip(item.params, spare, strict=True))
+        found.append(replace(item, params=(p1, p2, p3, p4, p5, p6, p7)))
+    return found[::-1]
+
+
+def _has_heading(item: MissionItem) -> bool:
+    return item.command in _HEADED and not math.isnan(item.params[3])
+
+
 def _text(value: float, digits: int = 6) -> str:
-    return "nan" if math.isnan(value) else f"{value:.{digits}f}"
+    return f"{value:.{digits}f}"
 
 
 def read_waypoints(path: Path) -> ReadMission:

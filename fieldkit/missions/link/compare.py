@@ -10,7 +10,7 @@ import numpy as np
 from fieldkit.errors import MissionError
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.autopilots.ardupilot.accepting import MEASURED
-from fieldkit.missions.items import MissionItem, command_name, plain_frame
+from fieldkit.missions.items import MissionItem, command_name, plain_frame, with_jump_moved
 from fieldkit.missions.link.item_rules import Kind, WireItem, stored, stored_fence_item
 from fieldkit.missions.link.listener import ARDUPILOT
 from fieldkit.missions.mission import Fence, Home
@@ -18,7 +18,7 @@ from fieldkit.missions.mission import Fence, Home
 _COMMON_UNITS = (1, 1, 0.011)
 """Tolerances of x and y in 1e-7 degrees and of z in metres, where an autopilot's own rounding was not measured."""
 _INT32 = 0x7FFF_FFFF
-_POLYGON_INSIDE, _POLYGON_OUTSIDE = 5001, 5002
+_POLYGON_INSIDE, _POLYGON_OUTSIDE, _CIRCLE_INSIDE, _CIRCLE_OUTSIDE = 5001, 5002, 5003, 5004
 
 
 def to_wire(items: Sequence[MissionItem]) -> tuple[WireItem, ...]:
@@ -38,26 +38,45 @@ def home_item(home: Home | None) -> WireItem:
     return WireItem(16, 0, (0.0, 0.0, 0.0, 0.0), x, y, home.amsl_m or 0.0)
 
 
-def fence_items(fence: Fence) -> tuple[WireItem, ...]:
-    """The polygons of a fence as items; its ceiling is a parameter of the vehicle (FENCE_ALT_MAX), not an item.
+def mission_items(items: Sequence[MissionItem], home: Home | None, autopilot: int) -> tuple[WireItem, ...]:
+    """A mission as it is sent: behind home to an ArduPilot; others have none, and count from 0.
+
+    Args:
+        items: without home; jumps lead to them counted from 1.
+        home: as the file has it.
+        autopilot: MAV_AUTOPILOT.
 
     Raises:
-        MissionError: a polygon has fewer than three corners, or a corner is nowhere on earth.
+        MissionError: a number does not fit into its field.
+    """
+    if autopilot == ARDUPILOT:
+        return (home_item(home), *to_wire(items))
+    return to_wire([with_jump_moved(item, -1) for item in items])
+
+
+def fence_items(fence: Fence) -> tuple[WireItem, ...]:
+    """The polygons and circles of a fence as items; its ceiling is a parameter of the vehicle (FENCE_ALT_MAX).
+
+    Raises:
+        MissionError: a polygon has fewer than three corners, or a corner or a centre is nowhere on earth.
     """
     items = []
     for command, polygons in ((_POLYGON_INSIDE, fence.inside), (_POLYGON_OUTSIDE, fence.outside)):
         for polygon in polygons:
             if len(polygon) < 3:
                 raise MissionError("a polygon of the fence has fewer than three corners", remedy="Correct the fence.")
-            for latitude, longitude in polygon:
-                if not on_earth(latitude, longitude):
-                    raise MissionError(
-                        f"a corner of the fence is nowhere on earth: {latitude}, {longitude}",
-                        remedy="Correct the fence.",
-                    )
-                params = (float(len(polygon)), 0.0, 0.0, 0.0)
-                items.append(WireItem(command, 0, params, round(latitude * 1e7), round(longitude * 1e7), 0.0))
+            items += [_fence_item(command, len(polygon), *corner) for corner in polygon]
+    for command, circles in ((_CIRCLE_INSIDE, fence.inside_circles), (_CIRCLE_OUTSIDE, fence.outside_circles)):
+        items += [_fence_item(command, each.radius_m, each.latitude_deg, each.longitude_deg) for each in circles]
     return tuple(items)
+
+
+def _fence_item(command: int, first: float, latitude: float, longitude: float) -> WireItem:
+    if not on_earth(latitude, longitude):
+        raise MissionError(
+            f"a corner of the fence is nowhere on earth: {latitude}, {longitude}", remedy="Correct the fence."
+        )
+    return WireItem(command, 0, (float(first), 0.0, 0.0, 0.0), round(latitude * 1e7), round(longitude * 1e7), 0.0)
 
 
 def differences(

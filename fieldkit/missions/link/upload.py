@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from fieldkit.errors import FieldkitError, LinkError, MissionError
 from fieldkit.missions.autopilots.ardupilot.accepting import Result
 from fieldkit.missions.items import MissionItem, command_name
-from fieldkit.missions.link.compare import differences, fence_items, home_item, roundings, to_wire
+from fieldkit.missions.link.compare import differences, fence_items, mission_items, roundings, to_wire
 from fieldkit.missions.link.item_rules import MAX_ITEMS, Kind, WireItem
 from fieldkit.missions.link.listener import ARDUPILOT, PX4
 from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle, TransferFailed
@@ -90,7 +90,7 @@ def upload_mission(
     """Connect, upload, read back, compare; clear and try again after any failure.
 
     Args:
-        items: of the mission, without home.
+        items: of the mission, without home; jumps lead to them counted from 1.
         url: of the vehicle: udpin://, udpout://, tcpout:// or serial://.
         home: as the file has it; an ArduPilot puts its own in its place.
         fence: uploaded before the mission where given.
@@ -131,16 +131,13 @@ def upload_to(
         raise MissionError(
             f"the vehicle is armed. {Held.UNTOUCHED.value}", remedy="Land it and disarm it, then upload."
         )
-    autopilot = vehicle.listener.autopilot
-    name = _AUTOPILOTS.get(autopilot, f"autopilot {autopilot}")
+    autopilot, name = vehicle.listener.autopilot, autopilot_name(vehicle)
     if dialect is not None and dialect != name.lower():
         raise MissionError(
             f"the mission is written for {dialect}, the vehicle is an {name}. {Held.UNTOUCHED.value}",
             remedy="Export it for this vehicle.",
         )
-    wire_items = to_wire(items)
-    if autopilot == ARDUPILOT:
-        wire_items = (home_item(home), *wire_items)
+    wire_items = mission_items(items, home, autopilot)
     run = _Upload(vehicle, autopilot, patience, advance or _ignore, len(items))
     try:
         corners = fence_items(fence) if fence is not None else ()
@@ -157,6 +154,11 @@ def upload_to(
         name, len(items), len(corners), run.attempts, run.downloads,
         time.monotonic() - begun, signed, read_back, roundings(wire_items, read_back, autopilot),
     )  # fmt: skip
+
+
+def autopilot_name(vehicle: MavsdkVehicle) -> str:
+    """Of the one that was heard: "ArduPilot", "PX4", or "autopilot" and its number."""
+    return _AUTOPILOTS.get(vehicle.listener.autopilot, f"autopilot {vehicle.listener.autopilot}")
 
 
 def _ignore(_count: int) -> None:

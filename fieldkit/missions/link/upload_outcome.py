@@ -62,7 +62,7 @@ class UploadReport:
     Attributes:
         autopilot: "ArduPilot", "PX4" or the number of another one.
         items: of the mission, without home.
-        fence_items: corners of the fence; 0 where none was sent.
+        fence_items: corners and circles of the fence; 0 where none was sent.
         attempts: uploads of the mission that it took.
         downloads: read-backs that it took.
         seconds: in all.

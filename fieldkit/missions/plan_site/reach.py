@@ -1,8 +1,9 @@
 """What a vehicle can reach of a plan's poses, and the nearest pose where it cannot.
 
-A multicopter turns to any heading and is as level as it flies, so what limits a pose is the mount's pitch and the least
-height above the ground. The nearest pose keeps place and heading: the pitch is turned to the mount's limit (to its only
-pitch, where it is fixed), the camera is raised straight up. What it then sees is not what the plan chose, and two
+A multicopter turns to any heading and is as level as it flies, so what limits a pose is the mount's pitch, the least
+height above the ground, and the air over plants that a vehicle keeps clear of. The nearest pose keeps place and
+heading: the pitch is turned to the mount's limit (to its only pitch, where it is fixed), the camera is raised straight
+up. What it then sees is not what the plan chose, and two
 stations that differed in what is taken from them would be photographed twice: that is an error.
 """
 
@@ -23,6 +24,7 @@ from fieldkit.missions.mission import Shot
 from fieldkit.missions.plan_site.placement import SiteFrame, grounds_m
 from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.missions.routing.obstacles import Obstacles
 
 TOLERANCE_M = 1e-4
 """Rounding, not leeway: files hold heights to 0.1 mm."""
@@ -30,7 +32,9 @@ TOLERANCE_M = 1e-4
 SAME_M, SAME_DEG = 0.1, 2.0
 """Poses nearer than both are one photograph: flown ones miss by up to 0.07 m and 0.85° (sim/sitl)."""
 
-Limit = Literal["pitch", "height"]
+Limit = Literal["pitch", "height", "plants"]
+
+_CENTIMETRES = 100.0
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class Unreachable:
 
     Attributes:
         shot: as planned.
-        limits: what is beyond the vehicle; one or both.
+        limits: what is beyond the vehicle; one or more.
         what: the same for people, without the station's name.
         nearest: the nearest pose that it can take.
     """
@@ -53,13 +57,16 @@ class Unreachable:
         return f"{self.shot.name}: {self.what}"
 
 
-def unreachable(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> tuple[Unreachable, ...]:
+def unreachable(
+    shots: Sequence[Shot], site: Site, vehicle: Vehicle, obstacles: Obstacles | None = None
+) -> tuple[Unreachable, ...]:
     """The poses that a vehicle cannot take, in their order.
 
     Args:
         shots: on the site's plots, as `place` gives them.
         site: whose plots say where the ground is, on slopes that below each station.
         vehicle: its mount and least height.
+        obstacles: whose plants are kept clear of, site frame; none are looked at without.
 
     Raises:
         MissionError: a shot is of a plot that the site does not have, or its pose is not finite.
@@ -70,21 +77,25 @@ def unreachable(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> tuple[Un
         if shot.plot not in known:
             raise MissionError(f"{shot.name}: the site has no plot of that name", remedy="Place the plan on this site.")
     found = []
-    for shot, ground in zip(shots, grounds_m(site, shots).tolist(), strict=True):
-        problem = _problem(shot, ground, vehicle)
+    points = SiteFrame(site.home).points(shot.place for shot in shots)
+    clear = [-math.inf if obstacles is None else obstacles.plants_top_m(point) for point in points]
+    for shot, ground, top in zip(shots, grounds_m(site, shots).tolist(), clear, strict=True):
+        problem = _problem(shot, ground, top, vehicle)
         if problem is not None:
             found.append(problem)
     return tuple(found)
 
 
-def adjusted(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> tuple[tuple[Shot, ...], tuple[Unreachable, ...]]:
+def adjusted(
+    shots: Sequence[Shot], site: Site, vehicle: Vehicle, obstacles: Obstacles | None = None
+) -> tuple[tuple[Shot, ...], tuple[Unreachable, ...]]:
     """All shots, those out of reach replaced by their nearest poses, and which those are.
 
     Raises:
         MissionError: two stations of a plot become one photograph; or as `unreachable`.
         MetadataError: as `unreachable`.
     """
-    problems = unreachable(shots, site, vehicle)
+    problems = unreachable(shots, site, vehicle, obstacles)
     nearest = {id(problem.shot): problem.nearest for problem in problems}
     changed = tuple(nearest.get(id(shot), shot) for shot in shots)
     _require_different(shots, changed, site)
@@ -148,7 +159,7 @@ def require_reachable(shots: Sequence[Shot], site: Site, vehicle: Vehicle) -> No
     )
 
 
-def _problem(shot: Shot, ground_m: float, vehicle: Vehicle) -> Unreachable | None:
+def _problem(shot: Shot, ground_m: float, plants_m: float, vehicle: Vehicle) -> Unreachable | None:
     above = shot.place.height_m - ground_m
     if not all(math.isfinite(value) for value in (shot.pitch_deg, shot.yaw_deg, above)):
         raise MissionError(f"{shot.name}: its pose is not a number", remedy="Make the plan again.")
@@ -164,9 +175,13 @@ def _problem(shot: Shot, ground_m: float, vehicle: Vehicle) -> Unreachable | Non
         sentences.append(
             f"{above:.2f} m above the ground, but {vehicle.title} flies no lower than {vehicle.min_height_m:g} m"
         )
+    height = ground_m + vehicle.min_height_m if "height" in limits else shot.place.height_m
+    if shot.place.height_m < plants_m:
+        limits.append("plants")
+        sentences.append(f"{plants_m - shot.place.height_m:.2f} m too low over the plants for {vehicle.title}")
+        height = max(height, math.ceil(plants_m * _CENTIMETRES + 0.01) / _CENTIMETRES)  # as files hold heights
     if not limits:
         return None
-    height = ground_m + vehicle.min_height_m if "height" in limits else shot.place.height_m
     nearest = replace(shot, place=replace(shot.place, height_m=height), pitch_deg=pitch)
     pose = f"the nearest pose is {height - ground_m:.2f} m above the ground with pitch {pitch:.4g}°"
     return Unreachable(shot, tuple(limits), f"{'; '.join(sentences)}; {pose}", nearest)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,6 +43,8 @@ class FlightTime:
         pauses_s: standing still at stops.
         landing_s: straight down, until the motors stop.
         battery: share of one battery's usable time (see `Battery.usable_s`).
+        items_s: what carrying out the mission's file takes beyond these, such as holds in whole seconds; 0 before there
+            is a file.
     """
 
     takeoff_s: float
@@ -51,11 +53,17 @@ class FlightTime:
     pauses_s: float
     landing_s: float
     battery: float
+    items_s: float = 0.0
 
     @property
     def total_s(self) -> float:
         """All of it."""
-        return self.takeoff_s + self.legs_s + self.pauses_s + self.landing_s
+        return self.takeoff_s + self.legs_s + self.pauses_s + self.landing_s + self.items_s
+
+    def lasting(self, seconds: float, vehicle: Vehicle) -> FlightTime:
+        """The same flight where it is known to take so many seconds in all."""
+        items_s = self.items_s + seconds - self.total_s
+        return replace(self, items_s=items_s, battery=seconds / vehicle.battery.usable_s)
 
 
 def flight_time(legs: Sequence[ArrayLike], turns_deg: Sequence[float], pauses_s: float, vehicle: Vehicle) -> FlightTime:

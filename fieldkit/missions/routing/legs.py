@@ -105,7 +105,10 @@ def check_places(places: Array, names: tuple[str, ...] | list[str], obstacles: O
         top = obstacles.plants_top_m(problem.place)
         over = f"over the plants of {problem.name}, which are kept clear of up to {top:.2f} m here"
         where = f"{top - up:.2f} m too low {over}"
-        remedy = "Plan for this vehicle (fieldkit plan --vehicle): the air below leaves counts as plants, too."
+        remedy = (
+            "Plan for this vehicle (fieldkit plan --vehicle), or give --adjust to fly above them: the air below leaves "
+            "counts as plants, too."
+        )
     else:
         where = {
             "obstacle": f"in {problem.name}, or nearer to it than the clearance",

@@ -46,6 +46,23 @@ def test_the_measured_order_photographs_where_it_did() -> None:
         assert (shot.settled_s, shot.after_s) == (pytest.approx(4.0), pytest.approx(1.0))
 
 
+@pytest.mark.parametrize("dialect", ["ardupilot", "px4"])
+def test_only_speeds_along_the_ground_are_the_cruise(dialect: str) -> None:
+    by = vehicle(dialect)  # type: ignore[arg-type]
+    first, *rest = render(small_mission(), by)[int(dialect == "ardupilot") :]
+    rest = [item for item in rest if item.command != Command.DO_CHANGE_SPEED]
+
+    def seconds(kind: float, speed: float) -> float:
+        change = MissionItem(Command.DO_CHANGE_SPEED, 2, (kind, speed, 0.0, 0.0, 0.0, 0.0, 0.0))
+        read = ReadMission("plan", (first, change, *rest), home=HOME)
+        return interpret(read, by, dialect).seconds
+
+    assert seconds(1.0, 0.5) == seconds(0.0, 0.5) > seconds(1.0, 2.0) + 10.0
+    assert seconds(2.0, by.speeds.climb_mps) == seconds(3.0, by.speeds.descent_mps) == seconds(1.0, 2.0)
+    for kind in (2.0, 3.0):  # ways up or down take longer, others do not
+        assert 0.5 < seconds(kind, 0.5) - seconds(1.0, 2.0) < 30.0
+
+
 def test_the_naive_order_photographs_late_and_away_from_its_places_as_it_did() -> None:
     document = recording("naive")
     execution = flown("naive")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import socket
 import sys
 import threading
@@ -17,6 +18,7 @@ from fieldkit.cli import replay as replay_command
 from fieldkit.cli import upload as upload_command
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.missions.items import MissionItem
+from fieldkit.missions.plan_site.vehicle_file import missions_folder
 from fieldkit.standin.recording import Recording
 from fieldkit.standin.replay import Replay
 
@@ -62,10 +64,63 @@ def test_upload(mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[st
     assert (printed["items"], printed["attempts"], printed["started"], printed["signed"]) == (67, 1, False, False)
 
 
+def swapped(mission: Path) -> Path:
+    """The mission with longitude first, as one column for the other."""
+    file = mission.with_name("swapped.waypoints")
+    rows = [line.split("\t") for line in mission.read_text().splitlines()]
+    file.write_text("\n".join("\t".join([*row[:8], *row[9:7:-1], *row[10:]]) for row in rows) + "\n")
+    return file
+
+
+def test_a_mission_with_errors_is_refused_before_anybody_is_called(mission: Path) -> None:
+    """Nobody is at this address: what speaks against the mission is said first."""
+    nowhere, site = "udpin://127.0.0.1:0", mission.parent / "site.toml"
+    with pytest.raises(
+        MissionError, match=r"the file's home is \d+\.\d km from the site's.*Nothing was sent"
+    ) as caught:
+        upload_command.command(swapped(mission), nowhere, site=site)
+    assert caught.value.exit_code == 5
+    assert "--force" in caught.value.remedy
+    text = mission.read_text()
+    never = mission.with_name("never.waypoints")
+    never.write_text(text.replace("\t2000\t0.00000000\t0.00000000\t1.0", "\t2000\t0.00000000\t0.00000000\t0.0"))
+    with pytest.raises(MissionError, match=r"13 items: .*without end"):
+        upload_command.command(never, nowhere)
+    zone = mission.with_name("zone.toml")
+    zone.write_text(SITE + '[[obstacles]]\nname = "mast"\nlatitude_deg = 50.865\nlongitude_deg = 6.4473\n'
+                    "radius_m = 5.0\ntop_m = 20.0\n")  # fmt: skip
+    with pytest.raises(MissionError, match="legs, the first at item"):
+        upload_command.command(mission, nowhere, site=zone)
+
+
+def test_what_only_a_profile_says_is_checked_with_one(mission: Path) -> None:
+    mini = mission.with_name("mini.toml")
+    known = (missions_folder() / "vehicles" / "ardupilot-pitch.toml").read_text()
+    mini.write_text(re.sub(r"pitch_deg = .*", "pitch_deg = [-30.0, 0.0]", known))
+    with pytest.raises(MissionError, match="beyond the mount"):
+        upload_command.command(mission, "udpin://127.0.0.1:0", vehicle=str(mini))
+    with pytest.raises(MissionError, match="does not fly waypoints files"):
+        upload_command.command(mission, "udpin://127.0.0.1:0", vehicle="dji-mini-4-pro")
+
+
+def test_force_sends_what_has_errors_and_says_so(
+    mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = mission.parent / "site.toml"
+    with vehicle:
+        upload_command.command(swapped(mission), vehicle.url, site=site, force=True)
+        assert "sent in spite of" in capsys.readouterr().err
+        assert len(vehicle.autopilot.items) == 68
+        upload_command.command(swapped(mission), vehicle.url, site=site, force=True, as_json=True)
+    printed = json.loads(capsys.readouterr().out)
+    assert "other-home" in {finding["code"] for finding in printed["findings"]}
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"signed": True}, "needs a key"),
+        ({"start": True, "site": "site.toml", "force": True}, "what was forced"),
         ({"start": True}, "where home is"),
         ({"start": True, "site": "site.toml"}, "no terminal"),
     ],

@@ -11,11 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MissionError
+from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import MissionItem
-from fieldkit.missions.link.compare import differences, fence_items, home_item, roundings, to_wire
-from fieldkit.missions.link.item_rules import Kind, WireItem, stored
+from fieldkit.missions.link.compare import differences, fence_items, home_item, mission_items, roundings, to_wire
+from fieldkit.missions.link.item_rules import Kind, WireItem, fence_problem, stored, stored_fence_item
 from fieldkit.missions.link.listener import ARDUPILOT, PX4
-from fieldkit.missions.mission import Fence, Home
+from fieldkit.missions.mission import Circle, Fence, Home
 
 HOME = home_item(None)
 
@@ -113,10 +114,31 @@ def test_fences() -> None:
     read_back = tuple(replace(item, autocontinue=0) for item in items)
     assert differences(items, read_back, ARDUPILOT, Kind.FENCE) == ()
     assert differences(items, (*read_back[:-1], replace(read_back[-1], x=1)), ARDUPILOT, Kind.FENCE)
+    circles = fence_items(Fence(inside_circles=(Circle(50.0, 6.0, 60.5),), outside_circles=(Circle(50.0, 6.0, 5.0),)))
+    assert [(item.command, item.params[0], item.x) for item in circles] == [
+        (5003, 60.5, 500000000), (5004, 5.0, 500000000),
+    ]  # fmt: skip
+    assert fence_problem(circles) is None
+    kept_circles = tuple(item for item in map(stored_fence_item, circles) if isinstance(item, WireItem))
+    assert differences(circles, kept_circles, ARDUPILOT, Kind.FENCE) == ()
+    assert differences(circles, tuple(replace(item, params=(9.0, 0, 0, 0)) for item in kept_circles), ARDUPILOT,
+                       Kind.FENCE)  # fmt: skip
     with pytest.raises(MissionError, match="fewer than three"):
         fence_items(Fence(inside=(square[:2],)))
     with pytest.raises(MissionError, match="nowhere on earth"):
         fence_items(Fence(inside=(((91.0, 0.0), *square),)))
+
+
+def test_jumps_lead_to_the_same_items_on_every_autopilot() -> None:
+    land = MissionItem(21, 3, (0.0,) * 7)
+    items = (MissionItem(22, 3, (0.0,) * 7), MissionItem(177, 2, (3.0, 2.0, 0, 0, 0, 0, 0)), land)
+    for autopilot, target in ((ARDUPILOT, 3), (PX4, 2)):
+        sent = mission_items(items, None, autopilot)
+        assert sent[-2].params[:2] == (target, 2.0)
+        assert sent[target].command == land.command
+    # A file whose first row is no home row counts from 0.
+    read = ReadMission("waypoints", (items[0], MissionItem(177, 2, (2.0, 2.0, 0, 0, 0, 0, 0)), land), first_number=0)
+    assert read.behind_home() == ReadMission("waypoints", items, first_number=1)
 
 
 def test_home() -> None:

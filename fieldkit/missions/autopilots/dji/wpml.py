@@ -18,13 +18,12 @@ from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.missions.autopilots.dji.models import DjiModel, dji_model
 from fieldkit.missions.autopilots.stops import LEAST_EXPOSURE_S
 from fieldkit.missions.files.archive import zip_bytes
+from fieldkit.missions.files.limits import MOST_WAYPOINTS
 from fieldkit.missions.files.route import RoutePoint, route_points
 from fieldkit.missions.mission import Mission
 from fieldkit.missions.plan_site.vehicle import Vehicle
 
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
-_MOST_WAYPOINTS = 200
-"""Not in the documentation, whose index goes to 65535: what DJI's apps are said to take."""
 _LEAST_TAKEOFF_M = 1.2
 
 
@@ -39,7 +38,7 @@ def wpml_bytes(mission: Mission, vehicle: Vehicle) -> bytes:
             there are too many waypoints.
     """
     model = dji_model(vehicle)
-    points = route_points(mission, vehicle, _MOST_WAYPOINTS, "DJI WPML")
+    points = route_points(mission, vehicle, MOST_WAYPOINTS["wpml"], "DJI WPML")
     config = _config(mission, model)
     actions = _all_actions(mission, points, model)
     template = _document(config + _template_folder(mission, points, actions))

@@ -49,7 +49,15 @@ def read_wpml(path: Path) -> ReadMission:
         firmware="dji",
         remarks=tuple(file.remarks),
         first_number=0,
+        drone=_read_drone(file.root),
     )
+
+
+def _read_drone(root: Element) -> tuple[int, int] | None:
+    drone, variant = (
+        number(root.findtext(f"Document/missionConfig/droneInfo/drone{name}Value", "")) for name in ("Enum", "SubEnum")
+    )
+    return None if drone is None else (int(drone), int(variant or 0))
 
 
 def _read_home(root: Element) -> Home | None:

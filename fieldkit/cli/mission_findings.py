@@ -1,0 +1,39 @@
+"""What commands say of a check's findings: a table for people, entries for JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from fieldkit.cli.common import say, show, table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from fieldkit.missions.findings import Finding
+
+_MOST_ROWS = 30
+
+
+def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+    """Findings as JSON has them, each by itself."""
+    return [
+        {"code": f.code, "severity": f.severity, "item": f.item, "station": f.station, "message": f.message}
+        for f in findings
+    ]
+
+
+def show_findings(findings: Sequence[Finding], file: Path) -> None:
+    """A table of them; those that say the same are one row."""
+    from fieldkit.missions.findings import grouped
+
+    groups = grouped(findings)
+    rows = [
+        (each.first.code, each.first.severity, "" if each.first.item is None else str(each.first.item), each.text)
+        for each in groups[:_MOST_ROWS]
+    ]
+    show(table(f"Findings in {file.name}", ["code", "severity", "item>", "what"], rows))
+    if len(groups) > _MOST_ROWS:
+        say(f"and {len(groups) - _MOST_ROWS} more kinds")
+    if len(groups) < len(findings):
+        say(f"{len(findings)} findings in all: --json lists each of them")

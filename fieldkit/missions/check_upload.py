@@ -1,0 +1,59 @@
+"""What speaks against uploading a mission: the check's findings, also for a vehicle whose profile is not given."""
+
+from __future__ import annotations
+
+from fieldkit.missions.check import check_mission
+from fieldkit.missions.files.read_mission import ReadMission
+from fieldkit.missions.findings import Finding
+from fieldkit.missions.plan_site.placement import home_of
+from fieldkit.missions.plan_site.site import Site
+from fieldkit.missions.plan_site.site_obstacles import site_obstacles
+from fieldkit.missions.plan_site.vehicle import Mount, Vehicle
+from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+
+_PROFILES: dict[str, str] = {"ardupilot": "ardupilot-pitch", "px4": "px4-gimbal"}
+_OF_A_PROFILE = frozenset({"too-low"})
+"""Codes that say nothing without one, beside those that the limits of `_any_vehicle` leave out."""
+
+
+def findings_by_dialect(
+    read: ReadMission, vehicle: Vehicle | None = None, site: Site | None = None
+) -> dict[str, tuple[Finding, ...]]:
+    """What speaks against flying a mission, by the autopilot that it may be for.
+
+    Without a vehicle, what only its profile says is not looked at: its mount, its least height and battery, its times.
+
+    Args:
+        read: the file; its items count from 1 (`ReadMission.behind_home`).
+        vehicle: that it is for; the autopilot that the file names, or all, where not given.
+        site: whose home, fence, zones, obstacles and ceiling count.
+
+    Raises:
+        MissionError: a polygon of the site is of no use.
+        MetadataError: a profile of fieldkit's own is missing.
+    """
+    if vehicle is not None:
+        return {vehicle.dialect: _findings(read, vehicle, site)}
+    dialects = [name for name in _PROFILES if read.firmware in (None, name)] or list(_PROFILES)
+    return {
+        name: tuple(f for f in _findings(read, _any_vehicle(name), site) if f.code not in _OF_A_PROFILE)
+        for name in dialects
+    }
+
+
+def _findings(read: ReadMission, vehicle: Vehicle, site: Site | None) -> tuple[Finding, ...]:
+    if site is None:
+        return check_mission(read, vehicle).findings
+    obstacles = site_obstacles(site, vehicle.clearance_m)
+    return check_mission(read, vehicle, obstacles=obstacles, origin=home_of(site)).findings
+
+
+def _any_vehicle(dialect: str) -> Vehicle:
+    """A vehicle of an autopilot that has no limits of its own."""
+    known = load_vehicle(_PROFILES[dialect])
+    return known.model_copy(update={
+        "title": "the vehicle", "min_height_m": 0.0, "clearance_m": 0.0,
+        "max_items": None, "mount": Mount(kind="pitch", pitch_deg=(-90.0, 90.0)),
+        "trigger": known.trigger.model_copy(update={"settle_s": 0.0, "exposure_s": 0.0}),
+        "battery": known.battery.model_copy(update={"endurance_s": 1e6, "reserve": 0.0}),
+    })  # fmt: skip
