@@ -82,7 +82,7 @@ def _make_group(
         if intrinsics is not own:
             message = f"the calibration for {own.width}×{own.height} is scaled to {first.width}×{first.height}"
             findings.append(Finding(first.name, "camera-scaled", message))
-        return CameraGroup(key, names, intrinsics, path.name, entry.fixed), findings
+        return CameraGroup(key, names, intrinsics, path.name.lower(), entry.fixed), findings
     focal = first.focal_px
     if focal is None:
         return CameraGroup(key, names, None, "self-calibrated", False), []

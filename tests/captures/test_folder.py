@@ -200,6 +200,60 @@ def test_a_name_that_is_no_text_is_left_out(photo_file: MakePhoto) -> None:
     assert left_out(capture) == {"b\\udcff.jpg": "bad-name"}
 
 
+def test_sidecars_in_capitals(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    (folder / "GEO.TXT").write_text("EPSG:4326\na.jpg 13.0 52.0 30\n")
+    (folder / "Camera.toml").write_text('model = "SIMPLE_PINHOLE"\nwidth = 120\nheight = 90\nparams = [90, 60, 45]\n')
+    capture = read_capture(folder)
+    assert capture.priors["a.jpg"].source == "geo.txt"
+    assert capture.groups[0].source == "camera.toml"
+    (folder / "geo.txt").write_text("EPSG:4326\na.jpg 14.0 53.0 30\n")
+    capture = read_capture(folder)
+    assert capture.origin is not None
+    assert capture.origin.latitude_deg == pytest.approx(53.0)
+    assert codes(capture)["GEO.TXT"] == "sidecar-unused"
+
+
+@pytest.mark.parametrize("name", ["gcp_list.txt", "GCP_LIST.TXT"])
+def test_control_points_are_mentioned(photo_file: MakePhoto, name: str) -> None:
+    folder = photo_file("a.jpg").parent
+    (folder / name).write_text("EPSG:32615\n500000 5188000 198 60 45 a.jpg gcp1\n")
+    assert codes(read_capture(folder)) == {name: "control-points-unused"}
+
+
+@pytest.mark.parametrize(
+    "halves", [("100MEDIA", "101MEDIA"), ("DCIM/100_0001", "DCIM/101_0001"), ("100MSDCF", "103MSDCF")]
+)
+def test_a_cards_folders_are_one_capture(photo_file: MakePhoto, halves: tuple[str, str]) -> None:
+    for seed, half in enumerate(halves):
+        for number in (1, 2):
+            photo_file(f"{half}/DJI_000{number}.JPG", seed=10 * seed + number)
+    folder = photo_file(f"{halves[1]}/DJI_0003.JPG").parent.parent
+    (folder.parent if folder.name == "DCIM" else folder).joinpath("note.txt").write_text("no photograph")
+    names = [f"{half.rpartition('/')[2]}/DJI_000{number}.JPG" for half in halves for number in (1, 2, 3)]
+    names.remove(f"{halves[0].rpartition('/')[2]}/DJI_0003.JPG")
+    rows = "".join(f"{name},{k},{k % 2},3\n" for k, name in enumerate(names))
+    (folder / "poses.csv").write_text(f"image,x_m,y_m,z_m\n{rows}")
+    (folder / names[0]).parent.joinpath("geo.txt").write_text("EPSG:4326\nDJI_0001.JPG 13.0 52.0 30\n")
+    for place in {folder, folder.parent if folder.name == "DCIM" else folder}:
+        capture = read_capture(place)
+        assert list(capture.names) == names
+        assert len(capture.groups) == 1
+        assert [capture.priors[name].position for name in names] == [(k, k % 2, 3.0) for k in range(len(names))]
+        assert codes(capture) == {f"{names[0].partition('/')[0]}/geo.txt": "sidecar-unused"}
+
+
+@pytest.mark.parametrize(
+    "folders", [("101_EAST", "102_EAST"), ("plot_1", "plot_2"), ("100MEDIA", "plot_1"), ("101", "102"), ("100MEDIA",)]
+)
+def test_other_folders_are_captures_of_their_own(photo_file: MakePhoto, folders: tuple[str, ...]) -> None:
+    for seed, name in enumerate(folders):
+        folder = photo_file(f"{name}/DJI_0001.JPG", seed=seed).parent.parent
+    with pytest.raises(CaptureError) as caught:
+        read_capture(folder)
+    assert all(name in caught.value.message for name in folders)
+
+
 @pytest.mark.parametrize("what", ["missing", "file", "empty", "only bad"])
 def test_unusable_folders_say_what_to_do(what: str, tmp_path: Path) -> None:
     folder = tmp_path / "folder"
