@@ -13,7 +13,7 @@ from PIL import Image
 
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.cameras import group_cameras
-from fieldkit.captures.decode import PngMetadata, jpeg_is_complete, read_png_metadata
+from fieldkit.captures.decode import PngMetadata, dark_refusal, jpeg_is_complete, read_png_metadata, tiff_refusal
 from fieldkit.captures.exif import Problem, with_exif
 from fieldkit.captures.folder import Candidate, FolderContents, folders_of_photographs, list_capture
 from fieldkit.captures.geo_txt import read_geo_txt
@@ -155,6 +155,10 @@ class _LeaveOut(Exception):
 
 def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]]:
     png: PngMetadata | None = None
+    if candidate.format == "TIFF" and candidate.path.stat().st_size <= _MAX_FILE_BYTES:
+        refusal = tiff_refusal(candidate.path.read_bytes())
+        if refusal is not None:
+            raise _LeaveOut("unsupported-format", refusal)
     with warnings.catch_warnings():
         # Pillow warns of large images and of odd EXIF; both are findings here.
         warnings.simplefilter("ignore")
@@ -172,6 +176,9 @@ def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]
             photo, problems = with_exif(bare, image, png)
             if candidate.format == "TIFF":
                 image.load()
+                refusal = dark_refusal(image)
+                if refusal is not None:
+                    raise _LeaveOut("unsupported-format", refusal)
     if (candidate.format == "PNG" and png is None) or (candidate.format == "JPEG" and not jpeg_is_complete(data)):
         raise _LeaveOut("truncated", "the file is cut short; copy it again from the camera")
     return photo, problems

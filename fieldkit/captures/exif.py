@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from PIL import ExifTags, Image
@@ -19,6 +20,11 @@ from fieldkit.geometry.geodesy import on_earth
 _BASE, _GPS = ExifTags.Base, ExifTags.GPS
 _FILM_WIDTH_MM, _FILM_HEIGHT_MM = 36.0, 24.0
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+_TIME = re.compile(
+    r"([0-9]{4})[:\-/.]([0-9]{1,2})[:\-/.]([0-9]{1,2})[ T]+([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]+))?"
+    r"\s*(?:Z|UTC|[+-][0-9]{2}:?[0-9]{2})?",
+    re.IGNORECASE | re.ASCII,
+)
 _ALTITUDE_RANGE_M = (-1000.0, 10000.0)
 
 Problem = tuple[str, str]
@@ -62,7 +68,7 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
         focal_mm=focal_mm,
         focal_35mm=focal_35mm,
         focal_px=focal_px,
-        captured_at=_time(base, detail),
+        captured_at=_time(base, detail, gps),
         orientation=_orientation(base.get(_BASE.Orientation)),
         geotag=_geotag(gps, xmp, problems),
         yaw_deg=xmp.gimbal_yaw_deg,
@@ -122,18 +128,44 @@ def _orientation(value: Any) -> int:
     return value if isinstance(value, int) and 1 <= value <= 8 else 1
 
 
-def _time(base: Mapping[int, Any], detail: Mapping[int, Any]) -> datetime | None:
-    text = _text(detail.get(_BASE.DateTimeOriginal)) or _text(base.get(_BASE.DateTime))
-    if text is None:
+def _time(base: Mapping[int, Any], detail: Mapping[int, Any], gps: Mapping[int, Any]) -> datetime | None:
+    """The camera's local time; where it gives none, the time of its GPS, which is UTC."""
+    fields = ((detail, _BASE.DateTimeOriginal, _BASE.SubsecTimeOriginal),
+              (detail, _BASE.DateTimeDigitized, _BASE.SubsecTimeDigitized),
+              (base, _BASE.DateTime, _BASE.SubsecTime))  # fmt: skip
+    for directory, tag, fraction in fields:
+        time = _read_time(_text(directory.get(tag)) or "", str(detail.get(fraction) or "").strip(" \0"))
+        if time is not None:
+            return time
+    return _gps_time(gps)
+
+
+def _read_time(text: str, fraction: str = "") -> datetime | None:
+    """EXIF's 2024:06:23 16:31:59 and ISO 8601's ways to write it, without their time zone; fractions as given."""
+    found = _TIME.fullmatch(text.strip())
+    if found is None:
         return None
+    fraction = found[7] or (fraction if fraction.isascii() and fraction.isdigit() else "")
     try:
-        time = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")
+        year, month, day, hour, minute, second = (int(part) for part in found.groups()[:6])
+        whole = datetime(year, month, day, hour, minute, second)
     except ValueError:
         return None
-    fraction = _text(detail.get(_BASE.SubsecTimeOriginal)) or ""
-    if not (fraction.isascii() and fraction.isdigit()):
-        return time
-    return time.replace(microsecond=int(fraction[:6].ljust(6, "0")))
+    return whole.replace(microsecond=int(fraction[:6].ljust(6, "0") or 0))
+
+
+def _gps_time(gps: Mapping[int, Any]) -> datetime | None:
+    day, parts = _text(gps.get(_GPS.GPSDateStamp)), gps.get(_GPS.GPSTimeStamp)
+    if day is None or not isinstance(parts, tuple | list) or len(parts) != 3:
+        return None
+    numbers = [_number(part) for part in parts]
+    start = _read_time(f"{day} 00:00:00")
+    if start is None or any(
+        number is None or not 0 <= number < limit for number, limit in zip(numbers, (24, 60, 61), strict=True)
+    ):
+        return None
+    hours, minutes, seconds = (float(number or 0.0) for number in numbers)
+    return start + timedelta(hours=hours, minutes=minutes, seconds=round(seconds, 6))
 
 
 def _focal_px(

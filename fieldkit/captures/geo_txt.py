@@ -169,16 +169,17 @@ def settled_heights(rows: Sequence[GeoRow], altitudes_m: Mapping[str, float]) ->
         rows: of a file.
         altitudes_m: of photographs, by the rows' names, above whatever datum.
     """
-    unit = max((row.assumed_unit_m for row in rows), default=1.0)
-    if unit == 1.0:
+    open_rows = [row for row in rows if row.assumed_unit_m != 1.0]
+    if not open_rows:
         return list(rows), []
-    pairs = [(row.altitude_m, altitudes_m[row.image]) for row in rows
+    pairs = [(row.altitude_m, row.altitude_m / row.assumed_unit_m, altitudes_m[row.image]) for row in open_rows
              if row.altitude_m is not None and row.image in altitudes_m]  # fmt: skip
-    as_feet = float(np.median([abs(z - own) for z, own in pairs])) if pairs else 0.0
-    as_metres = float(np.median([abs(z / unit - own) for z, own in pairs])) if pairs else 0.0
+    as_feet = float(np.median([abs(feet - own) for feet, _, own in pairs])) if pairs else 0.0
+    as_metres = float(np.median([abs(metres - own) for _, metres, own in pairs])) if pairs else 0.0
     if as_metres < _CLEARLY * as_feet:
         said = "heights and accuracies are taken for metres, as the photographs' own altitudes are; x and y are in feet"
-        return [row.with_lengths(1.0 / unit) for row in rows], [Finding("geo.txt", "height-unit", said)]
+        settled = [row.with_lengths(1.0 / row.assumed_unit_m) for row in rows]
+        return settled, [Finding("geo.txt", "height-unit", said)]
     why = "as the photographs' own altitudes say" if as_feet < _CLEARLY * as_metres else "but the file does not say so"
     said = f"heights and accuracies are taken for feet, like x and y, {why}"
     return list(rows), [Finding("geo.txt", "height-unit", said)]

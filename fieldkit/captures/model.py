@@ -71,7 +71,7 @@ class Photo:
         focal_mm: focal length, millimetres.
         focal_35mm: 35 mm equivalent, millimetres.
         focal_px: focal length in pixels from the EXIF (`fieldkit.captures.exif.focal_in_pixels`).
-        captured_at: local time of exposure, without a time zone.
+        captured_at: local time of exposure, without a time zone; UTC where only the GPS gives one.
         orientation: the EXIF orientation tag (1–8); it is not applied.
         geotag: position, or None.
         yaw_deg, pitch_deg, roll_deg: of the gimbal (DJI XMP): yaw clockwise from north, pitch −90 straight down.

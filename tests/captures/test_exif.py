@@ -59,6 +59,34 @@ def test_everything_a_drone_writes(photo_file: MakePhoto) -> None:
     assert (tag.altitude_m, tag.datum, tag.relative_altitude_m, tag.rtk) == (45.5, "sea level", 39.8, False)
 
 
+@pytest.mark.parametrize(
+    ("base", "detail", "gps", "expected"),
+    [
+        ({}, {36867: "2024:06:23 16:31:59"}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {36867: "2024-06-23T16:31:59"}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {36867: "2024-06-23T16:31:59.250+02:00"}, {}, (2024, 6, 23, 16, 31, 59, 250000)),
+        ({}, {36867: "2024-06-23 16:31:59Z"}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {36867: "2024:06:23 16:31:59.123456789"}, {}, (2024, 6, 23, 16, 31, 59, 123456)),
+        ({}, {36867: "2024:06:23 16:31:59.5", 37521: "25"}, {}, (2024, 6, 23, 16, 31, 59, 500000)),
+        ({}, {36867: "2024:06:23 16:31:59", 37521: "7 "}, {}, (2024, 6, 23, 16, 31, 59, 700000)),
+        ({}, {36867: "0000:00:00 00:00:00", 36868: "2024:06:23 16:31:59"}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({306: "2024:06:23 16:31:59"}, {36867: "    :  :     :  :  "}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {}, {29: "2024:06:23", 7: (14.0, 31.0, 59.5)}, (2024, 6, 23, 14, 31, 59, 500000)),
+        ({}, {}, {29: "2024-06-23", 7: (14.0, 31.0, 59.0)}, (2024, 6, 23, 14, 31, 59, 0)),
+        ({}, {36867: "2024:06:23 16:31:59"}, {29: "2024:06:23", 7: (14.0, 31.0, 59.0)}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {}, {29: "2024:06:23"}, None),
+        ({}, {}, {29: "2024:06:23", 7: (25.0, 31.0, 59.0)}, None),
+        ({}, {36867: "2024:13:23 16:31:59"}, {}, None),
+        ({}, {36867: "yesterday"}, {}, None),
+    ],
+)
+def test_ways_to_write_the_time(
+    photo_file: MakePhoto, base: dict, detail: dict, gps: dict, expected: tuple[int, ...] | None
+) -> None:
+    photo, _ = only(photo_file("a.jpg", exif=exif_block(base=base, detail=detail, gps=gps)))
+    assert photo.captured_at == (None if expected is None else datetime(*expected))
+
+
 @pytest.mark.parametrize("suffix", ["png", "tif"])
 def test_metadata_of_other_formats(photo_file: MakePhoto, suffix: str) -> None:
     exif = exif_block(base=CAMERA, detail=DETAIL, gps=gps_tags(52.0, 13.0, 30.0))

@@ -1,14 +1,17 @@
 """What is a photograph and what is left out, by name."""
 
 import os
+import struct
 import unicodedata
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
-from fieldkit.captures import Capture, find_mask, read_capture
+from fieldkit.captures import Capture, find_mask, read_capture, read_image
 from fieldkit.captures.folder import natural_key, sniff_format
 from fieldkit.errors import CaptureError
 from tests.captures.photographs import MakePhoto, bomb_png, texture
@@ -107,6 +110,33 @@ def test_other_formats_are_named_with_the_remedy(photo_file: MakePhoto) -> None:
     capture = read_capture(folder)
     assert left_out(capture) == dict.fromkeys(("b.heic", "c.dng", "d.webp"), "unsupported-format")
     assert all("convert" in finding.message for finding in capture.findings)
+
+
+def raw_tiff(bits: int, kind: int) -> bytes:
+    """A grey TIFF of 8 × 6 pixels with numbers of so many bits (kind 1 unsigned, 2 signed, 3 floating point)."""
+    data = bytes(range(8 * bits // 8)) * 6
+    tags = [(256, 8), (257, 6), (258, bits), (259, 1), (262, 1), (273, 8), (277, 1), (278, 6), (279, len(data))]
+    entries = b"".join(struct.pack("<HHIHH", tag, 3, 1, value, 0) for tag, value in [*tags, (339, kind)])
+    return b"II*\0" + struct.pack("<I", 8 + len(data)) + data + struct.pack("<H", 10) + entries + bytes(4)
+
+
+def test_tiffs_that_are_no_pictures_are_left_out(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    kinds = [(32, 3), (64, 3), (16, 3), (32, 1), (32, 2), (16, 2), (1, 1), (2, 1), (4, 1), (10, 1), (12, 1), (14, 1)]
+    for bits, kind in kinds:
+        (folder / f"{bits}_{kind}.tif").write_bytes(raw_tiff(bits, kind))
+    temperatures = np.linspace(10, 40, 64, dtype=np.float32).reshape(8, 8)
+    Image.fromarray(temperatures).save(folder / "thermal.tiff")
+    Image.fromarray(np.arange(64, dtype=np.uint16).reshape(8, 8) * 60).save(folder / "dark.tif")
+    Image.fromarray(np.arange(64, dtype=np.uint16).reshape(8, 8) * 1000).save(folder / "deep.tif")
+    photo_file("plain.tif")
+    (folder / "eight.tif").write_bytes(raw_tiff(8, 1))
+    capture = read_capture(folder)
+    assert set(capture.names) == {"a.jpg", "deep.tif", "plain.tif", "eight.tif"}
+    names = [f"{bits}_{kind}.tif" for bits, kind in kinds] + ["thermal.tiff", "dark.tif"]
+    assert left_out(capture) == dict.fromkeys(names, "unsupported-format")
+    for photo in capture.photos:
+        assert read_image(photo).shape == (photo.height, photo.width, 3)
 
 
 def test_equal_files_are_read_once(photo_file: MakePhoto) -> None:
