@@ -25,6 +25,11 @@ _TIME = re.compile(
     r"\s*(?:Z|UTC|[+-][0-9]{2}:?[0-9]{2})?",
     re.IGNORECASE | re.ASCII,
 )
+_FOCAL_WIDTHS = (0.25, 50.0)
+"""Times the longer side: from 9 mm on 35 mm film, the shortest lens that draws straight lines straight."""
+_SMALLEST_SENSOR, _SHORTEST_MM = 16.0, 9.5
+"""A sensor's diagonal goes that many times into that of 35 mm film, and lenses for film itself are no shorter."""
+_MOST_DIGITAL_ZOOM = 200.0
 _ALTITUDE_RANGE_M = (-1000.0, 10000.0)
 
 Problem = tuple[str, str]
@@ -55,10 +60,9 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
     problems: list[Problem] = []
     base, detail, gps = _directories(image, png, problems)
     xmp = _read_xmp(png.xmp if png is not None else image.info.get("xmp") or base.get(_BASE.XMLPacket), problems)
-    width, height = photo.width, photo.height
     focal_mm = _number(detail.get(_BASE.FocalLength), positive=True)
     focal_35mm = _number(detail.get(_BASE.FocalLengthIn35mmFilm), positive=True)
-    focal_px = _plausible_focal(_focal_px(detail, focal_mm, focal_35mm, width, height), width, height, problems)
+    zoom = _digital_zoom(detail)
     tagged = replace(
         photo,
         make=_text(base.get(_BASE.Make)),
@@ -67,7 +71,8 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
         lens=_text(detail.get(_BASE.LensModel)),
         focal_mm=focal_mm,
         focal_35mm=focal_35mm,
-        focal_px=focal_px,
+        digital_zoom=zoom,
+        focal_px=_focal_px(detail, photo, focal_mm, focal_35mm, zoom, problems),
         captured_at=_time(base, detail, gps),
         orientation=_orientation(base.get(_BASE.Orientation)),
         geotag=_geotag(gps, xmp, problems),
@@ -168,27 +173,47 @@ def _gps_time(gps: Mapping[int, Any]) -> datetime | None:
     return start + timedelta(hours=hours, minutes=minutes, seconds=round(seconds, 6))
 
 
+def _digital_zoom(detail: Mapping[int, Any]) -> float:
+    zoom = _number(detail.get(_BASE.DigitalZoomRatio), positive=True)
+    return zoom if zoom is not None and 1.0 < zoom <= _MOST_DIGITAL_ZOOM else 1.0
+
+
 def _focal_px(
-    detail: Mapping[int, Any], focal_mm: float | None, focal_35mm: float | None, width: int, height: int
+    detail: Mapping[int, Any],
+    photo: Photo,
+    focal_mm: float | None,
+    focal_35mm: float | None,
+    zoom: float,
+    problems: list[Problem],
 ) -> float | None:
+    """The first plausible focal length: of the 35 mm equivalent, or of the focal length and the sensor's resolution."""
+    longer = max(photo.width, photo.height)
+    doubts = []
     if focal_35mm is not None:
-        return focal_in_pixels(focal_35mm, width, height)
+        value = focal_in_pixels(focal_35mm, photo.width, photo.height) * zoom
+        crop = None if focal_mm is None else focal_35mm / focal_mm
+        if not _plausible(value, longer):
+            doubts.append(f"the EXIF's focal length would be {value:.0f} px; not used")
+        elif crop is not None and (crop > _SMALLEST_SENSOR * zoom or (crop < 1.2 and focal_35mm < _SHORTEST_MM)):
+            doubts.append(f"the EXIF gives {focal_mm:g} mm as equivalent to {focal_35mm:g} mm on 35 mm film; not used")
+        else:
+            return value
     resolution = _number(detail.get(_BASE.FocalPlaneXResolution), positive=True)
     unit = _MM_PER_UNIT.get(detail.get(_BASE.FocalPlaneResolutionUnit, 2))
     stored_width = _number(detail.get(_BASE.ExifImageWidth), positive=True)
-    if focal_mm is None or resolution is None or unit is None:
-        return None
-    # The resolution belongs to the size the camera wrote; a resized copy keeps the tag.
-    return focal_mm * resolution / unit * (width / stored_width if stored_width else 1.0)
+    found = None
+    if focal_mm is not None and resolution is not None and unit is not None:
+        # The resolution belongs to the size the camera wrote; a resized copy keeps the tag.
+        found = focal_mm * resolution / unit * (photo.width / stored_width if stored_width else 1.0) * zoom
+        if not _plausible(found, longer):
+            doubts.append(f"the EXIF's focal length would be {found:.0f} px; not used")
+            found = None
+    problems += [("focal-implausible", doubt) for doubt in doubts]
+    return found
 
 
-def _plausible_focal(value: float | None, width: int, height: int, problems: list[Problem]) -> float | None:
-    if value is None:
-        return None
-    if not 0.2 <= value / max(width, height) <= 50.0:
-        problems.append(("focal-implausible", f"the EXIF's focal length would be {value:.0f} px; not used"))
-        return None
-    return value
+def _plausible(focal_px: float, longer_side: int) -> bool:
+    return _FOCAL_WIDTHS[0] <= focal_px / longer_side <= _FOCAL_WIDTHS[1]
 
 
 def _angle(parts: Any, reference: Any, negative: str) -> float | None:

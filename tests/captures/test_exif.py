@@ -270,3 +270,32 @@ def test_a_multi_picture_jpeg_is_one_photograph(photo_file: MakePhoto) -> None:
     image.save(folder / "b.jpg", format="MPO", save_all=True, append_images=[preview])
     capture = read_capture(folder)
     assert [(photo.name, photo.width) for photo in capture.photos] == [("a.jpg", 120), ("b.jpg", 64)]
+
+
+@pytest.mark.parametrize(
+    ("detail", "focal_px", "codes"),
+    [
+        ({37386: 3.6, 41989: 20}, 20 * 250 / 43.2666, []),
+        ({37386: 3.6, 41989: 20, 41988: 2.0}, 40 * 250 / 43.2666, ["digital-zoom"]),
+        ({37386: 3.6, 41989: 20, 41988: 0.0}, 20 * 250 / 43.2666, []),
+        ({37386: 3.6, 41989: 20, 41988: 1.0}, 20 * 250 / 43.2666, []),
+        ({37386: 3.6, 41989: 20, 41988: IFDRational(0, 0)}, 20 * 250 / 43.2666, []),
+        ({37386: 3.6, 41989: 4}, None, ["focal-implausible"]),
+        ({37386: 3.6, 41989: 7}, None, ["focal-implausible"]),
+        ({37386: 8.8, 41989: 9}, None, ["focal-implausible"]),  # the lens's own focal length under the wrong tag
+        ({37386: 3.6, 41989: 200}, None, ["focal-implausible"]),  # a sensor of 0.8 mm
+        ({37386: 35.0, 41989: 35}, 35 * 250 / 43.2666, []),
+        ({37386: 119.9, 41989: 556}, 556 * 250 / 43.2666, []),
+        ({41989: 12000}, None, ["focal-implausible"]),
+        ({41989: 0}, None, []),
+        ({37386: 8.8}, None, []),
+        ({37386: 8.8, 41486: 3000.0, 41488: 3, 40962: 4000}, 8.8 * 300 * 200 / 4000, []),
+        ({37386: 8.8, 41989: 4, 41486: 3000.0, 41488: 3, 40962: 4000}, 8.8 * 300 * 200 / 4000, ["focal-implausible"]),
+        ({37386: 8.8, 41486: 3000.0, 41488: 3, 40962: 4000, 41988: 1.5}, 8.8 * 450 * 200 / 4000, ["digital-zoom"]),
+    ],
+)
+def test_focal_lengths(photo_file: MakePhoto, detail: dict, focal_px: float | None, codes: list[str]) -> None:
+    path = photo_file("a.jpg", exif=exif_block(base=CAMERA, detail=detail), size=(200, 150))
+    photo, findings = only(path)
+    assert photo.focal_px == (None if focal_px is None else pytest.approx(focal_px, rel=1e-4))
+    assert findings == codes
