@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fieldkit.captures.camera_file import CameraEntry
@@ -30,13 +30,14 @@ def group_cameras(
     members: dict[tuple[object, ...], list[Photo]] = {}
     for photo in photos:
         entry = _choose_entry(photo, entries, path)
-        identity = (photo.make, photo.model, photo.serial, photo.focal_35mm, photo.focal_mm)
+        identity = (photo.make, photo.model, photo.serial, photo.focal_35mm, photo.focal_mm, photo.digital_zoom)
         members.setdefault((entry, *identity, photo.width, photo.height), []).append(photo)
     groups: list[CameraGroup] = []
     findings: list[Finding] = []
     for key, shared in members.items():
         index = key[0] if isinstance(key[0], int) else None
-        group, more = _make_group(shared, None if index is None else entries[index], index, path)
+        unzoomed = {(p.make, p.model, p.focal_mm): p.focal_35mm for p in photos if p.digital_zoom == 1.0}
+        group, more = _make_group(shared, None if index is None else entries[index], index, path, unzoomed)
         groups.append(group)
         findings.extend(more)
     findings.extend(_mixed(list(members.values())))
@@ -69,7 +70,11 @@ def _choose_entry(photo: Photo, entries: Sequence[CameraEntry], path: Path | Non
 
 
 def _make_group(
-    photos: list[Photo], entry: CameraEntry | None, index: int | None, path: Path | None
+    photos: list[Photo],
+    entry: CameraEntry | None,
+    index: int | None,
+    path: Path | None,
+    unzoomed: Mapping[tuple[str | None, str | None, float | None], float | None],
 ) -> tuple[CameraGroup, list[Finding]]:
     first = photos[0]
     names = tuple(photo.name for photo in photos)
@@ -82,18 +87,47 @@ def _make_group(
         if intrinsics is not own:
             message = f"the calibration for {own.width}×{own.height} is scaled to {first.width}×{first.height}"
             findings.append(Finding(first.name, "camera-scaled", message))
-        return CameraGroup(key, names, intrinsics, path.name, entry.fixed), findings
+        return CameraGroup(key, names, intrinsics, path.name.lower(), entry.fixed), findings
     focal = first.focal_px
     if focal is None:
         return CameraGroup(key, names, None, "self-calibrated", False), []
+    zoomed: list[Finding] = []
+    if first.digital_zoom > 1.0:
+        focal, message = _zoomed(first, focal, unzoomed.get((first.make, first.model, first.focal_mm)))
+        zoomed.append(Finding(first.name, "digital-zoom", message))
     params = (focal, first.width / 2, first.height / 2, 0.0)
-    return CameraGroup(key, names, Intrinsics("SIMPLE_RADIAL", first.width, first.height, params), "EXIF", False), []
+    intrinsics = Intrinsics("SIMPLE_RADIAL", first.width, first.height, params)
+    return CameraGroup(key, names, intrinsics, "EXIF", False), zoomed
+
+
+def _zoomed(photo: Photo, focal_px: float, unzoomed_35mm: float | None) -> tuple[float, str]:
+    """The focal length of a photograph with digital zoom, and a sentence about it.
+
+    Most cameras leave their 35 mm equivalent as it is without zoom, Apple's multiply it. A photograph of the same
+    camera and lens without zoom tells.
+    """
+    zoom, own = photo.digital_zoom, photo.focal_35mm
+    text = f"{zoom:g}× digital zoom"
+    if own is None:
+        return focal_px, f"{text}, which lengthens the focal length to {focal_px:.0f} px"
+    if unzoomed_35mm is not None:
+        included = abs(own / (unzoomed_35mm * zoom) - 1.0) < abs(own / unzoomed_35mm - 1.0)
+        why = "as photographs without it show"
+    else:
+        included = (photo.make or "").lower().startswith("apple")
+        why = "as this maker's equivalents include it" if included else "as most makers' equivalents leave it out"
+    focal = focal_px / zoom if included else focal_px
+    other = focal_px if included else focal_px / zoom
+    doubt = "" if unzoomed_35mm is not None else f"; it may be {other:.0f} px: give camera.toml where it matters"
+    return focal, f"{text}: the focal length is taken for {focal:.0f} px, {why}{doubt}"
 
 
 def _focal_text(photo: Photo) -> str | None:
     own = None if photo.focal_mm is None else f"{photo.focal_mm:g} mm"
     equivalent = None if photo.focal_35mm is None else f"{photo.focal_35mm:g} mm equivalent"
-    return f"{own} ({equivalent})" if own and equivalent else own or equivalent
+    zoom = "" if photo.digital_zoom == 1.0 else f" {photo.digital_zoom:g}× zoom"
+    text = f"{own} ({equivalent})" if own and equivalent else own or equivalent
+    return text and text + zoom
 
 
 def _mixed(groups: list[list[Photo]]) -> list[Finding]:
@@ -110,7 +144,7 @@ def _mixed(groups: list[list[Photo]]) -> list[Finding]:
         if (first.make, first.model, first.serial) != (other.make, other.model, other.serial):
             message = f"{count} by {_describe(first)}, most by {_describe(other)}"
             findings.append(Finding(first.name, "mixed-cameras", f"{message}; calibrated apart"))
-        elif (first.focal_mm, first.focal_35mm) != (other.focal_mm, other.focal_35mm):
+        elif _focal_text(first) != _focal_text(other):
             message = f"{count} at {_focal_text(first) or 'an unknown focal length'}"
             most = _focal_text(other) or "an unknown focal length"
             findings.append(Finding(first.name, "mixed-focal-lengths", f"{message}, most at {most}; calibrated apart"))

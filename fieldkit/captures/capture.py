@@ -13,15 +13,15 @@ from PIL import Image
 
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.cameras import group_cameras
-from fieldkit.captures.decode import PngMetadata, jpeg_is_complete, read_png_metadata
+from fieldkit.captures.decode import PngMetadata, dark_refusal, jpeg_is_complete, read_png_metadata, tiff_refusal
 from fieldkit.captures.exif import Problem, with_exif
-from fieldkit.captures.folder import Candidate, FolderContents, list_folder
+from fieldkit.captures.folder import Candidate, FolderContents, folders_of_photographs, list_capture
 from fieldkit.captures.geo_txt import read_geo_txt
+from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
-from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError, MetadataError
 from fieldkit.geometry.geodesy import utm_epsg_of
 
@@ -42,8 +42,8 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
     """Read a folder of photographs and what lies beside them. Nothing is decoded and nothing written.
 
     Photographs are JPEG, PNG or TIFF by content, directly in ``folder`` or, when there are none, in
-    ``folder/images``. Whatever cannot be used is left out and named in ``findings``; one photograph is enough here
-    (reconstruction asks for more).
+    ``folder/images`` or in a card's folders 100MEDIA, 101MEDIA and so on. Whatever cannot be used is left out and named
+    in ``findings``; one photograph is enough here (reconstruction asks for more).
 
     Args:
         folder: with the photographs.
@@ -56,7 +56,7 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
         MetadataError: poses.csv, geo.txt, markers.toml or a camera file is malformed or contradicts the photographs.
     """
     folder = Path(folder)
-    contents = list_folder(folder)
+    contents = list_capture(folder)
     if not sidecars:
         kept = {name: path for name, path in contents.sidecars.items() if name not in ("poses.csv", "geo.txt")}
         contents = replace(contents, sidecars=kept)
@@ -103,6 +103,14 @@ def assembled(
 
 def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
     left_out = [f for f in findings if f.left_out]
+    inner = [] if left_out else folders_of_photographs(folder)
+    if inner:
+        return CaptureError(
+            f"there are no photographs directly in this folder, only in {', '.join(inner[:5])}"
+            + (f" and {len(inner) - 5} more folders" if len(inner) > 5 else ""),
+            path=folder,
+            remedy="Give one of these folders, or put the photographs of one capture into one folder.",
+        )
     if not left_out:
         return CaptureError(
             "there are no photographs in this folder",
@@ -147,6 +155,10 @@ class _LeaveOut(Exception):
 
 def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]]:
     png: PngMetadata | None = None
+    if candidate.format == "TIFF" and candidate.path.stat().st_size <= _MAX_FILE_BYTES:
+        refusal = tiff_refusal(candidate.path.read_bytes())
+        if refusal is not None:
+            raise _LeaveOut("unsupported-format", refusal)
     with warnings.catch_warnings():
         # Pillow warns of large images and of odd EXIF; both are findings here.
         warnings.simplefilter("ignore")
@@ -164,6 +176,9 @@ def _opened(candidate: Candidate, max_pixels: int) -> tuple[Photo, list[Problem]
             photo, problems = with_exif(bare, image, png)
             if candidate.format == "TIFF":
                 image.load()
+                refusal = dark_refusal(image)
+                if refusal is not None:
+                    raise _LeaveOut("unsupported-format", refusal)
     if (candidate.format == "PNG" and png is None) or (candidate.format == "JPEG" and not jpeg_is_complete(data)):
         raise _LeaveOut("truncated", "the file is cut short; copy it again from the camera")
     return photo, problems

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import io
 import re
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, TiffImagePlugin
 
 from fieldkit.captures.model import Photo
 from fieldkit.errors import CaptureError
 
 _SCAN_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
 _MAX_XMP_BYTES = 1 << 20
+_LEAST_DEEP_VALUE = 1 << 12  # what uses fewer than 13 of 16 bits leaves less than 16 grey levels
 _STANDALONE = frozenset({0x01, *range(0xD0, 0xD9)})
 _REDUCED = {
     2: (cv2.IMREAD_REDUCED_COLOR_2, cv2.IMREAD_REDUCED_GRAYSCALE_2),
@@ -107,6 +111,41 @@ def jpeg_is_complete(data: bytes) -> bool:
             if following is None:
                 return False
             position = following.start()
+
+
+def tiff_refusal(data: bytes) -> str | None:
+    """Why a TIFF is none that `read_image` gives the picture of, by its tags (TIFF 6.0); None where nothing speaks so.
+
+    Numbers other than unsigned ones of 8 or 16 bits are measurements (temperatures, reflectances, heights) or need a
+    stretch that is not ours to choose.
+    """
+    try:
+        tags = TiffImagePlugin.ImageFileDirectory_v2(data[:8])
+        stream = io.BytesIO(data)
+        stream.seek(tags.next)
+        tags.load(stream)
+        bits, kinds = _values(tags.get(258)) or {1}, _values(tags.get(339)) or {1}
+    # Pillow's parser raises whatever a damaged directory leads it into; reading the file says what is wrong with it.
+    except Exception:
+        return None
+    if bits <= {8, 16} and kinds == {1}:
+        return None
+    kind = {1: "", 2: " signed", 3: " floating point", 5: " complex", 6: " complex"}.get(max(kinds), " unknown")
+    return f"a TIFF with{kind} numbers of {max(bits)} bits; convert it to 8 bits"
+
+
+def dark_refusal(image: Image.Image) -> str | None:
+    """Why a decoded image of 16 bits is none to use: its upper 8 bits, which are all that is read, are nearly empty."""
+    if not image.mode.startswith("I;16"):
+        return None
+    highest = image.getextrema()[1]
+    if not isinstance(highest, int | float) or highest >= _LEAST_DEEP_VALUE:
+        return None
+    return f"16 bits of which only {int(highest).bit_length()} are used; convert it to 8 bits"
+
+
+def _values(value: Any) -> set[int]:
+    return set(value) if isinstance(value, tuple) else set() if value is None else {int(value)}
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from PIL import ExifTags, Image
@@ -19,6 +20,16 @@ from fieldkit.geometry.geodesy import on_earth
 _BASE, _GPS = ExifTags.Base, ExifTags.GPS
 _FILM_WIDTH_MM, _FILM_HEIGHT_MM = 36.0, 24.0
 _MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
+_TIME = re.compile(
+    r"([0-9]{4})[:\-/.]([0-9]{1,2})[:\-/.]([0-9]{1,2})[ T]+([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]+))?"
+    r"\s*(?:Z|UTC|[+-][0-9]{2}:?[0-9]{2})?",
+    re.IGNORECASE | re.ASCII,
+)
+_FOCAL_WIDTHS = (0.25, 50.0)
+"""Times the longer side: from 9 mm on 35 mm film, the shortest lens that draws straight lines straight."""
+_SMALLEST_SENSOR, _SHORTEST_MM = 16.0, 9.5
+"""A sensor's diagonal goes that many times into that of 35 mm film, and lenses for film itself are no shorter."""
+_MOST_DIGITAL_ZOOM = 200.0
 _ALTITUDE_RANGE_M = (-1000.0, 10000.0)
 
 Problem = tuple[str, str]
@@ -49,10 +60,9 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
     problems: list[Problem] = []
     base, detail, gps = _directories(image, png, problems)
     xmp = _read_xmp(png.xmp if png is not None else image.info.get("xmp") or base.get(_BASE.XMLPacket), problems)
-    width, height = photo.width, photo.height
     focal_mm = _number(detail.get(_BASE.FocalLength), positive=True)
     focal_35mm = _number(detail.get(_BASE.FocalLengthIn35mmFilm), positive=True)
-    focal_px = _plausible_focal(_focal_px(detail, focal_mm, focal_35mm, width, height), width, height, problems)
+    zoom = _digital_zoom(detail)
     tagged = replace(
         photo,
         make=_text(base.get(_BASE.Make)),
@@ -61,8 +71,9 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
         lens=_text(detail.get(_BASE.LensModel)),
         focal_mm=focal_mm,
         focal_35mm=focal_35mm,
-        focal_px=focal_px,
-        captured_at=_time(base, detail),
+        digital_zoom=zoom,
+        focal_px=_focal_px(detail, photo, focal_mm, focal_35mm, zoom, problems),
+        captured_at=_time(base, detail, gps),
         orientation=_orientation(base.get(_BASE.Orientation)),
         geotag=_geotag(gps, xmp, problems),
         yaw_deg=xmp.gimbal_yaw_deg,
@@ -122,41 +133,87 @@ def _orientation(value: Any) -> int:
     return value if isinstance(value, int) and 1 <= value <= 8 else 1
 
 
-def _time(base: Mapping[int, Any], detail: Mapping[int, Any]) -> datetime | None:
-    text = _text(detail.get(_BASE.DateTimeOriginal)) or _text(base.get(_BASE.DateTime))
-    if text is None:
+def _time(base: Mapping[int, Any], detail: Mapping[int, Any], gps: Mapping[int, Any]) -> datetime | None:
+    """The camera's local time; where it gives none, the time of its GPS, which is UTC."""
+    fields = ((detail, _BASE.DateTimeOriginal, _BASE.SubsecTimeOriginal),
+              (detail, _BASE.DateTimeDigitized, _BASE.SubsecTimeDigitized),
+              (base, _BASE.DateTime, _BASE.SubsecTime))  # fmt: skip
+    for directory, tag, fraction in fields:
+        time = _read_time(_text(directory.get(tag)) or "", str(detail.get(fraction) or "").strip(" \0"))
+        if time is not None:
+            return time
+    return _gps_time(gps)
+
+
+def _read_time(text: str, fraction: str = "") -> datetime | None:
+    """EXIF's 2024:06:23 16:31:59 and ISO 8601's ways to write it, without their time zone; fractions as given."""
+    found = _TIME.fullmatch(text.strip())
+    if found is None:
         return None
+    fraction = found[7] or (fraction if fraction.isascii() and fraction.isdigit() else "")
     try:
-        time = datetime.strptime(text, "%Y:%m:%d %H:%M:%S")
+        year, month, day, hour, minute, second = (int(part) for part in found.groups()[:6])
+        whole = datetime(year, month, day, hour, minute, second)
     except ValueError:
         return None
-    fraction = _text(detail.get(_BASE.SubsecTimeOriginal)) or ""
-    if not (fraction.isascii() and fraction.isdigit()):
-        return time
-    return time.replace(microsecond=int(fraction[:6].ljust(6, "0")))
+    return whole.replace(microsecond=int(fraction[:6].ljust(6, "0") or 0))
+
+
+def _gps_time(gps: Mapping[int, Any]) -> datetime | None:
+    day, parts = _text(gps.get(_GPS.GPSDateStamp)), gps.get(_GPS.GPSTimeStamp)
+    if day is None or not isinstance(parts, tuple | list) or len(parts) != 3:
+        return None
+    numbers = [_number(part) for part in parts]
+    start = _read_time(f"{day} 00:00:00")
+    if start is None or any(
+        number is None or not 0 <= number < limit for number, limit in zip(numbers, (24, 60, 61), strict=True)
+    ):
+        return None
+    hours, minutes, seconds = (float(number or 0.0) for number in numbers)
+    return start + timedelta(hours=hours, minutes=minutes, seconds=round(seconds, 6))
+
+
+def _digital_zoom(detail: Mapping[int, Any]) -> float:
+    zoom = _number(detail.get(_BASE.DigitalZoomRatio), positive=True)
+    return zoom if zoom is not None and 1.0 < zoom <= _MOST_DIGITAL_ZOOM else 1.0
 
 
 def _focal_px(
-    detail: Mapping[int, Any], focal_mm: float | None, focal_35mm: float | None, width: int, height: int
+    detail: Mapping[int, Any],
+    photo: Photo,
+    focal_mm: float | None,
+    focal_35mm: float | None,
+    zoom: float,
+    problems: list[Problem],
 ) -> float | None:
+    """The first plausible focal length: of the 35 mm equivalent, or of the focal length and the sensor's resolution."""
+    longer = max(photo.width, photo.height)
+    doubts = []
     if focal_35mm is not None:
-        return focal_in_pixels(focal_35mm, width, height)
+        value = focal_in_pixels(focal_35mm, photo.width, photo.height) * zoom
+        crop = None if focal_mm is None else focal_35mm / focal_mm
+        if not _plausible(value, longer):
+            doubts.append(f"the EXIF's focal length would be {value:.0f} px; not used")
+        elif crop is not None and (crop > _SMALLEST_SENSOR * zoom or (crop < 1.2 and focal_35mm < _SHORTEST_MM)):
+            doubts.append(f"the EXIF gives {focal_mm:g} mm as equivalent to {focal_35mm:g} mm on 35 mm film; not used")
+        else:
+            return value
     resolution = _number(detail.get(_BASE.FocalPlaneXResolution), positive=True)
     unit = _MM_PER_UNIT.get(detail.get(_BASE.FocalPlaneResolutionUnit, 2))
     stored_width = _number(detail.get(_BASE.ExifImageWidth), positive=True)
-    if focal_mm is None or resolution is None or unit is None:
-        return None
-    # The resolution belongs to the size the camera wrote; a resized copy keeps the tag.
-    return focal_mm * resolution / unit * (width / stored_width if stored_width else 1.0)
+    found = None
+    if focal_mm is not None and resolution is not None and unit is not None:
+        # The resolution belongs to the size the camera wrote; a resized copy keeps the tag.
+        found = focal_mm * resolution / unit * (photo.width / stored_width if stored_width else 1.0) * zoom
+        if not _plausible(found, longer):
+            doubts.append(f"the EXIF's focal length would be {found:.0f} px; not used")
+            found = None
+    problems += [("focal-implausible", doubt) for doubt in doubts]
+    return found
 
 
-def _plausible_focal(value: float | None, width: int, height: int, problems: list[Problem]) -> float | None:
-    if value is None:
-        return None
-    if not 0.2 <= value / max(width, height) <= 50.0:
-        problems.append(("focal-implausible", f"the EXIF's focal length would be {value:.0f} px; not used"))
-        return None
-    return value
+def _plausible(focal_px: float, longer_side: int) -> bool:
+    return _FOCAL_WIDTHS[0] <= focal_px / longer_side <= _FOCAL_WIDTHS[1]
 
 
 def _angle(parts: Any, reference: Any, negative: str) -> float | None:

@@ -6,7 +6,7 @@ import os
 import re
 import stat
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fieldkit.captures.model import Finding
@@ -17,6 +17,9 @@ RAW_SUFFIXES = frozenset(
     {".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw", ".3fr", ".iiq", ".raw"}
 )
 SIDECARS = ("poses.csv", "geo.txt", "camera.toml", "camera.json", "markers.toml")
+"""Found in whatever case their names are written."""
+CONTROL_POINTS = ("gcp_list.txt", "gcp.txt")
+"""ODM's files of ground control points, which are not read."""
 
 _FORMAT_SUFFIXES = {
     "JPEG": {".jpg", ".jpeg", ".jpe", ".jfif"},
@@ -27,6 +30,15 @@ _OTHER_IMAGES = {"HEIC", "AVIF", "WebP", "GIF", "BMP", "JPEG 2000", "JPEG XL"}
 _MASK = re.compile(r"(^|[._-])mask\.[a-z]+$", re.IGNORECASE)
 _THUMBNAIL_SUFFIXES = frozenset({".thm"})
 _HEAD_BYTES = 64
+_CONTROL_POINTS_UNUSED = (
+    "ground control points are not read; scale and place come from poses.csv, geo.txt, GPS or printed markers"
+)
+_CARD_FOLDER = re.compile(
+    r"[1-9][0-9]{2}(MEDIA|MSDCF|CANON|EOS..|GOPRO|NIKON|ND[0-9]{3}|OLYMP|_PANA|_FUJI|PENTX|RICOH|SIGMA|LEICA|APPLE)",
+    re.IGNORECASE,
+)
+_ANY_CARD_FOLDER = re.compile(r"[1-9][0-9]{2}[A-Z0-9_]{5}", re.IGNORECASE)
+"""Folders of a camera's card (DCF, CIPA DC-009): three digits that count on when one is full, and five characters."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +150,62 @@ def list_folder(folder: Path) -> FolderContents:
     return FolderContents(image_folder, tuple(candidates), sidecars, tuple(findings + sidecar_findings))
 
 
+def list_capture(folder: Path) -> FolderContents:
+    """As `list_folder`; a camera's card, whose folders 100MEDIA and 101MEDIA hold one flight, is one capture.
+
+    So it is for a folder that holds no photographs itself, only such folders, two or more, directly or in ``DCIM``. The
+    photographs' names are then paths, since cameras begin to count anew in each folder: ``101MEDIA/DJI_0001.JPG``.
+
+    Raises:
+        CaptureError: as `list_folder`.
+    """
+    contents = list_folder(folder)
+    if contents.candidates or any(finding.left_out for finding in contents.findings):
+        return contents
+    root = Path(folder)
+    resolved = root.resolve()
+    for base in (root, *(path for path in _subfolders(root) if path.name.upper() == "DCIM")):
+        halves = _card_folders(base)
+        if not halves:
+            continue
+        candidates: list[Candidate] = []
+        findings: list[Finding] = []
+        for half in halves:
+            inner, odd = _scan(half, resolved)
+            candidates += [replace(c, name=f"{half.name}/{c.name}") for c in inner]
+            findings += [replace(f, name=f"{half.name}/{f.name}") for f in odd]
+            findings += [
+                Finding(f"{half.name}/{path.name}", "sidecar-unused", f"put it into {base.name}, beside {half.name}")
+                for path in _find_sidecars((half,), resolved)[0].values()
+            ]
+        sidecars, sidecar_findings = _find_sidecars((base, root), resolved)
+        return FolderContents(base, tuple(candidates), sidecars, (*findings, *sidecar_findings))
+    return contents
+
+
+def folders_of_photographs(folder: Path) -> list[str]:
+    """Names of the subfolders that hold photographs, directly or in their ``images``."""
+    return [path.name for path in _subfolders(folder) if list_folder(path).candidates]
+
+
+def _card_folders(base: Path) -> list[Path]:
+    """The folders of a card that hold photographs; none where there are fewer than two, or others beside them."""
+    pattern = _ANY_CARD_FOLDER if base.name.upper() == "DCIM" else _CARD_FOLDER
+    with_photographs = [path for path in _subfolders(base) if list_folder(path).candidates]
+    alike = len(with_photographs) > 1 and all(pattern.fullmatch(path.name) for path in with_photographs)
+    return with_photographs if alike else []
+
+
+def _subfolders(folder: Path) -> list[Path]:
+    """Of a folder, in natural order, without hidden ones and links."""
+    try:
+        with os.scandir(folder) as entries:
+            names = [e.name for e in entries if _is_folder(e) and not e.is_symlink() and not e.name.startswith(".")]
+    except OSError:
+        return []
+    return [Path(folder) / name for name in sorted(names, key=natural_key) if os.access(Path(folder) / name, os.R_OK)]
+
+
 def _is_text(name: str) -> bool:
     try:
         name.encode("utf-8")
@@ -161,7 +229,7 @@ def _scan(folder: Path, root: Path) -> tuple[list[Candidate], list[Finding]]:
     candidates: list[Candidate] = []
     findings: list[Finding] = []
     for name in names:
-        if name.startswith(".") or name in SIDECARS or is_mask_name(name):
+        if name.startswith(".") or name.lower() in SIDECARS or is_mask_name(name):
             continue
         if not _is_text(name):
             shown = name.encode("utf-8", "backslashreplace").decode()
@@ -236,14 +304,28 @@ def _find_sidecars(folders: tuple[Path, ...], root: Path) -> tuple[dict[str, Pat
     found: dict[str, Path] = {}
     findings: list[Finding] = []
     for folder in dict.fromkeys(folders):
-        for name in SIDECARS:
-            path = folder / name
-            if name in found or not os.path.lexists(path):
-                continue
-            if path.is_symlink() and not _stays_inside(path, root):
+        for path in _text_files(folder):
+            name = path.name.lower()
+            if name in CONTROL_POINTS:
+                findings.append(Finding(path.name, "control-points-unused", _CONTROL_POINTS_UNUSED))
+            elif path.is_symlink() and not _stays_inside(path, root):
                 findings.append(
-                    Finding(name, "symlink-outside", "a symbolic link that leaves the folder or leads nowhere", True)
+                    Finding(
+                        path.name, "symlink-outside", "a symbolic link that leaves the folder or leads nowhere", True
+                    )
                 )
-            elif path.is_file():
+            elif path.is_file() and name not in found:
                 found[name] = path
+            elif path.is_file() and found[name].parent == folder:
+                findings.append(Finding(path.name, "sidecar-unused", f"{found[name].name} is used instead"))
     return found, findings
+
+
+def _text_files(folder: Path) -> list[Path]:
+    """Sidecars and control points in a folder, those first whose names are in small letters."""
+    known = (*SIDECARS, *CONTROL_POINTS)
+    try:
+        found = [path for path in Path(folder).iterdir() if path.name.lower() in known]
+    except OSError:
+        return []
+    return sorted(found, key=lambda path: (known.index(path.name.lower()), path.name != path.name.lower(), path.name))

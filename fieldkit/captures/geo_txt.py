@@ -3,16 +3,18 @@
     EPSG:32633                      ← the projection: EPSG:code, "WGS84", "WGS84 UTM 16N" or a PROJ string
     name x y [z [yaw pitch roll [horizontal_accuracy vertical_accuracy]]] [extras]
 
-docs.opendronemap.org/geo. Geographic coordinates are longitude, latitude in degrees; projected ones are turned into
-them with pyproj. Angles are checked but not used: ODM's documentation calls them yaw, pitch and roll and its reader
-omega, phi and kappa, so nobody can tell what a given file means.
+docs.opendronemap.org/geo. Geographic coordinates are longitude, latitude in degrees; projected and geocentric ones are
+turned into them with pyproj. Angles are checked but not used: ODM's documentation calls them yaw, pitch and roll and
+its reader omega, phi and kappa, so nobody can tell what a given file means.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,7 @@ _LAYOUT = "name x y [z [yaw pitch roll [horizontal_accuracy vertical_accuracy]]]
 _HEADER_REMEDY = "The first line names the projection: EPSG:4326, WGS84 UTM 33N or a PROJ string."
 _GEOGRAPHIC_EPSG = frozenset({4326, 4979})
 _UTM = re.compile(r"WGS\s*84[\s/]+UTM\s*(?:ZONE)?\s*([0-9]{1,2})\s*([NS])", re.IGNORECASE)
+_CLEARLY = 0.3  # times the other reading's difference: what makes heights' unit certain
 _GEOGRAPHIC = re.compile(r"(WGS\s*84|\+proj=(longlat|latlong)\b.*)", re.IGNORECASE)
 
 
@@ -36,6 +39,9 @@ class GeoRow:
 
     Attributes:
         has_angles: whether the line has angles that are not all zero (ODM's "not available").
+        datum: of the altitude, as of `fieldkit.captures.GeoTag`.
+        assumed_unit_m: metres per unit that altitude and accuracies are taken to be in, where x and y are in feet and
+            the projection does not say what heights are in; else 1. See `settled_heights`.
     """
 
     image: str
@@ -45,6 +51,14 @@ class GeoRow:
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
     has_angles: bool = False
+    datum: str = "unknown"
+    assumed_unit_m: float = 1.0
+
+    def with_lengths(self, factor: float) -> GeoRow:
+        """Altitude and accuracies multiplied by a factor."""
+        lengths = (self.altitude_m, self.horizontal_accuracy_m, self.vertical_accuracy_m)
+        altitude, horizontal, vertical = (None if value is None else value * factor for value in lengths)
+        return replace(self, altitude_m=altitude, horizontal_accuracy_m=horizontal, vertical_accuracy_m=vertical)
 
 
 @dataclass(frozen=True)
@@ -102,9 +116,10 @@ def _projection(header: str, path: Path | None) -> str | None:
         return f"EPSG:{(32600 if utm[2].upper() == 'N' else 32700) + zone}"
     if _GEOGRAPHIC.fullmatch(header):
         return None
-    code = re.fullmatch(r"EPSG\s*:\s*([0-9]{4,6})", header, re.IGNORECASE)
+    code = re.fullmatch(r"EPSG\s*:\s*([0-9]{4,6})(\+[0-9]{4,6})?", header, re.IGNORECASE)
     if code is not None:
-        return None if int(code[1]) in _GEOGRAPHIC_EPSG else f"EPSG:{code[1]}"
+        plain = code[2] is None and int(code[1]) in _GEOGRAPHIC_EPSG
+        return None if plain else f"EPSG:{code[1]}{code[2] or ''}"
     if header.lower().startswith("+proj="):
         return header
     raise MetadataError(f"line 1: {header[:60]!r} names no projection", path=path, remedy=_HEADER_REMEDY)
@@ -144,9 +159,35 @@ def _read_row(fields: list[str], line: int, path: Path | None) -> GeoRow:
     )
 
 
+def settled_heights(rows: Sequence[GeoRow], altitudes_m: Mapping[str, float]) -> tuple[list[GeoRow], list[Finding]]:
+    """Rows whose heights' unit the file leaves open, in the unit that the photographs' own altitudes speak for.
+
+    State plane coordinates in feet come with heights in feet from surveyors, and in metres from those who turned a
+    drone's positions into them. Where the altitudes do not decide, they are feet, as x and y are.
+
+    Args:
+        rows: of a file.
+        altitudes_m: of photographs, by the rows' names, above whatever datum.
+    """
+    open_rows = [row for row in rows if row.assumed_unit_m != 1.0]
+    if not open_rows:
+        return list(rows), []
+    pairs = [(row.altitude_m, row.altitude_m / row.assumed_unit_m, altitudes_m[row.image]) for row in open_rows
+             if row.altitude_m is not None and row.image in altitudes_m]  # fmt: skip
+    as_feet = float(np.median([abs(feet - own) for feet, _, own in pairs])) if pairs else 0.0
+    as_metres = float(np.median([abs(metres - own) for _, metres, own in pairs])) if pairs else 0.0
+    if as_metres < _CLEARLY * as_feet:
+        said = "heights and accuracies are taken for metres, as the photographs' own altitudes are; x and y are in feet"
+        settled = [row.with_lengths(1.0 / row.assumed_unit_m) for row in rows]
+        return settled, [Finding("geo.txt", "height-unit", said)]
+    why = "as the photographs' own altitudes say" if as_feet < _CLEARLY * as_metres else "but the file does not say so"
+    said = f"heights and accuracies are taken for feet, like x and y, {why}"
+    return list(rows), [Finding("geo.txt", "height-unit", said)]
+
+
 def _to_geographic(raw: list[_RawRow], projection: str, header: str, path: Path | None) -> list[_RawRow]:
     try:
-        from pyproj import Transformer
+        from pyproj import CRS, Transformer
         from pyproj.exceptions import ProjError
     except ImportError as error:
         raise MetadataError(
@@ -157,17 +198,53 @@ def _to_geographic(raw: list[_RawRow], projection: str, header: str, path: Path 
     x = np.array([entry.row.longitude_deg for entry in raw])
     y = np.array([entry.row.latitude_deg for entry in raw])
     try:
-        transformer = Transformer.from_crs(projection, "EPSG:4326", always_xy=True)
-        longitude, latitude = _as_arrays(transformer.transform(x, y))
+        crs = CRS.from_user_input(projection)
+        if crs.is_geocentric:
+            return _from_geocentric(raw, Transformer.from_crs(crs, "EPSG:4979", always_xy=True), path)
+        if crs.is_projected and np.abs(x).max() <= 180.0 and np.abs(y).max() <= 90.0:
+            raise MetadataError(
+                f"x and y look like degrees, but {header[:60]} is a projection in metres or feet",
+                path=path,
+                remedy="Write EPSG:4326 in the first line for longitude and latitude.",
+            )
+        longitude, latitude = _as_arrays(Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x, y))
     except ProjError as error:
         raise MetadataError(
             f"line 1: {header[:60]!r} is not a projection pyproj knows", path=path, remedy=_HEADER_REMEDY
         ) from error
-    # The height is left as it is: the file does not say what it is measured from.
+    # What heights are measured from the file does not say, so they change their unit only.
+    stated = len(crs.axis_info) > 2
+    unit = _metres(crs.axis_info[2] if stated else crs.axis_info[0]) if crs.is_projected or stated else 1.0
     return [
-        replace(entry, row=replace(entry.row, longitude_deg=float(lon), latitude_deg=float(lat)))
+        replace(
+            entry,
+            row=replace(
+                entry.row.with_lengths(unit),
+                longitude_deg=float(lon), latitude_deg=float(lat), assumed_unit_m=1.0 if stated else unit,
+            ),
+        )
         for entry, lon, lat in zip(raw, longitude, latitude, strict=True)
-    ]
+    ]  # fmt: skip
+
+
+def _metres(axis: Any) -> float:
+    """Metres per unit of an axis; a metre's own factor is 1 but for rounding."""
+    factor = float(axis.unit_conversion_factor)
+    return 1.0 if abs(factor - 1.0) < 1e-9 else factor
+
+
+def _from_geocentric(raw: list[_RawRow], transformer: Any, path: Path | None) -> list[_RawRow]:
+    turned = []
+    for entry in raw:
+        if entry.row.altitude_m is None:
+            raise MetadataError(
+                f"line {entry.line}: geocentric coordinates need z", path=path, remedy=f"Expected {_LAYOUT}."
+            )
+        place = transformer.transform(entry.row.longitude_deg, entry.row.latitude_deg, entry.row.altitude_m)
+        lon, lat, height = (float(value) for value in place)
+        row = replace(entry.row, longitude_deg=lon, latitude_deg=lat, altitude_m=height, datum="ellipsoid")
+        turned.append(replace(entry, row=row))
+    return turned
 
 
 def _as_arrays(values: tuple[NDArray[np.float64], ...]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

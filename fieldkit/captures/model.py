@@ -70,8 +70,10 @@ class Photo:
         make, model, serial, lens: of the camera, as in the EXIF.
         focal_mm: focal length, millimetres.
         focal_35mm: 35 mm equivalent, millimetres.
-        focal_px: focal length in pixels from the EXIF (`fieldkit.captures.exif.focal_in_pixels`).
-        captured_at: local time of exposure, without a time zone.
+        digital_zoom: how many times the picture is enlarged from the middle of the sensor's, 1 without.
+        focal_px: focal length in pixels from the EXIF (`fieldkit.captures.exif.focal_in_pixels`), digital zoom
+            included.
+        captured_at: local time of exposure, without a time zone; UTC where only the GPS gives one.
         orientation: the EXIF orientation tag (1–8); it is not applied.
         geotag: position, or None.
         yaw_deg, pitch_deg, roll_deg: of the gimbal (DJI XMP): yaw clockwise from north, pitch −90 straight down.
@@ -90,6 +92,7 @@ class Photo:
     lens: str | None = None
     focal_mm: float | None = None
     focal_35mm: float | None = None
+    digital_zoom: float = 1.0
     focal_px: float | None = None
     captured_at: datetime | None = None
     orientation: int = 1

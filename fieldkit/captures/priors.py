@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fieldkit.captures.geo_txt import GeoRow
+from fieldkit.captures.geo_txt import GeoRow, settled_heights
+from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.model import Finding, GeoTag, Photo, PosePrior
 from fieldkit.captures.poses_csv import PoseRow
-from fieldkit.captures.tables import match_names
 from fieldkit.captures.units import suspicious_unit
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
@@ -45,10 +45,15 @@ class PriorSet:
 def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> PriorSet:
     """Priors from poses.csv; its frame is the metric frame. XMP angles are not mixed in: north may be elsewhere.
 
+    Where it gives longitude and latitude, the frame is a local east-north-up one, as of geo.txt, and photographs
+    without angles of its own have those of their XMP.
+
     Raises:
-        MetadataError: no row names a photograph of the folder.
+        MetadataError: no row names a photograph of the folder, or only some rows are in degrees.
     """
     matched, findings = _match([row.image for row in rows], photos, "poses.csv")
+    if any(row.geographic for row in rows):
+        return _finish(_from_degrees(photos, rows, matched, findings), photos)
     priors = {}
     for row in rows:
         name = matched.get(row.image)
@@ -78,6 +83,28 @@ def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> Prior
     return _finish(PriorSet(ordered, "poses.csv", None, None, tuple(findings)), photos)
 
 
+def _from_degrees(
+    photos: Sequence[Photo], rows: Sequence[PoseRow], matched: dict[str, str], findings: list[Finding]
+) -> PriorSet:
+    if not all(row.geographic for row in rows):
+        raise MetadataError(
+            "some poses.csv give longitude and latitude, others x and y", remedy="Give all in the same coordinates."
+        )
+    by_name = {matched[row.image]: row for row in rows if row.image in matched}
+    tags = {
+        name: GeoTag(row.position[1], row.position[0], row.position[2], horizontal_accuracy_m=row.accuracy_m)
+        for name, row in by_name.items()
+    }
+    return _georeferenced([_turned(p, by_name.get(p.name)) for p in photos], tags, "poses.csv", findings)
+
+
+def _turned(photo: Photo, row: PoseRow | None) -> Photo:
+    """A photograph with the angles that a row gives instead of its own."""
+    if row is None or (row.yaw_deg is None and row.pitch_deg is None):
+        return photo
+    return replace(photo, yaw_deg=row.yaw_deg, pitch_deg=row.pitch_deg, roll_deg=row.roll_deg)
+
+
 def priors_from_geo(photos: Sequence[Photo], rows: Sequence[GeoRow]) -> PriorSet:
     """Priors from geo.txt in a local east-north-up frame, with the photographs' XMP angles.
 
@@ -85,12 +112,16 @@ def priors_from_geo(photos: Sequence[Photo], rows: Sequence[GeoRow]) -> PriorSet
         MetadataError: no row names a photograph of the folder.
     """
     matched, findings = _match([row.image for row in rows], photos, "geo.txt")
+    own = {p.name: p.geotag.altitude_m for p in photos if p.geotag is not None and p.geotag.altitude_m is not None}
+    rows, odd = settled_heights(rows, {row: own[name] for row, name in matched.items() if name in own})
+    findings += odd
     by_name = {matched[row.image]: row for row in rows if row.image in matched}
     tags = {
         name: GeoTag(
             row.latitude_deg,
             row.longitude_deg,
             row.altitude_m,
+            datum=row.datum,
             horizontal_accuracy_m=row.horizontal_accuracy_m,
             vertical_accuracy_m=row.vertical_accuracy_m,
         )

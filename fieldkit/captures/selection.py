@@ -17,10 +17,10 @@ from fieldkit.captures.cameras import group_cameras
 from fieldkit.captures.capture import assembled, read_photo
 from fieldkit.captures.folder import FolderContents, list_folder, natural_key
 from fieldkit.captures.geo_txt import read_geo_txt
+from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
-from fieldkit.captures.tables import match_names
 from fieldkit.errors import CaptureError
 from fieldkit.runtime.progress import Progress, Silent
 

@@ -1,19 +1,21 @@
-"""Small helpers that every text sidecar shares: decoding, numbers, names."""
+"""Small helpers that every text sidecar shares: decoding, numbers, rows."""
 
 from __future__ import annotations
 
 import codecs
 import math
 import re
-import unicodedata
 from collections.abc import Iterable
-from pathlib import Path, PurePosixPath
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 from fieldkit.errors import MetadataError
 
 _MAX_BYTES = 64 << 20
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
+_ANY_NUMBER = re.compile(r"[+-]?[0-9.,]*[0-9][0-9.,]*(?:[eE][+-]?[0-9]{1,3})?")
+_GROUP = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 
 
 def read_text(path: Path) -> str:
@@ -46,10 +48,53 @@ def decode_text(data: bytes, path: Path | None = None) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def parse_number(text: str, *, decimal_comma: bool = False) -> float | None:
+@dataclass(frozen=True)
+class NumberStyle:
+    """How a file writes its numbers.
+
+    Attributes:
+        decimal: mark before the decimals, "." or ",".
+        thousands: mark between groups of three digits, "" where there is none.
+        certain: whether the file shows it; else it is the likelier of two readings.
+    """
+
+    decimal: str = "."
+    thousands: str = ""
+    certain: bool = True
+
+
+def number_style(fields: Iterable[str]) -> NumberStyle:
+    """How numbers are written in a file whose commas do not separate its fields (all of them, in any order)."""
+    texts = [field.strip() for field in fields if _ANY_NUMBER.fullmatch(field.strip())]
+    for thousands, decimal in ((",", "."), (".", ",")):
+        if any(_grouped(text, thousands, decimal) for text in texts):
+            return NumberStyle(decimal, thousands)
+    commas = [text for text in texts if "," in text]
+    if not commas:
+        return NumberStyle()
+    if any("." in text for text in texts):  # both marks, never in one number: 512,345 beside 198.6
+        return NumberStyle(".", ",", certain=False) if all(map(_GROUP.fullmatch, commas)) else NumberStyle(",")
+    return NumberStyle(",", certain=not all(map(_GROUP.fullmatch, commas)))
+
+
+def _grouped(text: str, thousands: str, decimal: str) -> bool:
+    """Whether a number can only be one with that mark between its groups: two groups, or the other mark behind them."""
+    head, _, _ = text.lstrip("+-").partition(decimal)
+    groups = head.split(thousands)
+    if len(groups) < 2 or not all(len(group) == 3 for group in groups[1:]) or not 1 <= len(groups[0]) <= 3:
+        return False
+    return thousands not in text[text.find(decimal) :] if decimal in text else len(groups) > 2
+
+
+def parse_number(text: str, style: NumberStyle | None = None) -> float | None:
     """A plain finite decimal number, or None (also for nan, inf, 1_000 and digits of other scripts)."""
     cleaned = text.strip()
-    if decimal_comma and "." not in cleaned:
+    if style is not None and style.thousands:
+        head, mark, tail = cleaned.partition(style.decimal)
+        groups = head.lstrip("+-").split(style.thousands)
+        if all(len(group) == 3 for group in groups[1:]):
+            cleaned = head.replace(style.thousands, "") + mark + tail
+    if style is not None and style.decimal == "," and "." not in cleaned:
         cleaned = cleaned.replace(",", ".", 1)
     if _NUMBER.fullmatch(cleaned) is None:
         return None
@@ -74,35 +119,3 @@ def keep_row(kept: dict[str, tuple[int, Row]], name: str, row: Row, line: int, w
             remedy="Keep one line per photograph.",
         )
     return "" if first == line else f"listed twice (lines {first} and {line})"
-
-
-def match_names(listed: Iterable[str], names: Iterable[str]) -> dict[str, str]:
-    """Which photograph each listed name means: exact, else without folders, else without regard to case.
-
-    Unicode is compared in its composed form (NFC), since file systems differ in it. Ambiguous names stay unmatched.
-
-    Returns:
-        listed name → photograph name, for those found.
-    """
-    names = list(names)
-    exact = {_nfc(name): name for name in names}
-    folded: dict[str, list[str]] = {}
-    for name in names:
-        folded.setdefault(_base(name).casefold(), []).append(name)
-    matched: dict[str, str] = {}
-    for entry in listed:
-        candidate = exact.get(_nfc(entry)) or exact.get(_base(entry))
-        loose = folded.get(_base(entry).casefold(), [])
-        if candidate is not None:
-            matched[entry] = candidate
-        elif len(loose) == 1:
-            matched[entry] = loose[0]
-    return matched
-
-
-def _nfc(name: str) -> str:
-    return unicodedata.normalize("NFC", name)
-
-
-def _base(name: str) -> str:
-    return _nfc(PurePosixPath(name.replace("\\", "/")).name)

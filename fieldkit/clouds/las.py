@@ -23,6 +23,8 @@ _CHUNK_POINTS = 500_000  # what is allocated at a time, whatever the header prom
 _NORMALS = ("nx", "ny", "nz")
 _OTHER_NORMALS = (_NORMALS, ("NormalX", "NormalY", "NormalZ"), ("normal_x", "normal_y", "normal_z"))
 _WITH_COLOR = (2, 3, 5, 7, 8, 10)  # point formats
+_LINEAR_UNITS, _VERTICAL_UNITS = 3076, 4099  # GeoTIFF keys (OGC 19-008r4, 7.5)
+_UNITS_M = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}  # by EPSG code: metre, foot, US survey foot
 _CREATION_DATE = slice(90, 94)  # of the header: day of year and year
 
 
@@ -31,8 +33,8 @@ class LasCloud:
     """A LAS file's points and their coordinate reference system.
 
     Attributes:
-        cloud: in the system's own coordinates (for UTM easting, northing and height, metres).
-        crs_epsg: its EPSG code, or None where it has none.
+        cloud: in the system's own coordinates (for UTM easting, northing and height), metres.
+        crs_epsg: its EPSG code; None where it has none, or one in feet, since the points are metres.
     """
 
     cloud: Cloud
@@ -43,10 +45,11 @@ def read_las(path: Path) -> LasCloud:
     """Read a LAS or LAZ file of any version and point format that laspy knows.
 
     Colours that use only the lower 8 of their 16 bits, as some writers leave them, are taken as 8-bit ones. Normals
-    are read from the extra dimensions nx, ny, nz or NormalX, NormalY, NormalZ.
+    are read from the extra dimensions nx, ny, nz or NormalX, NormalY, NormalZ. Coordinates in feet, as the file's
+    reference system or its GeoTIFF keys state them, become metres.
 
     Raises:
-        CloudError: the extra `geo` is missing, or the file cannot be read or is damaged.
+        CloudError: the extra `geo` is missing, the file cannot be read or is damaged, or its points are in degrees.
     """
     laspy = _laspy(path)
     path = Path(path)
@@ -156,8 +159,11 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
         oriented = np.concatenate(normals) if normals else None
         if oriented is not None:
             oriented[~np.isfinite(oriented).all(axis=1)] = 0.0
-        cloud = Cloud(xyz, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
-        return LasCloud(cloud, _epsg(header))
+        crs = _crs(header)
+        units = _units(header, crs, path)
+        metres = (units == 1.0).all()
+        cloud = Cloud(xyz if metres else xyz * units, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
+        return LasCloud(cloud, crs.to_epsg() if crs is not None and metres else None)
 
 
 def _eight_bit(colors: NDArray[np.uint16]) -> NDArray[np.uint8] | None:
@@ -169,13 +175,44 @@ def _eight_bit(colors: NDArray[np.uint16]) -> NDArray[np.uint8] | None:
     return np.asarray(scaled, dtype=np.uint8)
 
 
-def _epsg(header: Any) -> int | None:
+def _crs(header: Any) -> Any:
     try:
-        crs = header.parse_crs()
+        return header.parse_crs()
     except Exception:
         # Other programs' CRS records are often malformed; the points are good without.
         return None
-    return None if crs is None else crs.to_epsg()
+
+
+def _units(header: Any, crs: Any, path: Path) -> NDArray[np.float64]:
+    """Metres per unit of x, y and z (3,). Heights are in the plane's unit where nothing else is said of them."""
+    axes = [] if crs is None else crs.axis_info
+    if axes and crs.is_geographic:
+        raise CloudError(
+            f"has its points in degrees ({crs.name})", path=path,
+            remedy="Reproject it to a projected system in metres, such as UTM.",
+        )  # fmt: skip
+    plane = float(axes[0].unit_conversion_factor) if axes else 1.0
+    up = float(axes[2].unit_conversion_factor) if len(axes) > 2 else plane
+    keys = _unit_keys(header)
+    if not axes:
+        plane = keys.get(_LINEAR_UNITS, 1.0)
+        up = plane
+    if len(axes) < 3:
+        up = keys.get(_VERTICAL_UNITS, up)
+    units = np.array([plane, plane, up])
+    return np.where(np.abs(units - 1.0) < 1e-9, 1.0, units)
+
+
+def _unit_keys(header: Any) -> dict[int, float]:
+    """Metres per unit by GeoTIFF key, of those that state one of length."""
+    try:
+        found = header.vlrs.get("GeoKeyDirectoryVlr")
+        keys = [(int(key.id), int(key.value_offset)) for key in found[0].geo_keys] if found else []
+    except Exception:  # malformed, as CRS records often are
+        return {}
+    return {
+        key: _UNITS_M[value] for key, value in keys if key in (_LINEAR_UNITS, _VERTICAL_UNITS) and value in _UNITS_M
+    }
 
 
 def _projected_crs(epsg: int, path: Path) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fieldkit.captures.folder import list_folder, natural_key
+from fieldkit.captures.folder import list_capture, natural_key
 from fieldkit.errors import CaptureError
 
 
@@ -13,16 +13,16 @@ def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
 
     A folder that holds photographs is one plot; else its subfolders are the plots.
 
-    Photographs in ``captures/images`` make ``captures`` one plot. Subfolders without any image file are passed over;
-    one whose images cannot be used still counts, so that it is reported. So does the folder itself where no subfolder
-    counts.
+    Photographs in ``captures/images``, or in a card's 100MEDIA and 101MEDIA, make ``captures`` one plot. Subfolders
+    without any image file are passed over; one whose images cannot be used still counts, so that it is reported. So
+    does the folder itself where no subfolder counts.
 
     Raises:
         CaptureError: there is no such folder, or no photographs in it or its subfolders.
     """
     captures = Path(captures)
     itself = [(captures.absolute().name, captures)]
-    contents = list_folder(captures)
+    contents = list_capture(captures)
     if contents.candidates:
         return itself, []
     folders = sorted((p for p in captures.iterdir() if p.is_dir() and not p.name.startswith(".")),
@@ -41,5 +41,5 @@ def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
 
 
 def _holds_images(folder: Path) -> bool:
-    contents = list_folder(folder)
+    contents = list_capture(folder)
     return bool(contents.candidates) or any(finding.left_out for finding in contents.findings)

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from fieldkit.captures.exif import focal_in_pixels
 from fieldkit.captures.model import Capture
-from fieldkit.geometry import Intrinsics
+from fieldkit.geometry import Intrinsics, Pose
 
 _GUESSED_FOCAL = 1.2
 """Times the longer side: COLMAP's start value where nothing is known."""
+ASSUMED_35MM = 24.0
+"""35 mm equivalent that is held where photographs tell nothing of the focal length: survey drones have 20 to 28 mm."""
+PARALLEL_DEG = 8.0
+"""Spread of the optical axes below which focal length and distance trade off: points and cameras stretched along a
+common axis give the same photographs with another focal length. Only the cameras' tilts against one another tell them
+apart, and less than a rolling shutter and the lens's distortion bend them: eight nadir photographs with axes within 2°
+calibrate to 1.6 times the true focal length."""
+CALIBRATING_DEG = 5.0
+"""Spread from which on a calibration is better than `assumed_camera`."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +51,13 @@ class CameraSet:
     @property
     def all_fixed(self) -> bool:
         return all(self.fixed)
+
+    def held(self) -> CameraSet:
+        """As it is held where photographs cannot calibrate it: an assumed lens in place of a guess."""
+        return self.with_cameras([
+            assumed_camera(camera.width, camera.height) if source == "self-calibrated" else camera
+            for camera, source in zip(self.cameras, self.sources, strict=True)
+        ])  # fmt: skip
 
     def with_cameras(self, cameras: Sequence[Intrinsics]) -> CameraSet:
         return replace(self, cameras=tuple(cameras))
@@ -85,3 +104,22 @@ def guessed_camera(width: int, height: int) -> Intrinsics:
     """What self-calibration starts from where nothing is known of the camera."""
     focal = _GUESSED_FOCAL * max(width, height)
     return Intrinsics("SIMPLE_RADIAL", width, height, (focal, width / 2, height / 2, 0.0))
+
+
+def assumed_camera(width: int, height: int) -> Intrinsics:
+    """A survey drone's usual lens, without distortion."""
+    focal = focal_in_pixels(ASSUMED_35MM, width, height)
+    return Intrinsics("SIMPLE_RADIAL", width, height, (focal, width / 2, height / 2, 0.0))
+
+
+def spread_deg(poses: Iterable[Pose]) -> float:
+    """Root mean square angle between the cameras' optical axes and their mean, degrees; 0 of none."""
+    axes = np.array([pose.forward for pose in poses])
+    if not len(axes):
+        return 0.0
+    mean = axes.mean(axis=0)
+    length = float(np.linalg.norm(mean))
+    if length < 1e-9:
+        return 90.0
+    angles = np.arccos(np.clip(axes @ mean / length, -1.0, 1.0))
+    return float(np.degrees(np.sqrt(np.mean(angles**2))))

@@ -19,7 +19,7 @@ from fieldkit.clouds.strays import without_strays
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
-from fieldkit.reconstruction.cameras import cameras_of
+from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
 from fieldkit.reconstruction.dense import Settings as DenseSettings
@@ -169,13 +169,32 @@ def place(
     counting = {image.name for image in images if image.counts}
     poses = {name: pose for name, pose in model_poses(mapped.model).items() if name in counting}
     intrinsics = {name: found for name, found in model_intrinsics(mapped.model).items() if name in counting}
-    for note in frame.notes:
+    undetermined = _undetermined(capture, mapped, poses, intrinsics)
+    for note in (*frame.notes, *(finding.message for finding in undetermined)):
         progress.note(note)
     result = SparseResult(
         capture, mapped.method, mapped.model, mapped.model_sizes, images, poses, intrinsics,
-        mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, tuple(findings),
+        mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, (*findings, *undetermined),
     )  # fmt: skip
     return result, {"Features": mapped.features_cached}
+
+
+def _undetermined(
+    capture: Capture, mapped: Mapped, poses: Mapping[str, Pose], intrinsics: Mapping[str, Intrinsics]
+) -> list[Finding]:
+    """That heights are not determined: all cameras look the same way, and nothing tells their focal length."""
+    unknown = [name for name in poses if mapped.intrinsics_source[capture.group_of(name).key] == "self-calibrated"]
+    if not unknown or not mapped.flat:
+        return []
+    camera = intrinsics[unknown[0]]
+    equivalent = ASSUMED_35MM * camera.fx / assumed_camera(camera.width, camera.height).fx
+    message = (
+        f"the photographs look the same way (within {spread_deg(poses.values()):.0f}°) and do not tell their focal "
+        f"length, so heights are not determined: those of cameras and plants are right for {camera.fx:.0f} px, as of a "
+        f"{equivalent:.0f} mm lens on 35 mm film, and k times as large for a lens k times as long. Give the camera in "
+        "camera.toml"
+    )
+    return [Finding(unknown[0], "height-undetermined", message)]
 
 
 def _scaled_by_markers(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures.model import Capture
 from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Pose
 from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.blind_mapping import METHODS, map_blindly
-from fieldkit.reconstruction.cameras import CameraSet
+from fieldkit.reconstruction.cameras import CALIBRATING_DEG, PARALLEL_DEG, CameraSet, spread_deg
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import KnownPoses
@@ -34,6 +35,7 @@ _NEAR_NEIGHBOURS = 12
 _FEW_FEATURES = 50
 _MIN_CALIBRATION_IMAGES = 5
 _CORRECTION_ROUNDS = 3
+_FOCAL_CHANGE = 0.05  # of the focal length: more is none that a calibration of a known camera finds
 
 Pairs = dict[tuple[int, int], TwoView]
 
@@ -52,6 +54,8 @@ class Mapped:
         pairs_tried, pairs_verified: counts.
         features_cached, pairs_cached: how many came from the cache.
         notes: doubts, in sentences.
+        flat: all cameras look the same way and their positions do not tell the focal length either, so that it and
+            heights are only as good as what is known of the camera.
     """
 
     method: str
@@ -64,6 +68,7 @@ class Mapped:
     pairs_verified: int
     features_cached: int
     notes: tuple[str, ...]
+    flat: bool = False
 
 
 def map_capture(
@@ -133,6 +138,7 @@ class _Run:
     notes: list[str]
     pairs_tried: int = 0
     calibrating: pycolmap.Reconstruction | None = None
+    hold: bool = False
     region: Region | None = None
 
     @property
@@ -158,7 +164,7 @@ class _Run:
         return verified
 
     def blind_models(self, method: str, pairs: Pairs) -> list[pycolmap.Reconstruction]:
-        fixed = self.cameras.all_fixed
+        fixed = self.cameras.all_fixed or self.hold
         key = digest(
             "blind", STAGES["mapping"], method, [f.key for f in self.keyed], self.names, self.cameras.cameras,
             self.cameras.camera_of, fixed, self.settings.verification, self.cameras.known, self.settings.seed,
@@ -190,6 +196,7 @@ class _Run:
                 f"{methods[0]} mapping made no model; {method} mapping made this one, and on photographs so far apart "
                 "it can be wrong without a sign of it: give positions (poses.csv, GPS) to have it checked"
             )
+        models = self.recalibrated(method, pairs, models)
         model = models[0]
         similarity = align_to_positions(model_poses(model), self.known.poses, seed=self.settings.seed)
         if similarity is not None:
@@ -212,6 +219,40 @@ class _Run:
         sizes = tuple(m.num_reg_images() for m in models)
         return self._mapped(method, model, sizes, similarity is not None, reasons, len(pairs))
 
+    def recalibrated(
+        self, method: str, pairs: Pairs, models: list[pycolmap.Reconstruction]
+    ) -> list[pycolmap.Reconstruction]:
+        """The models again with cameras held, where all look the same way and the mapper has changed focal lengths."""
+        if self.cameras.all_fixed or not self.cannot_calibrate(model_poses(models[0]).values()):
+            return models
+        held = self.cameras.held()
+        found = models[0].cameras
+        changes = [found[k + 1].focal_length / camera.fx for k, camera in enumerate(held.cameras) if k + 1 in found]
+        if all(abs(change - 1.0) < _FOCAL_CHANGE for change in changes):
+            return models
+        self.cameras, self.hold = held, True
+        again = self.blind_models(method, pairs)
+        if again and again[0].num_reg_images() >= models[0].num_reg_images():
+            return again
+        return models
+
+    def cannot_calibrate(self, poses: Iterable[Pose]) -> bool:
+        """Whether cameras look the same way so nearly that what is known or assumed of them is better than a fit."""
+        return spread_deg(poses) < (PARALLEL_DEG if self.cameras.known else CALIBRATING_DEG)
+
+    def heights_tell(self, poses: Iterable[Pose]) -> bool:
+        """Whether the positions of cameras that look the same way differ enough along their axes to tell focal lengths.
+
+        Two photographs' scales fix the ratio of their distances, their known difference the distances themselves.
+        """
+        axis = np.mean([pose.forward for pose in poses], axis=0)
+        known = [self.known.poses[name] for name in self.known.positioned]
+        along = np.array([record.position @ axis for record in known if record.position is not None])
+        if len(along) < LEAST_POSITIONS:
+            return False
+        sigma = float(np.median([record.position_sigma_m for record in known]))
+        return float(along.std() * np.sqrt(len(along))) > sigma / _FOCAL_CHANGE
+
     # Mapping with priors -------------------------------------------------------------------------------------------
 
     def with_priors(self) -> Mapped:
@@ -228,12 +269,21 @@ class _Run:
 
     def rough_poses(self) -> dict[str, RoughPose]:
         """Of the images whose position is known: with the orientation on record, else with one from matches."""
-        if not self.cameras.known:
-            self.calibrate(self.pairs(calibrated=False, neighbours=_NEAR_NEIGHBOURS))
         rough = rough_from_records(self.known)
+        if not self.cameras.known:
+            start = self.cameras
+            self.calibrate(self.pairs(calibrated=False, neighbours=_NEAR_NEIGHBOURS))
+            oriented = rough or self.calibrated_poses()
+            seen = [prior.pose for prior in oriented.values()]
+            if self.calibrating is not None:
+                parallel = self.cannot_calibrate(model_poses(self.calibrating).values())
+            else:
+                parallel = bool(seen) and self.cannot_calibrate(seen)
+            if parallel and not (seen and self.heights_tell(seen)):
+                self.cameras, self.hold = start.held(), True
         unoriented = [name for name in self.known.positioned if name not in rough]
-        if unoriented and self.calibrating is not None:
-            found = rough_from_model(self.calibrating, self.known, seed=self.settings.seed)
+        if unoriented:
+            found = self.calibrated_poses()
             rough |= {name: found[name] for name in unoriented if name in found}
             unoriented = [name for name in unoriented if name not in rough]
         if unoriented:
@@ -246,6 +296,12 @@ class _Run:
                 remedy="Add yaw_deg and pitch_deg to poses.csv, or choose --mapping global.",
             )
         return rough
+
+    def calibrated_poses(self) -> dict[str, RoughPose]:
+        """Rough poses with orientations from the model that calibrated the camera; none where there is none."""
+        if self.calibrating is None:
+            return {}
+        return rough_from_model(self.calibrating, self.known, seed=self.settings.seed)
 
     def corrected(self, rough: dict[str, RoughPose], result: PriorMapping) -> PriorMapping:
         """Map again without the recorded orientations that the photographs contradict; ``rough`` is corrected, too."""
@@ -303,7 +359,7 @@ class _Run:
         camera_of = [self.cameras.camera_of[k] for k in chosen]
         # Focal length and height trade off where all cameras look the same way: hold what EXIF says.
         converging = region_of_interest([prior.pose for prior in priors]) is not None
-        fixed = self.cameras.all_fixed or (self.cameras.known and not converging)
+        fixed = self.cameras.all_fixed or self.hold or (self.cameras.known and not converging)
         key = digest(
             "prior", STAGES["mapping"], [f.key for f in keyed], names, self.cameras.cameras, camera_of, fixed,
             [(p.pose.rotation, p.pose.center, p.position_sigma, p.angle_sigma_deg) for p in priors],
@@ -366,6 +422,7 @@ class _Run:
             method, model, sizes, metric, tuple(reports),
             dict(zip(self.cameras.keys, self.cameras.sources, strict=True)),
             self.pairs_tried, verified, 0, tuple(self.notes),
+            spread_deg(poses.values()) < PARALLEL_DEG and not (method == "prior" and self.heights_tell(poses.values())),
         )  # fmt: skip
 
 

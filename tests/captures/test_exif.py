@@ -59,6 +59,34 @@ def test_everything_a_drone_writes(photo_file: MakePhoto) -> None:
     assert (tag.altitude_m, tag.datum, tag.relative_altitude_m, tag.rtk) == (45.5, "sea level", 39.8, False)
 
 
+@pytest.mark.parametrize(
+    ("base", "detail", "gps", "expected"),
+    [
+        ({}, {36867: "2024:06:23 16:31:59"}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {36867: "2024-06-23T16:31:59"}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {36867: "2024-06-23T16:31:59.250+02:00"}, {}, (2024, 6, 23, 16, 31, 59, 250000)),
+        ({}, {36867: "2024-06-23 16:31:59Z"}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {36867: "2024:06:23 16:31:59.123456789"}, {}, (2024, 6, 23, 16, 31, 59, 123456)),
+        ({}, {36867: "2024:06:23 16:31:59.5", 37521: "25"}, {}, (2024, 6, 23, 16, 31, 59, 500000)),
+        ({}, {36867: "2024:06:23 16:31:59", 37521: "7 "}, {}, (2024, 6, 23, 16, 31, 59, 700000)),
+        ({}, {36867: "0000:00:00 00:00:00", 36868: "2024:06:23 16:31:59"}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({306: "2024:06:23 16:31:59"}, {36867: "    :  :     :  :  "}, {}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {}, {29: "2024:06:23", 7: (14.0, 31.0, 59.5)}, (2024, 6, 23, 14, 31, 59, 500000)),
+        ({}, {}, {29: "2024-06-23", 7: (14.0, 31.0, 59.0)}, (2024, 6, 23, 14, 31, 59, 0)),
+        ({}, {36867: "2024:06:23 16:31:59"}, {29: "2024:06:23", 7: (14.0, 31.0, 59.0)}, (2024, 6, 23, 16, 31, 59, 0)),
+        ({}, {}, {29: "2024:06:23"}, None),
+        ({}, {}, {29: "2024:06:23", 7: (25.0, 31.0, 59.0)}, None),
+        ({}, {36867: "2024:13:23 16:31:59"}, {}, None),
+        ({}, {36867: "yesterday"}, {}, None),
+    ],
+)
+def test_ways_to_write_the_time(
+    photo_file: MakePhoto, base: dict, detail: dict, gps: dict, expected: tuple[int, ...] | None
+) -> None:
+    photo, _ = only(photo_file("a.jpg", exif=exif_block(base=base, detail=detail, gps=gps)))
+    assert photo.captured_at == (None if expected is None else datetime(*expected))
+
+
 @pytest.mark.parametrize("suffix", ["png", "tif"])
 def test_metadata_of_other_formats(photo_file: MakePhoto, suffix: str) -> None:
     exif = exif_block(base=CAMERA, detail=DETAIL, gps=gps_tags(52.0, 13.0, 30.0))
@@ -242,3 +270,32 @@ def test_a_multi_picture_jpeg_is_one_photograph(photo_file: MakePhoto) -> None:
     image.save(folder / "b.jpg", format="MPO", save_all=True, append_images=[preview])
     capture = read_capture(folder)
     assert [(photo.name, photo.width) for photo in capture.photos] == [("a.jpg", 120), ("b.jpg", 64)]
+
+
+@pytest.mark.parametrize(
+    ("detail", "focal_px", "codes"),
+    [
+        ({37386: 3.6, 41989: 20}, 20 * 250 / 43.2666, []),
+        ({37386: 3.6, 41989: 20, 41988: 2.0}, 40 * 250 / 43.2666, ["digital-zoom"]),
+        ({37386: 3.6, 41989: 20, 41988: 0.0}, 20 * 250 / 43.2666, []),
+        ({37386: 3.6, 41989: 20, 41988: 1.0}, 20 * 250 / 43.2666, []),
+        ({37386: 3.6, 41989: 20, 41988: IFDRational(0, 0)}, 20 * 250 / 43.2666, []),
+        ({37386: 3.6, 41989: 4}, None, ["focal-implausible"]),
+        ({37386: 3.6, 41989: 7}, None, ["focal-implausible"]),
+        ({37386: 8.8, 41989: 9}, None, ["focal-implausible"]),  # the lens's own focal length under the wrong tag
+        ({37386: 3.6, 41989: 200}, None, ["focal-implausible"]),  # a sensor of 0.8 mm
+        ({37386: 35.0, 41989: 35}, 35 * 250 / 43.2666, []),
+        ({37386: 119.9, 41989: 556}, 556 * 250 / 43.2666, []),
+        ({41989: 12000}, None, ["focal-implausible"]),
+        ({41989: 0}, None, []),
+        ({37386: 8.8}, None, []),
+        ({37386: 8.8, 41486: 3000.0, 41488: 3, 40962: 4000}, 8.8 * 300 * 200 / 4000, []),
+        ({37386: 8.8, 41989: 4, 41486: 3000.0, 41488: 3, 40962: 4000}, 8.8 * 300 * 200 / 4000, ["focal-implausible"]),
+        ({37386: 8.8, 41486: 3000.0, 41488: 3, 40962: 4000, 41988: 1.5}, 8.8 * 450 * 200 / 4000, ["digital-zoom"]),
+    ],
+)
+def test_focal_lengths(photo_file: MakePhoto, detail: dict, focal_px: float | None, codes: list[str]) -> None:
+    path = photo_file("a.jpg", exif=exif_block(base=CAMERA, detail=detail), size=(200, 150))
+    photo, findings = only(path)
+    assert photo.focal_px == (None if focal_px is None else pytest.approx(focal_px, rel=1e-4))
+    assert findings == codes

@@ -1,14 +1,17 @@
 """What is a photograph and what is left out, by name."""
 
 import os
+import struct
 import unicodedata
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
-from fieldkit.captures import Capture, find_mask, read_capture
+from fieldkit.captures import Capture, find_mask, read_capture, read_image
 from fieldkit.captures.folder import natural_key, sniff_format
 from fieldkit.errors import CaptureError
 from tests.captures.photographs import MakePhoto, bomb_png, texture
@@ -109,6 +112,33 @@ def test_other_formats_are_named_with_the_remedy(photo_file: MakePhoto) -> None:
     assert all("convert" in finding.message for finding in capture.findings)
 
 
+def raw_tiff(bits: int, kind: int) -> bytes:
+    """A grey TIFF of 8 × 6 pixels with numbers of so many bits (kind 1 unsigned, 2 signed, 3 floating point)."""
+    data = bytes(range(8 * bits // 8)) * 6
+    tags = [(256, 8), (257, 6), (258, bits), (259, 1), (262, 1), (273, 8), (277, 1), (278, 6), (279, len(data))]
+    entries = b"".join(struct.pack("<HHIHH", tag, 3, 1, value, 0) for tag, value in [*tags, (339, kind)])
+    return b"II*\0" + struct.pack("<I", 8 + len(data)) + data + struct.pack("<H", 10) + entries + bytes(4)
+
+
+def test_tiffs_that_are_no_pictures_are_left_out(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    kinds = [(32, 3), (64, 3), (16, 3), (32, 1), (32, 2), (16, 2), (1, 1), (2, 1), (4, 1), (10, 1), (12, 1), (14, 1)]
+    for bits, kind in kinds:
+        (folder / f"{bits}_{kind}.tif").write_bytes(raw_tiff(bits, kind))
+    temperatures = np.linspace(10, 40, 64, dtype=np.float32).reshape(8, 8)
+    Image.fromarray(temperatures).save(folder / "thermal.tiff")
+    Image.fromarray(np.arange(64, dtype=np.uint16).reshape(8, 8) * 60).save(folder / "dark.tif")
+    Image.fromarray(np.arange(64, dtype=np.uint16).reshape(8, 8) * 1000).save(folder / "deep.tif")
+    photo_file("plain.tif")
+    (folder / "eight.tif").write_bytes(raw_tiff(8, 1))
+    capture = read_capture(folder)
+    assert set(capture.names) == {"a.jpg", "deep.tif", "plain.tif", "eight.tif"}
+    names = [f"{bits}_{kind}.tif" for bits, kind in kinds] + ["thermal.tiff", "dark.tif"]
+    assert left_out(capture) == dict.fromkeys(names, "unsupported-format")
+    for photo in capture.photos:
+        assert read_image(photo).shape == (photo.height, photo.width, 3)
+
+
 def test_equal_files_are_read_once(photo_file: MakePhoto) -> None:
     first = photo_file("a.jpg")
     (first.parent / "copy of a.jpg").write_bytes(first.read_bytes())
@@ -198,6 +228,60 @@ def test_a_name_that_is_no_text_is_left_out(photo_file: MakePhoto) -> None:
         pytest.skip("this file system allows UTF-8 names only")
     capture = read_capture(good.parent)
     assert left_out(capture) == {"b\\udcff.jpg": "bad-name"}
+
+
+def test_sidecars_in_capitals(photo_file: MakePhoto) -> None:
+    folder = photo_file("a.jpg").parent
+    (folder / "GEO.TXT").write_text("EPSG:4326\na.jpg 13.0 52.0 30\n")
+    (folder / "Camera.toml").write_text('model = "SIMPLE_PINHOLE"\nwidth = 120\nheight = 90\nparams = [90, 60, 45]\n')
+    capture = read_capture(folder)
+    assert capture.priors["a.jpg"].source == "geo.txt"
+    assert capture.groups[0].source == "camera.toml"
+    (folder / "geo.txt").write_text("EPSG:4326\na.jpg 14.0 53.0 30\n")
+    capture = read_capture(folder)
+    assert capture.origin is not None
+    assert capture.origin.latitude_deg == pytest.approx(53.0)
+    assert codes(capture)["GEO.TXT"] == "sidecar-unused"
+
+
+@pytest.mark.parametrize("name", ["gcp_list.txt", "GCP_LIST.TXT"])
+def test_control_points_are_mentioned(photo_file: MakePhoto, name: str) -> None:
+    folder = photo_file("a.jpg").parent
+    (folder / name).write_text("EPSG:32615\n500000 5188000 198 60 45 a.jpg gcp1\n")
+    assert codes(read_capture(folder)) == {name: "control-points-unused"}
+
+
+@pytest.mark.parametrize(
+    "halves", [("100MEDIA", "101MEDIA"), ("DCIM/100_0001", "DCIM/101_0001"), ("100MSDCF", "103MSDCF")]
+)
+def test_a_cards_folders_are_one_capture(photo_file: MakePhoto, halves: tuple[str, str]) -> None:
+    for seed, half in enumerate(halves):
+        for number in (1, 2):
+            photo_file(f"{half}/DJI_000{number}.JPG", seed=10 * seed + number)
+    folder = photo_file(f"{halves[1]}/DJI_0003.JPG").parent.parent
+    (folder.parent if folder.name == "DCIM" else folder).joinpath("note.txt").write_text("no photograph")
+    names = [f"{half.rpartition('/')[2]}/DJI_000{number}.JPG" for half in halves for number in (1, 2, 3)]
+    names.remove(f"{halves[0].rpartition('/')[2]}/DJI_0003.JPG")
+    rows = "".join(f"{name},{k},{k % 2},3\n" for k, name in enumerate(names))
+    (folder / "poses.csv").write_text(f"image,x_m,y_m,z_m\n{rows}")
+    (folder / names[0]).parent.joinpath("geo.txt").write_text("EPSG:4326\nDJI_0001.JPG 13.0 52.0 30\n")
+    for place in {folder, folder.parent if folder.name == "DCIM" else folder}:
+        capture = read_capture(place)
+        assert list(capture.names) == names
+        assert len(capture.groups) == 1
+        assert [capture.priors[name].position for name in names] == [(k, k % 2, 3.0) for k in range(len(names))]
+        assert codes(capture) == {f"{names[0].partition('/')[0]}/geo.txt": "sidecar-unused"}
+
+
+@pytest.mark.parametrize(
+    "folders", [("101_EAST", "102_EAST"), ("plot_1", "plot_2"), ("100MEDIA", "plot_1"), ("101", "102"), ("100MEDIA",)]
+)
+def test_other_folders_are_captures_of_their_own(photo_file: MakePhoto, folders: tuple[str, ...]) -> None:
+    for seed, name in enumerate(folders):
+        folder = photo_file(f"{name}/DJI_0001.JPG", seed=seed).parent.parent
+    with pytest.raises(CaptureError) as caught:
+        read_capture(folder)
+    assert all(name in caught.value.message for name in folders)
 
 
 @pytest.mark.parametrize("what", ["missing", "file", "empty", "only bad"])

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.captures.geo_txt import GeoRow, parse_geo_txt
+from fieldkit.captures.geo_txt import GeoRow, parse_geo_txt, settled_heights
 from fieldkit.errors import FieldkitError, MetadataError
+from fieldkit.geometry.geodesy import geodetic_to_ecef
 
 
 @pytest.mark.parametrize("header", ["EPSG:4326", "epsg:4979", "WGS84", "WGS 84", "+proj=longlat +datum=WGS84 +no_defs"])
@@ -94,3 +95,72 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         except FieldkitError:
             continue
         assert all(abs(row.latitude_deg) <= 90 for row in rows)
+
+
+SURVEY_FOOT = 1200 / 3937
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "assumed"),
+    [
+        ("EPSG:26849", SURVEY_FOOT, True),  # Minnesota North, US survey feet; nothing said of heights
+        ("EPSG:2222", 0.3048, True),  # Arizona East, international feet
+        ("EPSG:26849+6360", SURVEY_FOOT, False),  # with NAVD88 in feet
+        ("EPSG:26849+5703", 1.0, False),  # with NAVD88 in metres
+        ("EPSG:32615", 1.0, False),
+        ("EPSG:4269", 1.0, False),
+        ("+proj=utm +zone=15 +datum=WGS84 +units=us-ft", SURVEY_FOOT, True),
+        ("+proj=utm +zone=15 +datum=WGS84 +units=us-ft +vunits=us-ft", SURVEY_FOOT, False),
+    ],
+)
+def test_heights_and_accuracies_have_the_projections_unit(header: str, unit: float, assumed: bool) -> None:
+    pyproj = pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
+    crs = pyproj.CRS.from_user_input(header)
+    x, y = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(-91.994, 46.8426)
+    rows, _ = parse_geo_txt(f"{header}\na.jpg {x!r} {y!r} 651.48 0 0 0 0.066 0.098\n")
+    assert (rows[0].latitude_deg, rows[0].longitude_deg) == pytest.approx((46.8426, -91.994), abs=1e-5)
+    lengths = (rows[0].altitude_m, rows[0].horizontal_accuracy_m, rows[0].vertical_accuracy_m)
+    assert lengths == pytest.approx((651.48 * unit, 0.066 * unit, 0.098 * unit))
+    assert rows[0].assumed_unit_m == pytest.approx(unit if assumed else 1.0)
+
+
+@pytest.mark.parametrize(
+    ("own", "expected", "words"),
+    [
+        ({}, 198.57, "feet, like x and y, but the file does not say so"),
+        ({"a.jpg": 230.0}, 198.57, "feet, like x and y, as the photographs' own altitudes say"),
+        ({"a.jpg": 600.0}, 651.48, "metres, as the photographs' own altitudes are"),
+        ({"b.jpg": 600.0}, 198.57, "does not say so"),
+    ],
+)
+def test_the_photographs_altitudes_settle_the_unit_of_heights(own: dict, expected: float, words: str) -> None:
+    rows = [GeoRow("a.jpg", 46.8, -92.0, 651.48 * SURVEY_FOOT, assumed_unit_m=SURVEY_FOOT)]
+    settled, findings = settled_heights(rows, own)
+    assert settled[0].altitude_m == pytest.approx(expected, abs=0.01)
+    assert [finding.code for finding in findings] == ["height-unit"]
+    assert words in findings[0].message
+
+
+def test_heights_in_metres_need_no_word() -> None:
+    rows = [GeoRow("a.jpg", 46.8, -92.0, 198.57)]
+    assert settled_heights(rows, {"a.jpg": 651.0}) == (rows, [])
+
+
+@pytest.mark.parametrize("header", ["EPSG:4978", "+proj=geocent +datum=WGS84 +units=m"])
+def test_geocentric_coordinates(header: str) -> None:
+    pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
+    ((x, y, z),) = geodetic_to_ecef(46.8426, -91.994, 165.25)
+    rows, _ = parse_geo_txt(f"{header}\na.jpg {x:.4f} {y:.4f} {z:.4f}\n")
+    assert (rows[0].latitude_deg, rows[0].longitude_deg) == pytest.approx((46.8426, -91.994), abs=1e-8)
+    assert rows[0].altitude_m == pytest.approx(165.25, abs=1e-3)
+    assert rows[0].datum == "ellipsoid"
+    with pytest.raises(MetadataError, match="line 2: geocentric coordinates need z"):
+        parse_geo_txt(f"{header}\na.jpg {x:.4f} {y:.4f}\n")
+
+
+@pytest.mark.parametrize("header", ["EPSG:32615", "EPSG:26849", "WGS84 UTM 15N"])
+def test_degrees_under_a_projection_are_refused(header: str) -> None:
+    pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
+    with pytest.raises(MetadataError, match="look like degrees") as caught:
+        parse_geo_txt(f"{header}\na.jpg -91.994 46.8426 198\nb.jpg -91.9941 46.8427 198\n")
+    assert "EPSG:4326" in caught.value.remedy

@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.poses_csv import PoseRow, parse_poses_csv
-from fieldkit.captures.tables import decode_text, match_names
+from fieldkit.captures.tables import decode_text
 from fieldkit.errors import FieldkitError, MetadataError
 
 HEADER = "image,x_m,y_m,z_m"
@@ -22,11 +23,144 @@ HEADER = "image,x_m,y_m,z_m"
         "Image,X_mm,Y_mm,Z_mm\na.jpg,1500,-2000,3e3\n",
         '# from the rig\nimage,x_m,y_m,z_m\n\n"a.jpg","1.5","-2","3"\n',
         "image,x_m,y_m,z_m,\na.jpg,1.5,-2,3,\n",
+        "#Label,X/Easting,Y/Northing,Z/Altitude\na.jpg,1.5,-2,3\n",
+        "# CoordinateSystem: Local Coordinates (m)\n#Label,X/East,Y/North,Z/Altitude\na.jpg,1.5,-2,3\n# Total Error\n",
+        "# by me, x and name\nimage,x_m,y_m,z_m\n# Label,X,Y,Z\na.jpg,1.5,-2,3\n",
+        "imageName X Y Z\na.jpg 1.5 -2 3\n",
+        "# imageName  X  Y  Z\na.jpg  1.5 -2   3\n",
+        "#imagename,easting [m],northing [m],altitude [m]\na.jpg,1.5,-2,3\n",
+        "Image Name;X (cm);Y (cm);Z (cm)\na.jpg;150;-200;300\n",
+        'image,x,y,z\na.jpg,"1,5","-2",3\n',
     ],
 )
 def test_ways_to_write_the_same(text: str) -> None:
     rows, findings = parse_poses_csv(text)
     assert rows == [PoseRow("a.jpg", (1.5, -2.0, 3.0))]
+    assert findings == []
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [
+        ("image,x_ft,y_ft,z_ft\na.jpg,10,20,30\n", 0.3048),
+        ("Label,X [ft],Y [ft],Z [ft]\na.jpg,10,20,30\n", 0.3048),
+        ("Label;X (US survey feet);Y (US survey feet);Z (US survey feet)\na.jpg;10;20;30\n", 1200 / 3937),
+        ("image,x_ftUS,y_ftUS,z_ftUS\na.jpg,10,20,30\n", 1200 / 3937),
+    ],
+)
+def test_feet(text: str, metres: float) -> None:
+    (row,), _ = parse_poses_csv(text)
+    assert row.position == pytest.approx((10 * metres, 20 * metres, 30 * metres))
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        ("412,345.67;5,188,123.4;198.5", (412345.67, 5188123.4, 198.5)),
+        ("412,345.67;5,188,123;198", (412345.67, 5188123.0, 198.0)),
+        ("412.345,67;5.188.123,4;198,5", (412345.67, 5188123.4, 198.5)),
+        ("412345,67;5188123,4;198,5", (412345.67, 5188123.4, 198.5)),
+        ("412345.67;5188123.4;198.5", (412345.67, 5188123.4, 198.5)),
+        ("-412,345.67;5,188,123;-0.5", (-412345.67, 5188123.0, -0.5)),
+        ("0,345;2,5;3", (0.345, 2.5, 3.0)),
+    ],
+)
+def test_commas_between_semicolons_are_decimals_or_thousands(fields: str, expected: tuple[float, float, float]) -> None:
+    for mark in (";", "\t"):
+        (row,), findings = parse_poses_csv(f"image;x;y;z\na.jpg;{fields}\n".replace(";", mark))
+        assert row.position == pytest.approx(expected)
+        assert findings == []
+
+
+def test_one_number_settles_the_thousands_of_a_whole_file() -> None:
+    rows, findings = parse_poses_csv("image;x;y;z\na.jpg;512,345;5,188,123;198\nb.jpg;512,350.25;5,188,120;198\n")
+    assert rows[0].position == (512345.0, 5188123.0, 198.0)
+    assert findings == []
+
+
+def test_commas_that_may_be_either_are_told_of() -> None:
+    for fields, x in (("1,234;2,345;3,456", 1.234), ("512,345;188,123;198.6", 512345.0)):
+        (row,), findings = parse_poses_csv(f"image;x;y;z\na.jpg;{fields}\n")
+        assert row.position[0] == x
+        assert [finding.code for finding in findings] == ["number-ambiguous"]
+
+
+LONG_LAT = "a.jpg,-91.99421010,46.84252125,198.61\nb.jpg,-91.99408610,46.84260901,198.70\n"
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "image,longitude,latitude,altitude",
+        "image,lon,lat,alt",
+        "#Label,X/Longitude,Y/Latitude,Z/Altitude",
+        "imagename,longitude [decimal degrees],latitude [decimal degrees],altitude [meter]",
+        "Image Name,Lng,Lat,Height",
+        "image,x_deg,y_deg,z_m",
+    ],
+)
+def test_longitude_and_latitude(header: str) -> None:
+    rows, findings = parse_poses_csv(f"{header}\n{LONG_LAT}")
+    assert rows[0] == PoseRow("a.jpg", (-91.9942101, 46.84252125, 198.61), geographic=True)
+    assert findings == []
+    swapped = header.split(",")
+    swapped[1:3] = swapped[2:0:-1]
+    rows, _ = parse_poses_csv(f"{','.join(swapped)}\na.jpg,46.84252125,-91.9942101,198.61\n")
+    assert rows[0].position == (-91.9942101, 46.84252125, 198.61)
+
+
+def test_degrees_with_heights_in_feet_and_projected_columns_beside() -> None:
+    text = "image,easting,northing,lat,lon,z_ft\na.jpg,500000,5188000,46.8,-92.0,100\n"
+    (row,), findings = parse_poses_csv(text)
+    assert row.position == pytest.approx((-92.0, 46.8, 30.48))
+    assert [finding.code for finding in findings] == ["unknown-column"]
+
+
+@pytest.mark.parametrize("header", ["image,x,y,z", "image,x_m,y_m,z_m", "Label,X,Y,Z", "image,easting,northing,height"])
+def test_degrees_under_names_of_metres_are_refused(header: str) -> None:
+    lat_first = "a.jpg,46.84252125,-91.9942101,198.61\nb.jpg,46.842609,-91.9940861,198.7\n"
+    for rows in (LONG_LAT, lat_first):
+        with pytest.raises(MetadataError, match="look like degrees") as caught:
+            parse_poses_csv(f"{header}\n{rows}")
+        assert "longitude, latitude" in caught.value.remedy
+
+
+def test_metres_are_not_taken_for_degrees() -> None:
+    for rows in (
+        "a.jpg,1.5,2.25,0.3\nb.jpg,1.5,2.251,0.9\n",  # a slide that goes up
+        "a.jpg,0.000012,0.0000031,0.3\nb.jpg,0.000015,0.0000029,0.9\n",
+        "a.jpg,91.9942101,46.84252125,3\nb.jpg,93.9942101,46.84252125,3\n",
+        "a.jpg,412345.67123,5188123.44123,3\nb.jpg,412345.68123,5188123.44223,3\n",
+    ):
+        assert len(parse_poses_csv(f"{HEADER}\n{rows}")[0]) == 2
+
+
+def test_what_metashape_writes_besides() -> None:
+    text = (
+        "# CoordinateSystem: Local Coordinates (m)\n"
+        "#Label,X/Easting,Y/Northing,Z/Altitude,Yaw,Pitch,Roll,Error_(m),X_error,Y_error,Z_error,Accuracy_X/Y_(m),"
+        "Accuracy_Z_(m),X_est,Y_est,Z_est\n"
+        "a,1,2,3,10,20,0,0.1,,,,0.02,0.05,9,9,9\n"
+        "b,,,,,,,,,,,,,9,9,9\n"
+        "# Total Error\n,,,,,,,0.5\n"
+    )
+    with pytest.raises(MetadataError, match="no image name"):
+        parse_poses_csv(text)
+    rows, findings = parse_poses_csv(text.replace("# Total Error\n,,,,,,,0.5\n", "#Total Error,,,,,,,0.5\n"))
+    assert rows == [PoseRow("a", (1.0, 2.0, 3.0), 10.0, 20.0, 0.0, 0.05)]
+    assert [finding.code for finding in findings] == ["unknown-column"]
+    assert all(name in findings[0].message for name in ("Error_(m)", "X_est"))
+
+
+def test_what_pix4d_writes_besides() -> None:
+    text = "imageName X Y Z Omega Phi Kappa\nplot 7 a.JPG 1.5 -2 3 0.1 0.2 90.5\n"
+    rows, findings = parse_poses_csv(text)
+    assert rows == [PoseRow("plot 7 a.JPG", (1.5, -2.0, 3.0))]
+    assert "'Omega', 'Phi', 'Kappa'" in findings[0].message
+    text = "imagename,latitude [decimal degrees],longitude [decimal degrees],altitude [meter],yaw [degrees],"
+    text += "pitch [degrees],roll [degrees],accuracy horz [meter],accuracy vert [meter]\n"
+    rows, findings = parse_poses_csv(f"{text}a.JPG,46.2345612,6.5611445,539.931,38.6,3.5,8.3,0.02,0.04\n")
+    assert rows == [PoseRow("a.JPG", (6.5611445, 46.2345612, 539.931), 38.6, 3.5, 8.3, 0.04, geographic=True)]
     assert findings == []
 
 
@@ -135,3 +269,15 @@ def test_names_are_matched_exactly_then_loosely() -> None:
         "a\u0308.jpg": "ä.jpg",
         "c.jpg": "c.jpg",
     }
+
+
+def test_names_without_suffix_and_with_folders() -> None:
+    photos = ["100MEDIA/DJI_0001.JPG", "101MEDIA/DJI_0001.JPG", "101MEDIA/DJI_0002.JPG", "b.jpg", "b.tif", "c.v2.png"]
+    listed = ["DJI_0001.JPG", "101MEDIA/DJI_0001.JPG", "D:\\card\\100media\\dji_0001.jpg", "DJI_0002", "b", "c.v2"]
+    assert match_names(listed, photos) == {
+        "101MEDIA/DJI_0001.JPG": "101MEDIA/DJI_0001.JPG",
+        "D:\\card\\100media\\dji_0001.jpg": "100MEDIA/DJI_0001.JPG",
+        "DJI_0002": "101MEDIA/DJI_0002.JPG",
+        "c.v2": "c.v2.png",
+    }
+    assert match_names(["b.png"], ["b.jpg"]) == {}

@@ -205,3 +205,36 @@ def test_suspicious_units_are_found_when_reading(photo_file: MakePhoto) -> None:
         with (folder / "poses.csv").open("a") as stream:
             stream.write(("image,x_m,y_m,z_m\n" if index == 0 else "") + f"{index}.jpg,{place[0]},{place[1]},80\n")
     assert ("poses.csv", "unit-suspicious") in codes(read_capture(folder))
+
+
+def test_poses_in_degrees_are_georeferenced(photo_file: MakePhoto) -> None:
+    rows = []
+    for k, (latitude, longitude) in enumerate([(46.8426, -91.994), (46.8427, -91.994), (46.8426, -91.9939)]):
+        xmp = dji_xmp(GimbalYawDegree="30", GimbalPitchDegree="-90")
+        folder = photo_file(f"{k}.jpg", seed=k, xmp=xmp).parent
+        rows.append(f"{k},{longitude},{latitude},198.5,{'' if k else 200},{'' if k else -80},0.04\n")
+    header = "#Label,X/Longitude,Y/Latitude,Z/Altitude,Yaw,Pitch,Accuracy_(m)\n"
+    (folder / "poses.csv").write_text(header + "".join(rows))
+    capture = read_capture(folder)
+    assert capture.metric_source == "poses.csv"
+    assert capture.origin is not None
+    assert (capture.origin.latitude_deg, capture.origin.longitude_deg) == pytest.approx((46.84263, -91.99397), abs=1e-5)
+    north = np.subtract(capture.priors["1.jpg"].position, capture.priors["0.jpg"].position)
+    east = np.subtract(capture.priors["2.jpg"].position, capture.priors["0.jpg"].position)
+    assert north == pytest.approx([0, 11.12, 0], abs=0.01)
+    assert east == pytest.approx([7.62, 0, 0], abs=0.01)
+    assert [capture.priors[f"{k}.jpg"].yaw_deg for k in range(3)] == [200.0, 30.0, 30.0]
+    assert capture.priors["0.jpg"].position_accuracy_m == 0.04
+
+
+def test_heights_of_geo_txt_in_feet(photo_file: MakePhoto) -> None:
+    pytest.importorskip("pyproj", reason="pyproj (extra 'geo') is not installed")
+    lines = ["EPSG:26849"] + [f"{k}.jpg 2900000.{k} 50000{k} 651.4{k} 0 0 0 0.066 0.131" for k in range(3)]
+    for k in range(3):
+        folder = photo_file(f"{k}.jpg", seed=k).parent
+    (folder / "GEO.TXT").write_text("\n".join(lines))
+    capture = read_capture(folder)
+    assert capture.origin is not None
+    assert capture.origin.altitude_m == pytest.approx(651.41 * 1200 / 3937)
+    assert capture.priors["0.jpg"].position_accuracy_m == pytest.approx(0.131 * 1200 / 3937)
+    assert "height-unit" in [finding.code for finding in capture.findings]

@@ -146,3 +146,57 @@ def test_a_drone_model(data_folder: Path) -> None:
     assert las.crs_epsg == 32615
     assert las.cloud.colors is not None
     assert las.cloud.colors.max() == 255
+
+
+FOOT, SURVEY_FOOT = 0.3048, 1200 / 3937
+
+
+def las_in(path: Path, points: np.ndarray, *, crs: str | None = None, keys: tuple[tuple[int, int], ...] = ()) -> Path:
+    """A LAS 1.2 file of points in the units of a reference system, or with GeoTIFF keys."""
+    import laspy
+    import pyproj
+    from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct
+
+    header = laspy.LasHeader(version="1.4" if crs else "1.2", point_format=6 if crs else 0)
+    header.offsets, header.scales = np.floor(points.min(axis=0)), np.full(3, 1e-4)
+    if crs:
+        header.add_crs(pyproj.CRS.from_user_input(crs))
+    if keys:
+        record = GeoKeyDirectoryVlr()
+        record.geo_keys = [GeoKeyEntryStruct(key, 0, 1, value) for key, value in keys]
+        record.geo_keys_header.number_of_keys = len(keys)
+        header.vlrs.append(record)
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = points.T
+    las.write(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("stated", "plane", "up"),
+    [
+        ({"crs": "EPSG:2263"}, SURVEY_FOOT, SURVEY_FOOT),
+        ({"crs": "EPSG:2222"}, FOOT, FOOT),
+        ({"crs": "EPSG:26849+6360"}, SURVEY_FOOT, SURVEY_FOOT),
+        ({"crs": "EPSG:26849+5703"}, SURVEY_FOOT, 1.0),
+        ({"crs": "EPSG:32615"}, 1.0, 1.0),
+        ({"keys": ((1024, 1), (3072, 32767), (3076, 9003))}, SURVEY_FOOT, SURVEY_FOOT),
+        ({"keys": ((1024, 1), (3072, 32767), (3076, 9002), (4099, 9001))}, FOOT, 1.0),
+        ({"keys": ((1024, 1), (3072, 2263), (3076, 9003), (4099, 9001))}, SURVEY_FOOT, 1.0),
+        ({"keys": ((1024, 1), (3072, 32615), (4099, 9003))}, 1.0, SURVEY_FOOT),
+        ({}, 1.0, 1.0),
+    ],
+)
+def test_feet_become_metres(tmp_path: Path, stated: dict, plane: float, up: float) -> None:
+    points = leaves(50) * 10 + np.array([900_000.0, 200_000.0, 650.0])
+    las = read_las(las_in(tmp_path / "cloud.las", points, **stated))
+    np.testing.assert_allclose(las.cloud.points, points * [plane, plane, up], rtol=0, atol=1e-4)
+    if plane != 1.0 or up != 1.0:
+        assert las.crs_epsg is None
+
+
+def test_points_in_degrees_are_refused(tmp_path: Path) -> None:
+    path = las_in(tmp_path / "cloud.las", np.array([[-92.0, 46.8, 198.0], [-91.9, 46.9, 199.0]]), crs="EPSG:4326")
+    with pytest.raises(CloudError, match="degrees") as caught:
+        read_cloud(path)
+    assert "Reproject" in caught.value.remedy

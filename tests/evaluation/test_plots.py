@@ -37,3 +37,13 @@ def test_no_photographs_at_all(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     with pytest.raises(CaptureError, match="nor in its subfolders"):
         find_plots(tmp_path)
+
+
+def test_folders_of_one_card_are_one_plot(tmp_path: Path) -> None:
+    for name in ("100MEDIA", "101MEDIA"):
+        photograph(tmp_path / "flight" / name / "DJI_0001.JPG")
+    assert find_plots(tmp_path / "flight") == ([("flight", tmp_path / "flight")], [])
+    photograph(tmp_path / "other" / "a.jpg")
+    assert [name for name, _ in find_plots(tmp_path)[0]] == ["flight", "other"]
+    photograph(tmp_path / "flight" / "plot 3" / "a.jpg")
+    assert [name for name, _ in find_plots(tmp_path / "flight")[0]] == ["100MEDIA", "101MEDIA", "plot 3"]
