@@ -29,7 +29,7 @@ from fieldkit.reconstruction.interest import cuts_plants, volume_of_interest
 from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
 from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
-from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
+from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
 from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
 from fieldkit.reconstruction.sparse import Mapped, map_capture
@@ -171,6 +171,8 @@ def place(
     intrinsics = {name: found for name, found in model_intrinsics(mapped.model).items() if name in counting}
     for note in frame.notes:
         progress.note(note)
+    if known_plot is not None or frame.origin is not None:
+        check_upright(poses, capture)
     result = SparseResult(
         capture, mapped.method, mapped.model, mapped.model_sizes, images, poses, intrinsics,
         mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, tuple(findings),
