@@ -36,7 +36,7 @@ from fieldkit.runtime.progress import Silent
 
 _TOLD = (
     "volume-cuts-plants", "steep-ground", "refinement-not-converged", "too-few-positions", "several-take-offs",
-    "mixed-cameras",
+    "mixed-cameras", "altitude-zero", "heights-joined",
 )  # fmt: skip
 
 

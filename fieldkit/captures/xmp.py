@@ -68,8 +68,8 @@ _SEXAGESIMAL = re.compile(r"([0-9]+),([0-9]+(?:\.[0-9]+)?)(?:,([0-9]+(?:\.[0-9]+
 RTK_FIXED = 50
 """RtkFlag of a fixed solution (DJI Zenmuse P1 and Mavic 3M manuals); 0 is none, 16 single point, 32–49 float."""
 RTK_FLOAT = 32
-_SINGLE_POINT_M = 1.0
-"""A single-point solution is good to metres, whatever deviation stands beside it."""
+_STALE_M = 0.3
+"""A single-point solution is good to metres: a smaller deviation beside it is one of an RTK solution before."""
 LOOKING_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """(3, 3) turn of a camera about its own x axis, from looking ahead to looking down."""
 
@@ -213,9 +213,9 @@ def _stated_accuracy(merged: Mapping[str, str], flag: float | None) -> tuple[flo
     corrected the position since.
     """
     lon, lat, height = (_positive(merged.get(name)) for name in ("rtk_std_lon", "rtk_std_lat", "rtk_std_height"))
-    sides = [s for s in (lon, lat) if s is not None]
-    least = _SINGLE_POINT_M if flag is not None and flag < RTK_FLOAT else 0.0
-    by_rtk = [None if s is None else max(s, least) for s in (max(sides, default=None), height)]
+    by_rtk = [max((s for s in (lon, lat) if s is not None), default=None), height]
+    if flag is not None and flag < RTK_FLOAT:
+        by_rtk = [None if s is None or s < _STALE_M else s for s in by_rtk]
     by_pix4d = [_positive(merged.get(name)) for name in ("horizontal_accuracy", "vertical_accuracy")]
     if by_pix4d != [None, None] and flag != RTK_FIXED:
         return by_pix4d[0], by_pix4d[1], "pix4d"

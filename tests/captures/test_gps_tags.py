@@ -150,7 +150,7 @@ STD = {"RtkStdLon": "0.011", "RtkStdLat": "0.010", "RtkStdHgt": "0.024"}
         ({"RtkFlag": "50"} | STD, None, (0.011, 0.024)),
         ({"RtkFlag": "50"} | STD, 0.02, (0.011, 0.024)),
         ({"RtkFlag": "0"} | STD, None, (None, None)),  # stale: there is no solution
-        ({"RtkFlag": "16"} | STD, None, (1.0, 1.0)),
+        ({"RtkFlag": "16"} | STD, None, (None, None)),
         ({"RtkFlag": "16", "RtkStdLon": "2.7", "RtkStdHgt": "3.7"}, None, (2.7, 3.7)),
         ({"RtkFlag": "16", "RtkStdLon": "2.7", "RtkStdHgt": "3.7"}, 0.02, (0.02, None)),  # post-processed since
         ({}, 0.02, (0.02, None)),
