@@ -10,8 +10,8 @@ import shapely
 from numpy.typing import NDArray
 
 from fieldkit.campaign.reading import CampaignPlot
+from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.captures.model import Photo
-from fieldkit.captures.priors import GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.results.plan import Plan

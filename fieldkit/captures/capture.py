@@ -14,9 +14,11 @@ from PIL import Image
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.cameras import group_cameras
 from fieldkit.captures.decode import PngMetadata, dark_refusal, jpeg_is_complete, read_png_metadata, tiff_refusal
-from fieldkit.captures.exif import Problem, with_exif
+from fieldkit.captures.exif import with_exif
 from fieldkit.captures.folder import Candidate, FolderContents, folders_of_photographs, list_capture
 from fieldkit.captures.geo_txt import read_geo_txt
+from fieldkit.captures.gps_tags import Problem
+from fieldkit.captures.hemispheres import settle_hemispheres
 from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
@@ -70,7 +72,8 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
     if not photos:
         raise _no_photographs(folder, findings)
     photos, duplicates = _distinct(photos, contents)
-    findings += duplicates
+    photos, hemispheres = settle_hemispheres(photos)
+    findings += [*duplicates, *hemispheres]
     groups, camera_findings = _cameras(photos, contents)
     priors = _priors(photos, contents)
     findings += [*camera_findings, *priors.findings]

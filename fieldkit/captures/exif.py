@@ -12,10 +12,12 @@ from typing import Any
 from PIL import ExifTags, Image
 
 from fieldkit.captures.decode import PngMetadata
-from fieldkit.captures.model import GeoTag, Photo
-from fieldkit.captures.xmp import RTK_FIXED, XmpData, parse_xmp
+from fieldkit.captures.gps_tags import Problem, geotag_of
+from fieldkit.captures.gps_tags import number as _number
+from fieldkit.captures.gps_tags import text as _text
+from fieldkit.captures.model import Photo
+from fieldkit.captures.xmp import XmpData, parse_xmp
 from fieldkit.documents.xml_tree import XmlError
-from fieldkit.geometry.geodesy import on_earth
 
 _BASE, _GPS = ExifTags.Base, ExifTags.GPS
 _FILM_WIDTH_MM, _FILM_HEIGHT_MM = 36.0, 24.0
@@ -30,10 +32,6 @@ _FOCAL_WIDTHS = (0.25, 50.0)
 _SMALLEST_SENSOR, _SHORTEST_MM = 16.0, 9.5
 """A sensor's diagonal goes that many times into that of 35 mm film, and lenses for film itself are no shorter."""
 _MOST_DIGITAL_ZOOM = 200.0
-_ALTITUDE_RANGE_M = (-1000.0, 10000.0)
-
-Problem = tuple[str, str]
-"""A finding's code and message, the file's name still to be put to it."""
 
 
 def focal_in_pixels(focal_35mm: float, width: int, height: int) -> float:
@@ -50,7 +48,7 @@ def focal_in_pixels(focal_35mm: float, width: int, height: int) -> float:
 
 
 def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) -> tuple[Photo, list[Problem]]:
-    """A photograph with what its EXIF and DJI's XMP say, and what is odd about that. Nothing is decoded.
+    """A photograph with what its EXIF and its drone's XMP say, and what is odd about that. Nothing is decoded.
 
     Args:
         photo: without.
@@ -75,7 +73,7 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
         focal_px=_focal_px(detail, photo, focal_mm, focal_35mm, zoom, problems),
         captured_at=_time(base, detail, gps),
         orientation=_orientation(base.get(_BASE.Orientation)),
-        geotag=_geotag(gps, xmp, problems),
+        geotag=geotag_of(gps, xmp, problems),
         yaw_deg=xmp.gimbal_yaw_deg,
         pitch_deg=xmp.gimbal_pitch_deg,
         roll_deg=xmp.gimbal_roll_deg,
@@ -110,23 +108,6 @@ def _read_xmp(packet: Any, problems: list[Problem]) -> XmpData:
     except XmlError as error:
         problems.append(("xmp-damaged", f"the XMP packet is damaged: {error}; not used"))
         return XmpData()
-
-
-def _number(value: Any, *, positive: bool = False) -> float | None:
-    try:
-        number = float(value)
-    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
-        return None
-    return number if math.isfinite(number) and (number > 0 or not positive) else None
-
-
-def _text(value: Any) -> str | None:
-    if isinstance(value, bytes):
-        value = value.decode("utf-8", "replace")
-    if not isinstance(value, str):
-        return None
-    cleaned = "".join(c for c in value.split("\0")[0] if c.isprintable()).strip()
-    return cleaned[:200] or None
 
 
 def _orientation(value: Any) -> int:
@@ -214,66 +195,3 @@ def _focal_px(
 
 def _plausible(focal_px: float, longer_side: int) -> bool:
     return _FOCAL_WIDTHS[0] <= focal_px / longer_side <= _FOCAL_WIDTHS[1]
-
-
-def _angle(parts: Any, reference: Any, negative: str) -> float | None:
-    """Degrees of a GPS (degrees, minutes, seconds) triple."""
-    if not isinstance(parts, (tuple, list)) or not 1 <= len(parts) <= 3:
-        return None
-    numbers = [_number(part) for part in parts]
-    if any(number is None for number in numbers):
-        return None
-    degrees = sum(float(number or 0.0) / 60.0**power for power, number in enumerate(numbers))
-    return -degrees if (_text(reference) or "").upper().startswith(negative) else degrees
-
-
-def _altitude(gps: Mapping[int, Any], xmp: XmpData) -> tuple[float | None, str]:
-    """Altitude and its datum. EXIF 3.0's references 2 and 3 are ellipsoidal, 0 and 1 sea level (CIPA DC-008-2023)."""
-    altitude = _number(gps.get(_GPS.GPSAltitude))
-    raw = gps.get(_GPS.GPSAltitudeRef)
-    reference = raw[0] if isinstance(raw, bytes) and raw else raw if isinstance(raw, int) else -1
-    datum = {0: "sea level", 1: "sea level", 2: "ellipsoid", 3: "ellipsoid"}.get(reference, "unknown")
-    if altitude is not None and reference in (1, 3):
-        altitude = -abs(altitude)
-    if altitude is None:
-        altitude, datum = xmp.absolute_altitude_m, "unknown"
-    # DJI writes reference 0 even where AltitudeType says that RTK gave an ellipsoidal height.
-    if (xmp.altitude_type or "").lower().startswith("rtk"):
-        datum = "ellipsoid"
-    return altitude, datum
-
-
-def _geotag(gps: Mapping[int, Any], xmp: XmpData, problems: list[Problem]) -> GeoTag | None:
-    if _GPS.GPSLatitude not in gps and _GPS.GPSLongitude not in gps:
-        return None
-    latitude = _angle(gps.get(_GPS.GPSLatitude), gps.get(_GPS.GPSLatitudeRef), "S")
-    longitude = _angle(gps.get(_GPS.GPSLongitude), gps.get(_GPS.GPSLongitudeRef), "W")
-    if latitude is None or longitude is None:
-        problems.append(("gps-damaged", "the GPS position cannot be read; not used"))
-        return None
-    if abs(latitude) < 1e-6 and abs(longitude) < 1e-6:
-        problems.append(("gps-zero", "the GPS position is (0, 0), so the camera had no fix; not used"))
-        return None
-    if not on_earth(latitude, longitude):
-        problems.append(("gps-implausible", f"GPS ({latitude:.5f}, {longitude:.5f}) is not on Earth; not used"))
-        return None
-    map_datum = _text(gps.get(_GPS.GPSMapDatum))
-    if map_datum and "".join(c for c in map_datum.upper() if c.isalnum()) not in ("WGS84", "WGS1984", "EPSG4326"):
-        problems.append(("gps-datum", f"the GPS datum is {map_datum!r}; used as if it were WGS 84"))
-    altitude, datum = _altitude(gps, xmp)
-    if altitude is not None and not _ALTITUDE_RANGE_M[0] <= altitude <= _ALTITUDE_RANGE_M[1]:
-        problems.append(("altitude-implausible", f"the altitude {altitude:.0f} m is not plausible; not used"))
-        altitude, datum = None, "unknown"
-    horizontal = [s for s in (xmp.rtk_std_lon_m, xmp.rtk_std_lat_m) if s is not None and s > 0]
-    vertical = xmp.rtk_std_height_m if xmp.rtk_std_height_m is not None and xmp.rtk_std_height_m > 0 else None
-    error = _number(gps.get(_GPS.GPSHPositioningError), positive=True)
-    return GeoTag(
-        latitude_deg=latitude,
-        longitude_deg=longitude,
-        altitude_m=altitude,
-        datum=datum,
-        relative_altitude_m=xmp.relative_altitude_m,
-        horizontal_accuracy_m=max(horizontal) if horizontal else error,
-        vertical_accuracy_m=vertical,
-        rtk=xmp.rtk_flag == RTK_FIXED,
-    )

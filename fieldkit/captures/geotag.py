@@ -14,8 +14,8 @@ from fieldkit.captures.flight_logs.achieved import AchievedPose, FixedMount, ach
 from fieldkit.captures.flight_logs.matching import Matches, Stamp, match
 from fieldkit.captures.flight_logs.model import FlightLog, Trigger
 from fieldkit.captures.flight_logs.reading import read_flight_log
+from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.captures.model import Photo
-from fieldkit.captures.priors import GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.geometry.geodesy import LocalFrame

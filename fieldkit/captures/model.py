@@ -20,9 +20,10 @@ class GeoTag:
         latitude_deg, longitude_deg: degrees, north and east positive.
         altitude_m: metres above ``datum``, or None.
         datum: what the altitude is measured from: ``"ellipsoid"``, ``"sea level"`` or ``"unknown"``.
-        relative_altitude_m: metres above the take-off point (DJI, barometric), or None.
+        relative_altitude_m: metres above the take-off point (barometric), or None.
         horizontal_accuracy_m, vertical_accuracy_m: one standard deviation as the camera gives it, or None.
         rtk: whether the position is a fixed RTK solution (DJI's RtkFlag 50), so good to centimetres.
+        unsigned: which of "latitude" and "longitude" have no hemisphere letter, so that their sign is not known.
     """
 
     latitude_deg: float
@@ -33,6 +34,7 @@ class GeoTag:
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
     rtk: bool = False
+    unsigned: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ class Photo:
         captured_at: local time of exposure, without a time zone; UTC where only the GPS gives one.
         orientation: the EXIF orientation tag (1–8); it is not applied.
         geotag: position, or None.
-        yaw_deg, pitch_deg, roll_deg: of the gimbal (DJI XMP): yaw clockwise from north, pitch −90 straight down.
+        yaw_deg, pitch_deg, roll_deg: of the camera (XMP, in DJI's convention): yaw clockwise from north, pitch −90
+            straight down.
         flight_yaw_deg: heading of the aircraft.
     """
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fieldkit.captures.geo_txt import GeoRow, settled_heights
+from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
 from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.model import Finding, GeoTag, Photo, PosePrior
 from fieldkit.captures.poses_csv import PoseRow
@@ -15,20 +16,14 @@ from fieldkit.captures.units import suspicious_unit
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
 
-GPS_ACCURACY_M = 3.0
-"""A consumer GNSS receiver with open sky: 95 % within about 5 m horizontally, so σ ≈ 2–3 m."""
-RTK_ACCURACY_M = 0.03
-"""A fixed RTK solution whose deviations the camera does not give; also the least that RtkStd is believed, since
-DJI's deviations are the solution's and leave out antenna-to-lens offset and shutter delay."""
 POSES_ACCURACY_M = 0.05
 """poses.csv without an accuracy: what a copter under RTK holds a station to (0.04–0.07 m in simulated wind)."""
 ANGLE_ACCURACY_DEG = 3.0
 """A gimbal's compass-based yaw is good to a few degrees; its pitch is better, but one figure serves all three."""
 
 _MIN_FOR_SCALE = 3
-_TAKE_OFF_SPREAD_M = 3.0
 _MAX_EXTENT_M = 50_000.0
-_SHOWN = 5
+_ZEROS_MESSAGE = "yaw, pitch and roll are 0 in all photographs, so they were not measured; not used"
 
 
 @dataclass(frozen=True)
@@ -54,18 +49,21 @@ def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> Prior
     matched, findings = _match([row.image for row in rows], photos, "poses.csv")
     if any(row.geographic for row in rows):
         return _finish(_from_degrees(photos, rows, matched, findings), photos)
+    unmeasured = _all_zero([(row.yaw_deg, row.pitch_deg, row.roll_deg) for row in rows])
+    if unmeasured:
+        findings.append(Finding("poses.csv", "angles-zero", _ZEROS_MESSAGE))
     priors = {}
     for row in rows:
         name = matched.get(row.image)
         if name is None:
             continue
-        angles = row.yaw_deg is not None or row.pitch_deg is not None
+        angles = not unmeasured and (row.yaw_deg is not None or row.pitch_deg is not None)
         priors[name] = PosePrior(
             position=row.position,
             position_accuracy_m=POSES_ACCURACY_M if row.accuracy_m is None else row.accuracy_m,
-            yaw_deg=row.yaw_deg,
-            pitch_deg=row.pitch_deg,
-            roll_deg=row.roll_deg,
+            yaw_deg=row.yaw_deg if angles else None,
+            pitch_deg=row.pitch_deg if angles else None,
+            roll_deg=row.roll_deg if angles else None,
             angle_accuracy_deg=ANGLE_ACCURACY_DEG if angles else None,
             source="poses.csv",
         )
@@ -169,71 +167,53 @@ def _match(listed: list[str], photos: Sequence[Photo], source: str) -> tuple[dic
 
 
 def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str, findings: list[Finding]) -> PriorSet:
-    heights, height_source, datum, more = _heights(tags)
     far, more_far = _far_away(tags)
-    findings = findings + more + more_far
-    located = [name for name in tags if name in heights and name not in far]
+    chosen = choose_heights({name: tag for name, tag in tags.items() if name not in far})
+    findings = [*findings, *chosen.findings, *more_far]
+    located = list(chosen.heights)
     priors: dict[str, PosePrior] = {}
     origin = None
     positions: dict[str, tuple[float, float, float]] = {}
     if located:
-        geodetic = [(tags[n].latitude_deg, tags[n].longitude_deg, heights[n]) for n in located]
-        origin = _frame(geodetic, datum)
+        geodetic = [(tags[n].latitude_deg, tags[n].longitude_deg, chosen.heights[n]) for n in located]
+        origin = _frame(geodetic, chosen.datum)
         local = origin.to_local(*np.array(geodetic).T)
         positions = {n: (float(p[0]), float(p[1]), float(p[2])) for n, p in zip(located, local, strict=True)}
+    unmeasured = _all_zero([(photo.yaw_deg, photo.pitch_deg, photo.roll_deg) for photo in photos])
+    if unmeasured:
+        findings.append(Finding(photos[0].name, "angles-zero", _ZEROS_MESSAGE))
     for photo in photos:
         position = positions.get(photo.name)
-        angles = photo.yaw_deg is not None or photo.pitch_deg is not None
+        angles = not unmeasured and (photo.yaw_deg is not None or photo.pitch_deg is not None)
         if position is None and not angles:
             continue
         priors[photo.name] = PosePrior(
             position=position,
-            position_accuracy_m=None if position is None else _accuracy(tags[photo.name]),
-            yaw_deg=photo.yaw_deg,
-            pitch_deg=photo.pitch_deg,
-            roll_deg=photo.roll_deg,
+            position_accuracy_m=None
+            if position is None
+            else _accuracy(tags[photo.name], chosen.accuracies_m[photo.name]),
+            yaw_deg=photo.yaw_deg if angles else None,
+            pitch_deg=photo.pitch_deg if angles else None,
+            roll_deg=photo.roll_deg if angles else None,
             angle_accuracy_deg=ANGLE_ACCURACY_DEG if angles else None,
             source=source if position is not None else "XMP",
         )
-    return PriorSet(priors, source if located else None, origin, height_source if located else None, tuple(findings))
+    height_source = chosen.source if located else None
+    return PriorSet(priors, source if located else None, origin, height_source, tuple(findings))
 
 
-def _accuracy(tag: GeoTag) -> float:
-    given = [a for a in (tag.horizontal_accuracy_m, tag.vertical_accuracy_m) if a is not None]
-    if given:
-        return max(*given, RTK_ACCURACY_M)
-    return RTK_ACCURACY_M if tag.rtk else GPS_ACCURACY_M
+def _all_zero(angles: Sequence[tuple[float | None, float | None, float | None]]) -> bool:
+    """Whether angles (yaw, pitch, roll) of all photographs that have any are zeros that nobody filled in."""
+    given = [each for each in angles if any(angle is not None for angle in each)]
+    return len(given) > 1 and not any(any(each) for each in given)
 
 
-def _heights(tags: dict[str, GeoTag]) -> tuple[dict[str, float], str, str, list[Finding]]:
-    """Heights that agree with one another: by name, what they are, their datum, and findings.
-
-    Absolute altitudes are used as they are where most come from a fixed RTK solution. Otherwise height above take-off,
-    where every photograph has it: barometric, it is good to decimetres within a flight, while the absolute altitude
-    beside it wanders by metres. It is shifted by the median difference to the absolute altitudes, so that it keeps
-    their datum.
-    """
-    absolute = {n: t.altitude_m for n, t in tags.items() if t.altitude_m is not None}
-    relative = {n: t.relative_altitude_m for n, t in tags.items() if t.relative_altitude_m is not None}
-    datums = sorted({t.datum for n, t in tags.items() if n in absolute})
-    datum = datums[0] if len(datums) == 1 else "unknown"
-    findings: list[Finding] = []
-    if len(datums) > 1:
-        first = next(iter(absolute))
-        findings.append(Finding(first, "mixed-datums", f"altitudes are above {' and '.join(datums)}"))
-    if tags and len(absolute) == len(tags) and 2 * sum(t.rtk for t in tags.values()) > len(tags):
-        return absolute, "RTK altitude", datum, findings
-    if tags and len(relative) == len(tags):
-        if not absolute:
-            return dict(relative), "relative altitude", "unknown", findings
-        offsets = np.array([absolute[n] - relative[n] for n in absolute])
-        if np.ptp(offsets) <= _TAKE_OFF_SPREAD_M:
-            shift = float(np.median(offsets))
-            return {n: r + shift for n, r in relative.items()}, "relative altitude", datum, findings
-        message = f"take-off heights differ by {np.ptp(offsets):.1f} m, so absolute altitudes are used"
-        findings.append(Finding(next(iter(tags)), "several-take-offs", message))
-    findings += [Finding(n, "no-altitude", "no altitude, so no position prior") for n in tags if n not in absolute]
-    return absolute, "absolute altitude", datum, findings
+def _accuracy(tag: GeoTag, height_m: float) -> float:
+    """One standard deviation of a position whose height is good to ``height_m``."""
+    stated = tag.vertical_accuracy_m if tag.horizontal_accuracy_m is None else tag.horizontal_accuracy_m
+    if stated is None:
+        stated = RTK_ACCURACY_M if tag.rtk else GPS_ACCURACY_M
+    return max(stated, height_m, RTK_ACCURACY_M)
 
 
 def _frame(geodetic: Sequence[tuple[float, float, float]], datum: str) -> LocalFrame:

@@ -17,6 +17,7 @@ from fieldkit.captures.cameras import group_cameras
 from fieldkit.captures.capture import assembled, read_photo
 from fieldkit.captures.folder import FolderContents, list_folder, natural_key
 from fieldkit.captures.geo_txt import read_geo_txt
+from fieldkit.captures.hemispheres import settle_hemispheres
 from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
 from fieldkit.captures.poses_csv import read_poses_csv
@@ -113,7 +114,8 @@ def find_photographs(
                 found.append(FoundPhoto(read.photo, place, contents.sidecars, odd))
             advance(1)
     distinct, duplicates = _distinct(sorted(found, key=lambda each: natural_key(each.place)))
-    return FoundPhotos(root, tuple(distinct), (*findings, *duplicates))
+    settled, hemispheres = _with_hemispheres(distinct)
+    return FoundPhotos(root, tuple(settled), (*findings, *duplicates, *hemispheres))
 
 
 def photographs_at(paths: Sequence[Path]) -> list[FoundPhoto]:
@@ -133,7 +135,7 @@ def photographs_at(paths: Sequence[Path]) -> list[FoundPhoto]:
                 photo = read_photo(candidate).photo
                 if photo is not None:
                     found.append(FoundPhoto(photo, candidate.path.as_posix(), contents.sidecars))
-    return found
+    return _with_hemispheres(found)[0]
 
 
 def capture_of(
@@ -211,6 +213,15 @@ def _distinct(found: Sequence[FoundPhoto]) -> tuple[list[FoundPhoto], list[Findi
         if kept is not each:
             findings.append(Finding(each.place, "duplicate", f"the same bytes as {kept.place}", True))
     return list(first.values()), findings
+
+
+def _with_hemispheres(found: Sequence[FoundPhoto]) -> tuple[list[FoundPhoto], list[Finding]]:
+    """`settle_hemispheres`, its findings named by places."""
+    settled, findings = settle_hemispheres([replace(each.photo, name=each.place) for each in found])
+    kept = [
+        replace(each, photo=replace(photo, name=each.photo.name)) for each, photo in zip(found, settled, strict=True)
+    ]
+    return kept, findings
 
 
 def _cameras(

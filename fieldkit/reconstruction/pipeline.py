@@ -30,7 +30,7 @@ from fieldkit.reconstruction.interest import volume_of_interest
 from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
 from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
-from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
+from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
 from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
 from fieldkit.reconstruction.sparse import Mapped, map_capture
@@ -172,6 +172,8 @@ def place(
     undetermined = _undetermined(capture, mapped, poses, intrinsics)
     for note in (*frame.notes, *(finding.message for finding in undetermined)):
         progress.note(note)
+    if known_plot is not None or frame.origin is not None:
+        check_upright(poses, capture)
     result = SparseResult(
         capture, mapped.method, mapped.model, mapped.model_sizes, images, poses, intrinsics,
         mapped.intrinsics_source, frame, mapped.pairs_tried, mapped.pairs_verified, (*findings, *undetermined),

@@ -7,10 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.captures.model import Capture
 from fieldkit.clouds.ground import Plane, fit_ground_plane
 from fieldkit.errors import EmptyCloudError, ReconstructionError
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.reconstruction.prior_mapping import region_of_interest
+
+_LOOKING_UP = 0.5  # sine of the optical axis' elevation
+_RECORDED_UP_DEG = 10.0
 
 
 def find_ground(
@@ -51,6 +55,31 @@ def plot_from_world(
     foot = middle.copy()
     foot[2] = (ground.offset - ground.normal[:2] @ middle[:2]) / ground.normal[2]
     return Similarity(1.0, np.eye(3), -foot)
+
+
+def check_upright(poses: Mapping[str, Pose], capture: Capture) -> None:
+    """Refuse a model that is upside down in a frame whose z is up.
+
+    A plane of cameras fits mirrored positions as well as right ones, from below what it looks at.
+
+    Args:
+        poses: in the plot frame.
+        capture: whose angles say which cameras do look up.
+
+    Raises:
+        ReconstructionError: half of the cameras or more look up, and no record says so.
+    """
+    pitches = {name: prior.pitch_deg for name, prior in capture.priors.items()}
+    up = [n for n, p in poses.items() if p.forward[2] > _LOOKING_UP and (pitches.get(n) or -90.0) < _RECORDED_UP_DEG]
+    if not up or 2 * len(up) < len(poses):
+        return
+    raise ReconstructionError(
+        f"the model is upside down: {len(up)} of {len(poses)} cameras look up at what they were flown over, so the "
+        "positions are mirrored",
+        path=capture.folder,
+        registered=len(poses),
+        remedy="Check the positions' hemisphere letters (N or S, E or W), their signs, and the order of x and y.",
+    )
 
 
 def moved_plane(plane: Plane, motion: Similarity) -> Plane:

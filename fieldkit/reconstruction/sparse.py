@@ -14,7 +14,8 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures.model import Capture
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.agreement import align_to_positions, judge
+from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
+from fieldkit.reconstruction.angle_conventions import Convention, find_convention, look_odd
 from fieldkit.reconstruction.blind_mapping import METHODS, map_blindly
 from fieldkit.reconstruction.cameras import CALIBRATING_DEG, PARALLEL_DEG, CameraSet, spread_deg
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
@@ -23,7 +24,12 @@ from fieldkit.reconstruction.known_poses import KnownPoses
 from fieldkit.reconstruction.model_cache import arrays_to_model, model_to_arrays
 from fieldkit.reconstruction.prior_mapping import PriorMapping, RoughPose, map_with_priors, region_of_interest
 from fieldkit.reconstruction.result import ImageReport
-from fieldkit.reconstruction.rough_poses import contradict, rough_from_model, rough_from_pairs, rough_from_records
+from fieldkit.reconstruction.rough_poses import (
+    contradict,
+    rough_from_model,
+    rough_from_pairs,
+    rough_from_records,
+)
 from fieldkit.reconstruction.settings import LEAST_POSITIONS, ReconstructionSettings, mapping_methods
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep_matches, load_features, load_pairs
 from fieldkit.reconstruction.verification import TwoView
@@ -201,6 +207,7 @@ class _Run:
         similarity = align_to_positions(model_poses(model), self.known.poses, seed=self.settings.seed)
         if similarity is not None:
             transform_model(model, similarity)
+            self.adopt_convention(model)
         elif self.known.positioned:
             self.notes.append(
                 "the model's camera centres do not fit the known positions (fewer than three agree): "
@@ -257,7 +264,9 @@ class _Run:
 
     def with_priors(self) -> Mapped:
         rough = self.rough_poses()
-        result = self.corrected(rough, self.prior_model(rough))
+        contradicted = self.odd_ones(rough)
+        result, more = self.corrected(rough, self.prior_model(rough))
+        result = self.by_convention(rough, result, contradicted | more)
         model = result.model
         reasons = {name: "its position is not known" for name in self.names if self.position(name) is None}
         reasons |= {n: "its orientation is not known" for n in self.known.positioned if n not in rough}
@@ -303,9 +312,83 @@ class _Run:
             return {}
         return rough_from_model(self.calibrating, self.known, seed=self.settings.seed)
 
-    def corrected(self, rough: dict[str, RoughPose], result: PriorMapping) -> PriorMapping:
-        """Map again without the recorded orientations that the photographs contradict; ``rough`` is corrected, too."""
-        contradicted: list[str] = []
+    def odd_ones(self, rough: dict[str, RoughPose]) -> set[str]:
+        """Recorded orientations that look odd and that blind matches contradict; ``rough`` is corrected.
+
+        Prior mapping can register photographs about wrong orientations that are consistent with one another.
+        """
+        recorded = {
+            n: p.pose.rotation @ self.turn for n, p in rough.items() if self.known.poses[n].rotation is not None
+        }
+        if self.settings.trust_orientations or not look_odd(recorded):
+            return set()
+        found = self.pair_poses(_NEAR_NEIGHBOURS)
+        if len(found) < LEAST_POSITIONS:
+            return set()
+        wrong = {n for n in recorded if n in found and contradict(found[n], rough[n])}
+        # Where most are wrong, those that no pair reaches are not believed either.
+        untold = {n for n in recorded if n not in found} if 2 * len(wrong) >= len(found) else set()
+        rough |= {name: found[name] for name in wrong}
+        for name in untold:
+            del rough[name]
+        self.disown(wrong | untold)
+        return wrong | untold
+
+    def disown(self, names: Iterable[str]) -> None:
+        for name in names:
+            self.known.poses[name] = replace(self.known.poses[name], rotation=None)
+
+    def by_convention(self, rough: dict[str, RoughPose], result: PriorMapping, contradicted: set[str]) -> PriorMapping:
+        """Without orientations that are contradicted, unless another convention makes all of them right."""
+        told = self.adopt_convention(result.model) if contradicted else None
+        if told is not None and told.kind == "other":
+            for name, rotation in told.rotations.items():
+                position = self.known.poses[name].position
+                if position is not None:
+                    sigma = np.full(3, self.known.poses[name].position_sigma_m)
+                    angle = self.known.poses[name].angle_sigma_deg
+                    rough[name] = RoughPose(Pose(rotation, position), sigma, angle)
+            return self.prior_model(rough) if set(rough) - set(model_poses(result.model)) else result
+        if contradicted:
+            self.notes.append(
+                f"the recorded orientations of {', '.join(sorted(contradicted))} contradict the photographs and are "
+                "not used (were these photographs rotated?)"
+            )
+        return result
+
+    def adopt_convention(self, model: pycolmap.Reconstruction) -> Convention | None:
+        """Read the recorded angles by another convention where a model in the known frame says so of all; noted."""
+        found = {name: pose.rotation for name, pose in model_poses(model).items()}
+        sigma = float(np.median([pose.angle_sigma_deg for pose in self.known.poses.values()]))
+        told = find_convention(self.capture, found, self.turn, ANGLE_SIGMAS * sigma)
+        if told is None or told.kind == "recorded":
+            return told
+        if told.kind == "other":
+            for name, rotation in told.rotations.items():
+                self.known.poses[name] = replace(self.known.poses[name], rotation=rotation)
+            self.notes.append(
+                f"the recorded angles are not as fieldkit reads them: {told.name}, say the matches of "
+                f"{len(told.compared)} photographs; used so for all"
+            )
+            return told
+        rest = f"the rest fit another: {told.name}" if told.kind == "mixed" else "no other convention fits the rest"
+        self.notes.append(
+            f"the recorded angles follow no one convention: those of {len(told.agreeing)} of {len(told.compared)} "
+            f"photographs agree with the matches, and {rest}"
+        )
+        return told
+
+    @property
+    def turn(self) -> NDArray[np.float64]:
+        """(3, 3) from the priors' frame to the one that poses are worked with in."""
+        return np.eye(3) if self.known.frame is None else self.known.frame.from_source.rotation
+
+    def corrected(self, rough: dict[str, RoughPose], result: PriorMapping) -> tuple[PriorMapping, set[str]]:
+        """Mapped again without the recorded orientations that the photographs contradict, and which these are.
+
+        ``rough`` is corrected, too.
+        """
+        contradicted: set[str] = set()
         by_pairs: dict[str, RoughPose] | None = None
         # Again after each correction: an image can hold on to wrong neighbours and fail once those are put right.
         for _ in range(0 if self.settings.trust_orientations else _CORRECTION_ROUNDS):
@@ -316,17 +399,11 @@ class _Run:
             corrected = {n: by_pairs[n] for n in recorded if n in by_pairs and contradict(by_pairs[n], rough[n])}
             if not corrected:
                 break
-            contradicted += corrected
+            contradicted |= set(corrected)
             rough |= corrected
-            for name in corrected:
-                self.known.poses[name] = replace(self.known.poses[name], rotation=None)
+            self.disown(corrected)
             result = self.prior_model(rough)
-        if contradicted:
-            self.notes.append(
-                f"the recorded orientations of {', '.join(sorted(contradicted))} contradict the photographs and are "
-                "not used (were these photographs rotated?)"
-            )
-        return result
+        return result, contradicted
 
     def calibrate(self, pairs: Pairs) -> None:
         """Self-calibrate by blind mapping, where nothing is known of a camera."""

@@ -238,3 +238,47 @@ def test_heights_of_geo_txt_in_feet(photo_file: MakePhoto) -> None:
     assert capture.origin.altitude_m == pytest.approx(651.41 * 1200 / 3937)
     assert capture.priors["0.jpg"].position_accuracy_m == pytest.approx(0.131 * 1200 / 3937)
     assert "height-unit" in [finding.code for finding in capture.findings]
+
+
+def test_angles_of_zero_in_all_photographs_are_none(photo_file: MakePhoto) -> None:
+    zeros = {"GimbalYawDegree": "+0.00", "GimbalPitchDegree": "+0.00", "GimbalRollDegree": "+0.00"}
+    capture = read_capture(geotagged(photo_file, **zeros))
+    assert codes(capture) == {("a.jpg", "angles-zero")}
+    assert {(p.yaw_deg, p.pitch_deg, p.roll_deg, p.angle_accuracy_deg) for p in capture.priors.values()} == {
+        (None,) * 4
+    }
+    capture = read_capture(geotagged(photo_file, GimbalRollDegree="+0.00", GimbalYawDegree="+0.00"))
+    assert capture.priors["a.jpg"].pitch_deg == -60.0
+
+
+def test_angles_of_zero_in_all_lines_of_poses_csv_are_none(photo_file: MakePhoto) -> None:
+    folder = geotagged(photo_file)
+    lines = [f"{name},{x},{y},{z},0,0,0" for name, (x, y, z) in PLACES.items()]
+    (folder / "poses.csv").write_text("image,x_m,y_m,z_m,yaw_deg,pitch_deg,roll_deg\n" + "\n".join(lines))
+    capture = read_capture(folder)
+    assert ("poses.csv", "angles-zero") in codes(capture)
+    assert capture.priors["a.jpg"].yaw_deg is None
+
+
+def test_rtk_that_drops_keeps_one_datum(photo_file: MakePhoto) -> None:
+    geotagged(photo_file, RtkFlag="50", AltitudeType="RtkAlt", RtkStdHgt="0.027", RtkStdLon="0.013")
+    place = PLACES["c.jpg"]
+    (latitude,), (longitude,), (altitude,) = FRAME.to_geodetic([place])
+    fields = {"RtkFlag": "0", "AltitudeType": "GpsFusionAlt", "RelativeAltitude": f"{place[2]:+.2f}"}
+    exif = exif_block(gps=gps_tags(latitude, longitude, round(altitude + 47.3, 3)))
+    capture = read_capture(photo_file("c.jpg", exif=exif, xmp=dji_xmp(**fields)).parent)
+    truth = np.array(list(PLACES.values()))
+    np.testing.assert_allclose(positions(capture), truth - truth.mean(0), atol=2e-3)
+    assert (capture.height_source, capture.origin and capture.origin.datum) == (
+        "RTK altitude, else relative altitude",
+        "ellipsoid",
+    )
+    assert codes(capture) == {("c.jpg", "heights-joined")}
+    accuracies = [capture.priors[f"{letter}.jpg"].position_accuracy_m for letter in "abc"]
+    assert accuracies == [0.03, 0.03, 3.0]
+
+
+def test_a_stated_horizontal_accuracy_never_makes_a_barometric_height_exact(photo_file: MakePhoto) -> None:
+    capture = read_capture(geotagged(photo_file, RtkStdLon="0.02", RtkStdHgt="1.5"))
+    assert capture.height_source == "relative altitude"
+    assert capture.priors["a.jpg"].position_accuracy_m == 0.3

@@ -32,6 +32,33 @@ def test_photographs_that_were_turned_after_their_yaw_was_written(
     assert "orientations of IMG_0005.jpg contradict the photographs" in note
 
 
+@pytest.mark.parametrize(
+    ("write", "said"),
+    [
+        (lambda yaw, pitch, k: (yaw, pitch), ""),
+        (lambda yaw, pitch, k: (yaw, pitch + 90.0), "pitch 0 is straight down"),
+        (lambda yaw, pitch, k: (yaw, -pitch), "pitch counts downwards"),
+        (lambda yaw, pitch, k: (yaw + 180.0, pitch), "yaw is off by 180°"),
+        (lambda yaw, pitch, k: (yaw, pitch + 90.0 * (k % 2)), "follow no one convention"),
+    ],
+)
+def test_angles_of_another_convention_are_read_by_it(
+    photographs: Callable[..., Path], tmp_path: Path, write: Callable[..., tuple[float, float]], said: str
+) -> None:
+    folder = photographs()
+    table = [line.split(",") for line in (folder / "poses.csv").read_text("utf-8").splitlines()]
+    yaw, pitch = table[0].index("yaw_deg"), table[0].index("pitch_deg")
+    for k, row in enumerate(table[1:]):
+        row[yaw], row[pitch] = map(str, write(float(row[yaw]), float(row[pitch]), k))
+    (folder / "poses.csv").write_text("\n".join(map(",".join, table)) + "\n", "utf-8")
+    sparse, _ = place(read_capture(folder), ReconstructionSettings(), [], StageCache(tmp_path / "c"), Silent(), 1, None)
+    # What a mixture leaves of the eight is oriented by its matches.
+    assert sparse.right >= (7 if "no one" in said else 8)
+    notes = " ".join(sparse.frame.notes)
+    assert said in notes
+    assert ("convention" in notes or "not as fieldkit reads them" in notes) is bool(said)
+
+
 @pytest.mark.slow
 def test_a_real_flight_with_six_turned_photographs(data_folder: Path, tmp_path: Path) -> None:
     capture = read_capture(data_folder / "drone_trees" / "images")

@@ -1,14 +1,17 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from fieldkit.captures.model import Capture, PosePrior
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.reconstruction.interest import cuts_plants, volume_of_interest
-from fieldkit.reconstruction.plot_frame import find_ground, moved_plane, plot_from_world
+from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
 
 CAMERA = Intrinsics.pinhole(800, 600, 700.0)
 
@@ -83,3 +86,28 @@ def test_too_few_points_leave_the_volume_to_the_person() -> None:
     with pytest.raises(ReconstructionError) as caught:
         volume_of_interest(np.full((3, 3), 9.0), poses, dict.fromkeys(poses, CAMERA))
     assert "--bounds" in caught.value.remedy
+
+
+def _capture(pitches: dict[str, float | None]) -> Capture:
+    return Capture(Path("plot"), Path("plot"), (), (), (), {n: PosePrior(pitch_deg=p) for n, p in pitches.items()})
+
+
+def _plane_of_cameras(pitches: list[float]) -> dict[str, Pose]:
+    return {f"{k}": Pose.from_yaw_pitch([10.0 * k, 3.0 * (k % 2), 40.0], 30.0, p) for k, p in enumerate(pitches)}
+
+
+@pytest.mark.parametrize("pitches", [[89.0] * 4, [89.0, -89.0, 88.0, -89.0]])
+@pytest.mark.parametrize("recorded", [None, -89.9, 0.0])
+def test_a_plane_of_cameras_below_what_it_sees_is_refused(pitches: list[float], recorded: float | None) -> None:
+    poses = _plane_of_cameras(pitches)
+    with pytest.raises(ReconstructionError, match=r"upside down.*mirrored") as caught:
+        check_upright(poses, _capture(dict.fromkeys(poses, recorded)))
+    assert "hemisphere" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("pitches", "recorded"), [([-89.0] * 4, None), ([40.0] * 4, 40.0), ([10.0] * 4, None), ([], None)]
+)
+def test_cameras_that_look_down_or_are_known_to_look_up_are_not(pitches: list[float], recorded: float | None) -> None:
+    poses = _plane_of_cameras(pitches)
+    check_upright(poses, _capture(dict.fromkeys(poses, recorded)))

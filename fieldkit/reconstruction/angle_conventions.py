@@ -1,0 +1,165 @@
+"""By which convention recorded angles were written, told by orientations that were found without them.
+
+Programs and makers disagree: pitch is 0 or −90 straight down, counts up or down, the heading is the gimbal's or the
+aircraft's, in degrees from north or from the nose. One photograph cannot tell, since an orientation may be wrong by
+itself; all together can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.captures.model import Capture, Photo, PosePrior
+from fieldkit.captures.xmp import LOOKING_DOWN
+from fieldkit.geometry import Pose
+from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
+
+Matrix = NDArray[np.float64]
+Rotations = dict[str, Matrix]
+
+_LEAST = 3
+"""Photographs that tell a convention."""
+_AS_RECORDED_SHARE = 0.5
+_CONVENTION_SHARE = 0.9
+_MEDIAN_SHARE = 0.5  # of the bound
+_LEVEL = float(np.sin(np.radians(-20.0)))
+_UPSIDE_DOWN = 0.3
+_ODD_SHARE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Convention:
+    """What orientations that were found say of the recorded ones.
+
+    Attributes:
+        kind: "recorded": as fieldkit reads them, for most at least; "other": as ``name`` says, for all; "mixed": some
+            one way and the rest the other; "none".
+        name: of the other convention, in words.
+        rotations: camera from world (3, 3), of all photographs with angles, by that convention.
+        agreeing: photographs whose recorded orientation is within the bound of the one found.
+        compared: photographs with both.
+    """
+
+    kind: str
+    name: str
+    rotations: Rotations
+    agreeing: tuple[str, ...]
+    compared: tuple[str, ...]
+
+
+def find_convention(capture: Capture, found: Mapping[str, Matrix], turn: Matrix, bound_deg: float) -> Convention | None:
+    """The convention of a capture's recorded angles; None where fewer than three photographs could tell.
+
+    Args:
+        capture: whose priors have angles.
+        found: camera from world (3, 3), found without them.
+        turn: (3, 3) from the frame of the priors to that of ``found``.
+        bound_deg: two orientations that differ less agree.
+    """
+    recorded = _rotations(capture, turn, lambda angles, _: angles)
+    compared = tuple(name for name in recorded if name in found)
+    if len(compared) < _LEAST:
+        return None
+    agreeing = tuple(n for n in compared if rotation_angle_deg(recorded[n], found[n]) <= bound_deg)
+    most = len(agreeing) >= _AS_RECORDED_SHARE * len(compared)
+    name, rotations = ("", recorded) if most else _fitting(compared, found, capture, turn, bound_deg)
+    if name:
+        return Convention("other", name, rotations, agreeing, compared)
+    rest = [n for n in compared if n not in agreeing]
+    name = _fitting(rest, found, capture, turn, bound_deg)[0] if agreeing and len(rest) >= _LEAST else ""
+    kind = "mixed" if name else "recorded" if most else "none"
+    return Convention(kind, name, recorded, agreeing, compared)
+
+
+def _fitting(
+    names: Sequence[str], found: Mapping[str, Matrix], capture: Capture, turn: Matrix, bound_deg: float
+) -> tuple[str, Rotations]:
+    """The other convention that fits these photographs: of those that change least the nearest, or none."""
+    best: tuple[int, float, str, Rotations] = (0, np.inf, "", {})
+    for changes, name, rotations in _candidates(capture, turn):
+        if best[2] and changes > best[0]:
+            break
+        if any(n not in rotations for n in names):
+            continue
+        apart = np.array([rotation_angle_deg(rotations[n], found[n]) for n in names])
+        median = float(np.median(apart))
+        if np.mean(apart <= bound_deg) >= _CONVENTION_SHARE and median <= min(_MEDIAN_SHARE * bound_deg, best[1]):
+            best = (changes, median, name, rotations)
+    return best[2], best[3]
+
+
+def look_odd(rotations: Mapping[str, Matrix]) -> bool:
+    """Whether many recorded orientations look at the horizon or up, or are upside down, as drones hardly do."""
+    if len(rotations) < _LEAST:
+        return False
+    axes = np.array(list(rotations.values()))
+    odd = (axes[:, 2, 2] > _LEVEL) | (axes[:, 1, 2] > _UPSIDE_DOWN)
+    return bool(np.mean(odd) >= _ODD_SHARE)
+
+
+Angles = tuple[float, float, float]
+Reading = Callable[[Angles, Photo], Angles | None]
+
+
+def _of_aircraft(angles: Angles, photo: Photo) -> Angles | None:
+    return None if photo.flight_yaw_deg is None else (photo.flight_yaw_deg, *angles[1:])
+
+
+def _from_nose(angles: Angles, photo: Photo) -> Angles | None:
+    return None if photo.flight_yaw_deg is None else (angles[0] + photo.flight_yaw_deg, *angles[1:])
+
+
+_READINGS: tuple[tuple[str, Reading], ...] = (
+    ("", lambda angles, _: angles),
+    ("pitch counts downwards", lambda a, _: (a[0], -a[1], a[2])),
+    ("the heading is the aircraft's", _of_aircraft),
+    ("yaw counts from the aircraft's nose", _from_nose),
+    ("yaw counts anticlockwise", lambda a, _: (-a[0], a[1], a[2])),
+)
+_MOUNTS = (
+    ("", np.eye(3)),
+    ("pitch 0 is straight down", LOOKING_DOWN),
+    ("pitch 0 is the horizon", LOOKING_DOWN.T),
+)
+
+
+def _candidates(capture: Capture, turn: Matrix) -> Iterator[tuple[int, str, Rotations]]:
+    """Other conventions by how much they change, those that change least first."""
+    combined = []
+    for reading_name, reading in _READINGS:
+        for mount_name, mount in _MOUNTS:
+            for degrees in (0, 180, 90, -90):
+                for what in ("yaw is off", "the camera is turned about its axis") if degrees else ("",):
+                    parts = [p for p in (mount_name, reading_name, what and f"{what} by {degrees}°") if p]
+                    if parts:
+                        combined.append((parts, reading, mount, degrees, what))
+    for parts, reading, mount, degrees, what in sorted(combined, key=lambda each: len(each[0])):
+        spin = rotation_from_vector((0.0, 0.0, np.radians(degrees)))
+        before, after = (mount, spin) if what == "yaw is off" else (spin @ mount, np.eye(3))
+        yield len(parts), " and ".join(parts), _rotations(capture, turn, reading, before, after)
+
+
+def _rotations(
+    capture: Capture, turn: Matrix, reading: Reading, before: Matrix | None = None, after: Matrix | None = None
+) -> Rotations:
+    """Rotations by one reading of the angles, ``before`` them in the camera and ``after`` them in the world."""
+    found = {}
+    for photo in capture.photos:
+        angles = _angles(capture.priors.get(photo.name))
+        read = None if angles is None else reading(angles, photo)
+        if read is not None:
+            rotation = Pose.from_yaw_pitch(np.zeros(3), *read).rotation
+            rotation = rotation if before is None else before @ rotation
+            rotation = rotation if after is None else rotation @ after
+            found[photo.name] = rotation @ turn.T
+    return found
+
+
+def _angles(prior: PosePrior | None) -> Angles | None:
+    if prior is None or prior.yaw_deg is None or prior.pitch_deg is None:
+        return None
+    return prior.yaw_deg, prior.pitch_deg, prior.roll_deg or 0.0

@@ -1,0 +1,164 @@
+"""Signs of coordinates and altitudes, of EXIF and XMP together, and stated accuracies."""
+
+from pathlib import Path
+
+import pytest
+
+from fieldkit.captures import Capture, GeoTag, read_capture
+from fieldkit.captures.selection import capture_of, find_photographs
+from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
+
+SOUTH = (-33.9, 151.2)
+
+
+def folder_of(photo_file: MakePhoto, *gps: dict, xmp: bytes | tuple[bytes, ...] = b"") -> Path:
+    """A folder with one photograph per GPS directory."""
+    path = Path()
+    for index, tags in enumerate(gps):
+        own = xmp[index] if isinstance(xmp, tuple) else xmp
+        path = photo_file(f"{index}.jpg", seed=index, exif=exif_block(gps=tags), xmp=own)
+    return path.parent
+
+
+def tags_of(capture: Capture) -> list[GeoTag]:
+    return [photo.geotag for photo in capture.photos if photo.geotag is not None]
+
+
+def said(capture: Capture, code: str) -> list[str]:
+    return [finding.message for finding in capture.findings if finding.code == code]
+
+
+def unlettered(latitude: float, longitude: float, *letters: int) -> dict:
+    """GPS tags without the letter of the latitude (1) or of the longitude (3)."""
+    return {k: v for k, v in gps_tags(latitude, longitude, 200.0).items() if k not in (letters or (1,))}
+
+
+@pytest.mark.parametrize("letter", [None, "", "?"])
+def test_a_latitude_that_nothing_puts_north_or_south_is_refused(photo_file: MakePhoto, letter: str | None) -> None:
+    tags = [unlettered(-33.9 + 1e-4 * k, 151.2) | ({} if letter is None else {1: letter}) for k in range(3)]
+    capture = read_capture(folder_of(photo_file, *tags))
+    assert tags_of(capture) == []
+    assert capture.metric_source is None
+    (message,) = said(capture, "gps-hemisphere")
+    assert "3 photographs have no GPSLatitudeRef" in message
+    assert "geo.txt" in message
+
+
+def test_xmp_gives_the_sign_that_the_letter_does_not(photo_file: MakePhoto) -> None:
+    xmp = dji_xmp(GpsLatitude="-33.9000000", GpsLongtitude="+151.2000000")
+    capture = read_capture(folder_of(photo_file, unlettered(*SOUTH, 1, 3), xmp=xmp))
+    (tag,) = tags_of(capture)
+    assert (tag.latitude_deg, tag.longitude_deg, tag.unsigned) == (pytest.approx(-33.9), pytest.approx(151.2), ())
+    assert said(capture, "gps-hemisphere") == []
+
+
+def test_a_letter_that_contradicts_xmp_is_reported_and_not_used(photo_file: MakePhoto) -> None:
+    xmp = dji_xmp(GpsLatitude="-33.9", GpsLongitude="-151.2")
+    capture = read_capture(folder_of(photo_file, gps_tags(33.9, 151.2, 20.0), xmp=xmp))
+    (tag,) = tags_of(capture)
+    assert (tag.latitude_deg, tag.longitude_deg) == (pytest.approx(-33.9), pytest.approx(-151.2))
+    assert len(said(capture, "gps-hemisphere")) == 2
+
+
+def test_xmp_of_another_place_says_nothing_about_the_sign(photo_file: MakePhoto) -> None:
+    capture = read_capture(folder_of(photo_file, gps_tags(*SOUTH, 20.0), xmp=dji_xmp(GpsLatitude="+52.0")))
+    assert tags_of(capture)[0].latitude_deg == pytest.approx(-33.9)
+
+
+@pytest.mark.parametrize("missing", [(1,), (3,), (1, 3)])
+def test_the_other_photographs_give_the_sign(photo_file: MakePhoto, missing: tuple[int, ...]) -> None:
+    whole = [gps_tags(-33.9 + 1e-4 * k, -70.2, 200.0) for k in range(3)]
+    folder = folder_of(photo_file, *whole, unlettered(-33.9001, -70.2001, *missing))
+    for capture in (read_capture(folder), capture_of(find_photographs(folder).photos)):
+        assert all(tag.latitude_deg < 0 and tag.longitude_deg < 0 for tag in tags_of(capture))
+        assert len(tags_of(capture)) == 4
+    assert len(said(read_capture(folder), "gps-hemisphere")) == len(missing)
+
+
+def test_photographs_that_contradict_one_another_give_no_sign(photo_file: MakePhoto) -> None:
+    folder = folder_of(photo_file, gps_tags(33.9, 151.2), gps_tags(-33.9, 151.2), unlettered(-33.9001, 151.2))
+    capture = read_capture(folder)
+    assert capture.photo("2.jpg").geotag is None
+
+
+def test_a_selection_of_a_tree_refuses_too(photo_file: MakePhoto) -> None:
+    found = find_photographs(folder_of(photo_file, *(unlettered(-33.9, 151.2) for _ in range(2))))
+    assert [each.photo.geotag for each in found.photos] == [None, None]
+    assert [(finding.name, finding.code) for finding in found.findings] == [("0.jpg", "gps-hemisphere")]
+
+
+def test_a_minus_is_a_sign_and_not_a_second_one(photo_file: MakePhoto) -> None:
+    from fieldkit.captures.gps_tags import geotag_of
+    from fieldkit.captures.xmp import XmpData
+
+    for letter, expected in (("S", ()), (None, ()), ("N", ("latitude",))):
+        gps = {1: letter, 2: (-33.0, 54.0, 0.0), 3: "E", 4: 151.2}
+        tag = geotag_of({k: v for k, v in gps.items() if v is not None}, XmpData(), [])
+        assert tag is not None
+        assert (tag.unsigned, abs(tag.latitude_deg), tag.longitude_deg) == (expected, pytest.approx(33.9), 151.2)
+        assert letter == "N" or tag.latitude_deg < 0
+
+
+def test_a_position_in_xmp_alone_is_read(photo_file: MakePhoto) -> None:
+    xmp = dji_xmp(GpsLatitude="-33.9", GpsLongitude="151.2", AbsoluteAltitude="+80.5", RelativeAltitude="+20.0")
+    path = photo_file("a.jpg", xmp=xmp)
+    (tag,) = tags_of(read_capture(path.parent))
+    assert (tag.latitude_deg, tag.longitude_deg, tag.altitude_m, tag.datum) == (-33.9, 151.2, 80.5, "unknown")
+
+
+@pytest.mark.parametrize(
+    ("exif", "reference", "xmp", "expected", "reported"),
+    [
+        (198.6, 1, "+198.60", 198.6, True),
+        (198.6, 0, "-198.60", -198.6, True),
+        (198.6, 1, "-198.60", -198.6, False),
+        (198.6, 1, "+151.30", 198.6, True),  # heights of two datums
+        (0.0, 0, "+198.60", 198.6, False),
+        (2.0, 0, "+2.10", 2.0, False),
+    ],
+)
+def test_the_sign_of_an_altitude_is_that_of_xmp(
+    photo_file: MakePhoto, exif: float, reference: int, xmp: str, expected: float, reported: bool
+) -> None:
+    gps = gps_tags(52.0, 13.0, exif, reference)
+    capture = read_capture(folder_of(photo_file, gps, xmp=dji_xmp(AbsoluteAltitude=xmp)))
+    assert tags_of(capture)[0].altitude_m == pytest.approx(expected)
+    assert bool(said(capture, "altitude-sign")) is reported
+
+
+@pytest.mark.parametrize(
+    ("fields", "datum"),
+    [
+        ({"RtkFlag": "50"}, "unknown"),  # a Phantom 4 RTK, which writes reference 0 beside ellipsoidal heights
+        ({"RtkFlag": "34"}, "unknown"),
+        ({"RtkFlag": "0"}, "sea level"),
+        ({"RtkFlag": "50", "AltitudeType": "RtkAlt"}, "ellipsoid"),
+        ({"RtkFlag": "0", "AltitudeType": "GpsFusionAlt"}, "sea level"),
+    ],
+)
+def test_sea_level_is_not_believed_of_rtk(photo_file: MakePhoto, fields: dict[str, str], datum: str) -> None:
+    capture = read_capture(folder_of(photo_file, gps_tags(52.0, 13.0, 80.0), xmp=dji_xmp(**fields)))
+    assert tags_of(capture)[0].datum == datum
+
+
+STD = {"RtkStdLon": "0.011", "RtkStdLat": "0.010", "RtkStdHgt": "0.024"}
+
+
+@pytest.mark.parametrize(
+    ("fields", "error", "expected"),
+    [
+        ({"RtkFlag": "50"} | STD, None, (0.011, 0.024)),
+        ({"RtkFlag": "50"} | STD, 0.02, (0.011, 0.024)),
+        ({"RtkFlag": "0"} | STD, None, (None, None)),  # stale: there is no solution
+        ({"RtkFlag": "16"} | STD, None, (None, None)),
+        ({"RtkFlag": "16", "RtkStdLon": "2.7", "RtkStdHgt": "3.7"}, None, (2.7, 3.7)),
+        ({"RtkFlag": "16", "RtkStdLon": "2.7", "RtkStdHgt": "3.7"}, 0.02, (0.02, None)),  # post-processed since
+        ({}, 0.02, (0.02, None)),
+    ],
+)
+def test_accuracies_are_those_of_the_position(
+    photo_file: MakePhoto, fields: dict[str, str], error: float | None, expected: tuple[float | None, float | None]
+) -> None:
+    gps = gps_tags(52.0, 13.0, 80.0) | ({} if error is None else {31: error})
+    (tag,) = tags_of(read_capture(folder_of(photo_file, gps, xmp=dji_xmp(**fields))))
+    assert (tag.horizontal_accuracy_m, tag.vertical_accuracy_m) == pytest.approx(expected)
