@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import os
-import stat
 import struct
 import warnings
 from collections.abc import Iterable, Iterator
@@ -23,6 +22,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ply_header import Element, Header, read_header
 from fieldkit.errors import CloudError
 from fieldkit.files import write_atomic
+from fieldkit.regular_files import open_regular
 
 _COLOR_NAMES = (
     ("red", "green", "blue"),
@@ -48,17 +48,15 @@ def read_ply(path: Path) -> Cloud:
     """
     path = Path(path)
     try:
-        with path.open("rb") as file:
-            status = os.fstat(file.fileno())
-            if not stat.S_ISREG(status.st_mode):
-                raise CloudError("is not a regular file", path=path, remedy="Give a point cloud as PLY, LAS or LAZ.")
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
             header = read_header(file, path)
             vertex = _vertex(header, path)
             file.seek(header.body)
             read = _read_binary if header.byte_order else _read_ascii
-            columns = read(file, header, vertex, status.st_size - header.body, path)
+            columns = read(file, header, vertex, size - header.body, path)
     except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)
+        reason = error.strerror or str(error)
         raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
     return _cloud(columns, path)
 
