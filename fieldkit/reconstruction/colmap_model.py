@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.tracks import Track
-
-# COLMAP logs every step to stderr, which belongs to the person at the terminal; only fatal messages stay.
-pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
 
 
 def to_colmap_camera(intrinsics: Intrinsics, camera_id: int) -> pycolmap.Camera:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
@@ -16,6 +15,7 @@ from fieldkit.errors import ReconstructionError
 from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.blind_mapping import METHODS, map_blindly
 from fieldkit.reconstruction.cameras import CameraSet
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import KnownPoses
