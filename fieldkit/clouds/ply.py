@@ -224,12 +224,17 @@ def _without_lists(line: str, element: Element) -> str:
 
 def _cloud(columns: Columns, path: Path) -> Cloud:
     with np.errstate(invalid="ignore", over="ignore"):
-        points = np.stack([columns[name].astype(np.float64) for name in "xyz"], axis=1)
-        finite = np.asarray(np.isfinite(points).all(axis=1))
+        points = np.empty((len(columns["x"]), 3))
+        for axis, name in enumerate("xyz"):
+            points[:, axis] = columns[name]
+        finite: NDArray[np.bool_] | slice = np.isfinite(points).all(axis=1)
+        if np.all(finite):
+            finite = slice(None)  # no copies of large clouds
         points = points[finite]
-        if len(points) and np.abs(points).max() > _LARGEST_COORDINATE:
+        largest = max(points.max(), -points.min()) if len(points) else 0.0
+        if largest > _LARGEST_COORDINATE:
             raise CloudError(
-                f"has coordinates up to {np.abs(points).max():.3g}, which is no place on Earth",
+                f"has coordinates up to {largest:.3g}, which is no place on Earth",
                 path=path,
                 remedy="Its values or byte order are damaged: export it again.",
             )
@@ -243,7 +248,7 @@ def _cloud(columns: Columns, path: Path) -> Cloud:
 
 
 def _first(
-    columns: Columns, alternatives: tuple[tuple[str, ...], ...], rows: NDArray[np.bool_]
+    columns: Columns, alternatives: tuple[tuple[str, ...], ...], rows: NDArray[np.bool_] | slice
 ) -> list[NDArray[np.generic]] | None:
     for names in alternatives:
         if all(name in columns for name in names):
@@ -257,6 +262,8 @@ def _eight_bit(channels: list[NDArray[np.generic]]) -> NDArray[np.uint8]:
     16-bit integers are divided by 257; floating-point numbers run from 0 to 1, or from 0 to 255 if any is above 1.
     """
     kind = channels[0].dtype
+    if all(channel.dtype == np.uint8 for channel in channels):
+        return np.stack(channels, axis=1).astype(np.uint8, copy=False)
     values = np.stack([np.nan_to_num(c.astype(np.float64), posinf=0.0, neginf=0.0) for c in channels], axis=1)
     if kind.kind == "f" and (not values.size or values.max() <= 1.0):
         values *= 255.0
