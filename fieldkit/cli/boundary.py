@@ -162,7 +162,9 @@ def emit_json(value: Any) -> None:
     import json
 
     with suppress(BrokenPipeError):
-        sys.stdout.write(json.dumps(_plain(value), ensure_ascii=False, indent=2, allow_nan=False) + "\n")
+        text = json.dumps(_plain(value), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
+        # Paths may have bytes that are no UTF-8; as JSON's own escapes they can be written.
+        sys.stdout.write(text.encode("utf-8", "backslashreplace").decode())
     flush(sys.stdout)
 
 

@@ -227,9 +227,8 @@ def _cloud(columns: Columns, path: Path) -> Cloud:
         points = np.empty((len(columns["x"]), 3))
         for axis, name in enumerate("xyz"):
             points[:, axis] = columns[name]
-        finite: NDArray[np.bool_] | slice = np.isfinite(points).all(axis=1)
-        if np.all(finite):
-            finite = slice(None)  # no copies of large clouds
+        known = np.asarray(np.isfinite(points).all(axis=1))
+        finite = slice(None) if known.all() else known  # no copies of large clouds
         points = points[finite]
         largest = max(points.max(), -points.min()) if len(points) else 0.0
         if largest > _LARGEST_COORDINATE:

@@ -16,6 +16,7 @@ from fieldkit.present.style import format_length, format_nominal
 from fieldkit.results.evaluation import PlotEvaluation
 
 _WIDTH, _HEIGHT = 15.0, 11.7
+_AT_A_TIME = 1_000_000
 _ROWS = ((6.45, 3.95), (1.35, 3.95))
 # Blue through light yellow to red: safe for colour-blind eyes, and dark for large distances.
 _COLORS = LinearSegmentedColormap.from_list("distance", ["#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a"])
@@ -47,17 +48,18 @@ def draw_comparison(plot: PlotEvaluation, estimate: Cloud, reference: Cloud | Re
     limit = max(float(distance) for distance in plot.f_score)
     kept = reference if isinstance(reference, ReferenceIndex) else ReferenceIndex(reference)
     own, known = PointIndex(estimate.points), kept.cloud.points
-    to_reference = own.unsorted(kept.index.distances_from(own))
-    to_estimate = kept.index.unsorted(own.distances_from(kept.index))
+    limits = display_limits(estimate.points, volume, known)
+    # Millions of distances take much memory, their colours little.
+    by_reference = _colored(own.unsorted(kept.index.distances_from(own)), limit)
+    by_estimate = _colored(kept.index.unsorted(own.distances_from(kept.index)), limit)
     figure = new_figure(_WIDTH, _HEIGHT, f"{plot.name}: distance to the reference")
     accuracy, completeness = format_length(plot.accuracy_m), format_length(plot.completeness_m)
     ours = f"Accuracy {accuracy}: the plot's {len(estimate):,} points by distance to the reference"
     theirs = f"Completeness {completeness}: the reference's {len(reference):,} points by distance to it"
-    rows = ((estimate.points, to_reference, ours), (known, to_estimate, theirs))
+    rows = ((estimate.points, by_reference, ours), (known, by_estimate, theirs))
     # Both rows show the same part of the plot at the same scale.
-    limits = display_limits(estimate.points, volume, known)
-    for row, (points, distances, title) in zip(_ROWS, rows, strict=True):
-        draw_plants(figure, Cloud(points, _colored(distances, limit)), volume, None, "m", row, limits=limits)
+    for row, (points, colors, title) in zip(_ROWS, rows, strict=True):
+        draw_plants(figure, Cloud(points, colors), volume, None, "m", row, limits=limits)
         y = (row[0] + row[1] + 0.42) / _HEIGHT
         figure.text(0.03, y, title, size=10, color=INK, va="center", weight="bold", parse_math=False)
     _legend(figure, plot, limit)
@@ -65,11 +67,12 @@ def draw_comparison(plot: PlotEvaluation, estimate: Cloud, reference: Cloud | Re
 
 
 def _colored(distances: NDArray[np.float64], limit: float) -> NDArray[np.uint8]:
-    steps = np.arange(_COLORS.N)
-    colors: NDArray[np.uint8] = np.round(255 * _COLORS(steps)[:, :3]).astype(np.uint8)
-    place = distances / limit
-    place *= _COLORS.N
-    return colors[np.minimum(place, steps[-1], out=place).astype(np.uint8)]
+    table = np.round(255 * _COLORS(np.arange(_COLORS.N))[:, :3]).astype(np.uint8)
+    colors = np.empty((len(distances), 3), dtype=np.uint8)
+    for start in range(0, len(distances), _AT_A_TIME):
+        some = slice(start, start + _AT_A_TIME)
+        colors[some] = table[np.minimum(distances[some] / limit * _COLORS.N, _COLORS.N - 1).astype(np.intp)]
+    return colors
 
 
 def _legend(figure: Figure, plot: PlotEvaluation, limit: float) -> None:
