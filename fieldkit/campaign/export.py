@@ -21,9 +21,9 @@ import shapely
 
 from fieldkit.campaign.ranking import ranking
 from fieldkit.campaign.reading import Campaign, CampaignPlot
+from fieldkit.documents.csv_text import csv_cell
 from fieldkit.errors import StorageError, UsageError
 from fieldkit.files import check_writable, write_atomic
-from fieldkit.present.spreadsheets.csv_text import csv_cell
 from fieldkit.regular_files import check_replaceable
 from fieldkit.results.evaluation import distance_key
 from fieldkit.results.visit import ROW, Visit

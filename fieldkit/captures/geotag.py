@@ -16,6 +16,7 @@ from fieldkit.captures.flight_logs.model import FlightLog, Trigger
 from fieldkit.captures.flight_logs.reading import read_flight_log
 from fieldkit.captures.model import Photo
 from fieldkit.captures.priors import GPS_ACCURACY_M, RTK_ACCURACY_M
+from fieldkit.documents.csv_text import on_one_line
 from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.geometry.geodesy import LocalFrame
@@ -181,7 +182,7 @@ def poses_table(poses: Sequence[PhotoPose]) -> str:
     for pose in poses:
         angles = ["" if a is None else f"{a:.{_ANGLE_DECIMALS}f}" for a in (pose.yaw_deg, pose.pitch_deg)]
         lengths = [f"{v:.{_LENGTH_DECIMALS}f}" for v in pose.position]
-        writer.writerow([pose.image, *lengths, *angles, f"{pose.accuracy_m:.3g}"])
+        writer.writerow([on_one_line(pose.image), *lengths, *angles, f"{pose.accuracy_m:.3g}"])
     return text.getvalue()
 
 
