@@ -24,6 +24,8 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
+from fieldkit.regular_files import check_regular, open_regular
+
 _STAGE = re.compile(r"[a-z0-9][a-z0-9_-]*")
 _KEY = re.compile(r"[0-9a-f]{8,128}")
 _ABANDONED_AFTER_S = 3600.0
@@ -110,11 +112,11 @@ class StageCache:
             return None
         path = self.path(stage, key)
         try:
-            file = path.open("rb")
+            check_regular(path)
         except OSError:
             return None
         try:
-            with file, np.load(file, allow_pickle=False) as archive:
+            with open_regular(path) as file, np.load(file, allow_pickle=False) as archive:
                 arrays = {name: archive[name] for name in archive.files}
                 if archive.zip is None or archive.zip.comment != _contents(arrays):
                     raise ValueError("an array is missing")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import fcntl
+import hashlib
 import os
 import secrets
 import shutil
@@ -14,6 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fieldkit.errors import StorageError, UsageError
+from fieldkit.regular_files import is_other_than_file
 
 _REMEDIES = {
     errno.ENOSPC: "Free some space there, or write to another disk.",
@@ -96,13 +98,17 @@ def write_atomic(path: Path, data: bytes | str) -> None:
     """Write a file under a temporary name, sync it and rename it to ``path``; text is written as UTF-8.
 
     Raises:
-        StorageError: the place is full or not writable; an older file of that name stays unchanged.
+        StorageError: the place is full or not writable, or something else than a file is there (a device, a FIFO, a
+            folder); what was there stays unchanged.
     """
     path = _absolute(path)
     content = data.encode("utf-8") if isinstance(data, str) else data
     partial = _partial_name(path)
     with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
+        if is_other_than_file(path):
+            remedy = "Choose another path; only files are replaced."
+            raise StorageError("cannot write: what is there is not a regular file", path=path, remedy=remedy)
         try:
             with partial.open("xb") as file:
                 file.write(content)
@@ -128,7 +134,8 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
         marker: name of a file in every such result. An existing folder without it is never replaced.
 
     Raises:
-        UsageError: ``target`` exists and ``overwrite`` is off or does not apply; raised before the block runs.
+        UsageError: ``target`` exists and ``overwrite`` is off or does not apply, or another run is writing it; raised
+            before the block runs.
         StorageError: the disk is full or not writable.
     """
     target = _absolute(target)
@@ -139,6 +146,7 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
         partial, lock = _partial_name(target), None
         try:
             lock = _make_locked(partial)
+            _check_alone(partial, target)
             yield partial
             _sync_tree(partial)
             _move_into_place(partial, target, overwrite)
@@ -182,8 +190,12 @@ def _concerns(error: OSError, path: Path) -> bool:
 
 
 def _partial_name(path: Path) -> Path:
-    # The name is cut, so that names of the greatest length allowed still work.
-    return path.with_name(f".{path.name[:40]}.{secrets.token_hex(6)}{_PARTIAL}")
+    return path.with_name(f"{_partial_start(path)}{secrets.token_hex(3)}{_PARTIAL}")
+
+
+def _partial_start(path: Path) -> str:
+    """What a path's partial names begin with; the digest tells apart long names that are cut to the same."""
+    return f".{path.name[:40]}.{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:6]}"
 
 
 def _check_target(target: Path, overwrite: bool, marker: str | None) -> None:
@@ -220,6 +232,37 @@ def _make_locked(partial: Path) -> int:
         if partial.exists():
             return lock
         os.close(lock)  # another run removed it before it was locked
+
+
+def _check_alone(partial: Path, target: Path) -> None:
+    """Refuse to go on beside another living run for the same target; that one does not notice.
+
+    Raises:
+        UsageError: there is one.
+    """
+    start = _partial_start(target)
+    for other in target.parent.iterdir():
+        named = other.name.startswith(start) and other.name.endswith(_PARTIAL) and other != partial
+        if named and other.is_dir() and _is_locked(other):
+            raise UsageError(
+                "another run is writing this result", path=target, remedy="Let it end, or choose another folder."
+            )
+
+
+def _is_locked(place: Path) -> bool:
+    try:
+        lock = os.open(place, os.O_RDONLY)
+    except OSError:
+        return False  # it is gone
+    try:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False  # a file system without locks
+    finally:
+        os.close(lock)
+    return False
 
 
 def remove_if_abandoned(place: Path) -> None:

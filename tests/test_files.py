@@ -107,11 +107,27 @@ class TestAtomicFolder:
         with pytest.raises(UsageError, match="not a folder"), atomic_folder(tmp_path / "file", overwrite=True):
             pass
 
-    def test_second_run_meanwhile(self, tmp_path: Path) -> None:
+    def test_the_second_of_two_runs_learns_it_at_the_start(self, tmp_path: Path) -> None:
+        target = tmp_path / "reference"
+        with atomic_folder(target) as folder:
+            (folder / "a.txt").write_text("first")
+            with pytest.raises(UsageError, match="another run is writing"), atomic_folder(target, overwrite=True):
+                raise AssertionError("the block was entered")
+        assert (target / "a.txt").read_text() == "first"
+        assert names(tmp_path) == ["reference"]
+
+    def test_runs_whose_names_begin_alike_do_not_disturb_each_other(self, tmp_path: Path) -> None:
+        one, other = tmp_path / f"{'x' * 60}-1", tmp_path / f"{'x' * 60}-2"
+        with atomic_folder(one) as first, atomic_folder(other) as second:
+            (first / "a.txt").write_text("1")
+            (second / "a.txt").write_text("2")
+        assert [(place / "a.txt").read_text() for place in (one, other)] == ["1", "2"]
+
+    def test_a_result_that_appeared_meanwhile(self, tmp_path: Path) -> None:
         target = tmp_path / "reference"
         with pytest.raises(UsageError, match="another run"), atomic_folder(target):
-            with atomic_folder(target) as other:
-                (other / "a.txt").write_text("other")
+            target.mkdir()
+            (target / "a.txt").write_text("other")
         assert (target / "a.txt").read_text() == "other"
         assert names(tmp_path) == ["reference"]
 
@@ -145,13 +161,12 @@ class TestAtomicFolder:
         with subprocess.Popen([sys.executable, "-c", script, str(target)], stdout=subprocess.PIPE) as process:
             assert process.stdout is not None
             process.stdout.readline()
-            with atomic_folder(tmp_path / "reference") as folder:
-                assert len(names(tmp_path)) == 2, "a living run's folder is left alone"
-                (folder / "a.txt").write_text("whole")
+            with pytest.raises(UsageError, match="another run"), atomic_folder(target):
+                pass
+            assert len(names(tmp_path)) == 1, "a living run's folder is left alone"
             process.send_signal(signal.SIGKILL)
-        assert (target / "a.txt").read_text() == "whole"
-        assert len(names(tmp_path)) == 2
-        with atomic_folder(target, overwrite=True) as folder:
+        assert len(names(tmp_path)) == 1
+        with atomic_folder(target) as folder:
             (folder / "a.txt").write_text("next")
         assert names(tmp_path) == ["reference"], "the dead run's folder is removed"
 

@@ -24,6 +24,7 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import atomic_folder, file_beside, write_atomic
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.missions.plan_site.vehicle_file import find_vehicle, load_vehicle
+from fieldkit.regular_files import check_regular
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 
@@ -131,6 +132,7 @@ def _copy_site(sources: CampaignSources, folder: Path) -> str | None:
 
 def _copy(source: Path, target: Path) -> None:
     try:
+        check_regular(source)
         shutil.copyfile(source, target)
     except OSError as error:
         if error.filename is not None and Path(os.fsdecode(error.filename)) != Path(source):

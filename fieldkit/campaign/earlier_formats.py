@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from fieldkit.documents.json_file import first_problem, read_json_object
 from fieldkit.errors import MetadataError, StorageError
+from fieldkit.regular_files import is_other_than_file
 from fieldkit.results.report_files import EVALUATION_FILE
 from fieldkit.results.visit import ROW, Visit
 
@@ -23,6 +24,7 @@ TABLE_FILE = "campaign.sqlite"
 APPLICATION_ID = 0x666B6370  # "fkcp"
 TABLE_VERSION = 2
 """Of today's table, which is made of the visits' folders; one of version 1 held what was nowhere else."""
+_BESIDE = ("-journal", "-wal", "-shm")
 _TIMEOUT_S = 30.0
 _MAX_BYTES = 256 << 20
 _REMEDY = "Move it away; visits that have a folder in visits/ are kept."
@@ -40,6 +42,9 @@ def read_earlier_table(campaign: Path) -> list[Visit]:
     path = campaign / TABLE_FILE
     if not path.exists():
         return []
+    for file in (path, *(path.with_name(f"{TABLE_FILE}{end}") for end in _BESIDE)):  # SQLite would wait for a FIFO
+        if is_other_than_file(file):
+            raise MetadataError("is not a regular file", path=file, remedy=_REMEDY)
     with _errors(path):
         try:
             database = _connect(path, "rw")  # a killed run's journal can be rolled back by a writer only

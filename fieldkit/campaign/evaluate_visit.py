@@ -22,6 +22,7 @@ from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.evaluate import PLOTS_FILE
 from fieldkit.evaluation.figures import clean_text
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
+from fieldkit.evaluation.plots import result_folders
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder
@@ -146,7 +147,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
     spent = Spent.now()
     settings, notes = job.evaluation.settings, list(job.notes)
     scoring: Scoring | None = None
-    name = folder_name(job.plot.id)
+    (name,) = result_folders([folder_name(job.plot.id)], (EVALUATION_FILE, PLOTS_FILE, VISIT_FILE))
     try:
         reference = _reference(job.plot)
         scoring = Scoring.against(

@@ -21,9 +21,10 @@ import shapely
 
 from fieldkit.campaign.ranking import ranking
 from fieldkit.campaign.reading import Campaign, CampaignPlot
+from fieldkit.documents.csv_text import csv_cell
 from fieldkit.errors import StorageError, UsageError
 from fieldkit.files import check_writable, write_atomic
-from fieldkit.present.spreadsheets.csv_text import csv_cell
+from fieldkit.regular_files import check_replaceable
 from fieldkit.results.evaluation import distance_key
 from fieldkit.results.visit import ROW, Visit
 
@@ -49,7 +50,8 @@ def export_campaign(
         overwrite: replace an existing file.
 
     Raises:
-        UsageError: the suffix says no format, the file exists, or the extra for GeoPackage is not installed.
+        UsageError: the suffix says no format, something is there that may not be replaced, or the extra for
+            GeoPackage is not installed.
         StorageError: it cannot be written.
     """
     output = Path(output)
@@ -58,8 +60,7 @@ def export_campaign(
         raise UsageError(
             f"which format is {output.name}?", remedy="End its name in .csv, .geojson or .gpkg, or give --format."
         )
-    if output.exists() and not (overwrite and output.is_file()):
-        raise UsageError("exists already", path=output, remedy="Choose another name, or give --overwrite.")
+    check_replaceable(output, overwrite=overwrite)
     check_writable(output.parent)
     match chosen:
         case "csv":

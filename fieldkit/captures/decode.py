@@ -16,6 +16,7 @@ from PIL import Image, TiffImagePlugin
 
 from fieldkit.captures.model import Photo
 from fieldkit.errors import CaptureError
+from fieldkit.regular_files import open_regular
 
 _SCAN_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")
 _MAX_XMP_BYTES = 1 << 20
@@ -48,7 +49,8 @@ def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool =
     """
     path = photo.path if isinstance(photo, Photo) else Path(photo)
     try:
-        data = np.fromfile(path, dtype=np.uint8)
+        with open_regular(path) as file:
+            data = np.fromfile(file, dtype=np.uint8)
     except OSError as error:
         raise CaptureError(
             f"cannot be read ({(error.strerror or str(error)).lower()})", path=path, remedy="Copy it again."

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-import stat
 import unicodedata
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fieldkit.captures.model import Finding
 from fieldkit.errors import CaptureError
+from fieldkit.regular_files import check_regular, open_regular
 
 PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"})
 RAW_SUFFIXES = frozenset(
@@ -273,13 +273,10 @@ def _classify(path: Path, root: Path) -> Candidate | Finding | None:
     if suffix in RAW_SUFFIXES:
         return Finding(name, "unsupported-format", "a raw file; convert it to JPEG or TIFF", True)
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            return Finding(name, "unreadable", "not a regular file", True) if named_like_one else None
-        if status.st_size == 0:
+        if check_regular(path).st_size == 0:
             message = "0 bytes; copy it again from the camera"
             return Finding(name, "empty-file", message, True) if named_like_one else None
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             head = stream.read(_HEAD_BYTES)
     except OSError as error:
         return Finding(name, "unreadable", f"cannot be read ({_reason(error)})", True) if named_like_one else None
@@ -318,6 +315,8 @@ def _find_sidecars(folders: tuple[Path, ...], root: Path) -> tuple[dict[str, Pat
                 found[name] = path
             elif path.is_file() and found[name].parent == folder:
                 findings.append(Finding(path.name, "sidecar-unused", f"{found[name].name} is used instead"))
+            elif not path.is_dir():
+                findings.append(Finding(path.name, "unreadable", "not a regular file", True))
     return found, findings
 
 

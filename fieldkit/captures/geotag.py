@@ -16,9 +16,11 @@ from fieldkit.captures.flight_logs.model import FlightLog, Trigger
 from fieldkit.captures.flight_logs.reading import read_flight_log
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M
 from fieldkit.captures.model import Photo
-from fieldkit.errors import MetadataError, UsageError
+from fieldkit.documents.csv_text import on_one_line
+from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.regular_files import check_replaceable
 
 _HEADER = ("image", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "accuracy_m")
 _LENGTH_DECIMALS, _ANGLE_DECIMALS = 4, 3
@@ -102,8 +104,7 @@ def geotag(
         StorageError: ``output`` cannot be written.
     """
     output = Path(output)
-    if output.exists() and not (overwrite and output.is_file()):
-        raise UsageError("exists already", path=output, remedy="Choose another name, or give --overwrite.")
+    check_replaceable(output, overwrite=overwrite)
     check_writable(output.parent)
     flight = read_flight_log(log)
     photos = read_capture(images, sidecars=False).photos
@@ -181,7 +182,7 @@ def poses_table(poses: Sequence[PhotoPose]) -> str:
     for pose in poses:
         angles = ["" if a is None else f"{a:.{_ANGLE_DECIMALS}f}" for a in (pose.yaw_deg, pose.pitch_deg)]
         lengths = [f"{v:.{_LENGTH_DECIMALS}f}" for v in pose.position]
-        writer.writerow([pose.image, *lengths, *angles, f"{pose.accuracy_m:.3g}"])
+        writer.writerow([on_one_line(pose.image), *lengths, *angles, f"{pose.accuracy_m:.3g}"])
     return text.getvalue()
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from fieldkit.errors import MetadataError
+from fieldkit.regular_files import read_regular
 
 _MAX_BYTES = 64 << 20
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
@@ -22,16 +23,14 @@ def read_text(path: Path) -> str:
     """A sidecar's text: UTF-8 with or without a byte order mark, or UTF-16 with one; line ends become newlines.
 
     Raises:
-        MetadataError: unreadable, larger than 64 MiB, or in another encoding.
+        MetadataError: unreadable, no regular file, larger than 64 MiB, or in another encoding.
     """
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise MetadataError("the file is larger than 64 MiB", path=path, remedy="Check that it is the right file.")
-        data = path.read_bytes()
+        data = read_regular(path, _MAX_BYTES)
     except OSError as error:
-        raise MetadataError(
-            f"cannot be read ({(error.strerror or str(error)).lower()})", path=path, remedy="Check its permissions."
-        ) from error
+        reason = (error.strerror or str(error)).replace("No", "no")
+        remedy = "Check its permissions." if isinstance(error, PermissionError) else "Check that it is the right file."
+        raise MetadataError(f"cannot be read ({reason})", path=path, remedy=remedy) from error
     return decode_text(data, path)
 
 

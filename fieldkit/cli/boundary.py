@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import warnings
+import weakref
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
@@ -16,6 +18,11 @@ from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError
 
 EXIT_BUG = 1
 EXIT_TERMINATED = 143
+_AGAIN_S = 0.5
+
+
+class _Terminated(SystemExit):
+    """SIGTERM came."""
 
 
 class Boundary:
@@ -34,6 +41,8 @@ class Boundary:
         self.exit_code = 0
         self._json = "--json" in options
         self._debug = "--debug" in options
+        self._raised: weakref.ref[_Terminated] | None = None
+        self._again: threading.Timer | None = None
         self._warned: set[str] = set()
         self._catch_warnings: AbstractContextManager[None] = warnings.catch_warnings()
 
@@ -41,7 +50,8 @@ class Boundary:
         self._catch_warnings.__enter__()
         warnings.simplefilter("default")
         warnings.showwarning = self._show_warning
-        self._before = _on_terminate(_terminate)
+        self._before = _on_terminate(self._terminate)
+        self._unraisable, sys.unraisablehook = sys.unraisablehook, self._show_unraisable
         return self
 
     def __exit__(
@@ -51,7 +61,7 @@ class Boundary:
             self.exit_code = self._report(error)
         elif self.exit_code == EXIT_INTERRUPTED:  # Typer gives this code for Ctrl-C
             self._interrupted()
-        _on_terminate(self._before)
+        self._leave_signals()
         self._catch_warnings.__exit__(None, None, None)
         flush(sys.stdout)
         flush(sys.stderr)
@@ -59,6 +69,9 @@ class Boundary:
 
     def _report(self, error: BaseException) -> int:
         """Say what went wrong and give its exit code."""
+        if self._raised is not None:  # whatever became of the exception on its way through a library
+            self._stopped("Terminated", "ended by SIGTERM")
+            return EXIT_TERMINATED
         if isinstance(error, SystemError) and isinstance(error.__cause__, KeyboardInterrupt | SystemExit):
             error = error.__cause__  # a signal met compiled code that returned as if nothing had happened
         if isinstance(error, SystemExit):
@@ -84,10 +97,40 @@ class Boundary:
         self._tell(type(error).__name__, message, None, "Run it again with --debug and report what that shows.")
         return EXIT_BUG
 
+    def _terminate(self, number: int, frame: FrameType | None) -> None:
+        """Raise, so that temporary folders are removed on the way out; again, where that came to nothing.
+
+        Python drops what is raised within its own callbacks (of weak references, say, while it imports).
+        """
+        self._again = threading.Timer(_AGAIN_S, os.kill, (os.getpid(), signal.SIGTERM))
+        self._again.daemon = True
+        self._again.start()
+        if self._raised is None or self._raised() is None:  # else it is on its way
+            raise self._termination()
+
+    def _termination(self) -> _Terminated:
+        error = _Terminated(EXIT_TERMINATED)
+        self._raised = weakref.ref(error)
+        return error
+
+    def _leave_signals(self) -> None:
+        if self._again is not None:
+            self._again.cancel()
+            self._again.join()
+        _on_terminate(self._before)
+        sys.unraisablehook = self._unraisable
+
+    def _show_unraisable(self, dropped: sys.UnraisableHookArgs) -> None:
+        if not isinstance(dropped.exc_value, _Terminated):
+            self._unraisable(dropped)
+
     def _interrupted(self) -> int:
-        remedy = "The same command with --resume goes on from here." if self.resumable else ""
-        self._tell("Interrupted", "interrupted", None, remedy)
+        self._stopped("Interrupted", "interrupted")
         return EXIT_INTERRUPTED
+
+    def _stopped(self, kind: str, message: str) -> None:
+        remedy = "The same command with --resume goes on from here." if self.resumable else ""
+        self._tell(kind, message, None, remedy)
 
     def _tell(self, kind: str, message: str, path: str | None, remedy: str) -> None:
         where = f"{path}: " if path else ""
@@ -114,17 +157,14 @@ class Boundary:
             say(warnings.formatwarning(message, category, filename, lineno, line).rstrip())
 
 
-def end_on_terminate() -> None:
-    """End cleanly on SIGTERM also after a library has taken that signal for itself, as pycolmap's logging does."""
-    _on_terminate(_terminate)
-
-
 def emit_json(value: Any) -> None:
     """Print one JSON object on stdout. Numbers that JSON does not know (NaN, infinity) become null."""
     import json
 
     with suppress(BrokenPipeError):
-        sys.stdout.write(json.dumps(_plain(value), ensure_ascii=False, indent=2, allow_nan=False) + "\n")
+        text = json.dumps(_plain(value), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
+        # Paths may have bytes that are no UTF-8; as JSON's own escapes they can be written.
+        sys.stdout.write(text.encode("utf-8", "backslashreplace").decode())
     flush(sys.stdout)
 
 
@@ -167,10 +207,6 @@ def _sentence(error: BaseException) -> str:
     message: str = error.format_message() if hasattr(error, "format_message") else "aborted"
     message = message.replace("Value error, ", "")  # pydantic's prefix
     return message[:1].lower() + message[1:].rstrip(".")
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    raise SystemExit(EXIT_TERMINATED)  # so that temporary folders are removed on the way out
 
 
 def _on_terminate(handler: Any) -> Any:

@@ -74,7 +74,7 @@ Options:
 Every command takes --json (one JSON object on stdout, nothing else there) and
 --debug (tracebacks). Exit codes: 0 done, 1 a bug in fieldkit, 2 wrong usage,
 3 bad input, 4 reconstruction failed, 5 mission unsafe or not for this vehicle,
-6 vehicle link failed, 130 interrupted.
+6 vehicle link failed, 130 interrupted, 143 ended by SIGTERM.
 
 'fieldkit COMMAND --help' explains a command, with examples.
 """

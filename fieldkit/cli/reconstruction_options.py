@@ -144,13 +144,9 @@ def open_cache(*, no_cache: bool, resume: bool) -> StageCache:
 @contextmanager
 def run_context(*, as_json: bool) -> Iterator[Progress]:
     """One thread in every library, and progress that suits where stderr goes."""
-    import pycolmap  # noqa: F401 - here, since importing it takes SIGTERM away
-
-    from fieldkit.cli.boundary import end_on_terminate
     from fieldkit.cli.progress import open_progress
     from fieldkit.runtime.threads import limit_threads
 
-    end_on_terminate()
     limit_threads()
     with open_progress(as_json=as_json) as progress:
         yield progress

@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 from typer import Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, emit_json, say
-from fieldkit.errors import UsageError
 
 Layout = Literal["rows", "grid", "random"]
 
@@ -43,10 +42,10 @@ def command(
     See Also:
         fieldkit scene show, fieldkit simulate, fieldkit plan --scene
     """
-    if output is not None and output.is_dir():
-        raise UsageError("is a folder", path=output, remedy="Name a file, such as plot.toml.")
-    if output is not None and output.exists() and not overwrite:
-        raise UsageError("exists already", path=output, remedy="Give --overwrite to replace it, or another name.")
+    from fieldkit.regular_files import check_replaceable
+
+    if output is not None:
+        check_replaceable(output, overwrite=overwrite)
     import sys
 
     from fieldkit.scenes.generator import new_scene

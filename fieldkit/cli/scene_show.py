@@ -45,8 +45,10 @@ def command(
             raise UsageError("which scene?", remedy="Name one: `fieldkit scene show case-1 -o case-1.png`.")
         _show_all(as_json)
         return
-    if output is not None and output.exists() and not overwrite:
-        raise UsageError("exists already", path=output, remedy="Give --overwrite to replace it, or another name.")
+    from fieldkit.regular_files import check_replaceable
+
+    if output is not None:
+        check_replaceable(output, overwrite=overwrite)
     if output is not None and output.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise UsageError("is neither .png nor .jpg", path=output, remedy="Name a picture, such as scene.png.")
     from fieldkit.scenes.library import find_scene

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.las import read_las, write_las
 from fieldkit.clouds.ply import read_ply, write_ply
 from fieldkit.errors import CloudError, UsageError
+from fieldkit.regular_files import open_regular
 
 
 def read_cloud(path: Path) -> Cloud:
@@ -19,10 +19,10 @@ def read_cloud(path: Path) -> Cloud:
     """
     path = Path(path)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(4)
     except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)
+        reason = error.strerror or str(error)
         raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
     if start == b"LASF":
         return read_las(path).cloud

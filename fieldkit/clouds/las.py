@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.las_header import DAMAGED, check_sizes
 from fieldkit.errors import CloudError
 from fieldkit.files import write_atomic
+from fieldkit.regular_files import open_regular
 
 _FINEST_SCALE_M = 1e-4
 _CHUNK_POINTS = 500_000  # what is allocated at a time, whatever the header promises
@@ -54,10 +54,10 @@ def read_las(path: Path) -> LasCloud:
     laspy = _laspy(path)
     path = Path(path)
     try:
-        with path.open("rb") as file, _damage_reported(path):
+        with open_regular(path) as file, _damage_reported(path):
             return _read(laspy, file, path)
     except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)
+        reason = error.strerror or str(error)
         raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
 
 

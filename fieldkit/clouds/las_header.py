@@ -16,6 +16,9 @@ from fieldkit.errors import CloudError
 DAMAGED = "The file is damaged or was not copied completely: copy or export it again."
 _LEAST_HEADER = 227  # bytes, LAS 1.0 to 1.2
 _RECORD_HEADER, _EXTENDED_RECORD_HEADER = 54, 60
+_MAX_RATIO = 200
+"""LAZ makes scans 5 to 20 times smaller; equal points thousands of times, and such a file of 7 KB fills gigabytes."""
+_FREE_BYTES = 64 << 20
 _LEAST_CHUNK_BYTES = 20  # a chunk starts with one uncompressed point, 20 bytes in the shortest format
 
 
@@ -38,8 +41,17 @@ def check_sizes(file: BinaryIO, path: Path) -> None:
     if header[25] >= 4 and len(header) == 375:
         first, count = struct.unpack_from("<QI", header, 235)
         _check_extended_records(file, first, count, size, path)
+    (record,) = struct.unpack_from("<H", header, 105)
+    (count,) = struct.unpack_from("<I", header, 107)
+    if header[25] >= 4 and len(header) == 375:
+        (count,) = struct.unpack_from("<Q", header, 247)
     if header[104] & 0x80:  # the point format's top bit says "compressed"
         _check_chunk_table(file, points, size, path)
+        room = max(_FREE_BYTES, _MAX_RATIO * (size - points))
+    else:
+        room = size - points
+    if count * record > room:
+        raise CloudError(f"promises {count:,} points, more than it can hold", path=path, remedy=DAMAGED)
     file.seek(0)
 
 

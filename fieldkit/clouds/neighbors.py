@@ -16,6 +16,7 @@ from fieldkit.runtime.kernels import kernel
 
 _LEAF_POINTS = 16
 _BITS = 21  # per axis: 63 bits in all
+_QUERIES_AT_A_TIME = 1_000_000
 _STACK = 64  # deeper than any hierarchy of 2^63 points
 
 
@@ -63,7 +64,17 @@ class PointIndex:
 
     def distances_from(self, other: PointIndex) -> NDArray[np.float64]:
         """Distance (m,) from each point of another index, in that index' Z-order, to the nearest point of this one."""
-        return self._search(other._sorted + (other._origin - self._origin))[0]
+        shift, distances = other._origin - self._origin, np.empty(len(other))
+        for start in range(0, len(other), _QUERIES_AT_A_TIME):
+            some = slice(start, start + _QUERIES_AT_A_TIME)
+            distances[some] = self._search(other._sorted[some] + shift)[0]
+        return distances
+
+    def unsorted(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values (n,) of the points in their Z-order, in the order in which the points were given."""
+        given = np.empty_like(values)
+        given[self.order] = values
+        return given
 
     def _search(self, local: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         squared, found = np.empty(len(local)), np.empty(len(local), dtype=np.int64)

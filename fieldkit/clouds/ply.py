@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import os
-import stat
 import struct
 import warnings
 from collections.abc import Iterable, Iterator
@@ -23,6 +22,7 @@ from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ply_header import Element, Header, read_header
 from fieldkit.errors import CloudError
 from fieldkit.files import write_atomic
+from fieldkit.regular_files import open_regular
 
 _COLOR_NAMES = (
     ("red", "green", "blue"),
@@ -48,17 +48,15 @@ def read_ply(path: Path) -> Cloud:
     """
     path = Path(path)
     try:
-        with path.open("rb") as file:
-            status = os.fstat(file.fileno())
-            if not stat.S_ISREG(status.st_mode):
-                raise CloudError("is not a regular file", path=path, remedy="Give a point cloud as PLY, LAS or LAZ.")
+        with open_regular(path) as file:
+            size = os.fstat(file.fileno()).st_size
             header = read_header(file, path)
             vertex = _vertex(header, path)
             file.seek(header.body)
             read = _read_binary if header.byte_order else _read_ascii
-            columns = read(file, header, vertex, status.st_size - header.body, path)
+            columns = read(file, header, vertex, size - header.body, path)
     except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)
+        reason = error.strerror or str(error)
         raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
     return _cloud(columns, path)
 
@@ -226,12 +224,16 @@ def _without_lists(line: str, element: Element) -> str:
 
 def _cloud(columns: Columns, path: Path) -> Cloud:
     with np.errstate(invalid="ignore", over="ignore"):
-        points = np.stack([columns[name].astype(np.float64) for name in "xyz"], axis=1)
-        finite = np.asarray(np.isfinite(points).all(axis=1))
+        points = np.empty((len(columns["x"]), 3))
+        for axis, name in enumerate("xyz"):
+            points[:, axis] = columns[name]
+        known = np.asarray(np.isfinite(points).all(axis=1))
+        finite = slice(None) if known.all() else known  # no copies of large clouds
         points = points[finite]
-        if len(points) and np.abs(points).max() > _LARGEST_COORDINATE:
+        largest = max(points.max(), -points.min()) if len(points) else 0.0
+        if largest > _LARGEST_COORDINATE:
             raise CloudError(
-                f"has coordinates up to {np.abs(points).max():.3g}, which is no place on Earth",
+                f"has coordinates up to {largest:.3g}, which is no place on Earth",
                 path=path,
                 remedy="Its values or byte order are damaged: export it again.",
             )
@@ -245,7 +247,7 @@ def _cloud(columns: Columns, path: Path) -> Cloud:
 
 
 def _first(
-    columns: Columns, alternatives: tuple[tuple[str, ...], ...], rows: NDArray[np.bool_]
+    columns: Columns, alternatives: tuple[tuple[str, ...], ...], rows: NDArray[np.bool_] | slice
 ) -> list[NDArray[np.generic]] | None:
     for names in alternatives:
         if all(name in columns for name in names):
@@ -259,6 +261,8 @@ def _eight_bit(channels: list[NDArray[np.generic]]) -> NDArray[np.uint8]:
     16-bit integers are divided by 257; floating-point numbers run from 0 to 1, or from 0 to 255 if any is above 1.
     """
     kind = channels[0].dtype
+    if all(channel.dtype == np.uint8 for channel in channels):
+        return np.stack(channels, axis=1).astype(np.uint8, copy=False)
     values = np.stack([np.nan_to_num(c.astype(np.float64), posinf=0.0, neginf=0.0) for c in channels], axis=1)
     if kind.kind == "f" and (not values.size or values.max() <= 1.0):
         values *= 255.0

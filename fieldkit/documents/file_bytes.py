@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fieldkit.errors import InputError, MetadataError
+from fieldkit.regular_files import open_regular
 
 
 def file_bytes(
@@ -29,10 +30,10 @@ def file_bytes(
         error: what is raised.
 
     Raises:
-        InputError: of the kind ``error``: the file is missing, unreadable or too large.
+        InputError: of the kind ``error``: the file is missing, unreadable, no regular file, or too large.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(max_bytes + 1)
     except FileNotFoundError as caught:
         raise error(f"there is no such {name}", path=path, remedy=missing or remedy) from caught

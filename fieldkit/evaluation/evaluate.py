@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +14,10 @@ from fieldkit.evaluation.adherence import Flight
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
-from fieldkit.evaluation.plots import find_plots
+from fieldkit.evaluation.plots import find_plots, result_folders
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
-from fieldkit.files import atomic_folder
+from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.present.spreadsheets.plots import write_plots_csv
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
@@ -51,7 +52,8 @@ def evaluate_captures(
     Args:
         captures: a folder of photographs, or a folder of such folders (one per plot); never written to.
         output: folder of the result: evaluation.json, plots.csv and, per plot, a folder with cloud.ply, overview.png
-            and, with a reference, comparison.png.
+            and, with a reference, comparison.png. A plot that is named as one of these files gets a folder with a
+            number.
         settings: choices; None takes the defaults. Bounds default to the reference's volume.
         reference: folder that `build_reference` wrote; None gives the figures that need none.
         refine: align each plot's cloud to the reference by ICP before scoring; the correction is reported.
@@ -87,7 +89,11 @@ def evaluate_captures(
         flown = None if plan is None else _flown_plan(plan, mission, read, flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
         run = _Run(folder, settings, scoring, flight, flown, cache, progress, workers)
-        results = [run.plot(name, path, alone=len(plots) == 1) for name, path in plots]
+        places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE))
+        results = [
+            run.plot(name, path, place, alone=len(plots) == 1)
+            for (name, path), place in zip(plots, places, strict=True)
+        ]
         report = evaluation_report(
             Path(captures).absolute().name,
             results,
@@ -129,28 +135,48 @@ class _Run:
     progress: Progress
     workers: int
 
-    def plot(self, name: str, path: Path, *, alone: bool) -> PlotEvaluation:
-        """A plot's evaluation, with its error where it failed."""
+    def plot(self, name: str, path: Path, place: str, *, alone: bool) -> PlotEvaluation:
+        """A plot's evaluation, with its error where it failed; its files are in the folder ``place`` of the result."""
         spent = Spent.now()
         try:
-            by_log = None if self.flight is None else self.flight.capture(name)
-            capture = read_capture(path) if by_log is None else by_log
-            known_plot = None if self.scoring.reference is None else self.scoring.reference.known_plot()
-            plot = score_capture(
-                name, capture, known_plot, self.folder, self.settings, self.scoring,
-                spent=spent, cache=self.cache, progress=self.progress, workers=self.workers,
-            )  # fmt: skip
-            if self.plan is None:
-                return plot
-            plot = self.plan.compare(plot, name, path, capture)
-            if plot.adherence is None:
-                self.progress.note(f"{name}: no adherence to the plan: {self.plan.without_place}")
-            return write_adherence(self.folder, name, plot)
+            with storage_errors(self.folder):
+                return self._scored(name, path, place, spent)
         except StorageError:
             raise
         except FieldkitError as error:
             # One bad folder among many must not cost the others; alone, its own exit code says more.
             if alone and isinstance(error, InputError):
                 raise
-            self.progress.note(f"{name}: {error}")
-            return failed_plot(name, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds)
+            failure = error
+        except Exception as error:
+            if alone:
+                raise
+            failure = _unexpected(error)
+        shutil.rmtree(self.folder / place, ignore_errors=True)
+        self.progress.note(f"{name}: {failure}")
+        return failed_plot(name, failure, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds)
+
+    def _scored(self, name: str, path: Path, place: str, spent: Spent) -> PlotEvaluation:
+        by_log = None if self.flight is None else self.flight.capture(name)
+        capture = read_capture(path) if by_log is None else by_log
+        known_plot = None if self.scoring.reference is None else self.scoring.reference.known_plot()
+        plot = score_capture(
+            name, capture, known_plot, self.folder, self.settings, self.scoring,
+            spent=spent, cache=self.cache, progress=self.progress, workers=self.workers, subfolder=place,
+        )  # fmt: skip
+        if self.plan is None:
+            return plot
+        plot = self.plan.compare(plot, name, path, capture)
+        if plot.adherence is None:
+            self.progress.note(f"{name}: no adherence to the plan: {self.plan.without_place}")
+        return write_adherence(self.folder, place, plot)
+
+
+def _unexpected(error: Exception) -> FieldkitError:
+    """What a person is told of an error that nobody foresaw."""
+    if isinstance(error, MemoryError):
+        return FieldkitError("not enough memory", remedy="Close other programs, or choose a lower --fidelity.")
+    return FieldkitError(
+        f"a bug in fieldkit: {type(error).__name__}: {error}",
+        remedy="Evaluate this plot alone with --debug, and report what that shows.",
+    )

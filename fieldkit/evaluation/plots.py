@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from pathlib import Path
 
 from fieldkit.captures.folder import list_capture, natural_key
 from fieldkit.errors import CaptureError
+from fieldkit.evaluation.figures import clean_text
 
 
 def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
-    """Names and folders of the plots, and the names of the subfolders that were passed over.
+    """Names and folders of the plots, and the names of the subfolders that were passed over; names as text.
 
     A folder that holds photographs is one plot; else its subfolders are the plots.
 
     Photographs in ``captures/images``, or in a card's 100MEDIA and 101MEDIA, make ``captures`` one plot. Subfolders
-    without any image file are passed over; one whose images cannot be used still counts, so that it is reported. So
-    does the folder itself where no subfolder counts.
+    without any image file are passed over; one that cannot be read, or whose images cannot be used, still counts, so
+    that it is reported. So does the folder itself where no subfolder counts.
 
     Raises:
         CaptureError: there is no such folder, or no photographs in it or its subfolders.
     """
     captures = Path(captures)
-    itself = [(captures.absolute().name, captures)]
+    itself = [(clean_text(captures.absolute().name), captures)]
     contents = list_capture(captures)
     if contents.candidates:
         return itself, []
     folders = sorted((p for p in captures.iterdir() if p.is_dir() and not p.name.startswith(".")),
                      key=lambda p: natural_key(p.name))  # fmt: skip
-    plots = [(folder.name, folder) for folder in folders if _holds_images(folder)]
+    plots = [(clean_text(folder.name), folder) for folder in folders if _holds_images(folder)]
     if not plots and any(finding.left_out for finding in contents.findings):
         return itself, []  # reading it says what is wrong with each file
     if not plots:
@@ -36,10 +39,29 @@ def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
             path=captures,
             remedy="Give a folder of photographs, or a folder with one folder of photographs per plot.",
         )
-    names = {name for name, _ in plots}
-    return plots, [folder.name for folder in folders if folder.name not in names]
+    counted = {folder for _, folder in plots}
+    return plots, [clean_text(folder.name) for folder in folders if folder not in counted]
+
+
+def result_folders(names: Sequence[str], reserved: Sequence[str]) -> list[str]:
+    """A folder of the result for each plot: its name, with a number where that is one of the reserved names of files.
+
+    Letters' case is not told apart in reserved names: some file systems do not, either.
+    """
+    taken = {name.casefold() for name in reserved}
+    given = set(names)
+    folders = []
+    for name in names:
+        others = (f"{name}-{number}" for number in itertools.count(2))
+        found = name if name.casefold() not in taken else next(other for other in others if other not in given)
+        given.add(found)
+        folders.append(found)
+    return folders
 
 
 def _holds_images(folder: Path) -> bool:
-    contents = list_capture(folder)
+    try:
+        contents = list_capture(folder)
+    except CaptureError:
+        return True  # reading it says what is wrong
     return bool(contents.candidates) or any(finding.left_out for finding in contents.findings)

@@ -18,6 +18,7 @@ from fieldkit.evaluation.georeferencing import write_georeferenced
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.present.pictures.overview import write_overview
+from fieldkit.reconstruction.colmap_model import color_points
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ReferenceReport
@@ -77,6 +78,7 @@ def build_reference(
             write_cloud(folder / SCENE_FILE, found.scene)
             names.append(SCENE_FILE)
         (folder / MODEL_FOLDER).mkdir()
+        color_points(found.sparse.model, found.sparse.capture.photos)
         found.sparse.model.write_binary(folder / MODEL_FOLDER)
         names += sorted(f"{MODEL_FOLDER}/{path.name}" for path in (folder / MODEL_FOLDER).iterdir())
         for name in [n for n in names if n.endswith(".ply")]:

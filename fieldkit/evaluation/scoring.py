@@ -133,8 +133,8 @@ def score_capture(
         )  # fmt: skip
         names = [CLOUD_FILE, OVERVIEW_FILE]
         write_overview(folder / place / OVERVIEW_FILE, plot, plants)
-        if reference is not None:
-            write_comparison(folder / place / COMPARISON_FILE, plot, plants, reference.cloud)
+        if scoring.index is not None:
+            write_comparison(folder / place / COMPARISON_FILE, plot, plants, scoring.index)
             names.append(COMPARISON_FILE)
     return plot.model_copy(update={"files": describe_files(folder, [f"{place}/{n}" for n in names])})
 

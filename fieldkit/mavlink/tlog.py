@@ -7,7 +7,6 @@ frame itself, so after damage the next one is searched by its first byte.
 from __future__ import annotations
 
 import re
-import stat
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from pathlib import Path
 
 from fieldkit.errors import MetadataError
 from fieldkit.mavlink.frames import MAGIC_1, MAGIC_2, Message, checksum_right, decode, frame_length, message_id
+from fieldkit.regular_files import check_regular, read_regular
 
 MAX_BYTES = 2 << 30
 _STAMP = struct.Struct(">Q")
@@ -139,12 +139,9 @@ def read_frames(path: Path) -> Iterator[LogFrame]:
     """
     path = Path(path)
     try:
-        status = path.stat()
-        if status.st_size > MAX_BYTES:
+        if check_regular(path).st_size > MAX_BYTES:
             raise MetadataError("is too large for a telemetry log", path=path, remedy=_REMEDY)
-        if not stat.S_ISREG(status.st_mode):
-            raise MetadataError("cannot be read: it is no file", path=path, remedy=_REMEDY)
-        data = path.read_bytes()
+        data = read_regular(path, MAX_BYTES)
     except FileNotFoundError as error:
         raise MetadataError("there is no such file", path=path, remedy=_REMEDY) from error
     except OSError as error:

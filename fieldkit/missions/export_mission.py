@@ -25,6 +25,7 @@ from fieldkit.missions.plan_site.site_file import load_plots, load_site, with_pl
 from fieldkit.missions.plan_site.site_obstacles import site_obstacles
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.regular_files import check_replaceable, read_regular
 from fieldkit.results.mission import FlownPlan
 from fieldkit.results.mission_file import record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans
@@ -219,7 +220,7 @@ def flown_plans(
     }
     if isinstance(given, Path):
         file = given / PLAN_FILE if given.is_dir() else given
-        one = _flown_plan(file.read_bytes(), file.name)
+        one = _flown_plan(read_regular(file), file.name)
     elif isinstance(loaded, Plan):
         one = _flown_plan(plan_bytes(loaded), None)
     else:
@@ -235,12 +236,11 @@ def write_mission(contents: Mapping[Path, bytes], *, overwrite: bool) -> None:
     """Write files; none where one of them is there.
 
     Raises:
-        UsageError: a file is there, and ``overwrite`` is not given.
+        UsageError: a file is there and ``overwrite`` is off, or what is there is no regular file.
         StorageError: the place is full or not writable.
     """
-    for file in () if overwrite else contents:
-        if file.exists():
-            raise UsageError("exists already", path=file, remedy="Give --overwrite to replace it, or another name.")
+    for file in contents:
+        check_replaceable(file, overwrite=overwrite)
     for file, content in contents.items():
         write_atomic(file, content)
 

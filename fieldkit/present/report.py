@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from fieldkit.files import check_writable, write_atomic
 from fieldkit.present.html.document import render
 from fieldkit.present.sections.read_results import read_results
 from fieldkit.present.sections.report_page import build_page
+from fieldkit.regular_files import check_replaceable
 from fieldkit.runtime.progress import Progress, Silent
 
 REPORT_FILE = "report.html"
@@ -72,7 +72,7 @@ def write_report(
         progress: receives the stages.
 
     Raises:
-        UsageError: the file exists and ``overwrite`` is off, or a number is out of range.
+        UsageError: the file exists and ``overwrite`` is off, no regular file is there, or a number is out of range.
         MetadataError: the folder holds no result of fieldkit, or all are damaged.
         StorageError: the folder cannot be read, or the file not written.
     """
@@ -81,12 +81,7 @@ def write_report(
     folder = Path(folder)
     home = folder if folder.is_dir() else folder.parent
     output = home / REPORT_FILE if output is None else Path(output)
-    if output.is_dir():
-        raise UsageError("is a folder", path=output, remedy="Give the name of a file, such as report.html.")
-    if os.path.lexists(output) and not overwrite:
-        raise UsageError(
-            "the report exists already", path=output, remedy="Give --overwrite to replace it, or another name with -o."
-        )
+    check_replaceable(output, overwrite=overwrite)
     results = read_results(folder)
     check_writable(output.parent)
     progress = progress or Silent()

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.geometry.similarity import fit_similarity
+from fieldkit.reconstruction.colmap import pycolmap
 
 # A position counts as right within 4.03 standard deviations: 99.9 % of a 3D normal error (χ², 3 degrees of freedom).
 POSITION_SIGMAS = 4.03

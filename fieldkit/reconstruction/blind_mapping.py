@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import pycolmap
-
 from fieldkit.geometry import Intrinsics
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import to_colmap_camera
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.verification import TwoView

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as ScipyRotation
 
@@ -14,6 +13,7 @@ from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.similarity import fit_similarity
 from fieldkit.reconstruction.agreement import POSITION_SIGMAS
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import transform_model
 
 _FULL_TRUST = 300

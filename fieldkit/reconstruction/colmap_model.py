@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
+from fieldkit.captures.decode import read_image
+from fieldkit.captures.model import Photo
 from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.tracks import Track
-
-# COLMAP logs every step to stderr, which belongs to the person at the terminal; only fatal messages stay.
-pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
 
 
 def to_colmap_camera(intrinsics: Intrinsics, camera_id: int) -> pycolmap.Camera:
@@ -56,6 +55,25 @@ def model_points(model: pycolmap.Reconstruction) -> NDArray[np.float64]:
     """(n, 3) points, by ascending id."""
     points = [model.points3D[k].xyz for k in sorted(model.point3D_ids())]
     return np.array(points, dtype=np.float64).reshape(-1, 3)
+
+
+def color_points(model: pycolmap.Reconstruction, photos: Iterable[Photo]) -> None:
+    """Give every 3D point the mean colour of the pixels that it was seen in; ``photos`` are those of the model."""
+    by_name = {image.name: image for image in model.images.values() if image.has_pose}
+    sums: dict[int, NDArray[np.int64]] = {}
+    for photo in photos:
+        image = by_name.get(photo.name)
+        if image is None:
+            continue
+        pixels = read_image(photo)
+        last = np.array([photo.width, photo.height]) - 1
+        for point in image.points2D:
+            if point.has_point3D():
+                column, row = np.clip(np.floor(point.xy), 0, last).astype(np.int64)
+                known = sums.setdefault(point.point3D_id, np.zeros(4, dtype=np.int64))
+                known += (*pixels[row, column], 1)
+    for key, (*channels, count) in sums.items():
+        model.points3D[key].color = np.rint(np.array(channels) / count).astype(np.uint8)
 
 
 def transform_model(model: pycolmap.Reconstruction, similarity: Similarity) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -14,6 +13,7 @@ from scipy.spatial import cKDTree
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.stereo_quality import StereoQuality
 
 Array = NDArray[np.float64]

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import to_colmap_camera, to_rigid
 from fieldkit.reconstruction.marker_detection import MarkerDetection
 

@@ -8,7 +8,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-import pycolmap
+
+from fieldkit.reconstruction.colmap import pycolmap
 
 Arrays = dict[str, np.ndarray]
 

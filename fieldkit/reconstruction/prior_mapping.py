@@ -22,13 +22,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, POSITION_SIGMAS
 from fieldkit.reconstruction.bundle import CameraPrior, adjust, filter_points
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import (
     from_colmap_camera,
     model_points,

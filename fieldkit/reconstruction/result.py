@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from fieldkit.captures.model import Capture, Finding
@@ -15,6 +14,7 @@ from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.colmap import pycolmap
 
 _CLEARANCE_RMS = 3.0
 

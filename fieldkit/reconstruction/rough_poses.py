@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import pycolmap
 
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import model_poses
 from fieldkit.reconstruction.known_poses import KnownPoses
 from fieldkit.reconstruction.orientation import orient_cameras

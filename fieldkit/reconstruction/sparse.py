@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
@@ -18,6 +17,7 @@ from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, 
 from fieldkit.reconstruction.angle_conventions import Convention, find_convention, look_odd
 from fieldkit.reconstruction.blind_mapping import METHODS, map_blindly
 from fieldkit.reconstruction.cameras import CALIBRATING_DEG, PARALLEL_DEG, CameraSet, spread_deg
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import KnownPoses

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pycolmap
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Intrinsics
+from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import to_colmap_camera
 from fieldkit.reconstruction.features import Features
 

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from fieldkit.documents.json_file import check_version, read_kind, schema_text, validated
 from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
+from fieldkit.regular_files import open_regular
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, FileEntry, ReferenceReport
 from fieldkit.results.mission import MissionRecord
@@ -61,8 +62,8 @@ def load_evaluation_report(path: Path) -> EvaluationReport:
 
 
 def file_sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
-    with Path(path).open("rb") as file:
+    """SHA-256 of a file's bytes, hexadecimal. Raises OSError: it cannot be read, or is no regular file."""
+    with open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

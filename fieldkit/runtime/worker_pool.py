@@ -95,7 +95,7 @@ class _Worker(Generic[Task, Result]):
         """Kill the process and wait for its end."""
         self.connection.close()
         if self.process.is_alive():
-            self.process.kill()  # pycolmap's logging catches SIGTERM
+            self.process.kill()
         self.process.join()
 
     def last_words(self) -> str:

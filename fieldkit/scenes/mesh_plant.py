@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.errors import SceneError
+from fieldkit.regular_files import open_regular
 from fieldkit.scenes.noise import fractal_noise
 from fieldkit.scenes.scene import Mesh, vertex_normals
 
@@ -116,7 +117,7 @@ def check_mesh_file(path: Path, sha256: str = "") -> None:
             remedy="Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles.",
         )  # fmt: skip
     if sha256:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             found = hashlib.file_digest(file, "sha256").hexdigest()
         if found != sha256.lower():
             raise SceneError(

@@ -156,7 +156,7 @@ def simulate_capture(
     true = perturbed(poses, noise, seed)
     names = [f"IMG_{i + 1:04d}.jpg" for i in range(len(poses))]
     with (
-        atomic_folder(folder, overwrite=overwrite) as partial,
+        atomic_folder(folder, overwrite=overwrite, marker=names[0]) as partial,
         storage_errors(folder),
         (progress or Silent()).stage("photographs", len(poses)) as advance,
     ):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 import textwrap
@@ -12,6 +13,7 @@ import pytest
 
 from fieldkit import __version__
 from fieldkit.cli.main import COMMANDS, main, module_name, overview
+from tests.special_files import limited
 
 ROOT = Path(__file__).parents[2]
 HELP = [[*name.split(), "--help"] for name in COMMANDS]
@@ -134,7 +136,7 @@ def write(file: Path, body: str, *, resume: bool = False) -> None:
     )
     file.write_text(
         "from __future__ import annotations\n"
-        "import os, signal, sys, warnings\n"
+        "import os, signal, sys, time, warnings\n"
         "from pathlib import Path\n"
         "import typer\n"
         "from fieldkit.cli.common import *\n"
@@ -210,9 +212,30 @@ class TestBoundary:
         write(a_command, "raise SystemError('of another kind')")
         assert main(["probe"]) == 1
 
-    def test_terminated(self, a_command: Path) -> None:
-        write(a_command, "os.kill(os.getpid(), signal.SIGTERM)")
+    def test_terminated(self, a_command: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        before = signal.getsignal(signal.SIGTERM)
+        write(a_command, "os.kill(os.getpid(), signal.SIGTERM)", resume=True)
         assert main(["probe"]) == 143
+        said = capsys.readouterr().err
+        assert "ended by SIGTERM" in said
+        assert "--resume" in said
+        assert signal.getsignal(signal.SIGTERM) == before
+
+    def test_terminated_where_exceptions_are_dropped_or_changed(
+        self, a_command: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        end = "lambda *_: os.kill(os.getpid(), signal.SIGTERM)"
+        dropped = f"each = type('A', (), {{'__del__': {end}}})(); del each; [time.sleep(0.1) for _ in range(100)]"
+        write(a_command, dropped)
+        with limited():
+            assert main(["probe"]) == 143
+        assert capsys.readouterr().err == "Error: ended by SIGTERM\n"
+        write(a_command, "\n    ".join([
+            "try:", "    os.kill(os.getpid(), signal.SIGTERM)", "except SystemExit as error:",
+            "    raise ImportError('no module') from error",
+        ]))  # fmt: skip
+        assert main(["probe"]) == 143
+        assert capsys.readouterr().err == "Error: ended by SIGTERM\n"
 
     @pytest.mark.parametrize("body", ["return 4", "raise typer.Exit(4)", "sys.exit(4)"])
     def test_code_of_a_command(self, a_command: Path, body: str) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import struct
 import sys
 from pathlib import Path
 
@@ -200,3 +201,21 @@ def test_points_in_degrees_are_refused(tmp_path: Path) -> None:
     with pytest.raises(CloudError, match="degrees") as caught:
         read_cloud(path)
     assert "Reproject" in caught.value.remedy
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz"])
+def test_more_points_than_a_file_can_hold_are_refused_before_they_are_read(tmp_path: Path, name: str) -> None:
+    write_las(tmp_path / name, Cloud(np.zeros((1000, 3))))
+    data = bytearray((tmp_path / name).read_bytes())
+    struct.pack_into("<Q", data, 247, 50_000_000)
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(CloudError, match="promises 50,000,000 points"):
+        read_cloud(tmp_path / name)
+
+
+def test_points_that_pack_well_are_read(tmp_path: Path) -> None:
+    """A plane on a grid: far fewer bytes than points."""
+    x, y = np.meshgrid(np.arange(400.0), np.arange(400.0))
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    write_las(tmp_path / "a.laz", Cloud(points))
+    assert len(read_cloud(tmp_path / "a.laz")) == len(points)

@@ -224,3 +224,24 @@ class TestManyPlots:
         report = json.loads((warm.folder / "out" / "evaluation.json").read_text("utf-8"))
         assert [plot["error"]["type"] for plot in report["plots"]] == ["ReconstructionError"] * 2
         assert len((warm.folder / "out" / "plots.csv").read_text("utf-8").splitlines()) == 3
+
+
+def test_a_day_with_odd_names_of_plots(warm: CommandLine, small_plot: Path, built: Built) -> None:
+    """Names that are no UTF-8, and those of the result's own files."""
+    names = ["plots.csv", "evaluation.json", os.fsdecode(b"Fl\xe4che")]
+    day = warm.folder / "day"
+    try:
+        for name in names:
+            shutil.copytree(small_plot, day / name)
+    except OSError:
+        pytest.skip("this file system takes names in UTF-8 only")
+    done = warm.run("evaluate", "day", "-o", "out", *DRAFT, "--json")
+    assert done.code == 0, done.err
+    report = json.loads((warm.folder / "out" / "evaluation.json").read_text())
+    assert [plot["error"] for plot in report["plots"]] == [None] * 3
+    assert sorted(plot["name"] for plot in report["plots"]) == [r"Fl\udce4che", "evaluation.json", "plots.csv"]
+    for plot in report["plots"]:
+        for entry in plot["files"]:
+            assert (warm.folder / "out" / entry["name"]).stat().st_size == entry["bytes"]
+    assert (warm.folder / "out" / "plots.csv").is_file()
+    assert warm.run("report", "out", "-o", "report.html").code == 0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from fieldkit.errors import CaptureError
-from fieldkit.evaluation.plots import find_plots
+from fieldkit.evaluation.plots import find_plots, result_folders
 
 SMALL_PHOTOGRAPH = Path(__file__).parents[1] / "data" / "small_plot" / "IMG_0001.jpg"
 
@@ -47,3 +48,21 @@ def test_folders_of_one_card_are_one_plot(tmp_path: Path) -> None:
     assert [name for name, _ in find_plots(tmp_path)[0]] == ["flight", "other"]
     photograph(tmp_path / "flight" / "plot 3" / "a.jpg")
     assert [name for name, _ in find_plots(tmp_path / "flight")[0]] == ["100MEDIA", "101MEDIA", "plot 3"]
+
+
+def test_names_that_are_no_utf_8_are_written_out(tmp_path: Path) -> None:
+    for name in ("plot 1", os.fsdecode(b"Fl\xe4che")):
+        try:
+            photograph(tmp_path / name / "a.jpg")
+        except OSError:
+            pytest.skip("this file system takes names in UTF-8 only")
+    (tmp_path / os.fsdecode(b"l\xe9er")).mkdir()
+    plots, passed_over = find_plots(tmp_path)
+    assert sorted(name for name, _ in plots) == [r"Fl\udce4che", "plot 1"]
+    assert passed_over == [r"l\udce9er"]
+
+
+def test_plots_named_as_files_of_the_result_have_folders_beside_them() -> None:
+    names = ["evaluation.json", "plot 1", "Plots.csv", "plots.csv", "plots.csv-2"]
+    folders = result_folders(names, ("evaluation.json", "plots.csv"))
+    assert folders == ["evaluation.json-2", "plot 1", "Plots.csv-2", "plots.csv-3", "plots.csv-2"]

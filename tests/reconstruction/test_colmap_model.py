@@ -1,11 +1,16 @@
 """COLMAP's objects hold what was put into them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from PIL import Image
 
+from fieldkit.captures.model import Photo
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.reconstruction.colmap_model import (
+    color_points,
     from_colmap_camera,
     model_intrinsics,
     model_points,
@@ -109,3 +114,20 @@ def test_a_model_moves_as_its_poses_do(scene: FeatureScene) -> None:
         assert found.center == pytest.approx(expected.center, abs=1e-9)
         assert found.rotation == pytest.approx(expected.rotation, abs=1e-9)
     assert model.compute_mean_reprojection_error() < 1.0
+
+
+def test_points_have_the_mean_colour_of_the_photographs_that_see_them(scene: FeatureScene, tmp_path: Path) -> None:
+    model = model_of(scene)
+    triangulate_tracks(model, scene.features, true_tracks(scene)[0], max_error_px=3.0, min_angle_deg=1.0, seed=0)
+    size = scene.camera.width, scene.camera.height
+    colors = {name: (40 * k, 200, 255 - 40 * k) for k, name in enumerate(scene.names)}
+    photos = []
+    for name, color in colors.items():
+        path = (tmp_path / name).with_suffix(".png")
+        Image.new("RGB", size, color).save(path)
+        photos.append(Photo(path, name, *size, "PNG", ""))
+    color_points(model, photos)
+    assert model.num_points3D() > 10
+    for point in model.points3D.values():
+        seen = [colors[model.images[element.image_id].name] for element in point.track.elements]
+        np.testing.assert_array_equal(point.color, np.rint(np.mean(seen, axis=0)))

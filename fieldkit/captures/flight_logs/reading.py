@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import stat
 import zlib
 from pathlib import Path
 
 from fieldkit.captures.flight_logs.model import FlightLog
 from fieldkit.errors import MetadataError
+from fieldkit.regular_files import check_regular, read_regular
 
 MAX_BYTES = 1 << 30
 """A larger log is refused, packed or unpacked: an hour of ArduPilot's at full rate is about 200 MB."""
@@ -53,12 +53,9 @@ def read_flight_log(path: Path, *, max_bytes: int = MAX_BYTES) -> FlightLog:
 
 def _bytes(path: Path, max_bytes: int) -> bytes:
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise MetadataError("is not a file", path=path, remedy=_REMEDY)
-        if status.st_size > max_bytes:
+        if check_regular(path).st_size > max_bytes:
             raise MetadataError(f"is larger than {max_bytes >> 20} MiB", path=path, remedy="Cut the log to the flight.")
-        data = path.read_bytes()
+        data = read_regular(path, max_bytes)
     except FileNotFoundError as error:
         raise MetadataError("there is no such file", path=path, remedy=_REMEDY) from error
     except (OSError, ValueError) as error:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from fieldkit.errors import MetadataError
 from fieldkit.mavlink.frames import MAGIC_2, SIGNATURE_BYTES, SIGNED, checksum
+from fieldkit.regular_files import check_regular, read_regular
 
 KEY_BYTES = 32
 _EPOCH_S = 1_420_070_400.0
@@ -34,12 +35,12 @@ def read_key(path: Path) -> bytes:
     """
     path = Path(path)
     try:
-        status = path.stat()
+        status = check_regular(path)
         if stat.S_IMODE(status.st_mode) & 0o077:
             raise MetadataError("others may read this signing key", path=path, remedy=f"Run: chmod 600 {path}")
-        if not stat.S_ISREG(status.st_mode) or status.st_size > _MAX_FILE_BYTES:
+        if status.st_size > _MAX_FILE_BYTES:
             raise MetadataError("is not a signing key", path=path, remedy=_REMEDY)
-        data = path.read_bytes()
+        data = read_regular(path, _MAX_FILE_BYTES)
     except FileNotFoundError as error:
         raise MetadataError("there is no such signing key", path=path, remedy=_REMEDY) from error
     except OSError as error:

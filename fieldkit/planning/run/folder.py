@@ -21,6 +21,7 @@ from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.problem import Result, Trial
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.planning.space.cameras import Cameras
+from fieldkit.regular_files import is_other_than_file, open_regular, read_regular
 from fieldkit.results.fields import Count, Length, Strict
 
 SETTINGS_FILE, LOG_FILE = "search.json", "evaluations.jsonl"
@@ -145,7 +146,7 @@ def create_run(path: Path, settings: SearchSettings, *, overwrite: bool = False)
         UsageError: ``path`` exists and ``overwrite`` is off, is not a run's folder, or another process plans there.
         StorageError: the disk is full or not writable.
     """
-    with suppress(OSError), (path / LOG_FILE).open("rb") as file:
+    with suppress(OSError), open_regular(path / LOG_FILE) as file:
         _lock(file, path)
     with atomic_folder(path, overwrite=overwrite, marker=SETTINGS_FILE) as folder:
         write_atomic(folder / SETTINGS_FILE, settings.model_dump_json(indent=2) + "\n")
@@ -164,6 +165,8 @@ def open_run(path: Path) -> Iterator[RunFolder]:
     """
     settings = read_settings(path)
     log = path / LOG_FILE
+    if is_other_than_file(log):
+        raise MetadataError("is not a regular file", path=log, remedy=_REMEDY)
     with storage_errors(log), log.open("a+b") as file:
         _lock(file, path)
         file.seek(0)
@@ -194,11 +197,11 @@ def read_log(path: Path) -> list[LogEntry]:
     """
     log = path / LOG_FILE
     try:
-        content = log.read_bytes()
+        content = read_regular(log)
     except FileNotFoundError as error:
         raise MetadataError("there is no such file", path=log, remedy=_REMEDY) from error
     except OSError as error:
-        raise StorageError(f"cannot be read: {error.strerror}", path=log) from error
+        raise StorageError(f"cannot be read: {error.strerror}", path=log, remedy=_REMEDY) from error
     return _parsed(log, content[: content.rfind(b"\n") + 1])
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -33,7 +32,7 @@ from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
 from fieldkit.results.plan import PlanEnvelope, PlanSource
-from fieldkit.results.report_files import REFERENCE_FILE
+from fieldkit.results.report_files import REFERENCE_FILE, file_sha256
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene, scene_reference
 from fieldkit.scenes.plants_apart import PlantsApart
@@ -111,18 +110,13 @@ def describe_sources(
 
 def _described_scene(scene: Path) -> tuple[PlanSource, Path]:
     file = find_scene(scene)
-    return PlanSource(kind="scene", name=file.name, sha256=sha256(file)), scene_reference(file)
+    return PlanSource(kind="scene", name=file.name, sha256=file_sha256(file)), scene_reference(file)
 
 
 def _described_reference(reference: Path) -> tuple[PlanSource, Path]:
     folder = (reference.parent if reference.is_file() else reference).resolve()
     Reference(folder)
-    return PlanSource(kind="reference", name=folder.name, sha256=sha256(folder / REFERENCE_FILE)), folder
-
-
-def sha256(file: Path) -> str:
-    """SHA-256 of a file's content."""
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    return PlanSource(kind="reference", name=folder.name, sha256=file_sha256(folder / REFERENCE_FILE)), folder
 
 
 def set_up_run(
@@ -287,7 +281,7 @@ def _check_unchanged(plot: GivenPlot) -> None:
     file = path / REFERENCE_FILE if plot.source.kind == "reference" else _scene_file(path)
     if not file.is_file():
         raise UsageError("the source of this run is gone", path=file, remedy="Put it back there, or start a new run.")
-    if sha256(file) != plot.source.sha256:
+    if file_sha256(file) != plot.source.sha256:
         raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
 
 

@@ -9,19 +9,20 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fieldkit.clouds import Cloud, PointIndex, Volume
+from fieldkit.clouds import Cloud, PointIndex, ReferenceIndex, Volume
 from fieldkit.present.pictures.overview import draw_plants, save_figure
-from fieldkit.present.pictures.panels import FAINT, INK, drawable, new_figure
+from fieldkit.present.pictures.panels import FAINT, INK, display_limits, drawable, new_figure
 from fieldkit.present.style import format_length, format_nominal
 from fieldkit.results.evaluation import PlotEvaluation
 
 _WIDTH, _HEIGHT = 15.0, 11.7
+_AT_A_TIME = 1_000_000
 _ROWS = ((6.45, 3.95), (1.35, 3.95))
 # Blue through light yellow to red: safe for colour-blind eyes, and dark for large distances.
 _COLORS = LinearSegmentedColormap.from_list("distance", ["#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a"])
 
 
-def write_comparison(path: Path, plot: PlotEvaluation, estimate: Cloud, reference: Cloud) -> None:
+def write_comparison(path: Path, plot: PlotEvaluation, estimate: Cloud, reference: Cloud | ReferenceIndex) -> None:
     """Write the picture of an evaluation (PNG).
 
     Raises:
@@ -30,13 +31,13 @@ def write_comparison(path: Path, plot: PlotEvaluation, estimate: Cloud, referenc
     save_figure(path, draw_comparison(plot, estimate, reference))
 
 
-def draw_comparison(plot: PlotEvaluation, estimate: Cloud, reference: Cloud) -> Figure:
+def draw_comparison(plot: PlotEvaluation, estimate: Cloud, reference: Cloud | ReferenceIndex) -> Figure:
     """The plot's cloud coloured by its distance to the reference, and the reference by its distance to the cloud.
 
     Args:
         plot: the scored plot.
         estimate: its cloud, with any correction applied; (m, 3) metres.
-        reference: (n, 3) metres in the same frame.
+        reference: (n, 3) metres in the same frame; a `ReferenceIndex` saves the work of indexing it again.
 
     Raises:
         ValueError: the plot has no score, or a cloud has no points.
@@ -45,17 +46,20 @@ def draw_comparison(plot: PlotEvaluation, estimate: Cloud, reference: Cloud) -> 
         raise ValueError("a plot without a score has nothing to compare")
     volume = Volume(plot.volume.lower_m, plot.volume.upper_m)
     limit = max(float(distance) for distance in plot.f_score)
-    to_reference = PointIndex(reference.points).nearest(estimate.points)[0]
-    to_estimate = PointIndex(estimate.points).nearest(reference.points)[0]
+    kept = reference if isinstance(reference, ReferenceIndex) else ReferenceIndex(reference)
+    own, known = PointIndex(estimate.points), kept.cloud.points
+    limits = display_limits(estimate.points, volume, known)
+    # Millions of distances take much memory, their colours little.
+    by_reference = _colored(own.unsorted(kept.index.distances_from(own)), limit)
+    by_estimate = _colored(kept.index.unsorted(own.distances_from(kept.index)), limit)
     figure = new_figure(_WIDTH, _HEIGHT, f"{plot.name}: distance to the reference")
     accuracy, completeness = format_length(plot.accuracy_m), format_length(plot.completeness_m)
     ours = f"Accuracy {accuracy}: the plot's {len(estimate):,} points by distance to the reference"
     theirs = f"Completeness {completeness}: the reference's {len(reference):,} points by distance to it"
-    rows = ((estimate.points, to_reference, ours), (reference.points, to_estimate, theirs))
+    rows = ((estimate.points, by_reference, ours), (known, by_estimate, theirs))
     # Both rows show the same part of the plot at the same scale.
-    shown = np.concatenate([estimate.points, reference.points])
-    for row, (points, distances, title) in zip(_ROWS, rows, strict=True):
-        draw_plants(figure, Cloud(points, _colored(distances, limit)), volume, None, "m", row, frame=shown)
+    for row, (points, colors, title) in zip(_ROWS, rows, strict=True):
+        draw_plants(figure, Cloud(points, colors), volume, None, "m", row, limits=limits)
         y = (row[0] + row[1] + 0.42) / _HEIGHT
         figure.text(0.03, y, title, size=10, color=INK, va="center", weight="bold", parse_math=False)
     _legend(figure, plot, limit)
@@ -63,7 +67,11 @@ def draw_comparison(plot: PlotEvaluation, estimate: Cloud, reference: Cloud) -> 
 
 
 def _colored(distances: NDArray[np.float64], limit: float) -> NDArray[np.uint8]:
-    colors: NDArray[np.uint8] = np.round(255 * _COLORS(np.minimum(distances / limit, 1.0))[:, :3]).astype(np.uint8)
+    table = np.round(255 * _COLORS(np.arange(_COLORS.N))[:, :3]).astype(np.uint8)
+    colors = np.empty((len(distances), 3), dtype=np.uint8)
+    for start in range(0, len(distances), _AT_A_TIME):
+        some = slice(start, start + _AT_A_TIME)
+        colors[some] = table[np.minimum(distances[some] / limit * _COLORS.N, _COLORS.N - 1).astype(np.intp)]
     return colors
 
 

@@ -102,7 +102,7 @@ def draw_plants(
     unit: str,
     row: tuple[float, float] = _UPPER,
     *,
-    frame: NDArray[np.float64] | None = None,
+    limits: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
 ) -> list[Axes]:
     """Three panels with the plants from the front, the side and above, all to one scale.
 
@@ -113,9 +113,9 @@ def draw_plants(
         ground: line to draw, or None.
         unit: ``"m"``, or empty where lengths are not metres.
         row: bottom and height of the panels, inches.
-        frame: points (n, 3) that fit into the panels; None takes the plants.
+        limits: of what fits into the panels, (3,) and (3,), see `display_limits`; None takes those of the plants.
     """
-    lower, upper = display_limits(plants.points if frame is None else frame, volume)
+    lower, upper = display_limits(plants.points, volume) if limits is None else limits
     if ground is not None:
         lower = np.array([*lower[:2], min(lower[2], ground.offset_m / max(float(ground.normal[2]), 0.1))])
     size, middle = upper - lower, 0.5 * (lower + upper)

@@ -149,11 +149,16 @@ def colors_or_grey(points: NDArray[np.float64], colors: NDArray[np.uint8] | None
     return np.full((len(points), 3), 120, dtype=np.uint8) if colors is None else colors
 
 
-def display_limits(points: NDArray[np.float64], volume: Volume) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower and upper corner (3,), (3,) of the part to show: the points without stragglers, else the volume."""
-    if not len(points):
+def display_limits(
+    points: NDArray[np.float64], volume: Volume, *more: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper corner (3,), (3,) of the part to show: all points without stragglers, else the volume."""
+    clouds = (points, *more)
+    if not any(map(len, clouds)):
         return np.array(volume.lower), np.array(volume.upper)
-    lower, upper = np.quantile(points, [0.001, 0.999], axis=0)
+    along = (np.concatenate([cloud[:, axis] for cloud in clouds]) for axis in range(3))  # one after the other
+    limits = [np.quantile(values, [0.001, 0.999], overwrite_input=True) for values in along]
+    lower, upper = np.stack(limits, axis=1)
     small = 0.05 * max(float((upper - lower).max()), 1e-6)
     flat = upper - lower < small
     return np.where(flat, lower - small, lower), np.where(flat, upper + small, upper)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+_POINTS_AT_A_TIME = 100_000
 _SHADING = 0.5
 _FULL_SHADE_SHARE = 0.04  # of the depth range; deeper steps are fully shaded
 
@@ -73,33 +74,55 @@ def draw_points(
 ) -> NDArray[np.uint8]:
     """A picture (height, width, 4) RGBA of points (n, 3) with colours (n, 3); transparent where there is none."""
     picture = np.zeros((window.height, window.width, 4), dtype=np.uint8)
-    scale = window.pixels_per_metre
-    column = (points[:, direction.right] - window.left) * scale
-    row = (window.top - points[:, direction.up]) * scale
-    inside = (column >= 0) & (column < window.width) & (row >= 0) & (row < window.height)
-    if not inside.any():
+    shown = _nearest_points(points, direction, window)
+    covered = shown >= 0
+    if not covered.any():
         return picture
-    column_of, row_of = column[inside].astype(np.int64), row[inside].astype(np.int64)
-    near = direction.sign * points[inside, direction.toward]
-    shades = colors[inside]
-    offsets = _disc(_radius(row_of * window.width + column_of))
-    rows = (row_of[None, :] + offsets[:, :1]).ravel()
-    columns = (column_of[None, :] + offsets[:, 1:]).ravel()
-    fits = (rows >= 0) & (rows < window.height) & (columns >= 0) & (columns < window.width)
-    pixel = (rows * window.width + columns)[fits]
-    source = np.tile(np.arange(len(near)), len(offsets))[fits]
-    order = np.argsort(near[source], kind="stable")
-    # The nearest point is written last: NumPy assigns repeated indices in order.
-    winner = np.full(window.width * window.height, -1, dtype=np.int64)
-    winner[pixel[order]] = source[order]
-    covered = winner >= 0
-    depth = np.full(len(winner), -np.inf)
-    depth[covered] = near[winner[covered]]
+    depth = np.full(len(shown), -np.inf)
+    depth[covered] = direction.sign * points[shown[covered], direction.toward]
     shade = eye_dome_shade(depth.reshape(window.height, window.width)).ravel()[covered]
     flat = picture.reshape(-1, 4)
-    flat[covered, :3] = np.clip(shades[winner[covered]] * shade[:, None], 0, 255).astype(np.uint8)
+    flat[covered, :3] = np.clip(colors[shown[covered]] * shade[:, None], 0, 255).astype(np.uint8)
     flat[covered, 3] = 255
     return picture
+
+
+def _nearest_points(points: NDArray[np.float64], direction: Direction, window: Window) -> NDArray[np.int64]:
+    """(pixels,) the point that each pixel shows, −1 where there is none; of equally near ones that of the later offset
+    in its disc, then the later point. Points are taken some at a time, so that millions of them take no memory.
+    """
+    starts = range(0, len(points), _POINTS_AT_A_TIME)
+    offsets = _disc(_radius(points, starts, direction, window))
+    size = window.width * window.height
+    best, best_offset, shown = np.full(size, -np.inf), np.full(size, -1), np.full(size, -1, dtype=np.int64)
+    for start in starts:
+        some, row_of, column_of = _seen(points, start, direction, window)
+        near = direction.sign * points[some, direction.toward]
+        rows = (row_of[None, :] + offsets[:, :1]).ravel()
+        columns = (column_of[None, :] + offsets[:, 1:]).ravel()
+        place = np.flatnonzero((rows >= 0) & (rows < window.height) & (columns >= 0) & (columns < window.width))
+        pixel = rows[place] * window.width + columns[place]
+        order = np.argsort(near[place % len(near)], kind="stable")
+        # The nearest point is written last: NumPy assigns repeated indices in order.
+        winner = np.full(size, -1, dtype=np.int64)
+        winner[pixel[order]] = place[order]
+        hit = np.flatnonzero(winner >= 0)
+        offset, source = np.divmod(winner[hit], len(near))
+        wins = (near[source] > best[hit]) | ((near[source] == best[hit]) & (offset >= best_offset[hit]))
+        hit, offset, source = hit[wins], offset[wins], source[wins]
+        best[hit], best_offset[hit], shown[hit] = near[source], offset, some[source]
+    return shown
+
+
+def _seen(
+    points: NDArray[np.float64], start: int, direction: Direction, window: Window
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Of the points from ``start`` on, as many as are taken at a time: those in the window, their rows and columns."""
+    some = points[start : start + _POINTS_AT_A_TIME]
+    column = (some[:, direction.right] - window.left) * window.pixels_per_metre
+    row = (window.top - some[:, direction.up]) * window.pixels_per_metre
+    inside = (column >= 0) & (column < window.width) & (row >= 0) & (row < window.height)
+    return start + np.flatnonzero(inside), row[inside].astype(np.int64), column[inside].astype(np.int64)
 
 
 def eye_dome_shade(nearness: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -120,9 +143,14 @@ def eye_dome_shade(nearness: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(covered, np.exp(-_SHADING * obscurance / 4.0), 1.0)
 
 
-def _radius(pixel: NDArray[np.int64]) -> int:
+def _radius(points: NDArray[np.float64], starts: range, direction: Direction, window: Window) -> int:
     """Disc radius in pixels: 1 if points are so dense that they share pixels, else 2."""
-    return 1 if len(pixel) > 1.5 * len(np.unique(pixel)) else 2
+    hit, count = np.zeros(window.width * window.height, dtype=np.bool_), 0
+    for start in starts:
+        _, rows, columns = _seen(points, start, direction, window)
+        hit[rows * window.width + columns] = True
+        count += len(rows)
+    return 1 if count > 1.5 * np.count_nonzero(hit) else 2
 
 
 def _disc(radius: int) -> NDArray[np.int64]:

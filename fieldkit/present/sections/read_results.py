@@ -21,6 +21,7 @@ from fieldkit.present.sections.loaded_results import (
     Unreadable,
 )
 from fieldkit.present.sections.plausible import check_plausible
+from fieldkit.regular_files import open_regular
 from fieldkit.results.mission import MissionFlight, MissionRecord
 from fieldkit.results.mission_file import load_mission, records_in
 from fieldkit.results.plan_file import PLAN_FILE, load_plan
@@ -97,7 +98,7 @@ def _folders(root: Path) -> Iterator[Path]:
 def _is_route(file: Path) -> bool:
     """Whether a GeoJSON file is the route of a mission."""
     try:
-        with file.open("rb") as opened:
+        with open_regular(file) as opened:
             return _ROUTE_BEGINS in opened.read(4096)
     except OSError:
         return False

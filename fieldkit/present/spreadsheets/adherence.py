@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from fieldkit.documents.csv_text import csv_text
 from fieldkit.files import write_atomic
-from fieldkit.present.spreadsheets.csv_text import csv_text
 from fieldkit.results.evaluation import AdherenceEntry, PoseEntry
 
 SOURCES = ("planned", "commanded", "reported", "tagged", "reconstructed")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fieldkit.present.spreadsheets.csv_text import csv_text
+from fieldkit.documents.csv_text import csv_text
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 
 COLUMNS = (

@@ -41,7 +41,7 @@ _GRID = 6
 
 def cuda_devices() -> int:
     """CUDA devices that pycolmap can use; 0 for a build without CUDA, whatever it says of itself."""
-    import pycolmap
+    from fieldkit.reconstruction.colmap import pycolmap
 
     count = getattr(pycolmap, "get_num_cuda_devices", None)
     return int(count()) if pycolmap.has_cuda and count is not None else 0
@@ -74,7 +74,7 @@ class Cuda:
         """
         if cuda_devices() == 0:
             raise UsageError("there is no CUDA device", remedy="Choose --backend cpu.")
-        import pycolmap
+        from fieldkit.reconstruction.colmap import pycolmap
 
         if not views:
             return []
@@ -97,7 +97,7 @@ class Cuda:
         Raises:
             ReconstructionError: COLMAP failed.
         """
-        import pycolmap
+        from fieldkit.reconstruction.colmap import pycolmap
 
         if not views:
             return Cloud.empty()
@@ -121,7 +121,7 @@ class Cuda:
 
 def patch_match_options(views: Sequence[View], volume: Volume) -> Any:
     """pycolmap.PatchMatchOptions with the depths between which the volume lies, over all views."""
-    import pycolmap
+    from fieldkit.reconstruction.colmap import pycolmap
 
     near, far = _depths(views, volume)
     options = pycolmap.PatchMatchOptions()
@@ -134,7 +134,7 @@ def patch_match_options(views: Sequence[View], volume: Volume) -> Any:
 
 def fusion_options(workspace: Path, views: Sequence[View], volume: Volume, settings: Settings) -> Any:
     """pycolmap.StereoFusionOptions that come nearest to `Settings`' rule (COLMAP counts the view itself)."""
-    import pycolmap
+    from fieldkit.reconstruction.colmap import pycolmap
 
     options = pycolmap.StereoFusionOptions()
     options.num_threads = 1
@@ -236,7 +236,7 @@ def _read_cloud(path: Path, views: Sequence[View], volume: Volume, settings: Set
 
 def _sparse_model(views: Sequence[View], names: Sequence[str], volume: Volume) -> Any:
     """Cameras and poses, with a grid over the volume as points: COLMAP counts shared points to find overlap."""
-    import pycolmap
+    from fieldkit.reconstruction.colmap import pycolmap
 
     edges = [np.linspace(0.5 / _GRID, 1 - 0.5 / _GRID, _GRID)] * 3
     points = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3) * volume.size + volume.lower

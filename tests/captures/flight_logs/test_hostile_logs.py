@@ -166,7 +166,7 @@ def test_bombs_and_other_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(MetadataError, match="is empty"):
         read_flight_log(empty)
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(MetadataError, match="not a file"):
+    with pytest.raises(MetadataError, match="not a regular file"):
         read_flight_log(tmp_path / "pipe")
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import unicodedata
 from collections.abc import Iterable, Sequence
 
+_WRITTEN_OUT = ("Cc", "Cf", "Cs", "Zl", "Zp")
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
 
 
@@ -16,6 +18,14 @@ def csv_text(columns: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
     writer.writerow(columns)
     writer.writerows([csv_cell(value) for value in row] for row in rows)
     return text.getvalue()
+
+
+def on_one_line(text: str) -> str:
+    r"""Text whose controls, direction marks and bytes that are no UTF-8 are written out, as ``\n`` and ``\u202e``.
+
+    So no name breaks a row, for readers by lines as well, and none turns about what stands beside it.
+    """
+    return "".join(c.encode("unicode_escape").decode() if unicodedata.category(c) in _WRITTEN_OUT else c for c in text)
 
 
 def csv_cell(value: object) -> str:
@@ -29,6 +39,6 @@ def csv_cell(value: object) -> str:
             return repr(value)
         case str():
             # A spreadsheet would run a name such as "=HYPERLINK(…)"; the quote makes it text.
-            return f"'{value}" if value.startswith(_FORMULA_STARTS) else value
+            return f"'{on_one_line(value)}" if value.startswith(_FORMULA_STARTS) else on_one_line(value)
         case _:
             return str(value)
