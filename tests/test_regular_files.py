@@ -25,7 +25,7 @@ from fieldkit.clouds.ply import read_ply
 from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageError
 from fieldkit.files import write_atomic
 from fieldkit.mavlink.tlog import read_frames
-from fieldkit.missions.autopilots.dji.wpml import read_wpml
+from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
 from fieldkit.missions.files.litchi import read_litchi
 from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.reading import read_mission

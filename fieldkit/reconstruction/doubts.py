@@ -14,7 +14,7 @@ from fieldkit.geometry import Pose
 from fieldkit.reconstruction.interest import cuts_plants
 from fieldkit.reconstruction.result import MetricFrame
 
-_FEW_POINTS = 500
+_FEW_POINTS = 100
 _STEEP_DEG = 8.0
 """Fields that are worked by machines are rarely steeper than 15 %."""
 _OFF_LEVEL_DEG = 15.0

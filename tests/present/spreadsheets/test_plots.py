@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from fieldkit.documents.csv_text import on_one_line
 from fieldkit.present.spreadsheets.plots import column_names, plots_csv, write_plots_csv
 from fieldkit.results.evaluation import PredictionEntry
 from tests.present.terminal.test_results import FAILED, PLANTS, report, scored
@@ -39,9 +40,11 @@ class TestCsv:
     @pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@x", "\t=1", "＝1"])
     def test_names_are_no_formulas(self, name: str) -> None:
         (row,) = csv.DictReader(io.StringIO(plots_csv(report(scored(name)))))
-        assert row["plot"] == f"'{name}"
+        assert row["plot"] == "'" + on_one_line(name)
 
-    @pytest.mark.parametrize("name", ["a,b", 'a"b', "a\nb", "größe 样地"])
-    def test_any_name_comes_back(self, name: str) -> None:
-        (row,) = csv.DictReader(io.StringIO(plots_csv(report(scored(name))), newline=""))
-        assert row["plot"] == name
+    @pytest.mark.parametrize("name", ["a,b", 'a"b', "a\nb", "a\u202eb", "größe 样地"])
+    def test_any_name_comes_back_on_one_line(self, name: str) -> None:
+        text = plots_csv(report(scored(name)))
+        assert len(text.splitlines()) == 2
+        (row,) = csv.DictReader(io.StringIO(text, newline=""))
+        assert row["plot"] == on_one_line(name)
