@@ -10,7 +10,7 @@ from typer import Argument, Option
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
 from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
-from fieldkit.present.style import format_length, format_seconds
+from fieldkit.present.style import count, format_length, format_seconds
 
 if TYPE_CHECKING:
     from fieldkit.missions.findings import Report
@@ -105,7 +105,8 @@ def _show(report: Report, file: Path) -> None:
         say(f"{len(report.deviations)} photographs match the plan, at most {format_length(farthest.metres)} off")
     errors = sum(finding.severity == "error" for finding in report.findings)
     verdict = "may be flown" if report.ok else f"must not be flown: {errors} error{'s' if errors > 1 else ''}"
-    facts = f"{len(report.taken)} photographs, {format_length(report.length_m)}, about {format_seconds(report.seconds)}"
+    taken = count(len(report.taken), "photograph")
+    facts = f"{taken}, {format_length(report.length_m)}, about {format_seconds(report.seconds)}"
     say(f"{file.name}: {facts}; {verdict}")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -39,6 +40,7 @@ from fieldkit.runtime.progress import Progress
 _MAX_BLIND_NEIGHBOURS = 40
 _NEAR_NEIGHBOURS = 12
 _FEW_FEATURES = 50
+_LOST_SHARE, _REPEATS = 0.1, 4
 _MIN_CALIBRATION_IMAGES = 5
 _CORRECTION_ROUNDS = 3
 _FOCAL_CHANGE = 0.05  # of the focal length: more is none that a calibration of a known camera finds
@@ -114,8 +116,63 @@ def map_capture(
         features = load_features(capture.photos, settings.features, cache=cache, workers=workers, advance=advance)
     run = _Run(capture, cameras, known, settings, features, cache, progress, workers, [], region=region)
     methods = _methods(run)
-    mapped = run.with_priors() if methods == ("prior",) else run.blindly(methods)
+    if methods != ("prior",):
+        mapped = run.blindly(methods)
+    elif settings.mapping == "prior":
+        mapped = run.with_priors()
+    else:
+        mapped = _better(run)
     return replace(mapped, features_cached=sum(f.cached for f in features))
+
+
+def _better(run: _Run) -> Mapped:
+    """Prior mapping; blind mapping where that has more poses that agree with what is known, and prior mapping fails or
+    loses more than a tenth of the photographs.
+
+    Raises:
+        ReconstructionError: that of prior mapping, where neither makes a model that fits the positions.
+    """
+    # Prior mapping disowns orientations and holds cameras.
+    blind_run = replace(run, known=replace(run.known, poses=dict(run.known.poses)), notes=[])
+    mapped, failure = None, None
+    try:
+        mapped = run.with_priors()
+    except ReconstructionError as error:
+        failure = error
+    right = 0 if mapped is None else _right(mapped)
+    if len(run.names) - right <= _LOST_SHARE * len(run.names):
+        assert mapped is not None
+        return mapped
+    with suppress(ReconstructionError):
+        blind = blind_run.blindly(METHODS)
+        if blind.metric and _right(blind) > right:
+            why = "failed" if mapped is None else f"had {right} of {len(run.names)} photographs right"
+            note = (
+                f"mapping from known positions {why}; without them, {blind.method} mapping has {_right(blind)} that "
+                "agree with them, and is used"
+            )
+            return replace(blind, notes=(*blind.notes, note))
+    if mapped is None:
+        assert failure is not None
+        raise failure
+    return mapped
+
+
+def _joined(of_model: Mapping[str, RoughPose], of_pairs: Mapping[str, RoughPose]) -> dict[str, RoughPose]:
+    """Orientations by a blind model and by pairs; a model that fits few positions and contradicts more pairs is wrong.
+
+    Four positions of a ring fit a model that is turned by half a circle.
+    """
+    both = [name for name in of_model if name in of_pairs]
+    against = sum(contradict(of_pairs[name], of_model[name]) for name in both)
+    if len(of_pairs) > len(of_model) and 2 * against >= max(1, len(both)):
+        return dict(of_pairs)
+    return {**of_pairs, **of_model}
+
+
+def _right(mapped: Mapped) -> int:
+    """Photographs whose poses agree with what is known of them."""
+    return sum(image.right is True for image in mapped.images)
 
 
 def _methods(run: _Run) -> tuple[str, ...]:
@@ -267,6 +324,8 @@ class _Run:
         contradicted = self.odd_ones(rough)
         result, more = self.corrected(rough, self.prior_model(rough))
         result = self.by_convention(rough, result, contradicted | more)
+        if self.calibrating is not None and not self.hold:
+            result = self.repeated(rough, result)
         model = result.model
         reasons = {name: "its position is not known" for name in self.names if self.position(name) is None}
         reasons |= {n: "its orientation is not known" for n in self.known.positioned if n not in rough}
@@ -275,6 +334,27 @@ class _Run:
             raise _no_model(self, {})
         self.pairs_tried = result.pairs_tried
         return self._mapped("prior", model, (model.num_reg_images(),), True, reasons, result.pairs_kept)
+
+    def repeated(self, rough: dict[str, RoughPose], result: PriorMapping) -> PriorMapping:
+        """Mapped again with the focal length and orientations of the photographs that are right, while that helps.
+
+        What a blind model that fits few positions says of the camera can be far off.
+        """
+        unknown = [name for name in self.known.positioned if self.known.poses[name].rotation is None]
+        right = rough_from_model(result.model, self.known, seed=self.settings.seed)
+        for _ in range(_REPEATS):
+            if len(right) < LEAST_POSITIONS or len(self.names) - len(right) <= _LOST_SHARE * len(self.names):
+                break
+            before, self.cameras = self.cameras, self.calibrated_by(result.model)
+            by_pairs = self.pair_poses(_NEAR_NEIGHBOURS)
+            rough = rough | {name: found[name] for found in (by_pairs, right) for name in unknown if name in found}
+            again = self.prior_model(rough)
+            now = rough_from_model(again.model, self.known, seed=self.settings.seed)
+            if len(now) <= len(right):
+                self.cameras = before
+                break
+            result, right = again, now
+        return result
 
     def rough_poses(self) -> dict[str, RoughPose]:
         """Of the images whose position is known: with the orientation on record, else with one from matches."""
@@ -293,10 +373,8 @@ class _Run:
         unoriented = [name for name in self.known.positioned if name not in rough]
         if unoriented:
             found = self.calibrated_poses()
-            rough |= {name: found[name] for name in unoriented if name in found}
-            unoriented = [name for name in unoriented if name not in rough]
-        if unoriented:
-            found = self.pair_poses(_NEAR_NEIGHBOURS)
+            if any(name not in found for name in unoriented):
+                found = _joined(found, self.pair_poses(_NEAR_NEIGHBOURS))
             rough |= {name: found[name] for name in unoriented if name in found}
         if len(rough) < 2:
             raise ReconstructionError(
@@ -406,21 +484,36 @@ class _Run:
         return result, contradicted
 
     def calibrate(self, pairs: Pairs) -> None:
-        """Self-calibrate by blind mapping, where nothing is known of a camera."""
+        """Self-calibrate by blind mapping, where nothing is known of a camera.
+
+        A model that does not fit the known positions is bent, and its focal length wrong.
+        """
+        fits: list[tuple[int, pycolmap.Reconstruction]] = []
         for method in METHODS:
             models = self.blind_models(method, pairs)
             if models and models[0].num_reg_images() >= _MIN_CALIBRATION_IMAGES:
-                self.calibrating = models[0]
-                found = models[0].cameras
-                known = [from_colmap_camera(found[k + 1]) if k + 1 in found else c
-                         for k, c in enumerate(self.cameras.cameras)]  # fmt: skip
-                self.cameras = self.cameras.with_cameras(known)
-                return
+                fitting = len(rough_from_model(models[0], self.known, seed=self.settings.seed))
+                fits.append((fitting, models[0]))
+                positioned = sum(name in self.known.positioned for name in model_poses(models[0]))
+                if 2 * fitting >= positioned:
+                    break
+        if fits:
+            _, self.calibrating = max(fits, key=lambda each: each[0])
+            self.cameras = self.calibrated_by(self.calibrating)
+            return
         focal = self.cameras.cameras[0].fx
         self.notes.append(
             f"the camera could not be calibrated from these photographs; a focal length of {focal:.0f} px is assumed. "
             "Put a camera.toml beside them, or evaluate against a reference made with this camera"
         )
+
+    def calibrated_by(self, model: pycolmap.Reconstruction) -> CameraSet:
+        """The cameras with a model's calibration, where it has them."""
+        found = model.cameras
+        return self.cameras.with_cameras([
+            from_colmap_camera(found[k + 1]) if k + 1 in found else camera
+            for k, camera in enumerate(self.cameras.cameras)
+        ])  # fmt: skip
 
     def pair_poses(self, neighbours: int) -> dict[str, RoughPose]:
         """Rough poses with orientations from blind pairs."""
