@@ -126,8 +126,8 @@ def map_capture(
 
 
 def _better(run: _Run) -> Mapped:
-    """Prior mapping; blind mapping where that has more poses that agree with what is known, and prior mapping fails or
-    loses more than a tenth of the photographs.
+    """Prior mapping; blind mapping where that has more poses that agree with what is known, and prior mapping fails, or
+    loses more than a tenth of the photographs whose positions are good enough to tell.
 
     Raises:
         ReconstructionError: that of prior mapping, where neither makes a model that fits the positions.
@@ -140,8 +140,9 @@ def _better(run: _Run) -> Mapped:
     except ReconstructionError as error:
         failure = error
     right = 0 if mapped is None else _right(mapped)
-    if len(run.names) - right <= _LOST_SHARE * len(run.names):
-        assert mapped is not None
+    if mapped is not None and (
+        len(run.names) - right <= _LOST_SHARE * len(run.names) or not blind_run.positions_tell()
+    ):  # fmt: skip
         return mapped
     with suppress(ReconstructionError):
         blind = blind_run.blindly(METHODS)
@@ -506,6 +507,13 @@ class _Run:
             f"the camera could not be calibrated from these photographs; a focal length of {focal:.0f} px is assumed. "
             "Put a camera.toml beside them, or evaluate against a reference made with this camera"
         )
+
+    def positions_tell(self) -> bool:
+        """Whether the known positions are better than the spread of the cameras."""
+        records = [self.known.poses[name] for name in self.known.positioned]
+        positions = np.array([record.position for record in records])
+        spread_m = float(np.sqrt(((positions - positions.mean(axis=0)) ** 2).sum(axis=1).mean()))
+        return float(np.median([record.position_sigma_m for record in records])) < spread_m
 
     def calibrated_by(self, model: pycolmap.Reconstruction) -> CameraSet:
         """The cameras with a model's calibration, where it has them."""
