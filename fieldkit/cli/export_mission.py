@@ -130,10 +130,9 @@ def _say_stations(done: ExportedMission) -> None:
         say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
     for name, flown in routed.own.items():
         assert flown.fit is not None
-        say(
-            f"Fitted to {name}: plants {flown.fit.height:.2f} times as high, {flown.fit.length:.2f} times as far along "
-            f"and {flown.fit.width:.2f} times across; evaluate its photographs with --plan {done.plans[name].name}."
-        )
+        factors = {"high": flown.fit.height, "far along": flown.fit.length, "far across": flown.fit.width}
+        changed = ", ".join(f"{by:.2f} times as {what}" for what, by in factors.items() if abs(by - 1.0) > 1e-9)
+        say(f"Fitted to {name}: plants {changed}; evaluate its photographs with --plan {done.plans[name].name}.")
 
 
 def _show_flights(done: ExportedMission) -> None:
