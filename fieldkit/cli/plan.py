@@ -110,6 +110,7 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     from fieldkit.present.sections.finalists import finalist_table
     from fieldkit.present.style import format_length, format_seconds
     from fieldkit.present.terminal.blocks import rendered
+    from fieldkit.results.plan_file import load_plan
 
     why = {
         "evaluations": "its evaluations are used up", "time": "its time is used up",
@@ -127,6 +128,12 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
         lines.append(
             "This plan is NOT CONFIRMED: no photograph was taken of it. Of two sets of which as much is expected, one "
             "can be half as good as the other."
+        )
+    height_m = load_plan(output).plant_height_m
+    if height_m is not None:
+        lines.append(
+            f"Stations are stated for plants {format_length(height_m)} high; export-mission fits them to each plot's "
+            "plant_height_m."
         )
     if outcome.photographs:
         lines.append(f"photographs: {', '.join(outcome.photographs)}")
