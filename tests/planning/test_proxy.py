@@ -157,7 +157,7 @@ def test_cameras_keep_clear_of_neighbour_rows() -> None:
 
     alone = Proxy.from_description(SCENE)
     assert len(neighbour_points(alone.scene)) == 0
-    assert len(alone.obstacles) == len(alone.reference)
+    assert len(alone.plot.obstacles) == 0
 
 
 def test_the_air_is_still_unless_wind_is_asked_for() -> None:

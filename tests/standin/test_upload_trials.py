@@ -28,4 +28,4 @@ def test_twenty_percent(sitl: Path, flown: tuple[MissionItem, ...]) -> None:
 def test_cut_links(sitl: Path, flown: tuple[MissionItem, ...]) -> None:
     done = cut_trials(6, 3, items=flown, recording=sitl / "probe_items.tlog")
     assert (done.count, done.whole, done.untrue, done.failures) == (6, 6, 0, ())
-    assert done.told["UNKNOWN"] >= 3
+    assert done.reported["UNKNOWN"] >= 3
