@@ -25,7 +25,6 @@ from fieldkit.runtime.progress import Progress
 
 _METHOD = "given"
 """Stands for the method in search.json of such a folder."""
-_MEASURED_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +88,10 @@ def carry(
 
 
 def flown_over(ran: Ran, plot: Plot) -> Cameras:
-    """A plan's cameras over a plot: one for a kind is fitted to the plants' height, measured to 5 cm."""
+    """A plan's cameras over a plot: one for a kind is fitted to the plants' measured height."""
     if ran.plan.plant_height_m is None:
         return ran.cameras
-    flown = fitted_to_height(ran.plan, _MEASURED_M * round(plot.height_m / _MEASURED_M))
+    flown = fitted_to_height(ran.plan, plot.measured_height_m)
     return Cameras.from_poses(station.pose for station in flown.stations)
 
 

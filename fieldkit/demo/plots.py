@@ -29,7 +29,6 @@ judge.
 """
 DENSE_NOISE = (0.005, 0.5)
 """Of poses, metres and degrees: a dense capture is flown slowly."""
-_MEASURED_M = 0.05
 # The photographs are small and their poses well known: half the features and neighbours are enough.
 _SETTINGS = ReconstructionSettings(
     features=FeatureSettings(max_features=2048), prior=PriorMappingSettings(max_neighbours=12)
@@ -42,9 +41,9 @@ def scene_path(plot: str) -> Path:
 
 
 def measured_height_m(plot: str) -> float:
-    """The plants' height as a person measures it before a flight, to 5 cm."""
+    """The plants' height as a person measures it before a flight."""
     known, _ = Plot.of(read_scene(scene_path(plot)))
-    return _MEASURED_M * round(known.height_m / _MEASURED_M)
+    return known.measured_height_m
 
 
 @dataclass(frozen=True)

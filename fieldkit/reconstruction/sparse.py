@@ -140,9 +140,7 @@ def _better(run: _Run) -> Mapped:
     except ReconstructionError as error:
         failure = error
     right = 0 if mapped is None else _right(mapped)
-    if mapped is not None and (
-        len(run.names) - right <= _LOST_SHARE * len(run.names) or not blind_run.positions_tell()
-    ):  # fmt: skip
+    if mapped is not None and (run.loses_few(right) or not blind_run.positions_tell()):
         return mapped
     with suppress(ReconstructionError):
         blind = blind_run.blindly(METHODS)
@@ -344,7 +342,7 @@ class _Run:
         unknown = [name for name in self.known.positioned if self.known.poses[name].rotation is None]
         right = rough_from_model(result.model, self.known, seed=self.settings.seed)
         for _ in range(_REPEATS):
-            if len(right) < LEAST_POSITIONS or len(self.names) - len(right) <= _LOST_SHARE * len(self.names):
+            if len(right) < LEAST_POSITIONS or self.loses_few(len(right)):
                 break
             before, self.cameras = self.cameras, self.calibrated_by(result.model)
             by_pairs = self.pair_poses(_NEAR_NEIGHBOURS)
@@ -507,6 +505,10 @@ class _Run:
             f"the camera could not be calibrated from these photographs; a focal length of {focal:.0f} px is assumed. "
             "Put a camera.toml beside them, or evaluate against a reference made with this camera"
         )
+
+    def loses_few(self, right: int) -> bool:
+        """Whether a model with so many photographs right loses a tenth of them at most."""
+        return len(self.names) - right <= _LOST_SHARE * len(self.names)
 
     def positions_tell(self) -> bool:
         """Whether the known positions are better than the spread of the cameras."""

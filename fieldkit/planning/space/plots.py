@@ -19,6 +19,7 @@ from fieldkit.scenes.recorded import recorded_plants
 _POINTS, _PIXELS = 40_000, 800
 LOWEST_M = 0.03
 _MARGIN_M = 0.03
+_MEASURED_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,11 @@ class Plot:
     def height_m(self) -> float:
         """Of the highest plant above the ground."""
         return float(self.reference.points[:, 2].max())
+
+    @property
+    def measured_height_m(self) -> float:
+        """The same as a person measures it before a flight, to 5 cm."""
+        return _MEASURED_M * round(self.height_m / _MEASURED_M)
 
     def fitted(self, cameras: Cameras) -> Cameras:
         """A plan's cameras as they are flown over this plot."""
