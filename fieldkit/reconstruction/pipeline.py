@@ -328,8 +328,8 @@ class _Dense:
         mask_image = None if mask_path is None else read_image(mask_path, gray=True)
         view = prepare_view(photo.name, read_image(photo), intrinsics, pose, fidelity, mask, mask_image)
         if kept:
-            arrays = {"image": view.image, "mask": view.mask, "inside": view.inside}
-            self.cache.put("views", key, {name: array for name, array in arrays.items() if array is not None})
+            masks = {"mask": view.mask, "inside": view.inside}
+            self.cache.put("views", key, {"image": view.image} | {k: m for k, m in masks.items() if m is not None})
         return view
 
 

@@ -83,8 +83,8 @@ def plant_mask(
     large = stats[:, cv2.CC_STAT_AREA] >= 4
     large[0] = False
     kept = large[labels].astype(np.uint8)
-    thin = kept & ~cv2.morphologyEx(kept, cv2.MORPH_OPEN, np.ones((_THIN_PX, _THIN_PX), dtype=np.uint8))
-    grown = (kept | cv2.dilate(thin, np.ones((3, 3), dtype=np.uint8))) > 0
+    thin = kept - cv2.morphologyEx(kept, cv2.MORPH_OPEN, np.ones((_THIN_PX, _THIN_PX), dtype=np.uint8))
+    grown = np.maximum(kept, cv2.dilate(thin, np.ones((3, 3), dtype=np.uint8))) > 0
     bright = sum(_channels(image)) >= DARKEST
     return np.asarray(grown & bright, dtype=np.bool_)
 
