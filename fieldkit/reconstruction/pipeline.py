@@ -283,7 +283,7 @@ class _Dense:
         o = self.options
         return (
             f"cost < {o.max_cost}, depths within {100 * o.max_relative_depth:g} %, reprojection < "
-            f"{o.max_reprojection_px} px, at least {o.min_agreeing} agreeing views"
+            f"{o.max_reprojection_px} px, at least {o.min_agreeing} agreeing views, and as many more than see through"
         )
 
     def cloud(self, mask: MaskKind) -> Cloud:
@@ -323,12 +323,13 @@ class _Dense:
         arrays = self.cache.get("views", key) if kept else None
         if arrays is not None:
             camera = view_camera(intrinsics, photo.width, photo.height, fidelity)
-            return View(photo.name, arrays["image"], camera, pose, arrays.get("mask"))
+            return View(photo.name, arrays["image"], camera, pose, arrays.get("mask"), arrays.get("inside"))
         mask_path = find_mask(photo.path) if mask == "file" else None
         mask_image = None if mask_path is None else read_image(mask_path, gray=True)
         view = prepare_view(photo.name, read_image(photo), intrinsics, pose, fidelity, mask, mask_image)
         if kept:
-            self.cache.put("views", key, {"image": view.image} | ({} if view.mask is None else {"mask": view.mask}))
+            masks = {"mask": view.mask, "inside": view.inside}
+            self.cache.put("views", key, {"image": view.image} | {k: m for k, m in masks.items() if m is not None})
         return view
 
 

@@ -18,9 +18,9 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "guided": 1,  # matches between known poses
         "mapping": 12,  # poses, intrinsics, sparse points
         "frame": 1,  # plot frame, ground, volume of interest
-        "views": 1,  # undistorted photographs and masks
+        "views": 2,  # undistorted photographs and masks
         "depth": 5,  # dense stereo
-        "fusion": 1,  # depth maps into one cloud
+        "fusion": 2,  # depth maps into one cloud
         "plants": 1,  # what of the cloud is plant: above the ground, without strays, in the volume
         "scores": 1,  # refinement onto the reference, distances to it
         "figures": 1,  # of plants, and what predictions are made from

@@ -128,7 +128,10 @@ def view_digest(view: View) -> str:
 
 def matching_settings(settings: Settings) -> dict[str, Any]:
     """The settings that the depth maps depend on; those of the fusion are not among them."""
-    fusion = {"max_cost", "max_relative_depth", "max_reprojection_px", "min_agreeing", "fusion_neighbors", "thin_gsd"}
+    fusion = {
+        "max_cost", "max_relative_depth", "max_reprojection_px", "min_agreeing", "see_through_px", "see_through_depths",
+        "fusion_neighbors", "thin_gsd",
+    }  # fmt: skip
     return {name: value for name, value in vars(settings).items() if name not in fusion | {"fidelity"}}
 
 
@@ -223,7 +226,7 @@ def reduced(view: View, level: int) -> View:
     if view.mask is not None:
         share = cv2.resize(view.mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
         mask = np.asarray(share > 0.2, dtype=np.bool_)
-    return replace(view, image=image, intrinsics=view.intrinsics.scaled(*size), mask=mask)
+    return replace(view, image=image, intrinsics=view.intrinsics.scaled(*size), mask=mask, inside=None)
 
 
 def _carry_over(

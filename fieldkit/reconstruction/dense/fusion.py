@@ -1,8 +1,8 @@
 """Fusion of depth maps into one cloud.
 
-A pixel's depth is kept if enough other views agree with it (the rule is in `Settings`). The pixels that agreed are
-then used up, so that a surface seen by many views is not stored many times. Views are taken in order and pixels row by
-row, so the cloud depends on nothing but the arguments.
+A pixel's depth is kept if enough other views agree with it and few see through it (the rule is in `Settings`). The
+pixels that agreed are then used up, so that a surface seen by many views is not stored many times. Views are taken in
+order and pixels row by row, so the cloud depends on nothing but the arguments.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
+from fieldkit.reconstruction.dense.masks import inner_colors
 from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.source_views import choose_fusion_neighbors
 from fieldkit.reconstruction.dense.views import DepthMap, View
@@ -30,8 +31,12 @@ def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, 
     A depth of view A agrees with view B if its point, projected into B, meets a depth there that differs by less than
     `Settings.max_relative_depth`, and that depth's own point, projected back into A, lies within
     `Settings.max_reprojection_px`. Depths that cost `Settings.max_cost` or more count nowhere. The point is the mean
-    of the agreeing depths along A's ray, each seen from A; its colour the mean of the agreeing pixels, its normal the
-    mean of their normals.
+    of the agreeing depths along A's ray, each seen from A; its colour the mean of their pixels' (`inner_colors`),
+    its normal the mean of their normals.
+
+    A point is dropped unless, of all views, those that have its depth at its pixel are `Settings.min_agreeing` more
+    than those that see through it. A view does so where all pixels within `Settings.see_through_px` show background
+    (off the mask, inside the photograph) or depths `Settings.see_through_depths` times as far behind as may agree.
 
     Args:
         views: n views.
@@ -50,7 +55,14 @@ def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, 
         depths[i, :rows, :columns] = np.where(good, depth_map.depth, np.float32(0.0))
     cameras = np.stack([_camera(view) for view in views]) if views else np.zeros((0, 16))
     bounds = np.array([(v.intrinsics.height, v.intrinsics.width) for v in views], dtype=np.int64).reshape(-1, 2)
-    used = np.zeros(depths.shape, dtype=np.bool_)
+    background, used = (np.zeros(depths.shape, dtype=np.bool_) for _ in range(2))
+    colors = [view.image for view in views]
+    for i, view in enumerate(views):
+        if view.mask is not None:
+            shown = view.mask if view.inside is None else view.mask | ~view.inside
+            rows, columns = shown.shape
+            background[i, :rows, :columns] = ~shown
+            colors[i] = inner_colors(view.image, shown)
     parts = []
     for i, neighbors in enumerate(choose_fusion_neighbors(views, volume, settings)):
         limit = int(np.count_nonzero(depths[i]))
@@ -69,8 +81,18 @@ def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, 
             points,
             origin,
         )
-        colors, normals = _appearance(views, depth_maps, origin[:count])
-        parts.append(Cloud(points[:count].copy(), colors, normals))
+        kept = _in_front(
+            points[:count],
+            depths,
+            background,
+            cameras,
+            bounds,
+            settings.max_relative_depth,
+            settings.max_relative_depth * settings.see_through_depths,
+            settings.see_through_px,
+            settings.min_agreeing,
+        )
+        parts.append(Cloud(points[:count][kept], *_appearance(colors, depth_maps, origin[:count][kept])))
     cloud = crop(concatenate(parts), volume)
     if settings.thin_gsd > 0 and len(cloud):
         cloud = voxel_thin(cloud, settings.thin_gsd * ground_sampling_distance(views, volume))
@@ -170,8 +192,39 @@ def _fuse_view(i, neighbors, depths, used, cameras, bounds, relative, reprojecti
     return count
 
 
+@fast_kernel
+def _in_front(points, depths, background, cameras, bounds, agreeing, behind, reach, needed):
+    """Mask of the points with whose depth ``needed`` more views agree than see through them."""
+    kept = np.zeros(len(points), dtype=np.bool_)
+    for i in range(len(points)):
+        votes = 0
+        for j in range(len(cameras)):
+            u, v, expected = _to_pixel(cameras, j, points[i, 0], points[i, 1], points[i, 2])
+            if expected <= 0.0 or u < -0.5 or v < -0.5 or u >= bounds[j, 1] - 0.5 or v >= bounds[j, 0] - 0.5:
+                continue
+            r = int(v + 0.5)
+            c = int(u + 0.5)
+            depth = float(depths[j, r, c])
+            if depth > 0.0 and abs(depth - expected) < agreeing * expected:
+                votes += 1
+            elif _sees_through(depths[j], background[j], bounds[j], r, c, (1.0 + behind) * expected, reach):
+                votes -= 1
+        kept[i] = votes >= needed
+    return kept
+
+
+@fast_kernel
+def _sees_through(depths, background, bounds, row, column, limit, reach):
+    """Whether all pixels within ``reach`` of one show the background or something beyond ``limit``."""
+    for r in range(max(0, row - reach), min(bounds[0], row + reach + 1)):
+        for c in range(max(0, column - reach), min(bounds[1], column + reach + 1)):
+            if depths[r, c] <= limit and not background[r, c]:
+                return False
+    return True
+
+
 def _appearance(
-    views: Sequence[View], depth_maps: Sequence[DepthMap], origin: NDArray[np.int32]
+    colors: Sequence[NDArray[np.uint8]], depth_maps: Sequence[DepthMap], origin: NDArray[np.int32]
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """Mean colour (n, 3) and mean normal (n, 3) of the pixels each point came from."""
     count = np.zeros(len(origin), dtype=np.int64)
@@ -182,7 +235,7 @@ def _appearance(
             continue
         point, slot = np.nonzero(origin[..., 0] == j)
         rows, columns = origin[point, slot, 1], origin[point, slot, 2]
-        color[point] += views[j].image[rows, columns]
+        color[point] += colors[j][rows, columns]
         normal[point] += depth_maps[j].normal[rows, columns]
         count[point] += 1
     count = np.maximum(count, 1)[:, None]

@@ -13,6 +13,8 @@ EXG_THRESHOLD = 0.10
 """Excess green above which a pixel counts as plant; soil lies about 0, leaves between 0.1 and 1."""
 DARKEST = 75.0
 """Sum of the three channels below which a pixel's hue says nothing: JPEG's coarser colour bleeds into dark pixels."""
+_THIN_PX = 5
+_FARTHER_IN_PX = 3.0
 
 
 def excess_green(image: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -52,8 +54,8 @@ def plant_mask(
     Args:
         image: (H, W, 3) uint8 RGB.
         kind: `exg`: excess green over a threshold and over excess red (which wood, straw and yellow soil exceed), with
-            the pixels beside it (thin parts blend with what is behind them) and without single pixels; `none`: no
-            mask; `file`: ``file_mask`` as it is.
+            the pixels beside parts thinner than five pixels (they blend with what is behind them) and without single
+            pixels; `none`: no mask; `file`: ``file_mask`` as it is.
         file_mask: (H, W), non-zero where there are plants.
 
     Returns:
@@ -81,9 +83,37 @@ def plant_mask(
     large = stats[:, cv2.CC_STAT_AREA] >= 4
     large[0] = False
     kept = large[labels].astype(np.uint8)
-    grown = cv2.dilate(kept, np.ones((3, 3), dtype=np.uint8)) > 0
+    thin = kept - cv2.morphologyEx(kept, cv2.MORPH_OPEN, np.ones((_THIN_PX, _THIN_PX), dtype=np.uint8))
+    grown = np.maximum(kept, cv2.dilate(thin, np.ones((3, 3), dtype=np.uint8))) > 0
     bright = sum(_channels(image)) >= DARKEST
     return np.asarray(grown & bright, dtype=np.bool_)
+
+
+def inner_colors(image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """A photograph whose background does not show in the colours of plants' edges.
+
+    Args:
+        image: (H, W, 3) uint8 RGB.
+        mask: (H, W) bool.
+
+    Returns:
+        (H, W, 3): the two outermost pixels of the mask have the colour of the nearest pixel farther in, up to three
+        pixels away. Where there is none, as on thin parts, and off the mask they keep their own.
+    """
+    import cv2
+
+    inner = cv2.erode(mask.astype(np.uint8), np.ones((5, 5), dtype=np.uint8)) > 0
+    if not inner.any():
+        return image
+    distance, label = cv2.distanceTransformWithLabels(
+        (~inner).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    color = np.zeros((int(label.max()) + 1, 3), dtype=np.uint8)
+    color[label[inner]] = image[inner]
+    edge = mask & ~inner & (distance <= _FARTHER_IN_PX)
+    result = image.copy()
+    result[edge] = color[label[edge]]
+    return result
 
 
 def _channels(image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], ...]:

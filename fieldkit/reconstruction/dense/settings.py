@@ -51,7 +51,11 @@ class Settings:
         max_cost: a depth whose cost (1 − correlation) is not below takes no part in the fusion.
         max_relative_depth: largest relative difference of two depths that agree.
         max_reprojection_px: largest round-trip distance of two pixels that agree.
-        min_agreeing: other views that have to agree for a point to be kept.
+        min_agreeing: other views that have to agree for a point to be kept; so many more views must have its depth at
+            its pixel than see through it.
+        see_through_px, see_through_depths: a view sees through a point if all of its pixels within so many are
+            background or so many times farther behind than ``max_relative_depth``. Masks miss thin parts, and poses are
+            off by a pixel.
         fusion_neighbors: views each view is compared with.
         thin_gsd: edge of the voxels that thin the cloud, in ground sampling distances at the volume's centre; 0: no
             thinning.
@@ -91,6 +95,8 @@ class Settings:
     max_relative_depth: float = 0.012
     max_reprojection_px: float = 1.5
     min_agreeing: int = 2
+    see_through_px: int = 2
+    see_through_depths: float = 3.0
     fusion_neighbors: int = 10
     thin_gsd: float = 1.0
 

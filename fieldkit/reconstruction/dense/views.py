@@ -24,9 +24,10 @@ class View:
         intrinsics: PINHOLE at that size.
         pose: in the metric plot frame.
         mask: (H, W) bool, the pixels to reconstruct; None: all.
+        inside: (H, W) bool, the pixels that come from within the photograph; None: all.
 
     Raises:
-        ValueError: image, intrinsics and mask do not have one size, or the camera is not a pinhole.
+        ValueError: image, intrinsics and masks do not have one size, or the camera is not a pinhole.
     """
 
     name: str
@@ -34,13 +35,15 @@ class View:
     intrinsics: Intrinsics
     pose: Pose
     mask: NDArray[np.bool_] | None = None
+    inside: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         size = (self.intrinsics.height, self.intrinsics.width)
         if self.image.shape != (*size, 3) or self.image.dtype != np.uint8:
             raise ValueError(f"view {self.name}: the image must be uint8 of shape {(*size, 3)}")
-        if self.mask is not None and (self.mask.shape != size or self.mask.dtype != np.bool_):
-            raise ValueError(f"view {self.name}: the mask must be bool of shape {size}")
+        for mask in (self.mask, self.inside):
+            if mask is not None and (mask.shape != size or mask.dtype != np.bool_):
+                raise ValueError(f"view {self.name}: the mask must be bool of shape {size}")
         if self.intrinsics.distorted:
             raise ValueError(f"view {self.name}: the camera must be free of distortion")
 
@@ -121,9 +124,11 @@ def prepare_view(
             mask_file = cv2.remap(mask_file.astype(np.uint8), x, y, cv2.INTER_NEAREST) > 0
     image = np.ascontiguousarray(image, dtype=np.uint8)
     mask = plant_mask(image, mask_kind, mask_file)
-    if inside is not None and not inside.all():
+    if inside is not None and inside.all():
+        inside = None
+    if inside is not None:
         mask = inside if mask is None else mask & inside
-    return View(name, image, pinhole, pose, mask)
+    return View(name, image, pinhole, pose, mask, inside)
 
 
 def view_camera(intrinsics: Intrinsics, width: int, height: int, fidelity: Fidelity) -> Intrinsics:

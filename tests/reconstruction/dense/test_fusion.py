@@ -16,16 +16,25 @@ RULE = Settings(thin_gsd=0.0)
 Made = tuple[list[View], list[DepthMap]]
 
 
-@pytest.fixture(scope="module")
-def perfect() -> Made:
-    """Four views of the plane z = 0 with exact depth maps."""
-    views, depths = scene_views([Plane()], ring(4))
+def made(count: int) -> Made:
+    """Views of the plane z = 0 with exact depth maps."""
+    views, depths = scene_views([Plane()], ring(count))
     maps = []
     for view, depth in zip(views, depths, strict=True):
         normal = np.zeros((*depth.shape, 3), dtype=np.float32)
         normal[..., 2] = 1.0
         maps.append(DepthMap(view.name, depth.astype(np.float32), normal, np.zeros(depth.shape, dtype=np.float32)))
     return views, maps
+
+
+@pytest.fixture(scope="module")
+def perfect() -> Made:
+    return made(4)
+
+
+@pytest.fixture(scope="module")
+def eight() -> Made:
+    return made(8)
 
 
 def scaled(depth_map: DepthMap, factor: float) -> DepthMap:
@@ -92,6 +101,67 @@ def test_colours_are_the_mean_of_the_agreeing_pixels(perfect):
     assert all_four.mean() > 0.3
     assert cloud.colors.min() >= 10
     assert cloud.colors.max() <= 70
+
+
+def disputed(full: Made, through: int) -> Made:
+    """Depths in the first three views only; the last ``through`` views show background."""
+    views, maps = full
+    shape = views[0].image.shape[:2]
+    masked = [replace(v, mask=np.full(shape, i < len(views) - through)) for i, v in enumerate(views)]
+    return masked, [m if i < 3 else replace(m, depth=np.zeros_like(m.depth)) for i, m in enumerate(maps)]
+
+
+def found_on_the_plane(given: Made) -> bool:
+    """Whether the fused cloud has points of the plane z = 0 where all views see it."""
+    cloud = fuse(*given, VOLUME, RULE)
+    middle = (np.abs(cloud.points[:, :2]) < 0.2).all(axis=1) & (np.abs(cloud.points[:, 2]) < 0.01)
+    count = int(np.count_nonzero(middle))
+    assert count == 0 or count > 1000
+    return count > 0
+
+
+@pytest.mark.parametrize(("through", "kept"), [(0, True), (1, True), (2, False), (5, False)])
+def test_a_point_that_other_views_show_background_behind_is_dropped(eight, through, kept):
+    # Three views agree, and two more have to than see through.
+    assert found_on_the_plane(disputed(eight, through)) is kept
+
+
+def test_unknown_depths_and_pixels_outside_of_the_photograph_are_no_background(eight):
+    views, maps = disputed(eight, 5)
+    outside = [replace(v, inside=v.mask) for v in views]
+    assert len(fuse(outside, maps, VOLUME, RULE)) == len(fuse(*disputed(eight, 0), VOLUME, RULE)) > 1000
+
+
+def test_a_point_in_front_of_what_other_views_show_is_dropped(eight):
+    views, maps = eight
+    behind = [m if i < 3 else scaled(m, 1.2) for i, m in enumerate(maps)]
+    dear = [m if i < 3 else replace(m, cost=np.full_like(m.cost, 0.6)) for i, m in enumerate(behind)]
+    assert found_on_the_plane((views, dear))
+    assert not found_on_the_plane((views, behind))
+
+
+def test_background_within_two_pixels_of_a_plant_proves_nothing(eight):
+    views, maps = disputed(eight, 5)
+    stripes = np.zeros(views[0].image.shape[:2], dtype=np.bool_)
+    stripes[:, ::5] = True
+    thin = [v if v.mask is None or v.mask.all() else replace(v, mask=stripes) for v in views]
+    assert found_on_the_plane((thin, maps))
+    assert not found_on_the_plane((views, maps))
+
+
+def test_colours_of_edges_are_those_farther_in(perfect):
+    views, maps = perfect
+    inner = np.zeros(views[0].image.shape[:2], dtype=np.bool_)
+    inner[60:120, 80:160] = True
+    edge = np.zeros_like(inner)
+    edge[58:122, 78:162] = True
+    image = np.where(inner[..., None], np.uint8(200), np.uint8(20)) * np.ones(3, dtype=np.uint8)
+    painted = [replace(v, image=image, mask=edge) for v in views]
+    cut = [replace(m, depth=np.where(edge, m.depth, np.float32(0.0))) for m in maps]
+    cloud = fuse(painted, cut, VOLUME, RULE)
+    assert cloud.colors is not None
+    assert len(cloud) > 1000
+    assert (cloud.colors == 200).all()
 
 
 def test_points_outside_the_volume_are_dropped(perfect):

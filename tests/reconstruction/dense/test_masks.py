@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fieldkit.errors import UsageError
-from fieldkit.reconstruction.dense.masks import excess_green, plant_mask
+from fieldkit.reconstruction.dense.masks import excess_green, inner_colors, plant_mask
 
 SOIL, LEAF, DARK_GREEN, GREY = (120, 100, 80), (90, 140, 60), (10, 30, 12), (128, 128, 128)
 
@@ -25,14 +25,25 @@ def test_a_dark_pixel_has_no_hue():
     assert excess_green(np.array([[DARK_GREEN]], dtype=np.uint8))[0, 0] == 0.0
 
 
-def test_leaves_are_found_with_the_mixed_pixels_around_them():
+@pytest.mark.parametrize(("rows", "added"), [(4, 1), (5, 0), (10, 0)])
+def test_thin_parts_are_found_with_the_mixed_pixels_around_them_and_wide_ones_without(rows, added):
     image = field()
-    image[10:20, 10:30] = LEAF
+    image[10 : 10 + rows, 10:30] = LEAF
     mask = plant_mask(image)
     assert mask is not None
     expected = np.zeros((40, 40), dtype=bool)
-    expected[9:21, 9:31] = True
+    expected[10 - added : 10 + rows + added, 10 - added : 30 + added] = True
     assert np.array_equal(mask, expected)
+
+
+def test_a_stalk_is_widened_and_the_leaf_on_it_is_not():
+    image = field()
+    image[5:15, 10:30] = LEAF
+    image[15:35, 20] = LEAF
+    mask = plant_mask(image)
+    assert mask is not None
+    assert not mask[5:15, [9, 30]].any()
+    assert mask[16:35, 19:22].all()
 
 
 def test_a_stem_of_one_pixel_is_kept_and_a_speck_is_not():
@@ -52,6 +63,25 @@ def test_dark_pixels_beside_a_leaf_are_background():
     mask = plant_mask(image)
     assert mask is not None
     assert mask.sum() == 20
+
+
+def test_edges_have_the_colours_of_the_pixels_farther_in():
+    image = field()
+    image[10:20, 10:30] = LEAF
+    mask = np.zeros((40, 40), dtype=bool)
+    mask[9:21, 9:31] = True
+    shown = inner_colors(image, mask)
+    assert (shown[mask] == LEAF).all()
+    assert np.array_equal(shown[~mask], image[~mask])
+    assert (image[9, 9:31] == SOIL).all()  # the photograph itself is left alone
+
+
+def test_a_stem_keeps_its_own_colour():
+    image = field()
+    image[20, 3:35] = LEAF
+    mask = np.zeros((40, 40), dtype=bool)
+    mask[19:22, 3:35] = True
+    assert np.array_equal(inner_colors(image, mask), image)
 
 
 def test_none_is_no_mask():

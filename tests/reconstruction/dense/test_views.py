@@ -122,3 +122,15 @@ def test_settings_name_what_is_wrong_with_them():
         Settings(fidelity="best")
     with pytest.raises(UsageError, match="source views"):
         Settings(best_sources=4)
+
+
+def test_pixels_from_outside_the_photograph_are_told_from_background():
+    camera = Intrinsics("SIMPLE_RADIAL", 400, 300, (300.0, 200.0, 150.0, 0.1))
+    leaf = np.full((300, 400, 3), (90, 140, 60), dtype=np.uint8)
+    view = prepare_view("a", leaf, camera, POSE, "full")
+    assert view.inside is not None
+    assert view.mask is not None
+    assert np.array_equal(view.mask, view.inside)
+    assert 0 < (~view.inside).sum() < 0.2 * view.inside.size
+    straight = prepare_view("a", leaf, Intrinsics.pinhole(400, 300, 300.0), POSE, "full")
+    assert straight.inside is None
