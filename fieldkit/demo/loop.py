@@ -237,7 +237,7 @@ def _true_plants(folder: Path, plot: str) -> ReferenceIndex:
 def _against(truth: ReferenceIndex, folder: Path) -> CloudScore:
     """A folder's cloud against the truth; ICP takes out how far it is off, as for the other scores."""
     cloud = read_cloud(folder / CLOUD_FILE)
-    motion, _ = icp_onto_reference(cloud, truth.cloud)
+    motion, _ = icp_onto_reference(cloud, truth)
     return score(truth, cloud.transformed(motion))
 
 
