@@ -22,10 +22,12 @@ class StageTimer:
         self._times = {time.name: time for time in before}
 
     @contextmanager
-    def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+    def stage(
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+    ) -> Iterator[Advance]:
         """See `Progress`."""
         wall, cpu = time.perf_counter(), processor_seconds()
-        with self._progress.stage(name, total) as advance:
+        with self._progress.stage(name, total, weights=weights, workers=workers) as advance:
             yield advance
         before = self._times.get(name, StageTime(name, 0.0, 0.0, 0, 0))
         self._times[name] = StageTime(
