@@ -19,9 +19,7 @@ class Pace:
         workers: steps in work side by side.
     """
 
-    def __init__(
-        self, start: float, total: int, weights: Sequence[float] | None = None, workers: int = 1
-    ) -> None:
+    def __init__(self, start: float, total: int, weights: Sequence[float] | None = None, workers: int = 1) -> None:
         self._total, self._workers = total, max(1, workers)
         work = [1.0] * total if weights is None or len(weights) != total else list(weights)
         self._work = [0.0, *accumulate(work)]

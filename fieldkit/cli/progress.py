@@ -66,6 +66,7 @@ def _bars() -> Iterator[Progress]:
     from rich.text import Text
 
     console = Console(stderr=True, highlight=False)
+
     class _Left(progress.ProgressColumn):
         def render(self, task: progress.Task) -> Text:
             left_s = None if task.finished else task.fields["pace"].left_s(time.monotonic())

@@ -18,7 +18,7 @@ def command(
     output: OutputOption,
     reconstruction: ReconstructionOptions,
     run: RunOptions,
-    no_scene: Annotated[bool, Option("--no-scene", help="The plants alone, without scene.ply, which has the ground too.")] = False,
+    no_scene: Annotated[bool, Option("--no-scene", help="The plants alone, without scene.ply.")] = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:

@@ -25,9 +25,8 @@ _LEVELS = 3
 _SHAPE_NEIGHBORS = 12
 _ITERATIONS = 60
 _LEAST_PAIRS = 10
-_MOST_POINTS = 1_000_000
+_MOST_POINTS = 600_000
 """Of the thinned target: more align no better, and each takes some 400 bytes of memory."""
-_COARSER = 1.5
 _SCALE_ROUNDS = 40
 _SCALE_SETTLED = 5e-5
 _MAX_SCALE_STEP = 0.2
@@ -66,7 +65,8 @@ def icp(
     """Align ``source`` to ``target``, which it should already match to within ``max_distance_m``.
 
     Coarse to fine: pairs up to ``max_distance_m`` apart on clouds thinned to a quarter of that, then half of both,
-    twice. A target that has more than a million points then is thinned further, and the source alike. What lies farther from the target than the pair distance takes no part, so the clouds may overlap partially.
+    twice. A target that has more than 600,000 points then is thinned further, and the source alike. What lies farther
+    from the target than the pair distance takes no part, so the clouds may overlap partially.
     One thread; the same input gives the same bits.
 
     Args:
@@ -101,7 +101,7 @@ def icp(
         distance = max_distance_m / 2**level
         edge = distance / 4
         while len(coarse_fixed := voxel_thin(fixed, edge, origin=middle)) > _MOST_POINTS:
-            edge *= _COARSER
+            edge *= max(1.05, np.sqrt(len(coarse_fixed) / _MOST_POINTS))  # leaves' cells go by the square
         coarse_moving = voxel_thin(moving, edge)
         transform, converged = _align_level(coarse_moving.points, coarse_fixed.points, transform, distance, with_scale)
     result = Similarity(1.0, np.eye(3), middle).after(transform)

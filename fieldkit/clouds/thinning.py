@@ -46,7 +46,7 @@ def voxel_thin(cloud: Cloud, size_m: float, *, origin: ArrayLike = (0.0, 0.0, 0.
     # Whole voxels at a time: what the means are made from takes ten times the points' own memory.
     cuts = np.unique(np.searchsorted(starts, np.arange(0, len(order), _POINTS_AT_A_TIME)))
     ends, parts = np.append(starts[1:], len(order)), []
-    for run in np.split(np.arange(len(starts)), cuts[(0 < cuts) & (cuts < len(starts))]):
+    for run in np.split(np.arange(len(starts)), cuts[(cuts > 0) & (cuts < len(starts))]):
         rows = order[starts[run[0]] : ends[run[-1]]]
         parts.append(_means(cloud.select(rows), starts[run] - starts[run[0]], size_m, origin))
     return concatenate(parts)

@@ -181,8 +181,7 @@ def _plan(
         repeats=_REPEATS, confirm_fidelity="draft", seed=seed, workers=workers,
         noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
     )  # fmt: skip
-    with progress.stage("Plan", _FINALISTS * _REPEATS) as advance:
-        outcome = plan_views(output, settings, cache=cache, workers=workers, watch=lambda _: advance(1))
+    outcome = plan_views(output, settings, cache=cache, workers=workers, progress=progress)
     with progress.stage("The best circle"):
         problem = set_up_run(settings, output, cache=cache, progress=Silent()).problem
         circle = expected_circle(problem).poses()

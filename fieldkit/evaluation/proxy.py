@@ -51,7 +51,7 @@ def make_proxy(
         raise MetadataError(
             f"the reference is of the plants alone, and what is planned on needs the ground about them ({SCENE_FILE})",
             path=folder,
-            remedy="Add it: `fieldkit reference IMAGES -o REF --resume`, with the options the reference was built with.",
+            remedy="Add it: `fieldkit reference IMAGES -o REF --resume`, with the options it was built with.",
         )  # fmt: skip
     camera = max(report.cameras, key=lambda c: c.photos)
     ground = report.frame.ground
