@@ -6,9 +6,7 @@ per plot and date, and ``plots`` with a feature per plot and its latest figures,
 
 from __future__ import annotations
 
-import csv
 import importlib.util
-import io
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -21,7 +19,7 @@ import shapely
 
 from fieldkit.campaign.ranking import ranking
 from fieldkit.campaign.reading import Campaign, CampaignPlot
-from fieldkit.documents.csv_text import csv_cell
+from fieldkit.documents.csv_text import csv_text
 from fieldkit.errors import StorageError, UsageError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.regular_files import check_replaceable
@@ -102,14 +100,8 @@ def plot_rows(campaign: Campaign) -> list[Values]:
 
 def campaign_csv(campaign: Campaign) -> str:
     """The visits as CSV: UTF-8, commas, decimal points, empty where there is no value."""
-    rows = visit_rows(campaign)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     # The columns are the same without a row.
-    writer.writerow(_columns(campaign))
-    for row in rows:
-        writer.writerow([csv_cell(value) for value in row.values()])
-    return text.getvalue()
+    return csv_text(_columns(campaign), (row.values() for row in visit_rows(campaign)))
 
 
 def campaign_geojson(campaign: Campaign) -> str:

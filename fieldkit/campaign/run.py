@@ -104,7 +104,8 @@ def evaluate_campaign(
         same = {visit.key for visit in kept}
         todo = [job for job in jobs if (job.plot.id, job.date) not in same]
         try:
-            with progress.stage("Visits", len(jobs)) as advance:
+            weights = [1.0] * len(kept) + [float(len(job.photos)) for job in todo]
+            with progress.stage("Visits", len(weights), weights=weights, workers=workers) as advance:
                 advance(len(kept))
                 evaluated = _evaluated(folder, todo, workers, progress, advance)
         finally:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.boundary import say
-from fieldkit.planning.methods.registry import CHOOSERS
+from fieldkit.cli.pace import Pace
+from fieldkit.planning.objective.fidelity import FIDELITIES
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.run.outcome import best_so_far, weights_of
 from fieldkit.planning.settings import SearchSettings
@@ -33,11 +34,24 @@ class Status:
         total: evaluations of the search, at most.
         confirmations: at most, to come after it.
         entries: finished.
+        weight: what a confirmation takes, in evaluations of the search.
+        told: when the last one was, on the monotonic clock, seconds.
     """
 
     total: int
     confirmations: int
     entries: list[LogEntry] = field(default_factory=list)
+    weight: float = 1.0
+    told: float = field(default_factory=time.monotonic)
+
+    def expect(self, total: int) -> None:
+        """The search has this many evaluations, at most."""
+        self.total = total
+
+    def add(self, entry: LogEntry) -> None:
+        """An evaluation has finished."""
+        self.entries.append(entry)
+        self.told = time.monotonic()
 
     @property
     def done(self) -> int:
@@ -71,20 +85,26 @@ class Status:
 
     @property
     def seconds_left(self) -> float | None:
-        """At most, by the pace so far; None before the first evaluation."""
-        rate = self.per_minute / 60.0
-        return (self.total - self.done + self.confirmations - self.confirmed) / rate if rate > 0 else None
+        """At most, from the last evaluation on, by the pace of late; None before the first one."""
+        pace = Pace(0.0, self.total + self.confirmations, [1.0] * self.total + [self.weight] * self.confirmations)
+        done = confirmed = 0
+        for entry in sorted(self.entries, key=lambda entry: entry.finished_s):
+            done, confirmed = done + (entry.stage == "search"), confirmed + (entry.stage != "search")
+            pace.done(self.total + confirmed if confirmed else done, entry.finished_s)
+        return pace.left_s(max((entry.finished_s for entry in self.entries), default=0.0))
 
     def line(self) -> str:
         """One line for a log."""
         left = self.seconds_left
         if self.confirmed:
-            return f"confirming: {self.confirmed} of {self.confirmations}"
+            ending = "" if left is None else f", {format_seconds(left)} left"
+            return f"confirming: {self.confirmed} of {self.confirmations}{ending}"
         parts = [f"{self.done} of at most {self.total}"]
         if self.best_text:
             parts.append(f"best {self.best_text}")
         if left is not None:
-            parts.append(f"{self.per_minute:.1f} a minute, at most {format_seconds(left)} left")
+            after = f" with {self.confirmations} confirmations" if self.confirmations else ""
+            parts.append(f"{self.per_minute:.1f} a minute, at most {format_seconds(left)} left{after}")
         return ", ".join(parts)
 
     def curve(self, width: int = _WIDTH) -> str:
@@ -108,28 +128,29 @@ def sparkline(values: Sequence[float], width: int) -> str:
 @contextmanager
 def open_watch(
     settings: SearchSettings, before: Sequence[LogEntry], *, as_json: bool
-) -> Iterator[Callable[[LogEntry], None]]:
-    """What is told of every evaluation of a run, in the way that suits where stderr goes.
+) -> Iterator[tuple[Callable[[LogEntry], None], Callable[[int], None]]]:
+    """What is told of every evaluation of a run and of their number, in the way that suits where stderr goes.
 
     Args:
         settings: of the run.
         before: what its log holds already.
         as_json: write a JSON object per evaluation, a line each, to stderr.
     """
-    total = 0 if settings.method in CHOOSERS else settings.evaluations
-    status = Status(total, settings.finalists * settings.repeats, list(before))
+    confirmed, searched = (FIDELITIES[name].drawn_side for name in (settings.confirm_fidelity, settings.fidelity))
+    weight = (confirmed / searched) ** 2
+    status = Status(settings.evaluations, settings.finalists * settings.repeats, list(before), weight)
     if as_json:
-        yield _json_lines(status)
+        yield _json_lines(status), status.expect
     elif sys.stderr.isatty():
         with _live(status, settings) as watch:
-            yield watch
+            yield watch, status.expect
     else:
-        yield _lines(status)
+        yield _lines(status), status.expect
 
 
 def _json_lines(status: Status) -> Callable[[LogEntry], None]:
     def watch(entry: LogEntry) -> None:
-        status.entries.append(entry)
+        status.add(entry)
         best = status.best
         told: dict[str, Any] = {
             "stage": entry.stage, "number": entry.number, "origin": entry.origin, "value_m": entry.value_m,
@@ -144,7 +165,7 @@ def _lines(status: Status) -> Callable[[LogEntry], None]:
     shown = [time.monotonic()]
 
     def watch(entry: LogEntry) -> None:
-        status.entries.append(entry)
+        status.add(entry)
         now = time.monotonic()
         if now - shown[0] >= _LINE_EVERY_S or status.done == status.total:
             shown[0] = now
@@ -166,7 +187,7 @@ def _live(status: Status, settings: SearchSettings) -> Iterator[Callable[[LogEnt
     with Live(view, console=Console(stderr=True, highlight=False), refresh_per_second=2):
 
         def watch(entry: LogEntry) -> None:
-            status.entries.append(entry)
+            status.add(entry)
 
         yield watch
 
@@ -181,6 +202,8 @@ def _picture(status: Status, settings: SearchSettings) -> RenderableType:
     rows.add_column(style="dim")
     rows.add_column()
     left = status.seconds_left
+    if left is not None:
+        left = max(0.0, left - (time.monotonic() - status.told))
     if status.total:
         rows.add_row(
             "evaluations", ProgressBar(total=status.total, completed=status.done, width=_WIDTH, finished_style="green")

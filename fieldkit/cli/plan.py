@@ -93,16 +93,16 @@ def _planned(
     progress = Silent() if as_json else Lines()  # bars of their own would quarrel with the live view
     if options.resume:
         settings = resumed_settings(read_settings(output), request)
-        with open_watch(settings, read_log(output), as_json=as_json) as watch:
+        with open_watch(settings, read_log(output), as_json=as_json) as (watch, expect):
             return settings, resume_plan(
                 output, settings, cache=cache, workers=workers, scheduler=options.scheduler, progress=progress,
-                watch=watch,
+                watch=watch, expect=expect,
             )  # fmt: skip
     settings = new_settings(request, workers, deterministic=options.deterministic)
-    with open_watch(settings, [], as_json=as_json) as watch:
+    with open_watch(settings, [], as_json=as_json) as (watch, expect):
         return settings, plan_views(
             output, settings, cache=cache, workers=workers, scheduler=options.scheduler, overwrite=options.overwrite,
-            progress=progress, watch=watch,
+            progress=progress, watch=watch, expect=expect,
         )  # fmt: skip
 
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from fieldkit.cli.boundary import say
+from fieldkit.cli.pace import Pace
 from fieldkit.present.style import format_seconds
 from fieldkit.runtime.progress import Advance, Progress, Silent
 
@@ -30,18 +31,22 @@ class Lines:
     """A line when a stage starts, at most one every ten seconds meanwhile, and one with its time at the end."""
 
     @contextmanager
-    def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+    def stage(
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+    ) -> Iterator[Advance]:
         """A stage in plain lines."""
         start = shown = time.monotonic()
+        pace = Pace(start, total or 0, weights, workers)
         count = 0
 
         def advance(steps: int) -> None:
             nonlocal count, shown
             count += steps
             now = time.monotonic()
+            pace.done(count, now)
             if now - shown >= _LINE_EVERY_S:
                 shown = now
-                left_s = (now - start) * (total - count) / count if total and count else None
+                left_s = pace.left_s(now)
                 left = "" if left_s is None else f", {format_seconds(left_s)} left"
                 say(f"{name}: {count}{f' of {total}' if total else ''}{left}")
 
@@ -58,29 +63,39 @@ class Lines:
 def _bars() -> Iterator[Progress]:
     from rich import progress
     from rich.console import Console
+    from rich.text import Text
 
     console = Console(stderr=True, highlight=False)
+
+    class _Left(progress.ProgressColumn):
+        def render(self, task: progress.Task) -> Text:
+            left_s = None if task.finished else task.fields["pace"].left_s(time.monotonic())
+            return Text("" if left_s is None else f"{format_seconds(left_s)} left")
+
     columns = (
         progress.TextColumn("{task.description}"),
         progress.BarColumn(bar_width=None),
         progress.MofNCompleteColumn(),
         progress.TimeElapsedColumn(),
-        progress.TextColumn("left"),
-        progress.TimeRemainingColumn(),
+        _Left(),
     )
     with progress.Progress(*columns, console=console, refresh_per_second=4, expand=True) as display:
 
         class Bars:
             @contextmanager
-            def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+            def stage(
+                self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+            ) -> Iterator[Advance]:
+                pace = Pace(time.monotonic(), total or 0, weights, workers)
                 count = 0
 
                 def advance(steps: int) -> None:
                     nonlocal count
                     count += steps
+                    pace.done(count, time.monotonic())
                     display.update(task, completed=count)
 
-                task = display.add_task(name, total=total)
+                task = display.add_task(name, total=total, pace=pace)
                 yield advance
                 done = max(1, count if total is None else total)
                 display.update(task, total=done, completed=done)

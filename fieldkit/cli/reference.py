@@ -18,19 +18,22 @@ def command(
     output: OutputOption,
     reconstruction: ReconstructionOptions,
     run: RunOptions,
-    no_scene: Annotated[bool, Option("--no-scene", help="Leave out scene.ply, which has the ground too.")] = False,
+    no_scene: Annotated[bool, Option("--no-scene", help="The plants alone, without scene.ply.")] = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Build the reference cloud of a plot from a dense capture.
 
     Reads the photographs with what lies beside them (poses.csv, geo.txt, camera.toml, masks), finds their poses, puts
-    the model into the plot's metric frame, and reconstructs plants and scene. The result holds reference.json,
-    cloud.ply, scene.ply, the model in COLMAP's format and overview.png.
+    the model into the plot's metric frame, and reconstructs the plants. The result holds reference.json, cloud.ply, the
+    model in COLMAP's format and overview.png. The scene about the plants comes after that, and takes most of the time:
+    OUTPUT holds the plants' whole reference by then, also where the run is interrupted. Plans of new poses need the
+    scene; scores do not.
 
     Examples:
         fieldkit reference plot_7/ -o plot_7-reference
         fieldkit reference plot_7/ --fidelity fine --workers 4 -o plot_7-reference
+        fieldkit reference plot_7/ --no-scene -o plot_7-reference
         fieldkit reference plot_7/ --bounds -1.5,-0.75,0,1.5,0.75,1.2 --resume -o plot_7-reference
 
     Files:
@@ -54,8 +57,8 @@ def command(
 
     with run_context(as_json=as_json) as progress:
         report = build_reference(
-            images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.workers,
-            scene=not no_scene,
+            images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, resume=run.resume,
+            workers=run.workers, scene=not no_scene,
         )  # fmt: skip
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})

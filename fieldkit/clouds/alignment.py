@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.errors import EmptyCloudError
@@ -24,6 +25,8 @@ _LEVELS = 3
 _SHAPE_NEIGHBORS = 12
 _ITERATIONS = 60
 _LEAST_PAIRS = 10
+_MOST_POINTS = 600_000
+"""Of the thinned target: more align no better, and each takes some 400 bytes of memory."""
 _SCALE_ROUNDS = 40
 _SCALE_SETTLED = 5e-5
 _MAX_SCALE_STEP = 0.2
@@ -54,7 +57,7 @@ class AlignmentStats:
 
 def icp(
     source: Cloud,
-    target: Cloud,
+    target: Cloud | ReferenceIndex,
     *,
     max_distance_m: float = 0.02,
     with_scale: bool = False,
@@ -62,12 +65,13 @@ def icp(
     """Align ``source`` to ``target``, which it should already match to within ``max_distance_m``.
 
     Coarse to fine: pairs up to ``max_distance_m`` apart on clouds thinned to a quarter of that, then half of both,
-    twice. What lies farther from the target than the pair distance takes no part, so the clouds may overlap partially.
+    twice. A target that has more than 600,000 points then is thinned further, and the source alike. What lies farther
+    from the target than the pair distance takes no part, so the clouds may overlap partially.
     One thread; the same input gives the same bits.
 
     Args:
         source: the cloud to move.
-        target: the cloud that stays.
+        target: the cloud that stays; a `ReferenceIndex` saves the work of indexing it again.
         max_distance_m: pair distance of the coarsest level: more than the misalignment, less than the gaps between
             leaves.
         with_scale: estimate a scale too, by point-to-plane ICP with seven unknowns after each level's rigid one. Only
@@ -86,22 +90,26 @@ def icp(
     for name, cloud in (("source", source), ("target", target)):
         if not len(cloud):
             raise EmptyCloudError(f"the {name} cloud has no points to align", remedy="Check the volume of interest.")
+    kept = target if isinstance(target, ReferenceIndex) else ReferenceIndex(target)
     # Around the target's middle rotations and translations are nearly independent and coordinates are small.
-    middle = target.points.mean(axis=0)
-    fixed, moving = Cloud(target.points - middle), Cloud(source.points)
+    middle = kept.cloud.points.mean(axis=0)
+    fixed, moving = Cloud(kept.cloud.points), Cloud(source.points)
     transform = Similarity(1.0, np.eye(3), -middle)
     converged = False
     distance = max_distance_m
     for level in range(_LEVELS):
         distance = max_distance_m / 2**level
-        coarse_fixed, coarse_moving = voxel_thin(fixed, distance / 4), voxel_thin(moving, distance / 4)
+        edge = distance / 4
+        while len(coarse_fixed := voxel_thin(fixed, edge, origin=middle)) > _MOST_POINTS:
+            edge *= max(1.05, np.sqrt(len(coarse_fixed) / _MOST_POINTS))  # leaves' cells go by the square
+        coarse_moving = voxel_thin(moving, edge)
         transform, converged = _align_level(coarse_moving.points, coarse_fixed.points, transform, distance, with_scale)
     result = Similarity(1.0, np.eye(3), middle).after(transform)
-    return result, _stats(source, fixed, middle, result, distance, converged)
+    return result, _stats(source, kept, result, distance, converged)
 
 
 def icp_onto_reference(
-    cloud: Cloud, reference: Cloud, *, with_scale: bool = False
+    cloud: Cloud, reference: Cloud | ReferenceIndex, *, with_scale: bool = False
 ) -> tuple[Similarity, AlignmentStats]:
     """`icp` of a plot's cloud, placed by its photographs' positions, onto the plot's reference: within 5 cm.
 
@@ -205,14 +213,9 @@ def _scaling_step(
 
 
 def _stats(
-    source: Cloud,
-    fixed: Cloud,
-    middle: NDArray[np.float64],
-    result: Similarity,
-    distance: float,
-    converged: bool,
+    source: Cloud, target: ReferenceIndex, result: Similarity, distance: float, converged: bool
 ) -> AlignmentStats:
-    distances, _ = PointIndex(fixed.points).nearest(result.apply(source.points) - middle)
+    distances, _ = target.index.nearest(result.apply(source.points))
     paired = distances[distances <= distance]
     centroid = source.points.mean(axis=0)
     return AlignmentStats(

@@ -8,15 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def cell_keys(cells: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """(n,) whole numbers that sort as integer cells (n, d) do, first axis first; None where they span too much."""
-    lower = cells.min(axis=0)
-    spans = [int(v) for v in cells.max(axis=0) - lower + 1]
+def cell_keys(cells: NDArray[np.int64], limits: NDArray[np.int64] | None = None) -> NDArray[np.int64] | None:
+    """(n,) whole numbers that sort as integer cells (n, d) do, first axis first; None where they span too much.
+
+    Args:
+        cells: to number.
+        limits: (2, d) lowest and highest cell of all that are to be comparable; those of ``cells`` where not given.
+    """
+    lower, upper = np.stack([cells.min(axis=0), cells.max(axis=0)]) if limits is None else limits
+    spans = [int(v) for v in upper - lower + 1]
     if math.prod(spans) >= 2**62:
         return None
-    local, keys = cells - lower, np.zeros(len(cells), dtype=np.int64)
+    keys = np.zeros(len(cells), dtype=np.int64)
     for axis, span in enumerate(spans):
-        keys = keys * span + local[:, axis]
+        keys *= span
+        keys += cells[:, axis] - lower[axis]
     return keys
 
 

@@ -56,10 +56,11 @@ class PointIndex:
         p = _checked(points)
         local = p - self._origin
         order = z_order(local)
-        sorted_distances, found = self._search(local[order])
         distances, indices = np.empty(len(p)), np.empty(len(p), dtype=np.int64)
-        distances[order] = sorted_distances
-        indices[order] = self.order[found]
+        for start in range(0, len(p), _QUERIES_AT_A_TIME):
+            some = order[start : start + _QUERIES_AT_A_TIME]
+            distances[some], found = self._search(local[some])
+            indices[some] = self.order[found]
         return distances, indices
 
     def distances_from(self, other: PointIndex) -> NDArray[np.float64]:

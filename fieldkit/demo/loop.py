@@ -164,9 +164,9 @@ def _references(
     ]
     buildings = [Building(dense[plot], reference_folder(folder, plot), seed, cache) for plot in plots]
     (folder / "truth").mkdir()
-    with progress.stage("Dense captures of two plots", len(plots)) as advance:
+    with progress.stage("Dense captures of two plots", len(plots), workers=workers) as advance:
         map_parallel(photograph, shootings, workers=workers, advance=advance)
-    with progress.stage("Their references", len(plots)) as advance:
+    with progress.stage("Their references", len(plots), workers=workers) as advance:
         return dict(zip(plots, map_parallel(build, buildings, workers=workers, advance=advance), strict=True))
 
 
@@ -181,8 +181,7 @@ def _plan(
         repeats=_REPEATS, confirm_fidelity="draft", seed=seed, workers=workers,
         noise={"pose_m": flight.position_m, "pose_deg": flight.angle_deg},
     )  # fmt: skip
-    with progress.stage("Plan", _FINALISTS * _REPEATS) as advance:
-        outcome = plan_views(output, settings, cache=cache, workers=workers, watch=lambda _: advance(1))
+    outcome = plan_views(output, settings, cache=cache, workers=workers, progress=progress)
     with progress.stage("The best circle"):
         problem = set_up_run(settings, output, cache=cache, progress=Silent()).problem
         circle = expected_circle(problem).poses()
@@ -220,9 +219,9 @@ def _captures_and_scores(
         Scoring(folder / "captures" / plot, reference_folder(folder, plot), folder / f"evaluation-{plot}", seed, cache)
         for plot in plots
     ]
-    with progress.stage("Captures of both plots", len(shootings)) as advance:
+    with progress.stage("Captures of both plots", len(shootings), workers=workers) as advance:
         map_parallel(photograph, shootings, workers=workers, advance=advance)
-    with progress.stage("Scores", len(scorings)) as advance:
+    with progress.stage("Scores", len(scorings), workers=workers) as advance:
         return dict(zip(plots, map_parallel(evaluate, scorings, workers=workers, advance=advance), strict=True))
 
 
@@ -237,7 +236,7 @@ def _true_plants(folder: Path, plot: str) -> ReferenceIndex:
 def _against(truth: ReferenceIndex, folder: Path) -> CloudScore:
     """A folder's cloud against the truth; ICP takes out how far it is off, as for the other scores."""
     cloud = read_cloud(folder / CLOUD_FILE)
-    motion, _ = icp_onto_reference(cloud, truth.cloud)
+    motion, _ = icp_onto_reference(cloud, truth)
     return score(truth, cloud.transformed(motion))
 
 

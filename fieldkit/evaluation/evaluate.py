@@ -14,7 +14,7 @@ from fieldkit.evaluation.adherence import Flight
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
-from fieldkit.evaluation.plots import find_plots, result_folders
+from fieldkit.evaluation.plots import count_photographs, find_plots, result_folders
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder, storage_errors
@@ -90,10 +90,7 @@ def evaluate_captures(
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
         run = _Run(folder, settings, scoring, flight, flown, cache, progress, workers)
         places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE))
-        results = [
-            run.plot(name, path, place, alone=len(plots) == 1)
-            for (name, path), place in zip(plots, places, strict=True)
-        ]
+        results = run.plots(plots, places)
         report = evaluation_report(
             Path(captures).absolute().name,
             results,
@@ -134,6 +131,18 @@ class _Run:
     cache: StageCache
     progress: Progress
     workers: int
+
+    def plots(self, plots: Sequence[tuple[str, Path]], places: Sequence[str]) -> list[PlotEvaluation]:
+        """The evaluations of plots, names and folders, whose files are in the folders ``places`` of the result."""
+        if len(plots) == 1:
+            return [self.plot(*plots[0], places[0], alone=True)]
+        results = []
+        weights = [float(1 + count_photographs(path)) for _, path in plots]
+        with self.progress.stage("Plots", len(plots), weights=weights) as advance:
+            for (name, path), place in zip(plots, places, strict=True):
+                results.append(self.plot(name, path, place, alone=False))
+                advance(1)
+        return results
 
     def plot(self, name: str, path: Path, place: str, *, alone: bool) -> PlotEvaluation:
         """A plot's evaluation, with its error where it failed; its files are in the folder ``place`` of the result."""

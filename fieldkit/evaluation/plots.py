@@ -59,6 +59,14 @@ def result_folders(names: Sequence[str], reserved: Sequence[str]) -> list[str]:
     return folders
 
 
+def count_photographs(folder: Path) -> int:
+    """Image files of a plot's folder; 0 where it cannot be read."""
+    try:
+        return len(list_capture(folder).candidates)
+    except CaptureError:
+        return 0
+
+
 def _holds_images(folder: Path) -> bool:
     try:
         contents = list_capture(folder)

@@ -8,6 +8,7 @@ from pathlib import Path
 from fieldkit.captures import read_capture
 from fieldkit.captures.decode import read_image
 from fieldkit.errors import MetadataError
+from fieldkit.evaluation.reference import CLOUD_FILE, SCENE_FILE
 from fieldkit.geometry import Intrinsics
 from fieldkit.results.evaluation import ReferenceReport
 from fieldkit.results.report_files import REFERENCE_FILE, check_file, load_reference_report
@@ -31,8 +32,8 @@ def make_proxy(
         overwrite: replace an existing scene.
 
     Raises:
-        MetadataError: ``reference`` is no reference, has no metric scale, or was built with --no-scene; or ``images``
-            are not its photographs.
+        MetadataError: ``reference`` is no reference, or has no metric scale or no scene; or ``images`` are not its
+            photographs.
         CaptureError: ``images`` cannot be read.
         RenderingError: this machine cannot render, which ``images`` needs.
         SceneError: its clouds cannot be drawn.
@@ -46,11 +47,17 @@ def make_proxy(
             "the reference has no metric scale, and a mission needs metres", path=folder / REFERENCE_FILE,
             remedy="Give the photographs poses.csv, GPS or markers, and build it again.",
         )  # fmt: skip
+    if report.scene_points is None:
+        raise MetadataError(
+            f"the reference is of the plants alone, and what is planned on needs the ground about them ({SCENE_FILE})",
+            path=folder,
+            remedy="Add it: `fieldkit reference IMAGES -o REF --resume`, with the options it was built with.",
+        )  # fmt: skip
     camera = max(report.cameras, key=lambda c: c.photos)
     ground = report.frame.ground
     files = ReferenceFiles(
-        plants=check_file(folder, report, "cloud.ply"),
-        scene=check_file(folder, report, "scene.ply"),
+        plants=check_file(folder, report, CLOUD_FILE),
+        scene=check_file(folder, report, SCENE_FILE),
         bounds=Bounds(report.volume.lower_m, report.volume.upper_m),
         camera=Intrinsics(camera.model, camera.width, camera.height, camera.params),
         ground_tolerance_m=0.005 if ground is None else ground.tolerance_m,

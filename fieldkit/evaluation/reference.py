@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,15 @@ from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.errors import MetadataError
-from fieldkit.evaluation.conversion import reference_report
-from fieldkit.evaluation.figures import source_frame
+from fieldkit.evaluation.conversion import reference_report, settings_entry
+from fieldkit.evaluation.figures import clean_text, source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.present.pictures.overview import write_overview
 from fieldkit.reconstruction.colmap_model import color_points
-from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
+from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ReferenceReport
 from fieldkit.results.report_files import (
@@ -46,10 +48,13 @@ def build_reference(
     cache: StageCache,
     progress: Progress,
     overwrite: bool = False,
+    resume: bool = False,
     workers: int = 1,
     scene: bool = True,
 ) -> ReferenceReport:
     """Build a reference from a folder of photographs.
+
+    The plants come first: ``output`` is a whole reference of them while the scene is still in work.
 
     Args:
         images: the folder; never written to.
@@ -59,6 +64,7 @@ def build_reference(
         cache: of stages.
         progress: told of stages and findings.
         overwrite: replace an earlier reference in ``output``.
+        resume: add the scene to an earlier reference in ``output`` that was made alike and has none.
         workers: processes; the result does not depend on it.
         scene: also reconstruct what is not plant.
 
@@ -68,30 +74,67 @@ def build_reference(
         ReconstructionError: they do not reconstruct.
     """
     settings = settings or ReconstructionSettings()
-    wall, cpu = time.perf_counter(), processor_seconds()
-    with atomic_folder(output, overwrite=overwrite, marker=REFERENCE_FILE) as folder:
-        capture = read_capture(images)
-        found = reconstruct(capture, settings, cache=cache, progress=progress, workers=workers, with_scene=scene)
-        names = [CLOUD_FILE]
-        write_cloud(folder / CLOUD_FILE, found.plants)
-        if found.scene is not None:
-            write_cloud(folder / SCENE_FILE, found.scene)
-            names.append(SCENE_FILE)
-        (folder / MODEL_FOLDER).mkdir()
+    begun = time.perf_counter(), processor_seconds()
+    goes_on = resume and scene and _lacks_scene(output, images, settings)
+    with atomic_folder(output, overwrite=overwrite or goes_on, marker=REFERENCE_FILE) as folder:
+        found = reconstruct(read_capture(images), settings, cache=cache, progress=progress, workers=workers)
         color_points(found.sparse.model, found.sparse.capture.photos)
-        found.sparse.model.write_binary(folder / MODEL_FOLDER)
-        names += sorted(f"{MODEL_FOLDER}/{path.name}" for path in (folder / MODEL_FOLDER).iterdir())
-        for name in [n for n in names if n.endswith(".ply")]:
-            cloud = found.plants if name == CLOUD_FILE else found.scene
-            laz = Path(name).with_suffix(".laz").name
-            if cloud is not None and write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
-                names.append(laz)
-        draft = reference_report(
-            found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu
-        )
-        write_overview(folder / OVERVIEW_FILE, draft, found.plants)
-        report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE])})
-        save_report(folder / REFERENCE_FILE, report)
+        if not scene:
+            found = replace(found, scene=None)
+        elif goes_on or _is_here(output):
+            found = with_scene(found, settings, cache=cache, progress=progress, workers=workers)
+        report = _write(folder, found, settings, progress, begun)
+    if not scene or found.scene is not None:
+        return report
+    progress.note(
+        f"the plants' reference is whole in {output}; the scene about them follows, which plans of new poses need "
+        "(--no-scene leaves it out, and --resume adds it later)"
+    )
+    with atomic_folder(output, overwrite=True, marker=REFERENCE_FILE) as folder:
+        found = with_scene(found, settings, cache=cache, progress=progress, workers=workers)
+        return _write(folder, found, settings, progress, begun)
+
+
+def _lacks_scene(output: Path, images: Path, settings: ReconstructionSettings) -> bool:
+    """Whether a folder holds a reference of these photographs, made with these settings, that has no scene."""
+    if not (output / REFERENCE_FILE).exists():
+        return False
+    report = load_reference_report(output)
+    if report.scene_points is not None or report.settings != settings_entry(settings):
+        return False
+    capture = read_capture(images)
+    same = report.source == clean_text(capture.folder.name)
+    return same and tuple(image.name for image in report.image_reports) == capture.names
+
+
+def _is_here(output: Path) -> bool:
+    """Whether a folder is the working folder: nothing is found by a relative path after that has been replaced."""
+    return output.exists() and output.samefile(Path.cwd())
+
+
+def _write(
+    folder: Path,
+    found: Reconstruction,
+    settings: ReconstructionSettings,
+    progress: Progress,
+    begun: tuple[float, float],
+) -> ReferenceReport:
+    """Write the files of a reference; ``begun`` are the clocks when work on it began, wall and CPU, seconds."""
+    clouds = {CLOUD_FILE: found.plants} | ({} if found.scene is None else {SCENE_FILE: found.scene})
+    for name, cloud in clouds.items():
+        write_cloud(folder / name, cloud)
+    (folder / MODEL_FOLDER).mkdir()
+    found.sparse.model.write_binary(folder / MODEL_FOLDER)
+    names = [*clouds, *sorted(f"{MODEL_FOLDER}/{path.name}" for path in (folder / MODEL_FOLDER).iterdir())]
+    for name, cloud in clouds.items():
+        laz = Path(name).with_suffix(".laz").name
+        if write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
+            names.append(laz)
+    wall, cpu = begun
+    draft = reference_report(found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu)
+    write_overview(folder / OVERVIEW_FILE, draft, found.plants)
+    report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE])})
+    save_report(folder / REFERENCE_FILE, report)
     return report
 
 

@@ -122,7 +122,7 @@ def score_capture(
     with progress.stage("Scoring"):
         if reference is not None and scoring.index is not None:
             if refine:
-                plants, correction, findings = _refined(found, reference.cloud, name)
+                plants, correction, findings = _refined(found, scoring.index, name)
             result = score(scoring.index, plants, scoring.distances_m)
             findings += _other_plants(name, result, reference.cloud)
         (folder / place).mkdir(parents=True)
@@ -139,7 +139,9 @@ def score_capture(
     return plot.model_copy(update={"files": describe_files(folder, [f"{place}/{n}" for n in names])})
 
 
-def _refined(found: Reconstruction, reference: Cloud, name: str) -> tuple[Cloud, CorrectionEntry | None, list[Finding]]:
+def _refined(
+    found: Reconstruction, reference: ReferenceIndex, name: str
+) -> tuple[Cloud, CorrectionEntry | None, list[Finding]]:
     """The cloud moved onto the reference by ICP, and by how much; as it is where ICP does not converge.
 
     It is scaled, too, as far as the photographs' positions leave their scale in doubt; beyond that it is the plants

@@ -234,6 +234,16 @@ class Chooser(Protocol):
 
 
 @runtime_checkable
+class Limited(Protocol):
+    """A method that has a fixed number of sets to try."""
+
+    @property
+    def trials(self) -> int:
+        """How many."""
+        ...
+
+
+@runtime_checkable
 class Judge(Protocol):
     """A method that chooses the finalists itself; else those of the lowest values are taken."""
 

@@ -76,10 +76,9 @@ def reconstruct(
     progress: Progress,
     workers: int = 1,
     known_plot: KnownPlot | None = None,
-    with_scene: bool = False,
     reach_m: float = 0.0,
 ) -> Reconstruction:
-    """Reconstruct a capture.
+    """Reconstruct a capture: its plants; what is about them only where no mask tells the two apart.
 
     Args:
         capture: as read.
@@ -88,7 +87,6 @@ def reconstruct(
         progress: told of stages and findings.
         workers: processes; the result does not depend on it.
         known_plot: of a reference, to reconstruct in its frame and volume.
-        with_scene: also reconstruct what is not plant.
         reach_m: how far `Reconstruction.nearby` goes beyond what is of interest.
 
     Raises:
@@ -107,10 +105,7 @@ def reconstruct(
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
     dense = _Dense(sparse, volume.grown(reach_m), settings, backend, cache, timer, workers)
-    scene = dense.cloud("none") if with_scene and settings.mask != "none" else None
     fused = dense.cloud(settings.mask)
-    if with_scene and scene is None:
-        scene = fused
     gsd_m, ground = _ground_sampling_distance(sparse, volume), sparse.frame.ground
     above = fused
     if ground is not None:
@@ -133,12 +128,35 @@ def reconstruct(
         plants=plants,
         nearby=nearby,
         stray=1.0 - len(nearby) / max(1, len(above)),
-        scene=scene,
+        scene=fused if settings.mask == "none" and not reach_m else None,
         gsd_m=gsd_m,
         backend=backend.name,
         fusion_rule=dense.rule(),
         times=timer.times(cached),
     )
+
+
+def with_scene(
+    found: Reconstruction,
+    settings: ReconstructionSettings,
+    *,
+    cache: StageCache,
+    progress: Progress,
+    workers: int = 1,
+) -> Reconstruction:
+    """A reconstruction with everything in its volume, ground included, beside its plants.
+
+    Args:
+        found: by `reconstruct`.
+        settings: the same.
+        cache, progress, workers: as `reconstruct`.
+    """
+    if found.scene is not None:
+        return found
+    timer = StageTimer(progress, found.times)
+    dense = _Dense(found.sparse, found.volume, settings, select_backend(settings.backend), cache, timer, workers)
+    scene = dense.cloud("none")
+    return replace(found, scene=scene, times=timer.times({}))
 
 
 def place(

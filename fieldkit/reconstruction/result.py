@@ -143,7 +143,7 @@ class Reconstruction:
         nearby: the same and what lies no farther than asked for beyond the volume and below the ground: a cloud that is
             moved onto a reference is cropped after that.
         stray: share of the plants' points that were left out as strays (`fieldkit.clouds.strays`).
-        scene: dense cloud of everything in the volume; None where not asked for.
+        scene: dense cloud of everything in the volume; None where it was not made.
         gsd_m: ground sampling distance at the volume's centre, median over images: metres per full-size pixel.
         backend: of dense stereo.
         fusion_rule: in words.

@@ -112,7 +112,7 @@ def map_capture(
             path=capture.folder,
             remedy="Add the other photographs of the plot to the folder.",
         )
-    with progress.stage("Features", len(capture.photos)) as advance:
+    with progress.stage("Features", len(capture.photos), workers=workers) as advance:
         features = load_features(capture.photos, settings.features, cache=cache, workers=workers, advance=advance)
     run = _Run(capture, cameras, known, settings, features, cache, progress, workers, [], region=region)
     methods = _methods(run)
@@ -217,7 +217,7 @@ class _Run:
         positions = [self.position(name) for name in self.names]
         wanted = exhaustive_pairs(len(self.names), positions, neighbours)
         self.pairs_tried = len(wanted)
-        with self.progress.stage("Matching", len(wanted)) as advance:
+        with self.progress.stage("Matching", len(wanted), workers=self.workers) as advance:
             verified, _ = load_pairs(
                 self.keyed, self.cameras.cameras, self.cameras.camera_of, wanted, self.settings.verification,
                 calibrated=calibrated, seed=self.settings.seed, cache=self.cache, workers=self.workers,

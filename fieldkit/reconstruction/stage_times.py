@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from fieldkit.reconstruction.result import StageTime
@@ -14,18 +14,20 @@ from fieldkit.runtime.usage import processor_seconds
 class StageTimer:
     """Passes stages on to ``progress`` and measures them; a stage entered again adds up.
 
-    CPU time includes finished worker processes.
+    CPU time includes finished worker processes. ``before`` are stages of earlier work on the same.
     """
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Progress, before: Sequence[StageTime] = ()) -> None:
         self._progress = progress
-        self._times: dict[str, StageTime] = {}
+        self._times = {time.name: time for time in before}
 
     @contextmanager
-    def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+    def stage(
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+    ) -> Iterator[Advance]:
         """See `Progress`."""
         wall, cpu = time.perf_counter(), processor_seconds()
-        with self._progress.stage(name, total) as advance:
+        with self._progress.stage(name, total, weights=weights, workers=workers) as advance:
             yield advance
         before = self._times.get(name, StageTime(name, 0.0, 0.0, 0, 0))
         self._times[name] = StageTime(
@@ -43,6 +45,6 @@ class StageTimer:
     def times(self, cached: dict[str, int]) -> tuple[StageTime, ...]:
         """The stages in the order they were entered; ``cached`` items by stage name."""
         return tuple(
-            StageTime(t.name, t.wall_s, t.cpu_s, t.items, min(cached.get(t.name, 0), t.items))
+            StageTime(t.name, t.wall_s, t.cpu_s, t.items, min(cached.get(t.name, t.cached), t.items))
             for t in self._times.values()
         )

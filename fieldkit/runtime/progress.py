@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
@@ -12,8 +12,14 @@ Advance = Callable[[int], None]
 class Progress(Protocol):
     """Receives the stages of a run as they happen."""
 
-    def stage(self, name: str, total: int | None = None) -> AbstractContextManager[Advance]:
-        """A stage of ``total`` steps (None: unknown); the callable it yields advances by n steps."""
+    def stage(
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+    ) -> AbstractContextManager[Advance]:
+        """A stage of ``total`` steps (None: unknown); the callable it yields advances by n steps.
+
+        Where steps are not alike, ``weights`` (total,) tell the work of each in the order they are done. ``workers``
+        are in work side by side. The time left goes by both.
+        """
         ...
 
     def note(self, message: str) -> None:
@@ -25,7 +31,9 @@ class Silent:
     """Progress that says nothing."""
 
     @contextmanager
-    def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+    def stage(
+        self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
+    ) -> Iterator[Advance]:
         """A stage that is not shown."""
         yield _ignore
 

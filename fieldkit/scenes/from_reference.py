@@ -40,7 +40,7 @@ _PLANT_STRAY, _GROUND_STRAY = 3.0, 1.7
 _FRINGE = 8.0
 _ISLAND = 0.002
 """Stems and leaf tips are thin, so plants' points may stand further apart than the ground's."""
-_REMEDY = "Build it again: `fieldkit reference IMAGES -o REF`, without --no-scene."
+_REMEDY = "Build it again: `fieldkit reference IMAGES -o REF --overwrite`."
 
 
 @dataclass(frozen=True)

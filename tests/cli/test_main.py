@@ -65,8 +65,8 @@ class TestHelp:
     def test_overview_lists_every_command_file(self) -> None:
         shared = {
             "__init__", "boundary", "candidates", "common", "help_page", "live_plan", "main",
-            "mission_findings", "numbers",
-            "option_groups", "plan_options", "progress", "reconstruction_options",
+            "mission_findings", "numbers", "option_groups", "pace", "plan_options", "progress",
+            "reconstruction_options",
         }  # fmt: skip
         files = {path.stem for path in (ROOT / "fieldkit" / "cli").glob("*.py")} - shared
         assert {module_name(name) for name in COMMANDS} == files

@@ -132,7 +132,10 @@ def test_progress_in_a_line() -> None:
     assert status.per_minute == pytest.approx(60.0)
     assert status.seconds_left == pytest.approx(12.0)
     again = entry(0).model_copy(update={"stage": "confirmation"})
-    assert Status(2, 4, [entry(0), entry(1), again]).line() == "confirming: 1 of 4"
+    again = again.model_copy(update={"finished_s": 8.0})
+    assert Status(2, 4, [entry(0), entry(1), again]).line() == "confirming: 1 of 4, 18.0 s left"
+    assert Status(2, 4, [entry(0), entry(1)], weight=3.0).seconds_left == pytest.approx(12.0)
+    assert Status(2, 0, [entry(0), entry(1)]).seconds_left is None
     assert Status(10, 4).line() == "0 of at most 10"
 
 

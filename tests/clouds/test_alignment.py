@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.clouds import Cloud, icp, read_ply
+from fieldkit.clouds import Cloud, ReferenceIndex, alignment, icp, read_ply
 from fieldkit.errors import EmptyCloudError
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
@@ -98,3 +98,18 @@ def test_empty_clouds_and_impossible_settings_are_refused() -> None:
         icp(cloud, Cloud.empty())
     with pytest.raises(ValueError):
         icp(cloud, cloud, max_distance_m=0.0)
+
+
+def test_large_clouds_are_thinned_further(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    points = leaves(20_000)
+    motion = displaced(points.mean(axis=0), rng, shift_m=0.004, angle_deg=0.5)
+    monkeypatch.setattr(alignment, "_MOST_POINTS", 3_000)
+    sizes = []
+    thin = alignment.voxel_thin
+    monkeypatch.setattr(alignment, "voxel_thin", lambda *a, **k: sizes.append(len(r := thin(*a, **k))) or r)
+    found, stats = icp(Cloud(motion.apply(points)), ReferenceIndex(Cloud(leaves(20_000, seed=1))))
+    assert sizes[-1] <= 3_200
+    assert max(sizes) > 3_000
+    assert stats.overlap > 0.8
+    assert error_mm(found, motion, points) < 1.5

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fieldkit.clouds import Cloud, voxel_thin
+from fieldkit.clouds import Cloud, thinning, voxel_thin
 from tests.clouds.examples import clouds
 
 SIZES = st.sampled_from([0.05, 0.5, 2.0, 20.0])
@@ -56,3 +56,16 @@ def test_extents_too_large_for_one_key() -> None:
 def test_impossible_sizes_are_refused(size: float) -> None:
     with pytest.raises(ValueError):
         voxel_thin(Cloud(np.full((1, 3), 1e5)), size)
+
+
+@given(clouds(), SIZES)
+def test_parts_and_a_moved_origin_change_nothing(cloud: Cloud, size: float) -> None:
+    whole = voxel_thin(cloud, size)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(thinning, "_POINTS_AT_A_TIME", 3)
+        parts = voxel_thin(cloud, size)
+    for name in ("points", "colors", "normals"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+    origin = np.array([0.3, -2.0, 7.0])
+    moved = Cloud(cloud.points - origin, cloud.colors, cloud.normals)
+    np.testing.assert_array_equal(voxel_thin(cloud, size, origin=origin).points, voxel_thin(moved, size).points)

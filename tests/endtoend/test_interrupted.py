@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from fieldkit.evaluation.reference import Reference
 from tests.endtoend.commands import DRAFT, CommandLine, differing, finish, partial_folders, wait_until
 from tests.endtoend.conftest import Built
 
@@ -64,6 +65,28 @@ def test_interrupted(number: signal.Signals, line: CommandLine, small_plot: Path
         resumed(line, small_plot, built)
 
 
+def test_interrupted_in_the_scene_keeps_the_plants(line: CommandLine, small_plot: Path, built: Built) -> None:
+    process = line.start("reference", str(small_plot), "-o", "out", *DRAFT)
+    out = line.folder / "out"
+    assert wait_until(process, out.exists)
+    process.send_signal(signal.SIGTERM)
+    done = finish(process)
+    assert done.code == 143
+    assert "the plants' reference is whole in out" in done.err
+    assert partial_folders(line.folder) == []
+    assert Reference(out).report.scene_points is None
+    assert (out / "cloud.ply").read_bytes() == (built.reference / "cloud.ply").read_bytes()
+    without = line.run("scene", "from-reference", "out", "-o", "proxy", "--json")
+    assert without.code == 3
+    assert "of the plants alone" in without.error["message"]
+    assert "--resume" in without.error["remedy"]
+    again = line.run("reference", str(small_plot), "-o", "out", *DRAFT, "--json")
+    assert (again.code, again.error["type"]) == (2, "UsageError")
+    other = line.run("reference", str(small_plot), "-o", "out", *DRAFT, "--seed", "1", "--resume", "--json")
+    assert (other.code, other.error["type"]) == (2, "UsageError")
+    resumed(line, small_plot, built)
+
+
 def test_an_interrupted_overwrite_keeps_the_old_result(warm: CommandLine, small_plot: Path, built: Built) -> None:
     first = warm.run("reference", str(small_plot), "-o", "out", *DRAFT)
     assert first.code == 0, first.err
@@ -85,7 +108,7 @@ def test_killed_at_a_random_moment(draw: int, line: CommandLine, small_plot: Pat
     process.kill()
     finish(process)
     # A run that was quicker than its predecessor has its result already, and a complete one.
-    if (line.folder / "out").exists():
+    if (line.folder / "out").exists() and Reference(line.folder / "out").report.scene_points is not None:
         assert differing(line.folder / "out", built.reference) == []
     else:
         resumed(line, small_plot, built)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.errors import CaptureError
-from fieldkit.evaluation.plots import find_plots, result_folders
+from fieldkit.evaluation.plots import count_photographs, find_plots, result_folders
 
 SMALL_PHOTOGRAPH = Path(__file__).parents[1] / "data" / "small_plot" / "IMG_0001.jpg"
 
@@ -66,3 +66,10 @@ def test_plots_named_as_files_of_the_result_have_folders_beside_them() -> None:
     names = ["evaluation.json", "plot 1", "Plots.csv", "plots.csv", "plots.csv-2"]
     folders = result_folders(names, ("evaluation.json", "plots.csv"))
     assert folders == ["evaluation.json-2", "plot 1", "Plots.csv-2", "plots.csv-3", "plots.csv-2"]
+
+
+def test_photographs_are_counted(tmp_path: Path) -> None:
+    for name in ("a.jpg", "b.jpg"):
+        photograph(tmp_path / "plot" / name)
+    assert count_photographs(tmp_path / "plot") == 2
+    assert count_photographs(tmp_path / "none") == 0

@@ -71,6 +71,7 @@ class MaximumCoverage:
     """
 
     name = "mcp"
+    trials = 2
 
     def __init__(self, problem: PlanningProblem, seed: int = 0, *, seconds: float = _SECONDS) -> None:
         self._problem, self._seconds = problem, seconds

@@ -78,6 +78,8 @@ class GeometricOptimum:
     ) -> None:
         self._name, self._problem, self._cost, self._seed, self._effort = name, problem, cost, seed, effort
 
+    trials = 1
+
     @property
     def name(self) -> str:
         return self._name

@@ -117,5 +117,3 @@ USING_WEIGHTS = frozenset({"field", "score"})
 """Methods that use the geometric score's weights (`SearchSettings.weights`)."""
 FOR_A_KIND = frozenset({"field", "score"})
 """Methods that can plan for several plots, and do so by default."""
-CHOOSERS = frozenset({"score"})
-"""Methods that need no results (`Chooser`)."""

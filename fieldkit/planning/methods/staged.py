@@ -55,6 +55,11 @@ class StagedSearch(Generic[D]):
     def name(self) -> str:
         return self._name
 
+    @property
+    def trials(self) -> int:
+        """See `Limited`."""
+        return len(self._first) + sum(stage.count for stage in self._stages)
+
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
         first = self._first

@@ -33,16 +33,16 @@ class Uniform:
     def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:
         self._views, self._count = _recorded(problem, self.name), problem.count
         self._problem = problem
+        self.trials = len(self._views) // self._count
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         """See `Method.propose`."""
-        phases = len(self._views) // self._count
-        if number >= phases:
+        if number >= self.trials:
             return None
         offset = self._views.positions - self._problem.center
         order = np.argsort(np.arctan2(offset[:, 0], offset[:, 1]), kind="stable")
         step = len(order) / self._count
-        chosen = order[np.floor((np.arange(self._count) + number / phases) * step).astype(np.int64)]
+        chosen = order[np.floor((np.arange(self._count) + number / self.trials) * step).astype(np.int64)]
         cameras = self._views.select(np.sort(chosen))
         return Trial(number, cameras, f"every {step:.1f}th view, phase {number}", {"views": _listed(chosen)})
 
@@ -64,6 +64,7 @@ class MatchGraph:
     """
 
     name = "match-graph"
+    trials = len(TIES)
 
     def __init__(self, problem: PlanningProblem, seed: int = 0) -> None:
         self._views, self._count = _recorded(problem, self.name), problem.count

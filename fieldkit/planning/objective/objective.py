@@ -173,7 +173,7 @@ class Objective:
 
     def _refined(self, found: Reconstruction, timer: StageTimer) -> Cloud:
         with timer.stage("Refining"):
-            motion, _ = icp_onto_reference(found.plants, self.source.reference.cloud, with_scale=True)
+            motion, _ = icp_onto_reference(found.plants, self.source.reference, with_scale=True)
             return found.moved_plants(motion)
 
     def _scored(self, photos: PhotoSet, cloud: Cloud, mapped: _Mapped, failure: str, timer: StageTimer) -> Evaluation:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from pydantic import BaseModel
 
+from fieldkit.documents.csv_text import csv_text
 from fieldkit.documents.json_file import read_json_object, schema_text, validated
 from fieldkit.files import write_atomic
 from fieldkit.planning.methods.registry import USING_WEIGHTS
@@ -196,16 +195,13 @@ def run_schemas() -> dict[str, str]:
 def progress_table(entries: Sequence[LogEntry]) -> str:
     """progress.csv: a row per trial with its value, the best so far (the regret curve) and the models' weights."""
     models = models_of(entries)
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["number", "origin", "value_m", "best_m", "right", "finished_s", *(f"weight_{m}" for m in models)])
-    for entry, best in zip(entries, best_so_far(entries), strict=True):
-        weights = weights_of(entry)
-        table.writerow(
-            [entry.number, entry.origin, entry.value_m, best, entry.right, round(entry.finished_s, 2)]
-            + [weights.get(model, "") for model in models]
-        )
-    return text.getvalue()
+    columns = ["number", "origin", "value_m", "best_m", "right", "finished_s", *(f"weight_{m}" for m in models)]
+    rows = (
+        [entry.number, entry.origin, entry.value_m, best, entry.right, round(entry.finished_s, 2)]
+        + [weights_of(entry).get(model) for model in models]
+        for entry, best in zip(entries, best_so_far(entries), strict=True)
+    )
+    return csv_text(columns, rows)
 
 
 def models_of(entries: Sequence[LogEntry]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError, UsageError
 from fieldkit.planning.methods.registry import USING_MATCHES, make_method
-from fieldkit.planning.problem import Chooser
+from fieldkit.planning.problem import Chooser, Limited, Trial
 from fieldkit.planning.run.executor import Evaluator, Executor, ProcessExecutor
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
 from fieldkit.planning.run.loop import Ending, Finalist, Watch, confirm, evaluate_again, no_watch, ranked, search
@@ -35,6 +35,7 @@ def plan_views(
     overwrite: bool = False,
     progress: Progress | None = None,
     watch: Watch | None = None,
+    expect: Callable[[int], None] = lambda _: None,
     known: Sequence[LogEntry] = (),
 ) -> Outcome:
     """Find the cameras and write the plan.
@@ -47,8 +48,9 @@ def plan_views(
         workers: number of processes that evaluate.
         scheduler: address of a Dask scheduler whose workers evaluate instead.
         overwrite: replace an earlier run in ``output``.
-        progress: receives the stages before the search.
+        progress: receives the stages before the search, and the confirmations of a `Chooser` that nobody watches.
         watch: called with every evaluation.
+        expect: called with the most evaluations that the search can have, before the first.
         known: evaluations of the same plot, mapping and noise by other runs, which are not repeated.
 
     Raises:
@@ -58,7 +60,7 @@ def plan_views(
         StorageError: the disk is full; the run can be resumed.
     """
     with create_run(output, settings, overwrite=overwrite) as run:
-        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or no_watch, known)
+        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or no_watch, expect, known)
 
 
 def resume_plan(
@@ -70,6 +72,7 @@ def resume_plan(
     scheduler: str = "",
     progress: Progress | None = None,
     watch: Watch | None = None,
+    expect: Callable[[int], None] = lambda _: None,
     known: Sequence[LogEntry] = (),
 ) -> Outcome:
     """Resume an interrupted run, or extend a finished one; no evaluation is repeated.
@@ -77,7 +80,7 @@ def resume_plan(
     Args:
         output: the run's folder.
         settings: to go on with; None takes the run's own. Only `settings.CHANGEABLE` and paths may differ.
-        cache, workers, scheduler, progress, watch, known: as `plan_views`.
+        cache, workers, scheduler, progress, watch, expect, known: as `plan_views`.
 
     Raises:
         MetadataError: ``output`` is not a run's folder, or is damaged.
@@ -92,12 +95,12 @@ def resume_plan(
                 f"this run was begun with fieldkit {run.settings.fieldkit} and goes on with {__version__}: where the "
                 "changelog names the objective, values of the two do not compare"
             )
-        return _planned(run, cache, workers, scheduler, progress, watch or no_watch, known)
+        return _planned(run, cache, workers, scheduler, progress, watch or no_watch, expect, known)
 
 
 def _planned(
     run: RunFolder, cache: StageCache, workers: int, scheduler: str, progress: Progress, watch: Watch,
-    known: Sequence[LogEntry],
+    expect: Callable[[int], None], known: Sequence[LogEntry],
 ) -> Outcome:  # fmt: skip
     settings = run.settings
     setup = set_up_run(
@@ -106,7 +109,9 @@ def _planned(
     )  # fmt: skip
     method = make_method(setup.problem, settings)
     if isinstance(method, Chooser):
+        expect(0)
         return _chosen(method, run, setup, workers, scheduler, progress, watch, known)
+    expect(min(settings.evaluations, method.trials) if isinstance(method, Limited) else settings.evaluations)
     budget = settings.time_budget_s
     with _executor(setup.objective, workers, scheduler, known, settings) as executor:
         ending = search(
@@ -141,8 +146,17 @@ def _chosen(
     confirmed = [Finalist(trial) for trial in trials]
     if confirming:
         with _executor(setup.objective, workers, scheduler, known, settings) as executor:
-            confirmed = ranked(method, run, evaluate_again(executor, run, trials, watch=watch))
+            confirmed = ranked(method, run, _confirmed(executor, run, trials, workers, progress, watch))
     return write_outcome(run, setup, confirmed, Ending("exhausted"), choice_s=cost)
+
+
+def _confirmed(
+    executor: Executor, run: RunFolder, trials: Sequence[Trial], workers: int, progress: Progress, watch: Watch
+) -> list[Finalist]:
+    if watch is not no_watch:
+        return evaluate_again(executor, run, trials, watch=watch)
+    with progress.stage("Confirming", len(trials) * run.settings.repeats, workers=workers) as advance:
+        return evaluate_again(executor, run, trials, watch=lambda _: advance(1))
 
 
 @contextmanager

@@ -25,6 +25,8 @@ from fieldkit.runtime.progress import Progress
 STAGE = "depth"
 _VERSION = STAGES["depth"]
 _KEPT = 32
+_GEOMETRIC_SWEEP = 1.5
+"""A geometric pass' sweep takes half as long again as one by the photographs alone."""
 
 
 def compute_depth_maps(
@@ -62,7 +64,7 @@ def compute_depth_maps(
     count = range(len(views))
     shared = _Shared(volume, settings)
     levels = _levels(views, settings)
-    steps = sum(1 + _passes(settings, level) for level in range(levels + 1))
+    weights = [work for work in _work_of_passes(levels, settings) for _ in count]
     keys = [
         digest(
             STAGES["depth"],
@@ -77,7 +79,7 @@ def compute_depth_maps(
         for i in count
     ]
     results: list[Planes] = []
-    with progress.stage("depth maps", steps * len(views)) as advance:
+    with progress.stage("depth maps", len(weights), weights=weights, workers=workers) as advance:
         for level in range(levels, -1, -1):
             if results:
                 keys = [digest(_VERSION, "finer", key) for key in keys]
@@ -152,6 +154,16 @@ def _levels(views: Sequence[View], settings: Settings) -> int:
 
 def _passes(settings: Settings, level: int) -> int:
     return settings.coarse_passes if level else settings.geometric_passes
+
+
+def _work_of_passes(levels: int, settings: Settings) -> list[float]:
+    """What every pass costs, in sweeps over all pixels by the photographs alone."""
+    work = []
+    for level in range(levels, -1, -1):
+        first = settings.pyramid_sweeps if level < levels else settings.sweeps
+        passes = [first, *[_GEOMETRIC_SWEEP * settings.geometric_sweeps] * _passes(settings, level)]
+        work += [sweeps / 4.0**level for sweeps in passes]
+    return work
 
 
 def _cached(cache: StageCache, keys: list[str], compute: Callable[[int], Planes]) -> Callable[[int], Planes]:

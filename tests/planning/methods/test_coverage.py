@@ -49,6 +49,7 @@ def test_candidates_are_feasible_in_any_choice() -> None:
 def test_one_greedy_and_one_exact_trial(plot) -> None:
     method = MaximumCoverage(plot, seconds=20.0)
     greedy, exact = (method.propose(k, (), ()) for k in range(2))
+    assert method.trials == 2
     assert method.propose(2, (), ()) is None
     assert greedy is not None
     assert exact is not None

@@ -53,6 +53,7 @@ def test_one_trial_better_than_chance(cost: Cost) -> None:
     trial = method.propose(0, (), ())
     assert trial is not None
     assert method.name == "smith"
+    assert method.trials == 1
     assert method.propose(1, (), ()) is None
     assert PROBLEM.contains(trial.cameras)
     assert trial.notes["criterion"] == cost(trial.cameras)

@@ -27,7 +27,7 @@ def run(method: StagedSearch) -> list[Result]:
 @pytest.mark.parametrize("make", [TwoRings, Hemisphere])
 def test_a_grid_is_refined_about_its_best_and_ends(make: type[TwoRings | Hemisphere]) -> None:
     found = run(make(PROBLEM))
-    assert len(found) == 33
+    assert len(found) == make(PROBLEM).trials == 33
     assert all(PROBLEM.contains(r.trial.cameras) for r in found)
     grid = min(found[:25], key=lambda r: r.value_m).trial.notes
     for later in found[25:]:
@@ -37,6 +37,7 @@ def test_a_grid_is_refined_about_its_best_and_ends(make: type[TwoRings | Hemisph
     plot = recorded(6)
     few = run(make(plot))
     assert all(plot.contains(r.trial.cameras) for r in few)
+    assert len(few) == make(plot).trials
 
 
 def test_two_rings_are_two_even_rings() -> None:

@@ -16,6 +16,7 @@ def test_uniform_subsets_are_even_and_differ() -> None:
     plot = recorded(8, 40)
     method = Uniform(plot)
     trials = [method.propose(k, (), ()) for k in range(5)]
+    assert method.trials == 5
     assert method.propose(5, (), ()) is None
     steps = []
     for trial in trials:
@@ -62,6 +63,7 @@ def test_match_graph_takes_counts_or_expects_them() -> None:
     plot = recorded(6, 30)
     expected = MatchGraph(plot)
     trials = [expected.propose(k, (), ()) for k in range(3)]
+    assert expected.trials == 3
     assert expected.propose(3, (), ()) is None
     for trial in trials:
         assert trial is not None

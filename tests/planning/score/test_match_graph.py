@@ -39,9 +39,9 @@ def test_it_is_kept(tmp_path: Path) -> None:
     stages = []
 
     class Told(Silent):
-        def stage(self, name: str, total: int | None = None):  # type: ignore[no-untyped-def]
+        def stage(self, name: str, total: int | None = None, **work):  # type: ignore[no-untyped-def]
             stages.append(name)
-            return super().stage(name, total)
+            return super().stage(name, total, **work)
 
     np.testing.assert_array_equal(match_graph(source, FEATURES, progress=Told()), first)
     assert stages == ["Features"]
