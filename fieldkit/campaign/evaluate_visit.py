@@ -37,8 +37,8 @@ from fieldkit.runtime.progress import Silent
 
 _TOLD = (
     "volume-cuts-plants", "steep-ground", "refinement-not-converged", "too-few-positions", "several-take-offs",
-    "mixed-cameras", "other-camera", "altitude-zero", "heights-joined", "few-plant-points", "volume-below-ground", "weak-ground",
-    "cameras-off-level", "other-plants",
+    "mixed-cameras", "altitude-zero", "heights-joined", "few-plant-points", "volume-below-ground", "weak-ground",
+    "cameras-off-level", "other-plants", "other-camera",
 )  # fmt: skip
 
 

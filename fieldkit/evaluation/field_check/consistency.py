@@ -106,6 +106,7 @@ def check_tags(
     aside = _laid_aside(tags, graph, doubts or {})
     tried: set[frozenset[int]] = set()
     seen: dict[int, SeenPose] = {}
+    excess: dict[int, float] = {}
     for _ in range(_MOST_ROUNDS):
         seen = _seen(tags, graph, aside)
         excess = {k: s.compare(tags[k].pose, tags[k].sigma_m, tags[k].sigma_deg).excess(settings)
@@ -120,7 +121,9 @@ def check_tags(
             aside = aside - {best}
             continue
         break
-    return Consistency(seen, frozenset(k for k in aside if k in seen), frozenset(k for k in seen if k not in tags))
+    # A tag that some of its matches contradict, but that is where all of them together put the photograph, is right.
+    off = frozenset(k for k in aside if excess.get(k, 0.0) > 0.0)
+    return Consistency(seen, off, frozenset(k for k in seen if k not in tags))
 
 
 def _laid_aside(tags: Mapping[int, TagPrior], graph: TieGraph, doubts: Mapping[int, float]) -> set[int]:
