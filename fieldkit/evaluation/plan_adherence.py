@@ -102,12 +102,12 @@ class FlownPlan:
         flown = None
         if self.flight is None:
             unknown["reported"] = "no flight log was given"
-            found["tagged"] = _poses(_as_meant(capture, orientations, frame), frame, "tagged", unknown)
+            found["tagged"] = _poses(_as_meant(capture, orientations, frame, unknown), frame, "tagged", unknown)
         else:
             found["reported"] = _poses(capture, frame, "reported", unknown)
             flown = self.flight.adherence(name, self.planned, self.datum)
             try:
-                tagged = _as_meant(read_capture(folder), orientations, frame)
+                tagged = _as_meant(read_capture(folder), orientations, frame, unknown)
                 found["tagged"] = _poses(tagged, frame, "tagged", unknown)
             except FieldkitError as error:
                 unknown["tagged"] = error.message
@@ -154,12 +154,17 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
     return plot.model_copy(update={"files": (*plot.files, *describe_files(folder, names))})
 
 
-def _as_meant(capture: Capture, orientations: Mapping[str, Matrix], frame: SourceFrame) -> Capture:
+def _as_meant(
+    capture: Capture, orientations: Mapping[str, Matrix], frame: SourceFrame, unknown: dict[PoseSource, str]
+) -> Capture:
     """A capture with its recorded angles read as orientations in the plot frame say; see `read_angles`."""
     found = {name: orientations[clean_text(name)] for name in capture.names if clean_text(name) in orientations}
     sigmas = [p.angle_accuracy_deg for p in capture.priors.values() if p.angle_accuracy_deg]
     bound = ANGLE_SIGMAS * float(np.median(sigmas)) if sigmas else 0.0
-    return read_angles(capture, found, frame.from_source.rotation, bound).capture
+    reading = read_angles(capture, found, frame.from_source.rotation, bound)
+    if reading.unused:
+        unknown["tagged"] = f"angles of {len(reading.unused)} of {len(capture.photos)}: they contradict the photographs"
+    return reading.capture
 
 
 def _poses(capture: Capture, frame: SourceFrame, source: PoseSource, unknown: dict[PoseSource, str]) -> Poses:

@@ -21,6 +21,7 @@ _STEP_DEG = 4.0
 _ALIKE_M = 0.15
 _FITS_WELL_M = 0.2
 _FAR_BETTER = 0.5
+_MUCH_WORSE = 2.0
 _STEEP_DEG, _ROLLED_DEG = 75.0, 20.0
 
 Array = NDArray[np.float64]
@@ -77,7 +78,7 @@ class Placed:
         mean_cost_m: of all photographs with a position.
         shift_m: (3,) by which all photographs lay beside the plan; NaN where that cannot be told.
         turn_deg: by which all headings were off; None without headings.
-        scatter_m: of positions about their stations, per axis (1.48 times the median).
+        scatter_m: of positions about their stations, per axis (1.48 times the median); of heights if much worse.
         ambiguous: whether another assignment fits as well.
     """
 
@@ -177,8 +178,14 @@ def _fitted(
     apart = moved.positions[list(found.station_of)] - stations.positions[list(found.station_of.values())]
     return Placed(
         replace(tags, poses=moved), placement, found.station_of, found.costs_m, found.mean_cost_m, found.offset_m,
-        found.heading_deg if np.isfinite(moved.yaws).any() else None, 1.4826 * float(np.median(np.abs(apart))),
+        found.heading_deg if np.isfinite(moved.yaws).any() else None, _scatter_m(apart),
     )  # fmt: skip
+
+
+def _scatter_m(apart: Array) -> float:
+    """Per axis, of positions less stations (n, 3); that of heights where these are much worse, as barometers are."""
+    together, up = (1.4826 * float(np.median(np.abs(each))) for each in (apart, apart[:, 2]))
+    return up if up > _MUCH_WORSE * together else together
 
 
 def _by_shape(tags: Tags, stations: PoseArray) -> Placed | None:

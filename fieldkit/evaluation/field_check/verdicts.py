@@ -155,8 +155,9 @@ def _poses(evidence: Evidence, shown: Mapping[int, int | None]) -> dict[int, Pos
     """The believed pose of each photograph, by index."""
     poses = {}
     for k in evidence.placed.station_of.keys() | shown.keys():
-        if k in shown:
-            poses[k] = evidence.consistency.seen[k].pose
+        seen = evidence.consistency.seen.get(k)
+        if seen is not None and (k in shown or _knows_better(seen, evidence.placed.scatter_m)):
+            poses[k] = seen.pose
         else:
             poses[k] = tag_pose(evidence.placed, k, evidence.plan)
     return poses
