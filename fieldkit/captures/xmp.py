@@ -199,7 +199,10 @@ def _meanings(uri: str, name: str) -> Iterator[tuple[str, str]]:
 
 
 def _camera_angles(fields: Mapping[str, Mapping[str, str]]) -> tuple[float | None, float | None, float | None]:
-    """Yaw, pitch and roll of the first maker that has both directions, else one: those of two are never mixed."""
+    """Yaw, pitch and roll of the first maker that has both directions, else one: those of two are never mixed.
+
+    Zeros, which nobody filled in as a rule, come after those.
+    """
     sets = []
     for maker in _MAKERS:
         own = fields.get(maker, {})
@@ -211,7 +214,8 @@ def _camera_angles(fields: Mapping[str, Mapping[str, str]]) -> tuple[float | Non
         sets.append((yaw, pitch, roll))
     complete = [each for each in sets if None not in each[:2]]
     partial = [each for each in sets if each[:2] != (None, None)]
-    return (complete or partial or [(None, None, None)])[0]
+    measured = [each for each in complete if any(each)]
+    return (measured or complete or partial or [(None, None, None)])[0]
 
 
 def _from_nadir(yaw_deg: float, pitch_deg: float, roll_deg: float) -> tuple[float, float, float]:
