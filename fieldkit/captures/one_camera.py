@@ -75,7 +75,7 @@ def _cameras(photos: Sequence[Photo]) -> list[list[Photo]]:
 def _same(a: Photo, b: Photo) -> bool:
     if _class(a) != _class(b):
         return False
-    if a.model and b.model and a.model.casefold() != b.model.casefold():
+    if a.model and b.model and _model(a) != _model(b):
         return False
     longer = sorted((max(a.width, a.height), max(b.width, b.height)))
     if longer[1] > _SAME_SIZE * longer[0]:
@@ -90,6 +90,11 @@ def _same(a: Photo, b: Photo) -> bool:
 def _class(photo: Photo) -> str:
     """What tells sensors apart before optics do: lenses that show colours are told apart by these, but for zooms."""
     return "" if photo.sensor in COLOUR and photo.sensor != "zoom" else photo.sensor
+
+
+def _model(photo: Photo) -> str:
+    """Without its maker's name, which programs put before it."""
+    return (photo.model or "").casefold().removeprefix((photo.make or "").casefold()).strip()
 
 
 def _focal(photo: Photo) -> float | None:

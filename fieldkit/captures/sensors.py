@@ -39,7 +39,7 @@ _THERMAL_NAME = re.compile(r"IRX_[0-9]+|.*[0-9]_8b", re.IGNORECASE)
 """Autel's EVO II Dual, beside MAX_0001, and FLIR's Duo Pro R."""
 _MICASENSE_NAME = re.compile(r"IMG_[0-9]{4}_([0-9]{1,2})", re.IGNORECASE)
 _MICASENSE_BANDS = ("blue", "green", "red", "near infrared", "red edge")
-_ONE_CHANNEL = ("1", "L", "I", "F")
+_ONE_CHANNEL = ("1", "L", "LA", "La", "I", "F")
 
 
 def sensor_of(name: str, image_source: str | None, bands: Sequence[str], mode: str) -> str:
@@ -52,7 +52,7 @@ def sensor_of(name: str, image_source: str | None, bands: Sequence[str], mode: s
         mode: of the pixels (Pillow's).
     """
     path = PurePosixPath(name)
-    one_channel = mode.startswith(_ONE_CHANNEL)
+    one_channel = mode in _ONE_CHANNEL or mode.startswith("I;")
     return (
         _of_bands(bands)
         or _of_source(image_source or "")

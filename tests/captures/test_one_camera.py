@@ -238,6 +238,7 @@ def test_band_names_in_xmp(photo_file: MakePhoto) -> None:
         ({"exif": dji(), "size": (100, 75)}, True),  # smaller
         ({"exif": dji(focal=4.5)}, True),  # rounded otherwise
         ({"exif": None}, True),  # without EXIF
+        ({"exif": dji("DJI M3T")}, True),
         ({"exif": dji(), "xmp": dji_xmp(ImageSource="WideCamera")}, True),  # an app has stripped the others' XMP
     ],
 )
