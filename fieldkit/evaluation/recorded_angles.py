@@ -33,16 +33,25 @@ class Reading:
         capture: with these; without those that cannot be as recorded.
         convention: the one they follow, in words; "" as fieldkit reads them, or none.
         unused: photographs whose angles follow no convention, or another than most, and are left out.
+        agreeing: photographs whose recorded angles, as fieldkit reads them, are those found.
         compared: photographs that told.
     """
 
     capture: Capture
     convention: str = ""
     unused: tuple[str, ...] = ()
+    agreeing: tuple[str, ...] = ()
     compared: int = 0
 
+    @property
+    def as_recorded(self) -> bool:
+        """Whether most angles are as fieldkit reads them."""
+        return self.compared >= LEAST_PHOTOGRAPHS and len(self.agreeing) >= _MOST * self.compared
 
-def read_angles(capture: Capture, found: Mapping[str, Matrix], turn: Matrix, bound_deg: float) -> Reading:
+
+def read_angles(
+    capture: Capture, found: Mapping[str, Matrix], turn: Matrix, bound_deg: float, *, sound: bool = False
+) -> Reading:
     """Read a capture's recorded angles by orientations that were found without them.
 
     Photographs that are only turned about their optical axis by quarters, as EXIF Orientation does, are turned back
@@ -55,28 +64,30 @@ def read_angles(capture: Capture, found: Mapping[str, Matrix], turn: Matrix, bou
         found: camera from world (3, 3) by name.
         turn: (3, 3) from the frame of the capture's priors to that of ``found``.
         bound_deg: two orientations that differ less agree.
+        sound: the angles are known to be as recorded; only turns about the optical axis are looked for.
     """
     quarters = _quarters(capture, found, turn, bound_deg)
+    as_read = Reading(capture, agreeing=tuple(n for n, q in quarters.items() if q == 0.0), compared=len(quarters))
     if len(quarters) < LEAST_PHOTOGRAPHS:
-        return Reading(capture, compared=len(quarters))
+        return as_read
     agreeing = {name for name, quarter in quarters.items() if quarter is not None}
     rest = quarters.keys() - agreeing
     turned = _turned(capture, quarters)
-    if len(rest) < LEAST_PHOTOGRAPHS:
-        return Reading(turned, compared=len(quarters))
+    if sound or len(rest) < LEAST_PHOTOGRAPHS:
+        return replace(as_read, capture=turned)
     told = find_convention(turned, found, turn, bound_deg)
     kind = "recorded" if told is None else told.kind
     if told is not None and kind == "other":
         priors = {n: _with_rotation(p, told.rotations[n] @ turn) if n in told.rotations else p
                   for n, p in turned.priors.items()}  # fmt: skip
-        return Reading(replace(turned, priors=priors), told.name, compared=len(quarters))
+        return replace(as_read, capture=replace(turned, priors=priors), convention=told.name)
     if kind == "recorded":
-        return Reading(turned, compared=len(quarters))
+        return replace(as_read, capture=turned)
     believed = set(agreeing) if kind == "mixed" else set()  # where none fits, a few agree by chance
     if len(agreeing) >= _MOST * len(quarters):
         believed |= turned.priors.keys() - quarters.keys()
     unused = tuple(n for n, p in turned.priors.items() if p.yaw_deg is not None and n not in believed)
-    return Reading(without_angles(turned, unused), unused=unused, compared=len(quarters))
+    return replace(as_read, capture=without_angles(turned, unused), unused=unused)
 
 
 def without_angles(capture: Capture, names: tuple[str, ...] | None = None) -> Capture:

@@ -385,6 +385,16 @@ class TestAngles:
         assert found.contradicted == frozenset()
         assert placed.station_of == {k: k for k in range(13)}
 
+    def test_wrong_matches_do_not_make_good_angles_bad(self) -> None:
+        """Few and wide views: matches that agree with one another, and lie, while the angles are the plan's."""
+        planned = stations(seed=3)
+        other = [Pose.from_yaw_pitch(p.center, 40.0 * k, -30.0) for k, p in enumerate(planned)]
+        capture, told = angles_as_meant(
+            capture_of(list(planned)), plan_from_poses(planned), None, None, graph_of(other, 3), seed=0
+        )
+        assert told == []
+        assert all(prior.yaw_deg is not None for prior in capture.priors.values())
+
     def test_a_flight_that_looked_elsewhere_is_no_convention(self) -> None:
         """The matches say that the angles are as recorded."""
         planned = stations(seed=3)

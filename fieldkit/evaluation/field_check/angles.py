@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fieldkit.captures import Capture
@@ -27,15 +29,27 @@ def angles_as_meant(
 ) -> tuple[Capture, list[CheckFinding]]:
     """A capture with its recorded angles read as they are meant, and what a person should know of that.
 
+    Where most angles are the plan's, as fieldkit reads them, the matches alone do not say otherwise of these: few and
+    wide views give wrong matches, too.
+
     Args:
         capture: as read.
         plan, site, plot: as `place_tags` takes them.
         graph: of its photographs.
         seed: of RANSAC.
     """
+    if all(prior.yaw_deg is None for prior in capture.priors.values()):
+        return capture, []
     reading, by = _by_matches(capture, graph, seed), "the matches"
-    if reading.compared < LEAST_PHOTOGRAPHS:
-        reading, by = _by_plan(capture, plan, site, plot), "the plan"
+    if reading.compared < LEAST_PHOTOGRAPHS or reading.convention or reading.unused:
+        planned = _by_plan(capture, plan, site, plot)
+        if reading.compared < LEAST_PHOTOGRAPHS:
+            reading, by = planned, "the plan"
+        elif planned.as_recorded:
+            unused = tuple(name for name in reading.unused if name not in planned.agreeing)
+            reading = _by_matches(capture, graph, seed, sound=True)
+            if len(unused) >= LEAST_PHOTOGRAPHS:
+                reading = replace(reading, capture=without_angles(reading.capture, unused), unused=unused)
     count = f"{reading.compared} photographs"
     if reading.convention:
         message = f"the recorded angles are not as fieldkit reads them: {reading.convention}, say {by} of {count}"
@@ -47,7 +61,7 @@ def angles_as_meant(
     return reading.capture, []
 
 
-def _by_matches(capture: Capture, graph: TieGraph, seed: int) -> Reading:
+def _by_matches(capture: Capture, graph: TieGraph, seed: int, *, sound: bool = False) -> Reading:
     priors = [capture.priors.get(name) for name in capture.names]
     positions = [None if p is None or p.position is None else np.array(p.position) for p in priors]
     sigmas = [_MOST_SIGMA_M if p is None else min(p.position_accuracy_m or 0.0, _MOST_SIGMA_M) for p in priors]
@@ -57,11 +71,11 @@ def _by_matches(capture: Capture, graph: TieGraph, seed: int) -> Reading:
         for pair, tie in graph.ties.items()
     }
     found = orient_cameras(positions, sigmas, pairs, seed=seed)
-    return read_angles(capture, {capture.names[k]: r for k, r in found.items()}, np.eye(3), _BOUND_DEG)
+    return read_angles(capture, {capture.names[k]: r for k, r in found.items()}, np.eye(3), _BOUND_DEG, sound=sound)
 
 
 def _by_plan(capture: Capture, plan: Plan, site: Site | None, plot: SitePlot | None) -> Reading:
-    """By the stations that positions alone assign; nothing but another convention of all is told so."""
+    """By the stations that positions alone assign; they tell another convention of all, or that there is none."""
     placed = place_tags(without_angles(capture), plan, site, plot)
     if placed.ambiguous or len(placed.station_of) < LEAST_PHOTOGRAPHS:
         return Reading(capture)
@@ -72,4 +86,4 @@ def _by_plan(capture: Capture, plan: Plan, site: Site | None, plot: SitePlot | N
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     found = {capture.names[k]: plan.stations[s].pose.rotation for k, s in placed.station_of.items()}
     reading = read_angles(capture, found, turn, _BOUND_DEG)
-    return reading if reading.convention else Reading(capture)
+    return replace(reading, capture=reading.capture if reading.convention else capture, unused=())
