@@ -278,6 +278,19 @@ class TestTags:
             difference = found.seen[each].compare(tags[each].pose, 0.05, 2.0)
             assert difference.shift_m > 0.25 or difference.turn_deg > 8.0
 
+    @pytest.mark.parametrize(("matches", "turn", "wrong"), [(19, 0.35, False), (19, 1.4, True), (60, 0.35, True)])
+    def test_ties_of_few_matches_contradict_only_what_is_far_off(self, matches: int, turn: float, wrong: bool) -> None:
+        planned = stations()
+        graph = graph_of(planned, 0)
+        ties = dict(graph.ties)
+        for pair in ((3, 4), (4, 5)):  # the photograph is turned, or its few matches are chance
+            about = rotation_from_vector((0.0, turn if pair[1] == 4 else -turn, 0.0))
+            rotation = about @ ties[pair].rotation if pair[1] == 4 else ties[pair].rotation @ about
+            translation = about @ ties[pair].translation if pair[1] == 4 else ties[pair].translation
+            ties[pair] = Tie(matches, rotation, translation, {})
+        found = check_tags(priors(planned), replace(graph, ties=ties), CheckSettings())
+        assert found.contradicted == ({4} if wrong else frozenset())
+
     def test_a_wrong_tie_does_no_harm(self) -> None:
         planned = stations()
         graph = graph_of(flown(planned, 0), 0)
