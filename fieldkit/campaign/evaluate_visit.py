@@ -38,7 +38,7 @@ from fieldkit.runtime.progress import Silent
 _TOLD = (
     "volume-cuts-plants", "steep-ground", "refinement-not-converged", "too-few-positions", "several-take-offs",
     "mixed-cameras", "altitude-zero", "heights-joined", "few-plant-points", "volume-below-ground", "weak-ground",
-    "cameras-off-level", "other-plants", "other-camera",
+    "cameras-off-level", "other-plants",
 )  # fmt: skip
 
 

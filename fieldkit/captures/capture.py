@@ -74,20 +74,31 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
     if not photos:
         raise _no_photographs(folder, findings)
     photos, duplicates = _distinct(photos, contents)
-    entries, camera_file = camera_entries(contents.sidecars)
+    entries, _ = camera_entries(contents.sidecars)
     names = [photo.name for photo in photos]
     located = set(match_names(listed_names(contents.sidecars), names).values())
     kept, other_cameras = one_camera(photos, located=located, calibrated=names_in(entries, names))
     aside = set(names) - {photo.name for photo in kept}
     photos, hemispheres = settle_hemispheres(kept)
     findings = [*without_findings_of(aside, findings), *duplicates, *other_cameras, *hemispheres]
-    groups, camera_findings = group_cameras(photos, entries, camera_file)
-    if {"camera.toml", "camera.json"} <= contents.sidecars.keys():
-        findings.append(Finding("camera.json", "sidecar-unused", "camera.toml is used instead"))
+    groups, camera_findings = _cameras(photos, contents)
     priors = _priors(photos, contents)
     findings += [*camera_findings, *without_findings_of(aside, priors.findings)]
     markers = contents.sidecars.get("markers.toml")
     return assembled((folder.absolute(), contents.image_folder.absolute()), photos, groups, findings, priors, markers)
+
+
+def camera_entries(
+    sidecars: Mapping[str, Path], otherwise: Path | None = None
+) -> tuple[Sequence[CameraEntry], Path | None]:
+    """What a folder's camera file says, and which file that is; ``otherwise`` where the folder has none."""
+    path = sidecars.get("camera.toml") or sidecars.get("camera.json") or otherwise
+    return (() if path is None else read_camera_file(path)), path
+
+
+def names_in(entries: Sequence[CameraEntry], names: Iterable[str]) -> set[str]:
+    """Of photographs, those that a camera file names."""
+    return {name for name in names if any(entry.images and entry.covers(name) for entry in entries)}
 
 
 def without_findings_of(aside: Collection[str], findings: Sequence[Finding]) -> list[Finding]:
@@ -231,17 +242,13 @@ def _too_large(what: str, max_pixels: int) -> str:
     return f"{what} is more than the limit of {max_pixels / 1e6:.0f} Mpx; not decoded"
 
 
-def camera_entries(
-    sidecars: Mapping[str, Path], otherwise: Path | None = None
-) -> tuple[Sequence[CameraEntry], Path | None]:
-    """What a folder's camera file says, and which file that is; ``otherwise`` where the folder has none."""
-    path = sidecars.get("camera.toml") or sidecars.get("camera.json") or otherwise
-    return (() if path is None else read_camera_file(path)), path
-
-
-def names_in(entries: Sequence[CameraEntry], names: Iterable[str]) -> set[str]:
-    """Of photographs, those that a camera file names."""
-    return {name for name in names if any(entry.images and entry.covers(name) for entry in entries)}
+def _cameras(photos: list[Photo], contents: FolderContents) -> tuple[list[CameraGroup], list[Finding]]:
+    toml, json_file = contents.sidecars.get("camera.toml"), contents.sidecars.get("camera.json")
+    path = toml or json_file
+    groups, findings = group_cameras(photos, read_camera_file(path) if path is not None else (), path)
+    if toml is not None and json_file is not None:
+        findings.append(Finding("camera.json", "sidecar-unused", "camera.toml is used instead"))
+    return groups, findings
 
 
 def _priors(photos: list[Photo], contents: FolderContents) -> PriorSet:
