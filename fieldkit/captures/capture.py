@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PIL import Image
 
-from fieldkit.captures.camera_file import read_camera_file
+from fieldkit.captures.camera_file import CameraEntry, read_camera_file
 from fieldkit.captures.cameras import group_cameras
 from fieldkit.captures.decode import PngMetadata, dark_refusal, jpeg_is_complete, read_png_metadata, tiff_refusal
 from fieldkit.captures.exif import with_exif
@@ -22,6 +22,7 @@ from fieldkit.captures.hemispheres import settle_hemispheres
 from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
+from fieldkit.captures.one_camera import one_camera
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
 from fieldkit.errors import CaptureError, MetadataError
@@ -45,7 +46,8 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
 
     Photographs are JPEG, PNG or TIFF by content, directly in ``folder`` or, when there are none, in
     ``folder/images`` or in a card's folders 100MEDIA, 101MEDIA and so on. Whatever cannot be used is left out and named
-    in ``findings``; one photograph is enough here (reconstruction asks for more).
+    in ``findings``, and so are photographs of another camera than most (`one_camera`); one photograph is enough here
+    (reconstruction asks for more).
 
     Args:
         folder: with the photographs.
@@ -60,8 +62,8 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
     folder = Path(folder)
     contents = list_capture(folder)
     if not sidecars:
-        kept = {name: path for name, path in contents.sidecars.items() if name not in ("poses.csv", "geo.txt")}
-        contents = replace(contents, sidecars=kept)
+        others = {name: path for name, path in contents.sidecars.items() if name not in ("poses.csv", "geo.txt")}
+        contents = replace(contents, sidecars=others)
     photos: list[Photo] = []
     findings = list(contents.findings)
     for candidate in contents.candidates:
@@ -72,13 +74,37 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
     if not photos:
         raise _no_photographs(folder, findings)
     photos, duplicates = _distinct(photos, contents)
-    photos, hemispheres = settle_hemispheres(photos)
-    findings += [*duplicates, *hemispheres]
+    entries, _ = camera_entries(contents.sidecars)
+    names = [photo.name for photo in photos]
+    located = set(match_names(listed_names(contents.sidecars), names).values())
+    kept, other_cameras = one_camera(photos, located=located, calibrated=names_in(entries, names))
+    aside = set(names) - {photo.name for photo in kept}
+    photos, hemispheres = settle_hemispheres(kept)
+    findings = [*without_findings_of(aside, findings), *duplicates, *other_cameras, *hemispheres]
     groups, camera_findings = _cameras(photos, contents)
     priors = _priors(photos, contents)
-    findings += [*camera_findings, *priors.findings]
+    findings += [*camera_findings, *without_findings_of(aside, priors.findings)]
     markers = contents.sidecars.get("markers.toml")
     return assembled((folder.absolute(), contents.image_folder.absolute()), photos, groups, findings, priors, markers)
+
+
+def camera_entries(
+    sidecars: Mapping[str, Path], otherwise: Path | None = None
+) -> tuple[Sequence[CameraEntry], Path | None]:
+    """What a folder's camera file says, and which file that is; ``otherwise`` where the folder has none."""
+    path = sidecars.get("camera.toml") or sidecars.get("camera.json") or otherwise
+    return (() if path is None else read_camera_file(path)), path
+
+
+def names_in(entries: Sequence[CameraEntry], names: Iterable[str]) -> set[str]:
+    """Of photographs, those that a camera file names."""
+    return {name for name in names if any(entry.images and entry.covers(name) for entry in entries)}
+
+
+def without_findings_of(aside: Collection[str], findings: Sequence[Finding]) -> list[Finding]:
+    """Findings but for those of photographs that are set aside, under whatever names sidecars give them."""
+    meant = match_names([f.name for f in findings if not f.left_out], aside)
+    return [f for f in findings if f.left_out or f.name not in meant]
 
 
 def assembled(
@@ -194,7 +220,7 @@ def _distinct(photos: list[Photo], contents: FolderContents) -> tuple[list[Photo
         groups.setdefault(photo.sha256, []).append(photo)
     if len(groups) == len(photos):
         return photos, []
-    located = set(match_names(_listed(contents), [photo.name for photo in photos]).values())
+    located = set(match_names(listed_names(contents.sidecars), [photo.name for photo in photos]).values())
     kept = {key: next((p.name for p in group if p.name in located), group[0].name) for key, group in groups.items()}
     findings = [
         Finding(photo.name, "duplicate", f"the same bytes as {kept[photo.sha256]}", True)
@@ -204,9 +230,9 @@ def _distinct(photos: list[Photo], contents: FolderContents) -> tuple[list[Photo
     return [photo for photo in photos if photo.name == kept[photo.sha256]], findings
 
 
-def _listed(contents: FolderContents) -> list[str]:
+def listed_names(sidecars: Mapping[str, Path]) -> list[str]:
     """Names in the sidecar that the positions come from."""
-    poses, geo = contents.sidecars.get("poses.csv"), contents.sidecars.get("geo.txt")
+    poses, geo = sidecars.get("poses.csv"), sidecars.get("geo.txt")
     if poses is not None:
         return [row.image for row in read_poses_csv(poses)[0]]
     return [] if geo is None else [row.image for row in read_geo_txt(geo)[0]]

@@ -16,6 +16,7 @@ from fieldkit.captures.gps_tags import Problem, geotag_of
 from fieldkit.captures.gps_tags import number as _number
 from fieldkit.captures.gps_tags import text as _text
 from fieldkit.captures.model import Photo
+from fieldkit.captures.sensors import sensor_of
 from fieldkit.captures.xmp import XmpData, parse_xmp
 from fieldkit.documents.xml_tree import XmlError
 
@@ -67,6 +68,7 @@ def with_exif(photo: Photo, image: Image.Image, png: PngMetadata | None = None) 
         model=_text(base.get(_BASE.Model)),
         serial=_text(detail.get(_BASE.BodySerialNumber)) or _text(base.get(_BASE.CameraSerialNumber)),
         lens=_text(detail.get(_BASE.LensModel)),
+        sensor=sensor_of(photo.name, xmp.image_source, xmp.bands, image.mode),
         focal_mm=focal_mm,
         focal_35mm=focal_35mm,
         digital_zoom=zoom,

@@ -107,7 +107,8 @@ def geotag(
     check_replaceable(output, overwrite=overwrite)
     check_writable(output.parent)
     flight = read_flight_log(log)
-    photos = read_capture(images, sidecars=False).photos
+    capture = read_capture(images, sidecars=False)
+    photos = capture.photos
     frame, source = frame_of(flight, origin)
     matches = match([stamp(photo) for photo in photos], _triggers(flight), offset_s=offset_s)
     poses = local_poses(flight, matches, frame, [p.name for p in photos], mount=mount, accuracy_m=accuracy_m)
@@ -119,9 +120,9 @@ def geotag(
             remedy="Check that log and photographs are of one flight; --camera-offset gives the camera's clock error.",
         )
     write_atomic(output, poses_table(poses))
-    return GeotagReport(
-        len(photos), tuple(poses), matches, frame, source, len(flight.triggers), (*flight.remarks, *matches.remarks)
-    )
+    others = (f"{f.name}: left out: {f.message}" for f in capture.findings if f.code == "other-camera")
+    remarks = (*flight.remarks, *matches.remarks, *others)
+    return GeotagReport(len(photos), tuple(poses), matches, frame, source, len(flight.triggers), remarks)
 
 
 def stamp(photo: Photo) -> Stamp:

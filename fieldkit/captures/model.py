@@ -70,6 +70,7 @@ class Photo:
         format: ``"JPEG"``, ``"PNG"`` or ``"TIFF"``, by content.
         sha256: of the file's bytes, hex.
         make, model, serial, lens: of the camera, as in the EXIF.
+        sensor: which of a payload's lenses or bands (`fieldkit.captures.sensors`), "" where nothing says.
         focal_mm: focal length, millimetres.
         focal_35mm: 35 mm equivalent, millimetres.
         digital_zoom: how many times the picture is enlarged from the middle of the sensor's, 1 without.
@@ -93,6 +94,7 @@ class Photo:
     model: str | None = None
     serial: str | None = None
     lens: str | None = None
+    sensor: str = ""
     focal_mm: float | None = None
     focal_35mm: float | None = None
     digital_zoom: float = 1.0

@@ -179,12 +179,12 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
         origin = _frame(geodetic, chosen.datum)
         local = origin.to_local(*np.array(geodetic).T)
         positions = {n: (float(p[0]), float(p[1]), float(p[2])) for n, p in zip(located, local, strict=True)}
-    unmeasured = _all_zero([(photo.yaw_deg, photo.pitch_deg, photo.roll_deg) for photo in photos])
+    unmeasured = _unmeasured(photos)
     if unmeasured:
-        findings.append(Finding(photos[0].name, "angles-zero", _ZEROS_MESSAGE))
+        findings.append(_zeros_finding(unmeasured, photos))
     for photo in photos:
         position = positions.get(photo.name)
-        angles = not unmeasured and (photo.yaw_deg is not None or photo.pitch_deg is not None)
+        angles = photo.name not in unmeasured and (photo.yaw_deg is not None or photo.pitch_deg is not None)
         if position is None and not angles:
             continue
         priors[photo.name] = PosePrior(
@@ -200,6 +200,21 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
         )
     height_source = chosen.source if located else None
     return PriorSet(priors, source if located else None, origin, height_source, tuple(findings))
+
+
+def _unmeasured(photos: Sequence[Photo]) -> tuple[str, ...]:
+    """Photographs whose yaw, pitch and roll are zeros: all that have any, or some that have all three."""
+    angles = {photo.name: (photo.yaw_deg, photo.pitch_deg, photo.roll_deg) for photo in photos}
+    if _all_zero(list(angles.values())):
+        return tuple(angles)
+    return tuple(name for name, own in angles.items() if own == (0.0, 0.0, 0.0)) if len(photos) > 1 else ()
+
+
+def _zeros_finding(unmeasured: Sequence[str], photos: Sequence[Photo]) -> Finding:
+    if len(unmeasured) == len(photos):
+        return Finding(photos[0].name, "angles-zero", _ZEROS_MESSAGE)
+    message = f"yaw, pitch and roll are 0 in {len(unmeasured)} of {len(photos)} photographs, this one first; not used"
+    return Finding(unmeasured[0], "angles-zero", message)
 
 
 def _all_zero(angles: Sequence[tuple[float | None, float | None, float | None]]) -> bool:

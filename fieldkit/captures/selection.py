@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.cameras import group_cameras
-from fieldkit.captures.capture import assembled, read_photo
+from fieldkit.captures.capture import assembled, camera_entries, listed_names, names_in, read_photo
 from fieldkit.captures.folder import FolderContents, list_folder, natural_key
 from fieldkit.captures.geo_txt import read_geo_txt
 from fieldkit.captures.hemispheres import settle_hemispheres
 from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
+from fieldkit.captures.one_camera import one_camera
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
 from fieldkit.errors import CaptureError
@@ -147,7 +147,8 @@ def capture_of(
     """A capture of some photographs, with what the sidecars of their folders say of them.
 
     Photographs of several folders are named by their paths below the folder they have in common. Lines of poses.csv
-    and geo.txt that name other photographs are passed over without a finding.
+    and geo.txt that name other photographs are passed over without a finding. Photographs of other cameras than most
+    are left out, as `fieldkit.captures.read_capture` does.
 
     Args:
         photos: one or more, each once.
@@ -159,6 +160,7 @@ def capture_of(
     """
     unwanted = frozenset(without)
     photos = sorted(photos, key=lambda each: natural_key(each.photo.path.as_posix()))  # in whatever order they come
+    photos, other_cameras = _of_one_camera(photos, camera, unwanted)
     common = Path(os.path.commonpath([each.photo.path.parent for each in photos]))
     named = {each.photo.path: each.photo.path.relative_to(common).as_posix() for each in photos}
     by_folder: dict[Path, list[FoundPhoto]] = {}
@@ -172,7 +174,9 @@ def capture_of(
     markers = {each.sidecars.get("markers.toml") for each in photos}
     marker = markers.pop() if len(markers) == 1 else None
     odd = [replace(f, name=named[each.photo.path]) for each in photos for f in each.findings]
-    return assembled((common, common), ordered, groups, [*odd, *findings, *priors.findings], priors, marker)
+    return assembled(
+        (common, common), ordered, groups, [*odd, *other_cameras, *findings, *priors.findings], priors, marker
+    )
 
 
 def _folders(root: Path, skip: Callable[[Path], bool] | None) -> list[Path]:
@@ -224,6 +228,27 @@ def _with_hemispheres(found: Sequence[FoundPhoto]) -> tuple[list[FoundPhoto], li
     return kept, findings
 
 
+def _of_one_camera(
+    photos: Sequence[FoundPhoto], camera: Path | None, unwanted: frozenset[str]
+) -> tuple[list[FoundPhoto], list[Finding]]:
+    """`one_camera` of all folders' photographs."""
+    common = Path(os.path.commonpath([each.photo.path.parent for each in photos]))
+    named = {each.photo.path.relative_to(common).as_posix(): each for each in photos}
+    located: set[str] = set()
+    calibrated: set[str] = set()
+    for folder in dict.fromkeys(each.photo.path.parent for each in photos):
+        members = {name: each for name, each in named.items() if each.photo.path.parent == folder}
+        sidecars = next(iter(members.values())).sidecars
+        bare = {each.photo.name: name for name, each in members.items()}
+        listed = listed_names({name: path for name, path in sidecars.items() if name not in unwanted})
+        located |= {bare[name] for name in match_names(listed, bare).values()}
+        calibrated |= {bare[name] for name in names_in(camera_entries(sidecars, camera)[0], bare)}
+    kept, findings = one_camera(
+        [replace(each.photo, name=name) for name, each in named.items()], located=located, calibrated=calibrated
+    )
+    return [named[photo.name] for photo in kept], findings
+
+
 def _cameras(
     by_folder: Mapping[Path, Sequence[FoundPhoto]], named: Mapping[Path, str], camera: Path | None
 ) -> tuple[list[CameraGroup], list[Finding]]:
@@ -231,9 +256,7 @@ def _cameras(
     merged: dict[tuple[object, ...], CameraGroup] = {}
     findings: list[Finding] = []
     for folder, members in by_folder.items():
-        sidecars = members[0].sidecars
-        file = sidecars.get("camera.toml") or sidecars.get("camera.json") or camera
-        entries = read_camera_file(file) if file is not None else ()
+        entries, file = camera_entries(members[0].sidecars, camera)
         groups, odd = group_cameras([each.photo for each in members], entries, file)
         findings += [replace(f, name=named.get(folder / f.name, f.name)) for f in odd if f.code != "camera-unused"]
         for group in groups:

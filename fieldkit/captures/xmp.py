@@ -61,6 +61,8 @@ _PIX4D_NAMES = {
     "GPSXYAccuracy": "horizontal_accuracy",
     "GPSZAccuracy": "vertical_accuracy",
 }
+_SENSOR_NAMES = {"ImageSource": "image_source", "BandName": "bands"}
+"""Whoever writes them: DJI, Pix4D, FLIR."""
 _MAKERS = ("dji", "like dji", "skydio", "parrot", "yuneec", "pix4d")
 """In the order in which they count where a photograph has tags of several."""
 _MAX_BYTES = 1 << 20
@@ -91,6 +93,8 @@ class XmpData:
         rtk_flag: DJI's; see `RTK_FIXED`.
         horizontal_accuracy_m, vertical_accuracy_m: one standard deviation.
         accuracy_of: whose these are: "dji" (RTK), "pix4d" or "".
+        image_source: DJI's name of the camera, e.g. "InfraredCamera".
+        bands: names of the picture's bands, e.g. ("NIR",).
         makers: whose tags there are, of "dji", "like dji", "skydio", "parrot", "yuneec" and "pix4d".
     """
 
@@ -107,6 +111,8 @@ class XmpData:
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
     accuracy_of: str = ""
+    image_source: str | None = None
+    bands: tuple[str, ...] = ()
     makers: frozenset[str] = frozenset()
 
 
@@ -131,6 +137,7 @@ def parse_xmp(packet: bytes) -> XmpData:
     fields = read_fields(packet)
     yaw, pitch, roll = _camera_angles(fields)
     merged = {k: v for maker in reversed(_MAKERS) for k, v in fields.get(maker, {}).items()}
+    own = fields.get("sensor", {})
     flag = _number(merged.get("rtk_flag"))
     stated = _stated_accuracy(merged, flag)
     return XmpData(
@@ -147,7 +154,9 @@ def parse_xmp(packet: bytes) -> XmpData:
         horizontal_accuracy_m=stated[0],
         vertical_accuracy_m=stated[1],
         accuracy_of=stated[2],
-        makers=frozenset(fields),
+        image_source=own.get("image_source"),
+        bands=tuple(band.strip() for band in own.get("bands", "").split(",") if band.strip()),
+        makers=frozenset(fields) & frozenset(_MAKERS),
     )
 
 
@@ -156,7 +165,10 @@ def _properties(element: Element, inside: str) -> Iterator[tuple[str, str, str]]
     uri, _, local = element.tag.rpartition("}")
     if local.startswith(("CameraOrientation", "VehicleOrientation")):
         inside = f"{local}/"
-    text = "" if len(element) else element.text or ""
+    if local == "BandName":
+        text = ",".join(part.strip() for part in element.itertext() if part.strip())
+    else:
+        text = "" if len(element) else element.text or ""
     for qualified, value in (*element.items(), (element.tag, text)):
         uri, _, local = qualified.rpartition("}")
         if value.strip():
@@ -167,6 +179,9 @@ def _properties(element: Element, inside: str) -> Iterator[tuple[str, str, str]]
 
 def _meanings(uri: str, name: str) -> Iterator[tuple[str, str]]:
     """Whose property this is, and what it means."""
+    if name in _SENSOR_NAMES:
+        yield "sensor", _SENSOR_NAMES[name]
+        return
     if "skydio" in uri:
         own, maker = _SKYDIO_NAMES, "skydio"
     elif "parrot" in uri:
@@ -184,7 +199,10 @@ def _meanings(uri: str, name: str) -> Iterator[tuple[str, str]]:
 
 
 def _camera_angles(fields: Mapping[str, Mapping[str, str]]) -> tuple[float | None, float | None, float | None]:
-    """Yaw, pitch and roll of the first maker that has both directions, else one: those of two are never mixed."""
+    """Yaw, pitch and roll of the first maker that has both directions, else one: those of two are never mixed.
+
+    Zeros, which nobody filled in as a rule, come after those.
+    """
     sets = []
     for maker in _MAKERS:
         own = fields.get(maker, {})
@@ -196,7 +214,8 @@ def _camera_angles(fields: Mapping[str, Mapping[str, str]]) -> tuple[float | Non
         sets.append((yaw, pitch, roll))
     complete = [each for each in sets if None not in each[:2]]
     partial = [each for each in sets if each[:2] != (None, None)]
-    return (complete or partial or [(None, None, None)])[0]
+    measured = [each for each in complete if any(each)]
+    return (measured or complete or partial or [(None, None, None)])[0]
 
 
 def _from_nadir(yaw_deg: float, pitch_deg: float, roll_deg: float) -> tuple[float, float, float]:

@@ -119,6 +119,8 @@ def command(
     else:
         _tell(reports)
         show([], *files)
+        if again.output is not None and not files:
+            say(f"No station is known to need another flight, so {again.output.name} was not written.")
 
 
 def _missions(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,8 +13,10 @@ from fieldkit.captures.flight_logs.adherence import PlannedPose
 from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.evaluation.adherence import Flight, planned_poses
 from fieldkit.evaluation.commanded_poses import FlownMission
-from fieldkit.evaluation.figures import source_frame
+from fieldkit.evaluation.figures import clean_text, source_frame
 from fieldkit.evaluation.pose_table import Poses, capture_poses, plan_poses, pose_adherence, reconstructed_poses
+from fieldkit.evaluation.recorded_angles import Matrix, read_angles
+from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, PoseSource
 from fieldkit.results.plan import Plan
@@ -91,6 +93,8 @@ class FlownPlan:
         if self.reference is None and (frame.origin is not None or plot.metric_source != _OWN_FRAME):
             return None
         stations = plan_poses(self.plan, frame if self.reference is None else None)
+        right = [image for image in plot.image_reports if image.right is not False]
+        orientations = {image.name: image.pose.rotation for image in right if image.pose is not None}
         unknown: dict[PoseSource, str] = {}
         found: dict[PoseSource, Poses] = {"reconstructed": reconstructed_poses(plot.image_reports)}
         if not found["reconstructed"]:
@@ -98,12 +102,13 @@ class FlownPlan:
         flown = None
         if self.flight is None:
             unknown["reported"] = "no flight log was given"
-            found["tagged"] = _poses(capture, frame, "tagged", unknown)
+            found["tagged"] = _poses(_as_meant(capture, orientations, frame, unknown), frame, "tagged", unknown)
         else:
             found["reported"] = _poses(capture, frame, "reported", unknown)
             flown = self.flight.adherence(name, self.planned, self.datum)
             try:
-                found["tagged"] = _poses(read_capture(folder), frame, "tagged", unknown)
+                tagged = _as_meant(read_capture(folder), orientations, frame, unknown)
+                found["tagged"] = _poses(tagged, frame, "tagged", unknown)
             except FieldkitError as error:
                 unknown["tagged"] = error.message
         commanded: Poses = {}
@@ -147,6 +152,19 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
     write_adherence_picture(folder / place / ADHERENCE_PICTURE, plot.name, plot.adherence)
     names = [f"{place}/{ADHERENCE_FILE}", f"{place}/{ADHERENCE_PICTURE}"]
     return plot.model_copy(update={"files": (*plot.files, *describe_files(folder, names))})
+
+
+def _as_meant(
+    capture: Capture, orientations: Mapping[str, Matrix], frame: SourceFrame, unknown: dict[PoseSource, str]
+) -> Capture:
+    """A capture with its recorded angles read as orientations in the plot frame say; see `read_angles`."""
+    found = {name: orientations[clean_text(name)] for name in capture.names if clean_text(name) in orientations}
+    sigmas = [p.angle_accuracy_deg for p in capture.priors.values() if p.angle_accuracy_deg]
+    bound = ANGLE_SIGMAS * float(np.median(sigmas)) if sigmas else 0.0
+    reading = read_angles(capture, found, frame.from_source.rotation, bound)
+    if reading.unused:
+        unknown["tagged"] = f"angles of {len(reading.unused)} of {len(capture.photos)}: they contradict the photographs"
+    return reading.capture
 
 
 def _poses(capture: Capture, frame: SourceFrame, source: PoseSource, unknown: dict[PoseSource, str]) -> Poses:

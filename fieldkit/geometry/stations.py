@@ -193,7 +193,7 @@ def _settled(photographs: PoseArray, stations: PoseArray, offset: Array, *, roun
         pairs = found
         mine, theirs = photographs[list(pairs)], stations[list(pairs.values())]
         if turned and len(pairs) >= _LEAST:
-            turn += _turn_between(mine.moved(turn).positions, theirs.positions)
+            turn += turn_between(mine.moved(turn).positions, theirs.positions)
         offset = _medians(mine.moved(turn).positions - theirs.positions)
         if rounds > 1:
             errors = wrapped_deg(mine.yaws + turn - theirs.yaws)
@@ -233,7 +233,7 @@ def _medians(apart: Array) -> Array:
     return np.array([np.median(column) if len(column) else np.nan for column in known])
 
 
-def _turn_between(source: Array, target: Array) -> float:
+def turn_between(source: Array, target: Array) -> float:
     """Clockwise turn about z, degrees, that brings points (k, 3) nearest to others, shifts left out."""
     a, b = (p[:, :2] - np.median(p[:, :2], axis=0) for p in (source, target))
     return float(np.degrees(np.arctan2((a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1]).sum(), (a * b).sum())))

@@ -266,7 +266,7 @@ def test_the_orientation_is_told(photo_file: MakePhoto) -> None:
 
 def test_a_multi_picture_jpeg_is_one_photograph(photo_file: MakePhoto) -> None:
     folder = photo_file("a.jpg").parent
-    image, preview = Image.effect_noise((64, 48), 40), Image.effect_noise((32, 24), 40)
+    image, preview = (Image.effect_noise(size, 40).convert("RGB") for size in ((64, 48), (32, 24)))
     image.save(folder / "b.jpg", format="MPO", save_all=True, append_images=[preview])
     capture = read_capture(folder)
     assert [(photo.name, photo.width) for photo in capture.photos] == [("a.jpg", 120), ("b.jpg", 64)]

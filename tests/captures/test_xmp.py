@@ -134,5 +134,12 @@ def test_coordinates_with_letters(text: str, expected: float | None) -> None:
     assert parse_xmp(packet({"exif:GPSLatitude": text})).latitude_deg == (expected and pytest.approx(expected))
 
 
+def test_zeros_of_one_maker_do_not_hide_the_angles_of_another() -> None:
+    zeros = {f"drone-dji:Gimbal{name}Degree": "+0.00" for name in ("Yaw", "Pitch", "Roll")}
+    parrot = {"drone-parrot:CameraYawDegree": "12", "drone-parrot:CameraPitchDegree": "-60"}
+    assert angles(parse_xmp(packet({**zeros, **parrot}))) == (12.0, -60.0, None)
+    assert angles(parse_xmp(packet(zeros))) == (0.0, 0.0, 0.0)
+
+
 def test_names_of_other_makers_mean_nothing_elsewhere() -> None:
     assert parse_xmp(packet({"exif:Yaw": "1", "exif:Pitch": "2", "exif:Latitude": "3"})) == XmpData()

@@ -15,6 +15,7 @@ from fieldkit.cli.check import check_blocks
 from fieldkit.cli.main import main
 from fieldkit.evaluation.field_check.model import CheckReport, StationCheck
 from fieldkit.geometry import Pose
+from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.present.terminal.blocks import rendered
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 
@@ -83,3 +84,23 @@ def test_a_plan_that_is_none(capture: tuple[Path, Path], capsys: pytest.CaptureF
     capture[1].write_text("[]")
     assert main(["check", str(capture[0]), "--plan", str(capture[1]), "--json"]) == 3
     assert "not a JSON object" in capsys.readouterr().out
+
+
+def test_no_mission_for_nothing_is_said(
+    capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (capture[0] / "poses.csv").unlink()  # which station is missing, nothing tells
+    site = Path(__file__).parents[2] / "missions" / "sites" / "example.toml"
+    words = [
+        "check",
+        str(capture[0]),
+        "--plan",
+        str(capture[1]),
+        "--site",
+        str(site),
+        "--plot",
+        load_site(site).plots[0].name,
+    ]
+    assert main([*words, "--vehicle", "px4-gimbal", "-o", str(tmp_path / "again.plan")]) == 0
+    assert "again.plan was not written" in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "again.plan").exists()

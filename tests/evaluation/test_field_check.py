@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,18 +17,22 @@ from hypothesis import strategies as st
 from fieldkit.captures import CameraGroup, Capture, Photo, PosePrior
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.field_check import CheckSettings, StationCheck, write_refly
+from fieldkit.evaluation.field_check.angles import angles_as_meant
+from fieldkit.evaluation.field_check.check import common_findings
 from fieldkit.evaluation.field_check.connection import connect
-from fieldkit.evaluation.field_check.consistency import check_tags
-from fieldkit.evaluation.field_check.model import CheckReport
+from fieldkit.evaluation.field_check.consistency import Consistency, check_tags
+from fieldkit.evaluation.field_check.model import CheckFinding, CheckReport
 from fieldkit.evaluation.field_check.pictures import judge_pictures, measure_picture
-from fieldkit.evaluation.field_check.placement import place_tags
+from fieldkit.evaluation.field_check.placement import Placed, Tags, axis_turn_deg, place_tags
 from fieldkit.evaluation.field_check.pose_graph import TagPrior, tie_errors_deg
 from fieldkit.evaluation.field_check.refly import part_of_plan
 from fieldkit.evaluation.field_check.sharpness import DIRECTIONS, blur_ratios, edge_widths
 from fieldkit.evaluation.field_check.ties import LengthRatio, Tie, TieGraph
+from fieldkit.evaluation.field_check.verdicts import tag_pose
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.geometry.stations import PoseArray
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.present.sections.read_results import read_results
 from fieldkit.reconstruction.cameras import CameraSet
@@ -257,6 +262,35 @@ class TestTags:
         found = check_tags(tags, graph_of(flown(planned, seed), seed), CheckSettings())
         assert found.contradicted == {k}
 
+    @settings(max_examples=8)
+    @given(seed=st.integers(0, 10_000), k=st.integers(0, 12))
+    def test_a_tag_within_the_limits_is_not_contradicted(self, seed: int, k: int) -> None:
+        """Though half of its matches and more say otherwise: 47 mm and 1° are nothing to put right."""
+        planned = stations(seed=seed)
+        graph = graph_of(flown(planned, seed, position_m=0.01), seed, reach=3)
+        wrong = dict(graph.ties)
+        for other in ((k + 2) % 13, (k + 3) % 13, (k - 3) % 13):
+            i, j = sorted((k, other))
+            wrong[i, j] = replace(wrong[i, j], rotation=rotation_from_vector((0.0, 1.2, 0.3)) @ wrong[i, j].rotation)
+        tags = priors(flown(planned, seed + 1, position_m=0.02, angle_deg=0.5))
+        found = check_tags(tags, replace(graph, ties=wrong), CheckSettings())
+        for each in found.contradicted:
+            difference = found.seen[each].compare(tags[each].pose, 0.05, 2.0)
+            assert difference.shift_m > 0.25 or difference.turn_deg > 8.0
+
+    @pytest.mark.parametrize(("matches", "turn", "wrong"), [(19, 0.35, False), (19, 1.4, True), (60, 0.35, True)])
+    def test_ties_of_few_matches_contradict_only_what_is_far_off(self, matches: int, turn: float, wrong: bool) -> None:
+        planned = stations()
+        graph = graph_of(planned, 0)
+        ties = dict(graph.ties)
+        for pair in ((3, 4), (4, 5)):  # the photograph is turned, or its few matches are chance
+            about = rotation_from_vector((0.0, turn if pair[1] == 4 else -turn, 0.0))
+            rotation = about @ ties[pair].rotation if pair[1] == 4 else ties[pair].rotation @ about
+            translation = about @ ties[pair].translation if pair[1] == 4 else ties[pair].translation
+            ties[pair] = Tie(matches, rotation, translation, {})
+        found = check_tags(priors(planned), replace(graph, ties=ties), CheckSettings())
+        assert found.contradicted == ({4} if wrong else frozenset())
+
     def test_a_wrong_tie_does_no_harm(self) -> None:
         planned = stations()
         graph = graph_of(flown(planned, 0), 0)
@@ -287,6 +321,122 @@ class TestTags:
         assert errors == pytest.approx((0.0, 0.0), abs=1e-4)
 
 
+Angles = tuple[float, float, float]
+
+
+class TestAngles:
+    def read(
+        self, write: Callable[[Angles], Angles], *, ties: bool = True, nadir: bool = False, only: range = range(13)
+    ) -> tuple[Placed, Consistency, list[CheckFinding], list[Pose]]:
+        """Angles of a flight written in another way, of all photographs or of some, as the check reads them."""
+        planned = stations(seed=3)
+        if nadir:
+            planned = [Pose.from_yaw_pitch(p.center, 30.0 + 180.0 * (k % 2), -90.0) for k, p in enumerate(planned)]
+        true = flown(planned, 3)
+        plan, graph = plan_from_poses(planned), graph_of(true, 3, reach=2 if ties else 0)
+        capture = capture_of([Pose((a if nadir else b).rotation, b.center) for a, b in zip(planned, true, strict=True)])
+        priors = dict(capture.priors)
+        for k in only:
+            # A gimbal's tags give the heading of the picture, and no roll.
+            angles = write((planned[k] if nadir else true[k]).yaw_pitch_roll_deg())
+            priors[f"{k}.jpg"] = replace(priors[f"{k}.jpg"], yaw_deg=angles[0], pitch_deg=angles[1], roll_deg=angles[2])
+        capture, told = angles_as_meant(replace(capture, priors=priors), plan, None, None, graph, seed=0)
+        placed = place_tags(capture, plan)
+        tags = {k: TagPrior(tag_pose(placed, k, plan), 0.05, 2.0) for k in placed.station_of}
+        return placed, check_tags(tags, graph, CheckSettings()), told, planned
+
+    @pytest.mark.parametrize("ties", [True, False])
+    @pytest.mark.parametrize(
+        "write",
+        [
+            lambda a: (a[0], a[1] + 90.0, a[2]),  # Metashape, Pix4D
+            lambda a: (a[0], -a[1], a[2]),
+            lambda a: (-a[0], a[1], a[2]),
+        ],
+    )
+    def test_another_convention_of_all_is_read_and_told_once(
+        self, write: Callable[[Angles], Angles], ties: bool
+    ) -> None:
+        placed, found, told, planned = self.read(write, ties=ties)
+        assert placed.station_of == {k: k for k in range(13)}
+        assert found.contradicted == frozenset()
+        assert [finding.code for finding in told] == ["angles-read-otherwise"]
+        assert ("the matches" if ties else "the plan") in told[0].message
+        turned = [
+            axis_turn_deg(placed.tags.poses.yaws[k], placed.tags.poses.pitches[k], s.yaw_deg, s.pitch_deg)
+            for k, s in enumerate(plan_from_poses(planned).stations)
+        ]
+        assert max(turned) < 8.0
+
+    @pytest.mark.parametrize("nadir", [True, False])
+    @pytest.mark.parametrize("ties", [True, False])
+    def test_angles_as_recorded_are_left_alone(self, ties: bool, nadir: bool) -> None:
+        placed, found, told, _ = self.read(lambda a: a, ties=ties, nadir=nadir)
+        assert (told, found.contradicted) == ([], frozenset())
+        assert placed.station_of == {k: k for k in range(13)}
+
+    @pytest.mark.parametrize("nadir", [True, False])
+    @pytest.mark.parametrize("quarter", [90.0, 180.0, -90.0])
+    @pytest.mark.parametrize("only", [range(13), range(0, 13, 2), range(1)])
+    def test_photographs_turned_about_their_axis_are_sound(self, quarter: float, only: range, nadir: bool) -> None:
+        """As EXIF's Orientation does where the pixels are not turned along."""
+        placed, found, told, _ = self.read(lambda a: (a[0], a[1], a[2] + quarter), only=only, nadir=nadir)
+        assert (told, found.contradicted) == ([], frozenset())
+        assert placed.station_of == {k: k for k in range(13)}
+
+    def test_angles_of_no_convention_are_not_used(self) -> None:
+        rng = np.random.default_rng(0)
+        placed, found, told, _ = self.read(lambda a: (rng.uniform(0, 360), rng.uniform(-30, 60), 0.0))
+        assert [finding.code for finding in told] == ["angles-not-used"]
+        assert found.contradicted == frozenset()
+        assert placed.station_of == {k: k for k in range(13)}
+
+    def test_a_mixture_is_told_once(self) -> None:
+        placed, found, told, _ = self.read(lambda a: (a[0], a[1] + 90.0, a[2]), only=range(5))
+        assert [finding.code for finding in told] == ["angles-not-used"]
+        assert "0.jpg, 1.jpg, 2.jpg, 3.jpg, 4.jpg" in told[0].message
+        assert found.contradicted == frozenset()
+        assert placed.station_of == {k: k for k in range(13)}
+
+    def test_wrong_matches_do_not_make_good_angles_bad(self) -> None:
+        """Few and wide views: matches that agree with one another, and lie, while the angles are the plan's."""
+        planned = stations(seed=3)
+        other = [Pose.from_yaw_pitch(p.center, 40.0 * k, -30.0) for k, p in enumerate(planned)]
+        capture, told = angles_as_meant(
+            capture_of(list(planned)), plan_from_poses(planned), None, None, graph_of(other, 3), seed=0
+        )
+        assert told == []
+        assert all(prior.yaw_deg is not None for prior in capture.priors.values())
+
+    def test_a_flight_that_looked_elsewhere_is_no_convention(self) -> None:
+        """The matches say that the angles are as recorded."""
+        planned = stations(seed=3)
+        true = [Pose.from_yaw_pitch(p.center, p.yaw_pitch_roll_deg()[0], -10.0) for p in planned]
+        plan = plan_from_poses(planned)
+        capture, told = angles_as_meant(capture_of(list(true)), plan, None, None, graph_of(true, 3), seed=0)
+        assert told == []
+        assert {round(prior.pitch_deg or 0.0) for prior in capture.priors.values()} == {-10}
+
+
+class TestShift:
+    @pytest.mark.parametrize(
+        ("placement", "sigma_m", "shift_m", "told"),
+        [
+            ("poses.csv", 0.05, 0.52, False),  # its origin lies anywhere
+            ("site", 3.0, 2.5, False),  # as receivers are off
+            ("site", 3.0, 7.0, True),
+            ("site", 0.03, 0.2, False),
+            ("site", 0.03, 0.4, True),
+        ],
+    )
+    def test_is_told_where_it_matters(self, placement: str, sigma_m: float, shift_m: float, told: bool) -> None:
+        tags = Tags((), PoseArray.of([]), np.zeros(0), sigma_m, 3.0)
+        placed = Placed(tags, placement, shift_m=np.array([shift_m, 0.0, 4.0]))  # type: ignore[arg-type]
+        found = common_findings(placed, CheckSettings())
+        assert [finding.code for finding in found] == ["shifted"] * told
+        assert all("nothing to do" not in finding.remedy.lower() for finding in found)
+
+
 class TestConnection:
     def joined(self, again: set[int], cut: set[tuple[int, int]] | None = None) -> tuple[Plan, TieGraph, object]:
         planned = stations()
@@ -308,6 +458,11 @@ class TestConnection:
         _, _, found = self.joined(set(), {(2, 3), (8, 9)})
         assert found.components == (7, 6)  # type: ignore[attr-defined]
         assert [f.code for f in found.findings] == ["disconnected"]  # type: ignore[attr-defined]
+
+    def test_a_good_photograph_beside_a_gap_is_not_sent_back(self) -> None:
+        _, _, found = self.joined({3}, {(3, 4), (4, 5)})
+        assert found.lonely == frozenset()  # type: ignore[attr-defined]
+        assert found.beside_gaps == {4}  # type: ignore[attr-defined]
 
     def test_one_without_matches_beside_near_neighbours_is_named(self) -> None:
         _, _, found = self.joined(set(), {(3, 4), (4, 5)})

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from benchmarks.rigs import RIG_FILE, read_rig
 from fieldkit.cache import StageCache
@@ -129,3 +131,77 @@ def test_what_cannot_be_used(rig: tuple[Path, Plan, StageCache], copy: Path, tmp
     (copy / "poses.csv").write_text("image,x_m,y_m,z_m\nnobody.jpg,0,0,0\n", "utf-8")
     with pytest.raises(MetadataError, match="names no photograph"):
         check(copy, rig)
+
+
+def rewritten(folder: Path, write: Callable[[list[float]], list[float]]) -> None:
+    """poses.csv with the angles of each row (yaw, pitch, roll) written in another way."""
+    head, *rows = (folder / "poses.csv").read_text("utf-8").splitlines()
+    columns = head.split(",")
+    where = [columns.index(name) for name in ("yaw_deg", "pitch_deg", "roll_deg")]
+    lines = [head]
+    for row in rows:
+        cells = row.split(",")
+        for column, value in zip(where, write([float(cells[k]) for k in where]), strict=True):
+            cells[column] = f"{value}"
+        lines.append(",".join(cells))
+    (folder / "poses.csv").write_text("\n".join(lines) + "\n", "utf-8")
+
+
+@pytest.mark.parametrize(
+    ("write", "told"),
+    [
+        (lambda a: [0.0, 0.0, 0.0], []),
+        (lambda a: [a[0], a[1] + 90.0, a[2]], ["angles-read-otherwise"]),
+        (lambda a: [a[0], -a[1], a[2]], ["angles-read-otherwise"]),
+        (lambda a: [a[0], a[1], a[2] + 180.0], []),
+        (lambda a: [7919.0 * a[0] % 360.0, a[1] + 60.0, 0.0], ["angles-not-used"]),
+    ],
+)
+def test_no_station_is_sent_back_for_the_way_angles_are_written(
+    rig: tuple[Path, Plan, StageCache], copy: Path, write: Callable[[list[float]], list[float]], told: list[str]
+) -> None:
+    rewritten(copy, write)
+    report = check(copy, rig)
+    assert report.ok, report.findings
+    assert [finding.code for finding in report.findings] == told
+
+
+@pytest.mark.parametrize("heights", ["one for all", "of a barometer"])
+def test_no_station_is_sent_back_for_heights_that_nothing_measured(
+    rig: tuple[Path, Plan, StageCache], copy: Path, heights: str
+) -> None:
+    rng = np.random.default_rng(1)
+    head, *rows = (copy / "poses.csv").read_text("utf-8").splitlines()
+    column, lines = head.split(",").index("z_m"), [head]
+    for row in rows:
+        cells = row.split(",")
+        cells[column] = "1.2" if heights == "one for all" else f"{float(cells[column]) + rng.normal() * 0.4}"
+        lines.append(",".join(cells))
+    (copy / "poses.csv").write_text("\n".join(lines) + "\n", "utf-8")
+    report = check(copy, rig)
+    assert report.fly_again == (), report.findings
+
+
+def test_photographs_turned_by_their_orientation_will_do(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    """Some were saved again with their pixels turned by 180°, or by 90°, by a program that knows EXIF's Orientation."""
+    for k, path in enumerate(photographs(copy)[:4]):
+        with Image.open(path) as image:
+            turned = image.transpose(Image.Transpose.ROTATE_180 if k % 2 else Image.Transpose.ROTATE_90)
+            exif = Image.Exif()
+            exif[0x0112] = 3 if k % 2 else 6
+        turned.save(path, exif=exif, quality=95)
+    report = check(copy, rig)
+    assert report.ok, report.findings
+    assert report.findings == ()
+
+
+def test_a_second_lens_is_named_and_no_reason_to_fly(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    for k, path in enumerate(photographs(copy)):
+        with Image.open(path) as image:
+            image.convert("L").resize((160, 128)).save(copy / f"DJI_{k:04}_T.JPG", format="JPEG")
+    report = check(copy, rig)
+    assert report.ok, report.findings
+    (finding,) = report.findings
+    assert finding.code == "other-camera"
+    assert f"{COUNT} photographs" in finding.message
+    assert finding.remedy.startswith("Nothing to do")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -163,6 +164,37 @@ def test_without_a_log_in_any_order(shuffled: tuple[Plan, Path, list[Pose], Sour
     noise = flown_noise([plot.model_copy(update={"adherence": found})], tmp_path)
     assert noise[0] == pytest.approx(np.sqrt(apart.var(axis=0, ddof=1).mean()), abs=1e-5)
     assert noise[1] == pytest.approx(1.5, rel=0.4)
+
+
+@pytest.mark.parametrize(
+    ("write", "used"),
+    [
+        (lambda yaw, pitch, k: (yaw, pitch + 90.0), True),
+        (lambda yaw, pitch, k: (-yaw, pitch), True),
+        (lambda yaw, pitch, k: ((37.0 + 131.0 * k) % 360.0, pitch + 40.0), False),
+    ],
+)
+def test_tags_are_read_by_the_convention_that_the_reconstruction_shows(
+    shuffled: tuple[Plan, Path, list[Pose], SourceFrame],
+    write: Callable[[float, float, int], tuple[float, float]],
+    used: bool,
+) -> None:
+    plan, folder, flown, source = shuffled
+    head, *rows = (folder / "poses.csv").read_text().splitlines()
+    lines = [head]
+    for k, row in enumerate(rows):
+        *place, yaw, pitch = row.split(",")
+        lines.append(",".join([*place, *map(str, write(float(yaw), float(pitch), k))]))
+    (folder / "poses.csv").write_text("\n".join(lines) + "\n")
+    plot = plot_report("poses.csv", source.from_source, None, {f"{k}.jpg": pose for k, pose in enumerate(flown)})
+    found = FlownPlan.of(plan, source).adherence(plot, "b", folder, read_capture(folder))
+    assert found is not None
+    same = difference(found, "reconstructed", "tagged")
+    assert same.north_m is not None
+    assert (same.yaw_deg is not None) == used
+    assert same.yaw_deg is None or same.yaw_deg.max < 1.0
+    assert same.pitch_deg is None or same.pitch_deg.max < 1.0
+    assert ("tagged" not in found.unknown) == used
 
 
 def test_without_a_reference_the_plan_is_in_the_frame_of_poses_csv(

@@ -13,6 +13,7 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import CaptureError, UsageError
 from fieldkit.evaluation.adherence import Flight
+from fieldkit.evaluation.field_check.angles import angles_as_meant
 from fieldkit.evaluation.field_check.consistency import Consistency, check_tags
 from fieldkit.evaluation.field_check.guided_ties import with_guided_ties
 from fieldkit.evaluation.field_check.model import CheckFinding, CheckReport, CheckSettings
@@ -22,7 +23,6 @@ from fieldkit.evaluation.field_check.pose_graph import TagPrior
 from fieldkit.evaluation.field_check.ties import TieGraph, find_ties
 from fieldkit.evaluation.field_check.verdicts import Evidence, believed_poses, judge, tag_pose
 from fieldkit.evaluation.plots import find_plots
-from fieldkit.geometry import Pose
 from fieldkit.geometry.stations import REACH_M
 from fieldkit.missions.plan_site.site import Site, SitePlot
 from fieldkit.missions.plan_site.site_file import load_site
@@ -35,7 +35,7 @@ from fieldkit.runtime.usage import processor_seconds
 MAX_STATIONS = 200
 MAX_PHOTOGRAPHS = 300
 _PRIOR_M, _PRIOR_DEG = 0.05, 2.0
-_MOVED_M, _TOLD_SHIFT_M, _TOLD_TURN_DEG = 0.5, 0.1, 2.0
+_MOVED_M, _TOLD_SIGMAS, _TOLD_TURN_DEG = 0.5, 2.0, 2.0
 _COARSE_SCATTER_M = 0.12
 
 
@@ -142,14 +142,16 @@ class Run:
                 f"{len(capture.photos)} photographs are too many for a check; {MAX_PHOTOGRAPHS} are the most",
                 path=folder, remedy="Give the photographs of one plot.",
             )  # fmt: skip
-        placed = place_tags(capture, self.plan, site, plot)
         with self.progress.stage("Sharpness and exposure", len(capture.photos)) as advance:
             pictures = load_pictures(capture.photos, cache=self.cache, workers=self.workers, advance=advance)
-        positions = [p if np.isfinite(p).all() else None for p in placed.tags.poses.positions]
+        known = [capture.priors.get(name) for name in capture.names]
+        positions = [None if p is None or p.position is None else np.array(p.position) for p in known]
         graph = find_ties(
             capture, self.settings, cache=self.cache, workers=self.workers, progress=self.progress,
             fallback=None if self.plan.camera is None else self.plan.camera.intrinsics, positions=positions,
         )  # fmt: skip
+        capture, angles = angles_as_meant(capture, self.plan, site, plot, graph, seed=self.settings.seed)
+        placed = place_tags(capture, self.plan, site, plot)
         consistency = _consistency(placed, self.plan, graph, self.settings)
         looks = judge_pictures(capture, pictures, self.settings)
         report = CheckReport(
@@ -165,7 +167,7 @@ class Run:
         return replace(
             report,
             stations=judged.stations,
-            findings=(*_of_capture(capture), *_common(placed), *judged.findings),
+            findings=(*_of_capture(capture), *angles, *common_findings(placed, self.settings), *judged.findings),
             extra=judged.extra,
             shift_m=shift,  # type: ignore[arg-type]
             turn_deg=placed.turn_deg,
@@ -183,40 +185,45 @@ def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSet
     for k in range(len(tags.names)):
         if k not in priors and np.isfinite(tags.poses.positions[k]).all() and np.isfinite(tags.poses.yaws[k]):
             # An extra photograph: its tags may be right or wrong, like any other's.
-            priors[k] = TagPrior(_free_pose(placed, k), sigma, _PRIOR_DEG)
+            priors[k] = TagPrior(tags.pose(k), sigma, _PRIOR_DEG)
     doubts = dict.fromkeys(priors, REACH_M) | dict(placed.costs_m)
     return check_tags(priors, graph, settings, doubts)
-
-
-def _free_pose(placed: Placed, k: int) -> Pose:
-    tags = placed.tags
-    return Pose.from_yaw_pitch(tags.poses.positions[k], float(tags.poses.yaws[k]), float(tags.poses.pitches[k]))
 
 
 def _of_capture(capture: Capture) -> list[CheckFinding]:
     """Files that could not be used: their stations are missing below, and this says why."""
     return [
-        CheckFinding(f.code, None, f.name, f.message, "Copy it again from the camera.")
+        CheckFinding(f.code, None, f.name, f.message, _REMEDIES.get(f.code, "Copy it again from the camera."))
         for f in capture.findings
         if f.left_out
     ]
 
 
-_NOTHING = "nothing to do where the plants are in the pictures."
+_REMEDIES = {
+    "other-camera": "Nothing to do where the plan is of the camera that is used.",
+    "duplicate": "Nothing to do.",
+    "unsupported-format": "Convert it to JPEG, or let the camera write JPEG.",
+    "too-large": "Convert it to a smaller one.",
+    "bad-name": "Rename it.",
+}
+"""Of files left out by kind; the others are damaged."""
 _SHIFTED = {
-    "poses.csv": f"poses.csv has another origin than the plan's frame: {_NOTHING}",
-    "coarse": f"The receiver's offset: {_NOTHING}",
-    "exact": f"Either the base station's position, or the site file's, is wrong, or the flight was off: {_NOTHING}",
+    "coarse": "More than such a receiver is off as a rule: look whether it is this plot that the pictures show.",
+    "exact": "The base station's position, or the site file's, is wrong, or the flight was off: look whether the "
+    "plants are in the pictures.",
 }
 
 
-def _common(placed: Placed) -> list[CheckFinding]:
-    """What all photographs have in common: of the receiver, the compass, or the whole flight."""
+def common_findings(placed: Placed, settings: CheckSettings) -> list[CheckFinding]:
+    """What all photographs have in common: of the receiver, the compass, or the whole flight.
+
+    A shift is told where it is more than the positions' accuracy allows; the frame of a poses.csv may lie anywhere.
+    """
     found = []
-    if placed.placement in ("site", "poses.csv") and np.isfinite(placed.shift_m).all():
-        level, coarse = float(np.hypot(*placed.shift_m[:2])), placed.tags.sigma_m > _MOVED_M
-        if level > _TOLD_SHIFT_M:
-            remedy = _SHIFTED["poses.csv" if placed.placement == "poses.csv" else "coarse" if coarse else "exact"]
+    if placed.placement == "site" and np.isfinite(placed.shift_m).all():
+        level, sigma = float(np.hypot(*placed.shift_m[:2])), placed.tags.sigma_m
+        if level > max(settings.position_m, _TOLD_SIGMAS * sigma):
+            remedy = _SHIFTED["coarse" if sigma > _MOVED_M else "exact"]
             found.append(CheckFinding(
                 "shifted", None, "",
                 f"all photographs lie {level:.2f} m beside the plan ({placed.shift_m[0]:+.2f} m along x, "

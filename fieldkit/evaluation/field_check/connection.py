@@ -21,6 +21,7 @@ _TURN_DEG, _DIRECTION_DEG = 15.0, 35.0
 _BRIDGE_DEG = 36.0
 _NEAR_DEG = 36.0
 """So near about the plants, guided matching finds 100 matches and more on the recorded rigs."""
+_GAP_SHARE = 0.8
 _THIN = 30
 
 
@@ -34,6 +35,7 @@ class Connection:
         components: sizes of the groups, largest first.
         lonely: stations without a tie whose neighbours are so near that there must be some.
         thin: stations with few matches, and nothing flown again that would add any.
+        beside_gaps: stations without a tie beside one that is flown again, which may tie them.
         findings: of the whole capture.
     """
 
@@ -42,6 +44,7 @@ class Connection:
     components: tuple[int, ...]
     lonely: frozenset[int]
     thin: frozenset[int]
+    beside_gaps: frozenset[int]
     findings: tuple[CheckFinding, ...]
 
 
@@ -78,13 +81,22 @@ def connect(
     groups = _groups(sorted({*good, *again}), {*ties, *bridges})
     parts = sorted((sorted(group - again) for group in groups), key=lambda part: (-len(part), part))
     parts = [part for part in parts if part]
-    lonely = {s for s in good if s not in held and any(angles[s, o] <= _NEAR_DEG for o in good if o != s)}
+    lonely = {s for s in good if s not in held and _should_be_held(angles[s], s, good, again)}
     bridged = {s for pair in bridges for s in pair}
     thin = {s for s in good if s not in lonely and matches[s] < _THIN and s not in bridged}
+    gaps = {s for s in good if s not in held and s not in lonely and s in bridged}
     return Connection(
-        matches, neighbours, tuple(len(part) for part in parts), frozenset(lonely), frozenset(thin),
+        matches, neighbours, tuple(len(part) for part in parts), frozenset(lonely), frozenset(thin), frozenset(gaps),
         _apart([part for part in parts if not set(part) <= lonely]),
     )  # fmt: skip
+
+
+def _should_be_held(angles: NDArray[np.float64], station: int, good: Sequence[int], again: Collection[int]) -> bool:
+    """Whether a sound neighbour is so near that it must show the same, and nearer than any that is still to be flown:
+    beside a gap a photograph may be good and have no matches yet.
+    """
+    nearest = min((angles[o] for o in good if o != station), default=np.inf)
+    return bool(nearest <= min([_NEAR_DEG, *(_GAP_SHARE * angles[o] for o in again if o != station)]))
 
 
 def _apart(parts: list[list[int]]) -> tuple[CheckFinding, ...]:

@@ -21,6 +21,8 @@ _STEP_DEG = 4.0
 _ALIKE_M = 0.15
 _FITS_WELL_M = 0.2
 _FAR_BETTER = 0.5
+_MUCH_WORSE = 2.0
+_STEEP_DEG, _ROLLED_DEG = 75.0, 20.0
 
 Array = NDArray[np.float64]
 
@@ -32,12 +34,14 @@ class Tags:
     Attributes:
         names: of the photographs.
         poses: NaN where nothing is known.
+        rolls: (n,) degrees about the optical axes.
         sigma_m: of a position against the others'.
         sigma_deg: of the angles.
     """
 
     names: tuple[str, ...]
     poses: PoseArray
+    rolls: Array
     sigma_m: float
     sigma_deg: float
 
@@ -45,6 +49,17 @@ class Tags:
     def known(self) -> NDArray[np.bool_]:
         """(n,) which have a position."""
         return np.asarray(np.isfinite(self.poses.positions).all(axis=1))
+
+    def pose(self, k: int) -> Pose:
+        """Of a photograph with position and angles."""
+        angles = (float(self.poses.yaws[k]), float(self.poses.pitches[k]), float(self.rolls[k]))
+        return Pose.from_yaw_pitch(self.poses.positions[k], *angles)
+
+    @property
+    def for_assignment(self) -> PoseArray:
+        """Without yaws of cameras that look down and are rolled: these are no headings of pictures there."""
+        unclear = (self.poses.pitches < -_STEEP_DEG) & (np.abs(self.rolls) > _ROLLED_DEG)
+        return replace(self.poses, yaws=np.where(unclear, np.nan, self.poses.yaws))
 
     def about(self, middle: Array) -> Tags:
         """With positions that count from a place (3,)."""
@@ -63,7 +78,7 @@ class Placed:
         mean_cost_m: of all photographs with a position.
         shift_m: (3,) by which all photographs lay beside the plan; NaN where that cannot be told.
         turn_deg: by which all headings were off; None without headings.
-        scatter_m: of positions about their stations, per axis (1.48 times the median).
+        scatter_m: of positions about their stations, per axis (1.48 times the median); of heights if much worse.
         ambiguous: whether another assignment fits as well.
     """
 
@@ -114,6 +129,7 @@ def _upright(tags: Tags, stations: PoseArray, turn_deg: float, placement: Placem
 def _read_tags(capture: Capture) -> Tags:
     count = len(capture.photos)
     positions, yaws, pitches = np.full((count, 3), np.nan), np.full(count, np.nan), np.full(count, np.nan)
+    rolls = np.zeros(count)
     sigmas, angles = [], []
     for k, name in enumerate(capture.names):
         prior = capture.priors.get(name)
@@ -123,10 +139,10 @@ def _read_tags(capture: Capture) -> Tags:
             positions[k] = prior.position
             sigmas.append(prior.position_accuracy_m or 0.0)
         if prior.yaw_deg is not None and prior.pitch_deg is not None:
-            yaws[k], pitches[k] = prior.yaw_deg, prior.pitch_deg
+            yaws[k], pitches[k], rolls[k] = prior.yaw_deg, prior.pitch_deg, prior.roll_deg or 0.0
             angles.append(prior.angle_accuracy_deg or 0.0)
     return Tags(
-        capture.names, PoseArray(positions, yaws, pitches), float(np.median(sigmas)) if sigmas else 0.0,
+        capture.names, PoseArray(positions, yaws, pitches), rolls, float(np.median(sigmas)) if sigmas else 0.0,
         float(np.median(angles)) if angles else 0.0,
     )  # fmt: skip
 
@@ -155,20 +171,26 @@ def _fitted(
     tags: Tags, stations: PoseArray, turn_deg: float, placement: Placement, *, turned: bool = False
 ) -> Placed | None:
     """Turned clockwise, and a little more where ``turned``; wherever the photographs lie."""
-    found = associate(tags.poses.moved(turn_deg), stations, most_offset_m=np.inf, turned=turned)
+    found = associate(tags.for_assignment.moved(turn_deg), stations, most_offset_m=np.inf, turned=turned)
     if not found.station_of:
         return None
     moved = tags.poses.moved(turn_deg + found.turn_deg, -found.offset_m, -found.heading_deg)
     apart = moved.positions[list(found.station_of)] - stations.positions[list(found.station_of.values())]
     return Placed(
         replace(tags, poses=moved), placement, found.station_of, found.costs_m, found.mean_cost_m, found.offset_m,
-        found.heading_deg if np.isfinite(moved.yaws).any() else None, 1.4826 * float(np.median(np.abs(apart))),
+        found.heading_deg if np.isfinite(moved.yaws).any() else None, _scatter_m(apart),
     )  # fmt: skip
+
+
+def _scatter_m(apart: Array) -> float:
+    """Per axis, of positions less stations (n, 3); that of heights where these are much worse, as barometers are."""
+    together, up = (1.4826 * float(np.median(np.abs(each))) for each in (apart, apart[:, 2]))
+    return up if up > _MUCH_WORSE * together else together
 
 
 def _by_shape(tags: Tags, stations: PoseArray) -> Placed | None:
     """Turned and shifted until it fits: headings say by how much to turn, or all turns are tried."""
-    differences = (stations.yaws[None] - tags.poses.yaws[:, None]).ravel()
+    differences = (stations.yaws[None] - tags.for_assignment.yaws[:, None]).ravel()
     differences = differences[np.isfinite(differences)]
     turns = np.arange(0.0, 360.0, _STEP_DEG)
     if len(differences):

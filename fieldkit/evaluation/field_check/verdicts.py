@@ -108,6 +108,14 @@ def judge(evidence: Evidence) -> Judged:
         for row in rows
         if row.verdict == "fine" and row.station in joined.thin
     ]  # fmt: skip
+    findings += [
+        CheckFinding(
+            "few-matches", row.station, row.photograph, "nothing ties it while a station beside it is missing",
+            "Check again once the stations beside it are flown.",
+        )
+        for row in rows
+        if row.verdict == "fine" and row.station in joined.beside_gaps
+    ]  # fmt: skip
     used = set(photo_of.values())
     extra = tuple(name for k, name in enumerate(evidence.names) if k not in used)
     findings.sort(key=lambda finding: (finding.station is not None, finding.station or 0))
@@ -147,8 +155,9 @@ def _poses(evidence: Evidence, shown: Mapping[int, int | None]) -> dict[int, Pos
     """The believed pose of each photograph, by index."""
     poses = {}
     for k in evidence.placed.station_of.keys() | shown.keys():
-        if k in shown:
-            poses[k] = evidence.consistency.seen[k].pose
+        seen = evidence.consistency.seen.get(k)
+        if seen is not None and (k in shown or _knows_better(seen, evidence.placed.scatter_m)):
+            poses[k] = seen.pose
         else:
             poses[k] = tag_pose(evidence.placed, k, evidence.plan)
     return poses
@@ -157,10 +166,9 @@ def _poses(evidence: Evidence, shown: Mapping[int, int | None]) -> dict[int, Pos
 def tag_pose(placed: Placed, k: int, plan: Plan) -> Pose:
     """The pose that a photograph's tags say; without angles it is turned as its station is."""
     tags, station = placed.tags, plan.stations[placed.station_of[k]]
-    yaw, pitch = float(tags.poses.yaws[k]), float(tags.poses.pitches[k])
-    if not np.isfinite(yaw):
-        yaw, pitch = station.yaw_deg, station.pitch_deg
-    return Pose.from_yaw_pitch(tags.poses.positions[k], yaw, pitch)
+    if np.isfinite(tags.poses.yaws[k]):
+        return tags.pose(k)
+    return Pose.from_yaw_pitch(tags.poses.positions[k], station.yaw_deg, station.pitch_deg)
 
 
 def believed_poses(

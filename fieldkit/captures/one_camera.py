@@ -1,0 +1,135 @@
+"""One capture is made of one camera: which, where a folder holds pictures of several."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from fieldkit.captures.model import Finding, Photo
+from fieldkit.captures.sensors import COLOUR
+
+_SAME_FOCAL, _SAME_SIZE = 1.25, 2.0
+"""Times: a lens's focal length as cameras round it, and a picture's longer side; beyond, it is another lens or camera,
+or a preview."""
+_ENOUGH = 0.5
+_BANDS = 5
+_PREFERRED = (
+    ("", "visible", "wide"), ("zoom",), ("panchromatic",), ("green",), ("red",), ("red edge",), ("near infrared",),
+    ("blue",), ("grey",),
+)  # fmt: skip
+"""Sensors, those first that show most of a plant."""
+
+
+def one_camera(
+    photos: Sequence[Photo], *, located: Collection[str] = (), calibrated: Collection[str] = ()
+) -> tuple[list[Photo], list[Finding]]:
+    """The photographs of one camera, and a finding for each other camera, whose photographs are left out.
+
+    Cameras differ in sensor (lens or band of a payload), model or lens. Two drones of one model are one camera here,
+    and so are sizes and digital zooms of one lens; `group_cameras` calibrates them apart. Taken is the camera that the
+    camera file names, else one that poses.csv or geo.txt names, else of those with at least half as many photographs as
+    any the one that shows colours and all of the plot (no zoom), else the one with most.
+
+    Args:
+        photos: in order.
+        located: names that poses.csv or geo.txt gives a position.
+        calibrated: names that the camera file gives a camera of their own: all of these are kept that show colours.
+    """
+    cameras = _cameras(photos)
+    if len(cameras) < 2:
+        return list(photos), []
+    most = max(_places(camera) for camera in cameras)
+
+    def worth(camera: Sequence[Photo]) -> tuple[bool, bool, bool, int, int]:
+        names, sensor = {photo.name for photo in camera}, _sensor(camera)
+        rank = next((k for k, sensors in enumerate(_PREFERRED) if sensor in sensors), len(_PREFERRED))
+        listed = (not names.isdisjoint(calibrated), not names.isdisjoint(located))
+        return (*listed, _places(camera) >= _ENOUGH * most, -rank, len(camera))
+
+    main = max(cameras, key=worth)
+    colours = _sensor(main) in COLOUR
+    kept: set[str] = {photo.name for photo in main}
+    findings = []
+    for camera in cameras:
+        if colours and _sensor(camera) in COLOUR:
+            kept |= {photo.name for photo in camera if photo.name in calibrated}
+        rest = [photo for photo in camera if photo.name not in kept]
+        if rest:
+            findings.append(_finding(rest, main))
+    return [photo for photo in photos if photo.name in kept], findings
+
+
+def _cameras(photos: Sequence[Photo]) -> list[list[Photo]]:
+    """Photographs by camera; each goes to the first camera it fits, those that say most of theirs beginning."""
+    cameras: list[list[Photo]] = []
+    for photo in sorted(photos, key=lambda p: (p.model is None, _focal(p) is None, -max(p.width, p.height))):
+        fitting = [camera for camera in cameras if _same(camera[0], photo)]
+        if fitting:
+            max(fitting, key=len).append(photo)
+        else:
+            cameras.append([photo])
+    order = {photo.name: k for k, photo in enumerate(photos)}
+    cameras = [sorted(camera, key=lambda photo: order[photo.name]) for camera in cameras]
+    return sorted(cameras, key=lambda camera: order[camera[0].name])
+
+
+def _same(a: Photo, b: Photo) -> bool:
+    if _class(a) != _class(b):
+        return False
+    if a.model and b.model and _model(a) != _model(b):
+        return False
+    longer = sorted((max(a.width, a.height), max(b.width, b.height)))
+    if longer[1] > _SAME_SIZE * longer[0]:
+        return False
+    if a.sensor == "zoom" or (a.lens and a.lens == b.lens):
+        return True  # a zoom lens has many focal lengths
+    focal = sorted(f for f in (_focal(a), _focal(b)) if f is not None)
+    unlike = (a.focal_mm is None) != (b.focal_mm is None)
+    return len(focal) < 2 or unlike or focal[1] <= _SAME_FOCAL * focal[0]
+
+
+def _class(photo: Photo) -> str:
+    """What tells sensors apart before optics do: lenses that show colours are told apart by these, but for zooms."""
+    return "" if photo.sensor in COLOUR and photo.sensor != "zoom" else photo.sensor
+
+
+def _model(photo: Photo) -> str:
+    """Without its maker's name, which programs put before it."""
+    return (photo.model or "").casefold().removeprefix((photo.make or "").casefold()).strip()
+
+
+def _focal(photo: Photo) -> float | None:
+    return photo.focal_35mm if photo.focal_mm is None else photo.focal_mm
+
+
+def _sensor(camera: Sequence[Photo]) -> str:
+    return next((photo.sensor for photo in camera if photo.sensor), "")
+
+
+def _places(camera: Sequence[Photo]) -> float:
+    """Photographs at places of their own: of bands that nothing tells apart there are several of each."""
+    return len(camera) / (_BANDS if _sensor(camera) == "grey" else 1)
+
+
+def _finding(rest: Sequence[Photo], main: Sequence[Photo]) -> Finding:
+    count = "1 photograph" if len(rest) == 1 else f"{len(rest)} photographs, up to {rest[-1].name},"
+    message = (
+        f"{count} of {_described(rest)}; a capture is made of one camera, here of {_described(main)}. "
+        "To use them, put them into a folder of their own"
+    )
+    return Finding(rest[0].name, "other-camera", message, True)
+
+
+def _described(camera: Sequence[Photo]) -> str:
+    first, sensor = camera[0], _sensor(camera)
+    if sensor in ("visible", "wide", "zoom", "thermal"):
+        what = f"the {sensor} camera"
+    elif sensor == "grey":
+        what = "one channel"
+    else:
+        what = f"the band {sensor.removeprefix('band ')}" if sensor else "a camera"
+    model = first.model or ""
+    if first.make and model and not model.startswith(first.make):
+        model = f"{first.make} {model}"
+    focal = _focal(first)
+    details = [model, "" if focal is None else f"{focal:g} mm", f"{first.width}×{first.height}"]
+    return f"{what} ({', '.join(part for part in details if part)})"
