@@ -13,6 +13,7 @@ from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
     DistancesOption,
+    PosesOptions,
     ReconstructionOptions,
     RunOptions,
     parse_distances,
@@ -85,6 +86,7 @@ def command(
     ] = False,
     distances: DistancesOption = DISTANCES,
     reconstruction: ReconstructionOptions,
+    poses: PosesOptions,
     no_wait: Annotated[
         bool, Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
     ] = False,
@@ -122,17 +124,18 @@ def command(
     """
     cache = run.cache()
     if output is None:
-        folder = _campaign_folder(context, campaign, flight)
+        folder = _campaign_folder(context, campaign, flight, poses)
         return _in_campaign(folder, captures, cache, run, wait=not no_wait, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
     mission, distances_m, settings = flight.flown(), parse_distances(distances), reconstruction.settings(run.seed)
+    given = poses.given()
     from fieldkit.evaluation.evaluate import evaluate_captures
 
     with run_context(as_json=as_json) as progress:
         report = evaluate_captures(
             captures, output, settings, reference=reference, refine=refine, distances_m=distances_m, log=flight.log,
-            plan=flight.plan, mission=mission, cache=cache, progress=progress, overwrite=run.overwrite,
+            plan=flight.plan, mission=mission, poses=given, cache=cache, progress=progress, overwrite=run.overwrite,
             workers=run.workers,
         )  # fmt: skip
     if as_json:
@@ -146,7 +149,7 @@ def command(
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
 
 
-def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOptions) -> Path:
+def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOptions, poses: PosesOptions) -> Path:
     """The campaign that is meant.
 
     Raises:
@@ -169,6 +172,8 @@ def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOpti
         raise UsageError(
             "--log is not taken in a campaign", remedy="Write the poses with `fieldkit geotag` first, or give -o."
         )
+    if poses.poses is not None:
+        raise UsageError("--poses is not taken in a campaign", remedy="Leave it out, or give -o.")
     return folder
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.captures.programs import PosesFile
 from fieldkit.errors import FieldkitError, InputError, StorageError, UsageError
 from fieldkit.evaluation.adherence import Flight
 from fieldkit.evaluation.commanded_poses import FlownMission
@@ -42,6 +43,7 @@ def evaluate_captures(
     log: Path | None = None,
     plan: Path | None = None,
     mission: tuple[Path, str] | None = None,
+    poses: PosesFile | None = None,
     cache: StageCache,
     progress: Progress,
     overwrite: bool = False,
@@ -62,6 +64,7 @@ def evaluate_captures(
             geo.txt or GPS.
         plan: that was flown, on the reference's plot: the report says how the photographs kept to it.
         mission: file of it that was uploaded, and the vehicle's profile: what the autopilot was told.
+        poses: that another program found, of all plots; None takes what lies beside each one's photographs.
         cache: of stages.
         progress: told of stages and findings.
         overwrite: replace an earlier evaluation in ``output``.
@@ -71,8 +74,8 @@ def evaluate_captures(
         The report; plots that failed are in it with their error, and do not stop the others.
 
     Raises:
-        UsageError: ``output`` exists, or ``plan`` is given with a log, but no georeferenced reference, or a mission
-            without a plan.
+        UsageError: ``output`` exists, or ``plan`` is given with a log, but no georeferenced reference, a mission
+            without a plan, or ``poses`` with a log.
         InputError: there are no captures, or the log or the reference cannot be used. With a single plot its own error
             is raised.
     """
@@ -80,6 +83,8 @@ def evaluate_captures(
     spent = Spent.now()
     if mission is not None and plan is None:
         raise UsageError("a mission is compared with its plan", remedy="Give --plan with --mission, or leave it out.")
+    if poses is not None and log is not None:
+        raise UsageError("poses come from a flight log or from another program", remedy="Give --log or --poses.")
     with atomic_folder(output, overwrite=overwrite, marker=EVALUATION_FILE) as folder:
         plots, empty = find_plots(captures)
         if empty:
@@ -88,7 +93,7 @@ def evaluate_captures(
         flight = None if log is None else Flight.read(log, plots)
         flown = None if plan is None else _flown_plan(plan, mission, read, flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
-        run = _Run(folder, settings, scoring, flight, flown, cache, progress, workers)
+        run = _Run(folder, settings, scoring, flight, flown, poses, cache, progress, workers)
         places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE))
         results = [
             run.plot(name, path, place, alone=len(plots) == 1)
@@ -131,6 +136,7 @@ class _Run:
     scoring: Scoring
     flight: Flight | None
     plan: FlownPlan | None
+    poses: PosesFile | None
     cache: StageCache
     progress: Progress
     workers: int
@@ -158,7 +164,7 @@ class _Run:
 
     def _scored(self, name: str, path: Path, place: str, spent: Spent) -> PlotEvaluation:
         by_log = None if self.flight is None else self.flight.capture(name)
-        capture = read_capture(path) if by_log is None else by_log
+        capture = read_capture(path, poses=self.poses) if by_log is None else by_log
         known_plot = None if self.scoring.reference is None else self.scoring.reference.known_plot()
         plot = score_capture(
             name, capture, known_plot, self.folder, self.settings, self.scoring,

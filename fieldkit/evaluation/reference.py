@@ -9,6 +9,7 @@ import numpy as np
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.captures.programs import PosesFile
 from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.errors import MetadataError
@@ -48,6 +49,7 @@ def build_reference(
     overwrite: bool = False,
     workers: int = 1,
     scene: bool = True,
+    poses: PosesFile | None = None,
 ) -> ReferenceReport:
     """Build a reference from a folder of photographs.
 
@@ -61,6 +63,7 @@ def build_reference(
         overwrite: replace an earlier reference in ``output``.
         workers: processes; the result does not depend on it.
         scene: also reconstruct what is not plant.
+        poses: that another program found; None takes what lies beside the photographs.
 
     Raises:
         UsageError: ``output`` exists.
@@ -70,7 +73,7 @@ def build_reference(
     settings = settings or ReconstructionSettings()
     wall, cpu = time.perf_counter(), processor_seconds()
     with atomic_folder(output, overwrite=overwrite, marker=REFERENCE_FILE) as folder:
-        capture = read_capture(images)
+        capture = read_capture(images, poses=poses)
         found = reconstruct(capture, settings, cache=cache, progress=progress, workers=workers, with_scene=scene)
         names = [CLOUD_FILE]
         write_cloud(folder / CLOUD_FILE, found.plants)
