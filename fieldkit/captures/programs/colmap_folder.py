@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fieldkit.captures.model import Finding
+from fieldkit.captures.programs.colmap_sizes import AGAIN, DAMAGED, WALKS, check_complete
 from fieldkit.captures.programs.frames import local_from_crs, parse_crs
 from fieldkit.captures.programs.model import METRES, ProgramCamera, ProgramPoses
 from fieldkit.errors import MetadataError
@@ -90,17 +91,18 @@ def _load(folder: Path) -> pycolmap.Reconstruction:
             file = (folder / f"{name}{suffix}").resolve()
             if file.exists():
                 _check(file)
+                if suffix == _BINARY and name in WALKS:
+                    check_complete(file, name)
                 (bare / file.name).symlink_to(file)
         (bare / f"points3D{suffix}").write_bytes(bytes(8) if suffix == _BINARY else b"")
         try:
             model = pycolmap.Reconstruction(os.fspath(bare))
-            if suffix == _BINARY:
-                _check_complete(model, bare)
-        except MetadataError:
-            raise
         except Exception as error:  # pycolmap raises ValueError, IndexError, RuntimeError or MemoryError
             detail = str(error).rpartition("] ")[2] or type(error).__name__
             raise MetadataError(f"COLMAP cannot read this model: {detail}", path=folder, remedy=_REMEDY) from error
+    written = 8 + sum(24 + 8 * len(camera.params) for camera in model.cameras.values())
+    if suffix == _BINARY and (folder / f"cameras{_BINARY}").stat().st_size != written:
+        raise MetadataError(DAMAGED, path=folder / f"cameras{_BINARY}", remedy=AGAIN)
     return model
 
 
@@ -114,11 +116,3 @@ def _check(file: Path) -> None:
         raise MetadataError("is larger than 4 GiB", path=file, remedy="Use a model of one plot's photographs.")
 
 
-def _check_complete(model: pycolmap.Reconstruction, folder: Path) -> None:
-    """Refuse files that end early: COLMAP reads zeros or old memory beyond their end, and says nothing."""
-    with tempfile.TemporaryDirectory(prefix="fieldkit-") as place:
-        model.write_binary(place)
-        for name in _NEEDED:
-            expected = (Path(place) / f"{name}{_BINARY}").stat().st_size
-            if (folder / f"{name}{_BINARY}").stat().st_size != expected:
-                raise MetadataError(f"{name}{_BINARY} is damaged or was cut short", remedy="Copy the model again.")

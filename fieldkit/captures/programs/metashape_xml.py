@@ -21,18 +21,18 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from fieldkit.captures.model import Finding
-from fieldkit.captures.programs.frames import frame_about, local_from_crs, parse_crs
+from fieldkit.captures.programs.frames import local_from_crs, local_from_geodetic, parse_crs, to_geodetic
 from fieldkit.captures.programs.model import METRES, ProgramCamera, ProgramPoses
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.xml_tree import XmlError, parse_local
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
-from fieldkit.geometry.geodesy import ecef_to_geodetic
+from fieldkit.geometry.geodesy import LocalFrame, ecef_to_geodetic
 
 _REMEDY = "Export the cameras again: File > Export > Export Cameras, Agisoft XML."
 _MAX_BYTES = 128 << 20
 _EARTH_M = (6.3e6, 6.45e6)  # distances of places near the ground from the Earth's centre
-_GEOCENTRIC = "EPSG:4978"
+_WGS84 = ("WGS 84", "WGS_1984", "World Geodetic System 1984")
 _COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4", "b1", "b2")
 _EXACT_PX = 0.3
 _GRID = 25
@@ -108,7 +108,7 @@ class _Motion:
 class _Placed:
     poses: dict[str, Pose]
     metric: bool
-    origin: Any
+    origin: LocalFrame | None
     said: str
 
 
@@ -149,38 +149,32 @@ def _placed(poses: dict[str, Pose], motion: _Motion | None, reference: str, path
     return _Placed(poses, False, None, "without metric scale, since the chunk has no reference")
 
 
-def _from_geocentric(poses: dict[str, Pose], reference: str, path: Path) -> tuple[Any, dict[str, Pose]]:
-    """Of geocentric poses, in the reference's datum; without a reference in WGS 84's."""
-    if not reference or "WGS 84" in reference or "WGS_1984" in reference or "World Geodetic System 1984" in reference:
-        centers = np.array([pose.center for pose in poses.values()])
-        geodetic = np.stack(ecef_to_geodetic(centers), axis=1)
-        frame = frame_about(geodetic, "unknown")
-        turn = frame.rotation()
-        return frame, {
-            name: Pose(pose.rotation @ turn.T, at)
-            for (name, pose), at in zip(poses.items(), frame.to_local(*geodetic.T), strict=True)
-        }
-    crs = parse_crs(reference, path)
-    return local_from_crs(poses, _geocentric_of(crs, path), path)
-
-
-def _geocentric_of(crs: Any, path: Path) -> Any:
-    """The geocentric system of another system's datum."""
-    datum = crs.geodetic_crs
-    if datum is None:
-        raise MetadataError(f"{crs.name} has no datum", path=path, remedy="Export the cameras in WGS 84.")
-    document = datum.to_json_dict()
-    document["type"], document["name"] = "GeodeticCRS", f"{datum.name} (geocentric)"
-    document.pop("id", None)
-    axes = (("Geocentric X", "X", "geocentricX"), ("Geocentric Y", "Y", "geocentricY"),
-            ("Geocentric Z", "Z", "geocentricZ"))  # fmt: skip
-    document["coordinate_system"] = {
-        "subtype": "Cartesian",
-        "axis": [{"name": n, "abbreviation": a, "direction": d, "unit": "metre"} for n, a, d in axes],
+def _from_geocentric(poses: dict[str, Pose], reference: str, path: Path) -> tuple[LocalFrame, dict[str, Pose]]:
+    """Of geocentric poses, on the reference's ellipsoid; without a reference on WGS 84's. Heights stay what they are."""
+    centers = np.array([pose.center for pose in poses.values()])
+    if not reference or any(name in reference for name in _WGS84):
+        own = geodetic = np.stack(ecef_to_geodetic(centers), axis=1)
+    else:
+        datum = parse_crs(reference, path).geodetic_crs
+        if datum is None:
+            raise MetadataError("has a reference without datum", path=path, remedy="Export the cameras in WGS 84.")
+        own = _geodetic_on(datum.ellipsoid, centers)
+        geodetic = to_geodetic(own[:, [1, 0, 2]], datum.to_2d(), path)
+    level = {
+        name: Pose(pose.rotation @ LocalFrame(latitude, longitude).rotation().T, np.zeros(3))
+        for (name, pose), (latitude, longitude, _) in zip(poses.items(), own.tolist(), strict=True)
     }
-    from pyproj import CRS
+    return local_from_geodetic(level, geodetic, np.zeros(len(poses)), "unknown")
 
-    return CRS.from_json_dict(document)
+
+def _geodetic_on(ellipsoid: Any, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Latitude, longitude and height on an ellipsoid of geocentric points, (n, 3) each."""
+    from pyproj import Transformer
+
+    axes = f"+a={ellipsoid.semi_major_metre} +b={ellipsoid.semi_minor_metre}"
+    steps = f"+step +inv +proj=cart {axes} +step +proj=unitconvert +xy_in=rad +xy_out=deg"
+    longitude, latitude, height = Transformer.from_pipeline(f"+proj=pipeline {steps}").transform(*points.T)
+    return np.stack([latitude, longitude, height], axis=1)
 
 
 def _cameras(chunk: Element, sensor_of: dict[str, str | None]) -> tuple[list[ProgramCamera], list[Finding]]:

@@ -47,8 +47,8 @@ def read_reconstruction(path: Path) -> ProgramPoses:
     parts = [part for part in data if isinstance(part, dict)] if isinstance(data, list) else []
     if not any(part.get("shots") for part in parts):
         raise MetadataError("holds no reconstruction of OpenSfM", path=path, remedy=REMEDY)
-    largest = max(parts, key=lambda part: len(_object(part, "shots")))
     try:
+        largest = max(parts, key=lambda part: len(_object(part, "shots")))
         return _reconstruction(largest, parts, path)
     except (ValueError, TypeError, AttributeError) as error:
         raise MetadataError(f"is no reconstruction of OpenSfM: {error}", path=path, remedy=REMEDY) from error
