@@ -114,5 +114,3 @@ def _check(file: Path) -> None:
         raise MetadataError(f"cannot be read: {reason}", path=file, remedy=_REMEDY) from error
     if size > _MAX_BYTES:
         raise MetadataError("is larger than 4 GiB", path=file, remedy="Use a model of one plot's photographs.")
-
-

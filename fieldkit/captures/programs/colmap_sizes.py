@@ -48,7 +48,7 @@ def check_complete(file: Path, kind: str) -> None:
 def _image(stream: BufferedReader) -> None:
     stream.seek(4 + _POSE + 4, 1)  # id, pose, camera
     for _ in range(_LONGEST_NAME):
-        if _read(stream, "<c") == (b"\0",):
+        if _read(stream, "<B") == (0,):
             break
     (points,) = _read(stream, "<Q")
     _skip(stream, 24 * points)

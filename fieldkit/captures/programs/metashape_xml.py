@@ -150,7 +150,7 @@ def _placed(poses: dict[str, Pose], motion: _Motion | None, reference: str, path
 
 
 def _from_geocentric(poses: dict[str, Pose], reference: str, path: Path) -> tuple[LocalFrame, dict[str, Pose]]:
-    """Of geocentric poses, on the reference's ellipsoid; without a reference on WGS 84's. Heights stay what they are."""
+    """Of geocentric poses, on the reference's ellipsoid, else on WGS 84's. Heights stay what they are."""
     centers = np.array([pose.center for pose in poses.values()])
     if not reference or any(name in reference for name in _WGS84):
         own = geodetic = np.stack(ecef_to_geodetic(centers), axis=1)
@@ -173,8 +173,8 @@ def _geodetic_on(ellipsoid: Any, points: NDArray[np.float64]) -> NDArray[np.floa
 
     axes = f"+a={ellipsoid.semi_major_metre} +b={ellipsoid.semi_minor_metre}"
     steps = f"+step +inv +proj=cart {axes} +step +proj=unitconvert +xy_in=rad +xy_out=deg"
-    longitude, latitude, height = Transformer.from_pipeline(f"+proj=pipeline {steps}").transform(*points.T)
-    return np.stack([latitude, longitude, height], axis=1)
+    found = np.stack(Transformer.from_pipeline(f"+proj=pipeline {steps}").transform(*points.T), axis=1)
+    return found[:, [1, 0, 2]]
 
 
 def _cameras(chunk: Element, sensor_of: dict[str, str | None]) -> tuple[list[ProgramCamera], list[Finding]]:

@@ -69,7 +69,9 @@ def write_colmap(folder: Path, poses: Mapping[str, Pose], camera: Intrinsics = C
     model.add_camera_with_trivial_rig(own)
     for number, (name, pose) in enumerate(poses.items(), 1):
         image = pycolmap.Image(name=name, camera_id=1, image_id=number, keypoints=np.full((3, 2), 50.0))
-        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(pycolmap.Rotation3d(pose.rotation), pose.translation))
+        model.add_image_with_trivial_frame(
+            image, pycolmap.Rigid3d(pycolmap.Rotation3d(pose.rotation), pose.translation)
+        )
     model.add_point3D(np.zeros(3), pycolmap.Track([pycolmap.TrackElement(1, 0), pycolmap.TrackElement(2, 1)]))
     folder.mkdir(parents=True, exist_ok=True)
     (model.write_text if text else model.write_binary)(folder)
@@ -84,7 +86,11 @@ def write_opensfm(
     shots: dict[str, Any] = {}
     for name, pose in poses.items():
         vector = Rotation.from_matrix(pose.rotation).as_rotvec()
-        shots[name] = {"rotation": vector.tolist(), "translation": (-pose.rotation @ pose.center).tolist(), "camera": "c"}
+        shots[name] = {
+            "rotation": vector.tolist(),
+            "translation": (-pose.rotation @ pose.center).tolist(),
+            "camera": "c",
+        }
         if gps is not None:
             shots[name] |= {"gps_position": gps[name].tolist(), "gps_dop": 5.0}
     part: dict[str, Any] = {"cameras": {"c": camera or opensfm_camera()}, "shots": shots, "points": {}}
@@ -126,7 +132,7 @@ def to_grid(poses: Mapping[str, Pose], epsg: int = 32632) -> dict[str, Pose]:
 
 
 def write_shots(path: Path, poses: Mapping[str, Pose], epsg: int = 32632) -> Path:
-    """odm_report/shots.geojson: UTM coordinates, rotation vectors against the grid, places as longitude and latitude."""
+    """odm_report/shots.geojson: UTM coordinates, rotation vectors against the grid, longitudes and latitudes."""
     features = []
     latitudes, longitudes, heights = ORIGIN.to_geodetic(np.array([pose.center for pose in poses.values()]))
     for index, (name, pose) in enumerate(to_grid(poses, epsg).items()):
@@ -182,7 +188,9 @@ def write_metashape(
     transform = ""
     if motion is not None:
         says = "" if locked is None else f' locked="{locked}"'
-        rotation, translation = (" ".join(repr(float(v)) for v in a.ravel()) for a in (motion.rotation, motion.translation))
+        rotation, translation = (
+            " ".join(repr(float(v)) for v in a.ravel()) for a in (motion.rotation, motion.translation)
+        )
         transform = (
             f"<transform><rotation{says}>{rotation}</rotation><translation{says}>{translation}</translation>"
             f"<scale{says}>{motion.scale!r}</scale></transform>"
@@ -192,9 +200,9 @@ def write_metashape(
         '<?xml version="1.0" encoding="UTF-8"?>\n<document version="2.0.0">\n<chunk label="Chunk 1" enabled="true">\n'
         '<sensors next_id="1"><sensor id="0" label="FC" type="frame"><resolution width="4000" height="3000"/>'
         '<calibration type="frame" class="initial"><resolution width="4000" height="3000"/><f>1</f></calibration>'
-        f'<calibration type="frame" class="adjusted"><resolution width="4000" height="3000"/>{calibration}</calibration>'
-        '</sensor></sensors>\n<components next_id="1" active_id="0"><component id="0" label="Component 1">'
-        f"{transform}</component></components>\n<cameras next_id=\"9\" next_group_id=\"1\">"
+        f'<calibration type="frame" class="adjusted"><resolution width="4000" height="3000"/>{calibration}'
+        '</calibration></sensor></sensors>\n<components next_id="1"><component id="0" label="Component 1">'
+        f'{transform}</component></components>\n<cameras next_id="9" next_group_id="1">'
         f'<group id="0" label="Group 1" type="folder">{"".join(cameras[:2])}</group>{"".join(cameras[2:])}</cameras>\n'
         f"{f'<reference>{reference}</reference>' if reference else ''}\n</chunk>\n</document>\n"
     )
@@ -208,13 +216,20 @@ def opk_deg(pose: Pose) -> tuple[float, float, float]:
     return float(omega), float(phi), float(kappa)
 
 
-def write_opk(path: Path, poses: Mapping[str, Pose], *, system: str = "", matrix: bool = True, mark: str = "\t") -> Path:
+def write_opk(
+    path: Path, poses: Mapping[str, Pose], *, system: str = "", matrix: bool = True, mark: str = "\t"
+) -> Path:
     """Metashape's text, with coordinates and orientations as they are."""
     lines = [f"# CoordinateSystem: {system}"] if system else []
-    lines += [f"# Cameras ({len(poses)})", "# PhotoID, X, Y, Z, Omega, Phi, Kappa, r11, r12, r13, r21, r22, r23, r31, r32, r33"]
+    lines += [
+        f"# Cameras ({len(poses)})",
+        "# PhotoID, X, Y, Z, Omega, Phi, Kappa, r11, r12, r13, r21, r22, r23, r31, r32, r33",
+    ]
     for name, pose in poses.items():
         rows = (np.diag([1.0, -1.0, -1.0]) @ pose.rotation).ravel() if matrix else []
-        lines.append(mark.join([name.removesuffix(".JPG"), *(f"{v:.16f}" for v in (*pose.center, *opk_deg(pose), *rows))]))
+        lines.append(
+            mark.join([name.removesuffix(".JPG"), *(f"{v:.16f}" for v in (*pose.center, *opk_deg(pose), *rows))])
+        )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(lines) + "\n")
     return path

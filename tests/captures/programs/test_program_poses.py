@@ -63,17 +63,23 @@ def test_colmaps_poses_and_camera(tmp_path: Path, text: bool) -> None:
     poses = moved(known_poses(), some_motion())
     found = read_result(PosesFile(write_colmap(tmp_path / "model", poses, text=text)))
     distance, angle = apart(found.poses, poses)
-    assert distance < 1e-9 and angle < 1e-6
+    assert distance < 1e-9
+    assert angle < 1e-6
     (camera,) = found.cameras
-    assert set(camera.names) == set(NAMES) and same_camera(camera.intrinsics) and camera.exact
+    assert set(camera.names) == set(NAMES)
+    assert same_camera(camera.intrinsics)
+    assert camera.exact
 
 
 def test_a_colmap_model_has_no_scale_unless_a_person_says_so(tmp_path: Path) -> None:
     model = write_colmap(tmp_path / "sparse" / "0", known_poses())
     bare = read_result(PosesFile(tmp_path))
-    assert not bare.metric and bare.origin is None and "without metric scale" in bare.frame_said
+    assert not bare.metric
+    assert bare.origin is None
+    assert "without metric scale" in bare.frame_said
     stated = read_result(PosesFile(model, METRES))
-    assert stated.metric and stated.origin is None
+    assert stated.metric
+    assert stated.origin is None
 
 
 def test_a_colmap_model_without_rigs_as_before_3_12(tmp_path: Path) -> None:
@@ -84,10 +90,14 @@ def test_a_colmap_model_without_rigs_as_before_3_12(tmp_path: Path) -> None:
 
 
 def test_a_colmap_model_in_projected_and_in_geocentric_coordinates(tmp_path: Path) -> None:
-    for name, poses, code in (("grid", to_grid(known_poses()), "EPSG:32632"), ("ecef", geocentric(known_poses()), "EPSG:4978")):
+    for name, poses, code in (
+        ("grid", to_grid(known_poses()), "EPSG:32632"),
+        ("ecef", geocentric(known_poses()), "EPSG:4978"),
+    ):
         found = read_result(PosesFile(write_colmap(tmp_path / name, poses), code))
         distance, angle = apart(placed(found), known_poses())
-        assert distance < MM and angle < HUNDREDTH
+        assert distance < MM
+        assert angle < HUNDREDTH
 
 
 @pytest.mark.parametrize("name", ["cameras.bin", "images.bin", "rigs.bin", "frames.bin"])
@@ -107,7 +117,8 @@ def test_a_colmap_camera_of_another_kind_is_named_and_its_poses_are_used(tmp_pat
     lines[-1] = "1 OPENCV_FISHEYE 4000 3000 2900 2900 2000 1500 0 0 0 0"
     (model / "cameras.txt").write_text("\n".join(lines) + "\n")
     found = read_result(PosesFile(model))
-    assert len(found.poses) == len(NAMES) and not found.cameras
+    assert len(found.poses) == len(NAMES)
+    assert not found.cameras
     assert [finding.code for finding in found.findings] == ["camera-unused"]
 
 
@@ -123,9 +134,12 @@ def test_opensfms_poses_place_and_camera(tmp_path: Path) -> None:
     poses = known_poses()
     found = read_result(PosesFile(write_opensfm(tmp_path / "reconstruction.json", poses, gps=gps_of(poses))))
     distance, angle = apart(placed(found), poses)
-    assert distance < 1e-6 and angle < 1e-6
+    assert distance < 1e-6
+    assert angle < 1e-6
     (camera,) = found.cameras
-    assert found.metric and not found.findings and same_camera(camera.intrinsics)
+    assert found.metric
+    assert not found.findings
+    assert same_camera(camera.intrinsics)
 
 
 def off_the_meridian(poses: dict[str, Pose]) -> dict[str, Pose]:
@@ -141,16 +155,18 @@ def test_a_reconstruction_in_utm_is_not_taken_for_one_about_its_reference(tmp_pa
     with pytest.raises(MetadataError, match="UTM zone"):
         read_result(PosesFile(path))
     write_opensfm(tmp_path / "opensfm" / "reconstruction.topocentric.json", poses)
-    for given in (path, tmp_path):
-        found = read_result(PosesFile(given))
-        assert found.path.name == "reconstruction.topocentric.json" and apart(placed(found), poses)[0] < 1e-6
+    for result in (path, tmp_path):
+        found = read_result(PosesFile(result))
+        assert found.path.name == "reconstruction.topocentric.json"
+        assert apart(placed(found), poses)[0] < 1e-6
 
 
 def test_where_gps_is_too_coarse_to_tell_a_utm_grid_it_is_said(tmp_path: Path) -> None:
     poses = known_poses()
     for gps in (gps_of(poses, 8.0), None):
         found = read_result(PosesFile(write_opensfm(tmp_path / "reconstruction.json", poses, gps=gps)))
-        assert [finding.code for finding in found.findings] == ["heading-open"] and found.angle_accuracy_deg > 1.5
+        assert [finding.code for finding in found.findings] == ["heading-open"]
+        assert found.angle_accuracy_deg > 1.5
 
 
 @pytest.mark.parametrize("reference", [None, LocalFrame(0.0, 0.0)])
@@ -158,7 +174,9 @@ def test_a_reconstruction_without_gps_has_no_scale(tmp_path: Path, reference: Lo
     gps = {name: np.zeros(3) for name in NAMES}
     path = write_opensfm(tmp_path / "reconstruction.json", known_poses(), reference=reference, gps=gps)
     found = read_result(PosesFile(path))
-    assert not found.metric and found.origin is None and apart(found.poses, known_poses())[0] < 1e-9
+    assert not found.metric
+    assert found.origin is None
+    assert apart(found.poses, known_poses())[0] < 1e-9
 
 
 def test_shots_against_the_grid_of_utm(tmp_path: Path) -> None:
@@ -166,7 +184,8 @@ def test_shots_against_the_grid_of_utm(tmp_path: Path) -> None:
     (tmp_path / "cameras.json").write_text(json.dumps({"v2 dji": opensfm_camera()}))
     found = read_result(PosesFile(path))
     distance, angle = apart(placed(found), known_poses())
-    assert distance < MM and angle < HUNDREDTH
+    assert distance < MM
+    assert angle < HUNDREDTH
     assert same_camera(found.cameras[0].intrinsics)
 
 
@@ -205,13 +224,15 @@ def test_opensfms_perspective_camera(tmp_path: Path) -> None:
     assert found.cameras[0].intrinsics == Intrinsics("RADIAL", 3000, 4000, (3200.0, 1500.0, 2000.0, -0.1, 0.02))
 
 
-@pytest.mark.parametrize("text", ["", "[]", "[{}]", '[{"shots": 3}]', '[{"shots": {"a": {"rotation": [1]}}}]', "{", "[" * 9999,
+@pytest.mark.parametrize("text", ["", "[]", "[{}]", '[{"shots": 3}]', '[{"shots": {"a": {"rotation": [1]}}}]', "{",
+                                  "[" * 9999,
                                   '[{"shots": {"a": {"rotation": [0,0,NaN], "translation": [0,0,0]}}}]'])  # fmt: skip
 def test_what_is_no_reconstruction_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "reconstruction.json").write_text(text)
     with pytest.raises(MetadataError) as raised:
         read_result(PosesFile(tmp_path / "reconstruction.json"))
-    assert raised.value.path is not None and raised.value.remedy
+    assert raised.value.path is not None
+    assert raised.value.remedy
 
 
 # Metashape ------------------------------------------------------------------------------------------------------------
@@ -227,8 +248,11 @@ def test_metashapes_poses_place_and_camera(tmp_path: Path) -> None:
     path = write_metashape(tmp_path / "cameras.xml", geocentric(known_poses()), motion=chunk_motion())
     found = read_result(PosesFile(path))
     distance, angle = apart(placed(found), known_poses())
-    assert found.metric and distance < 1e-6 and angle < 1e-6
-    assert same_camera(found.cameras[0].intrinsics) and found.cameras[0].exact
+    assert found.metric
+    assert distance < 1e-6
+    assert angle < 1e-6
+    assert same_camera(found.cameras[0].intrinsics)
+    assert found.cameras[0].exact
     assert [finding.message for finding in found.findings] == ["Metashape has not aligned 1 of its photographs"]
 
 
@@ -252,12 +276,17 @@ def test_metashapes_geocentric_coordinates_are_of_the_references_datum(tmp_path:
     wkt = base.to_wkt("WKT1_GDAL")
     found = read_result(PosesFile(write_metashape(tmp_path / "c.xml", poses, reference=wkt, motion=chunk_motion())))
     distance, angle = apart(placed(found), known_poses())
-    assert distance < 0.02 and angle < HUNDREDTH
+    assert distance < 0.02
+    assert angle < HUNDREDTH
 
 
 def test_metashapes_local_coordinates(tmp_path: Path) -> None:
-    found = read_result(PosesFile(write_metashape(tmp_path / "c.xml", known_poses(), reference=LOCAL, motion=some_motion())))
-    assert found.metric and found.origin is None and apart(found.poses, known_poses())[0] < 1e-9
+    found = read_result(
+        PosesFile(write_metashape(tmp_path / "c.xml", known_poses(), reference=LOCAL, motion=some_motion()))
+    )
+    assert found.metric
+    assert found.origin is None
+    assert apart(found.poses, known_poses())[0] < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -268,7 +297,8 @@ def test_a_chunk_without_references_has_no_scale(
 ) -> None:
     path = write_metashape(tmp_path / "c.xml", known_poses(), reference=reference, motion=motion, locked=locked)
     found = read_result(PosesFile(path))
-    assert not found.metric and apart(found.poses, known_poses())[1] < 1e-6
+    assert not found.metric
+    assert apart(found.poses, known_poses())[1] < 1e-6
     assert read_result(PosesFile(path, METRES)).metric
 
 
@@ -288,7 +318,7 @@ def test_metashapes_radial_terms_that_colmap_lacks_are_fitted(tmp_path: Path) ->
 
 @pytest.mark.parametrize("text", ["", "<a/>", "<document><chunk/></document>", "<document><chunk>",
     '<document><chunk><cameras><camera label="a"><transform>1 2 3</transform></camera></cameras></chunk></document>',
-    '<document><chunk><cameras><camera label="a"><transform>' + "1 " * 16 + "</transform></camera></cameras></chunk></document>",
+    f'<document><chunk><cameras><camera><transform>{"1 " * 16}</transform></camera></cameras></chunk></document>',
     '<!DOCTYPE a [<!ENTITY b "c">]><document><chunk>&b;</chunk></document>'])  # fmt: skip
 def test_what_is_no_export_of_cameras_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "c.xml").write_text(text)
@@ -305,9 +335,12 @@ def test_omega_phi_kappa_are_turns_about_x_then_y_then_z(omega: float, phi: floa
 
 
 def test_omega_phi_kappa_of_zero_look_down_with_the_upper_edge_north(tmp_path: Path) -> None:
-    (tmp_path / "c.txt").write_text("# PhotoID, X, Y, Z, Omega, Phi, Kappa\na\t1\t2\t30\t0\t0\t0\nb\t1\t2\t30\t0\t0\t90\n")
+    (tmp_path / "c.txt").write_text(
+        "# PhotoID, X, Y, Z, Omega, Phi, Kappa\na\t1\t2\t30\t0\t0\t0\nb\t1\t2\t30\t0\t0\t90\n"
+    )
     found = read_result(PosesFile(tmp_path / "c.txt")).poses
-    assert found["a"].forward == pytest.approx([0, 0, -1]) and found["a"].rotation[1] == pytest.approx([0, -1, 0])
+    assert found["a"].forward == pytest.approx([0, 0, -1])
+    assert found["a"].rotation[1] == pytest.approx([0, -1, 0])
     assert found["b"].rotation[1] == pytest.approx([1, 0, 0])  # κ turns counter-clockwise: the upper edge is west
 
 
@@ -318,7 +351,10 @@ def test_the_text_of_local_coordinates(tmp_path: Path, mark: str, matrix: bool) 
     found = read_result(PosesFile(path))
     wanted = {name.removesuffix(".JPG"): pose for name, pose in known_poses().items()}
     distance, angle = apart(found.poses, wanted)
-    assert found.metric and found.origin is None and distance < 1e-9 and angle < 1e-5
+    assert found.metric
+    assert found.origin is None
+    assert distance < 1e-9
+    assert angle < 1e-5
 
 
 @pytest.mark.parametrize("stated", [True, False])
@@ -329,7 +365,9 @@ def test_the_text_of_projected_coordinates(tmp_path: Path, stated: bool) -> None
     path = write_opk(tmp_path / "cameras.txt", to_grid(known_poses()), system=system)
     found = read_result(PosesFile(path, "" if stated else "EPSG:32632"))
     distance, angle = apart(placed(found), {n.removesuffix(".JPG"): p for n, p in known_poses().items()})
-    assert distance < MM and angle < HUNDREDTH and found.angle_accuracy_deg == 2.0
+    assert distance < MM
+    assert angle < HUNDREDTH
+    assert found.angle_accuracy_deg == 2.0
 
 
 def test_the_text_of_longitude_and_latitude(tmp_path: Path) -> None:
@@ -343,7 +381,8 @@ def test_the_text_of_longitude_and_latitude(tmp_path: Path) -> None:
     for system in ("", WGS84):
         found = read_result(PosesFile(write_opk(tmp_path / "cameras.txt", written, system=system)))
         distance, angle = apart(placed(found), {n.removesuffix(".JPG"): p for n, p in known_poses().items()})
-        assert distance < MM and angle < HUNDREDTH
+        assert distance < MM
+        assert angle < HUNDREDTH
 
 
 def test_a_matrix_that_contradicts_its_angles_is_refused(tmp_path: Path) -> None:
