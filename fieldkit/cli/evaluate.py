@@ -17,6 +17,7 @@ from fieldkit.cli.reconstruction_options import (
     ReconstructionOptions,
     RunOptions,
     parse_distances,
+    parse_frame,
     run_context,
 )
 from fieldkit.errors import EXIT_OK, ReconstructionError, UsageError
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 # Parameters of which campaign.toml says for all visits alike what they are.
 _OF_CAMPAIGN = {
     "reference",
+    "reference_frame",
     "plan",
     "refine",
     "distances",
@@ -78,8 +80,15 @@ def command(
         Path | None, Option("--campaign", help="Campaign to add to. Without -o: the one about the current folder.")
     ] = None,
     reference: Annotated[
-        Path | None, Option("--reference", help="What `fieldkit reference` wrote. Without: no distances.")
+        Path | None,
+        Option(
+            "--reference", help="What `fieldkit reference` wrote, or a cloud (PLY, LAS, LAZ). Without: no distances."
+        ),
     ] = None,
+    reference_frame: Annotated[
+        str,
+        Option("--reference-frame", metavar="FRAME", help="Of a cloud that does not say it: EPSG:CODE or metres."),
+    ] = "",
     flight: FlightOptions,
     refine: Annotated[
         bool, Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
@@ -129,12 +138,15 @@ def command(
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
     mission, distances_m, settings = flight.flown(), parse_distances(distances), reconstruction.settings(run.seed)
-    given = poses.given()
+    given, frame = poses.given(), parse_frame("--reference-frame", reference_frame)
+    if frame and reference is None:
+        raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
     from fieldkit.evaluation.evaluate import evaluate_captures
 
     with run_context(as_json=as_json) as progress:
         report = evaluate_captures(
-            captures, output, settings, reference=reference, refine=refine, distances_m=distances_m, log=flight.log,
+            captures, output, settings, reference=reference, reference_frame=frame, refine=refine,
+            distances_m=distances_m, log=flight.log,
             plan=flight.plan, mission=mission, poses=given, cache=cache, progress=progress, overwrite=run.overwrite,
             workers=run.workers,
         )  # fmt: skip

@@ -12,18 +12,26 @@ from fieldkit.captures import read_capture
 from fieldkit.captures.programs import PosesFile
 from fieldkit.errors import FieldkitError, InputError, StorageError, UsageError
 from fieldkit.evaluation.adherence import Flight
+from fieldkit.evaluation.cloud_reference import (
+    AnyReference,
+    CloudReference,
+    known_plot_of,
+    open_reference,
+    reference_file,
+)
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
+from fieldkit.evaluation.figures import findings_entries
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import find_plots, result_folders
-from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.present.spreadsheets.plots import write_plots_csv
+from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
 from fieldkit.results.plan_file import load_plan
-from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, file_sha256, save_report
+from fieldkit.results.report_files import EVALUATION_FILE, describe_files, file_sha256, save_report
 from fieldkit.runtime.progress import Progress
 
 __all__ = ["COMPARISON_FILE", "DISTANCES_M", "PLOTS_FILE", "evaluate_captures"]
@@ -38,6 +46,7 @@ def evaluate_captures(
     settings: ReconstructionSettings | None = None,
     *,
     reference: Path | None = None,
+    reference_frame: str = "",
     refine: bool = False,
     distances_m: Sequence[float] = DISTANCES_M,
     log: Path | None = None,
@@ -57,7 +66,8 @@ def evaluate_captures(
             and, with a reference, comparison.png. A plot that is named as one of these files gets a folder with a
             number.
         settings: choices; None takes the defaults. Bounds default to the reference's volume.
-        reference: folder that `build_reference` wrote; None gives the figures that need none.
+        reference: folder that `build_reference` wrote, or a cloud (PLY, LAS, LAZ); None gives figures that need none.
+        reference_frame: of a cloud, as `open_reference` takes it.
         refine: align each plot's cloud to the reference by ICP before scoring; the correction is reported.
         distances_m: of precision, recall and F-score.
         log: flight log; the photographs' poses are then those of the triggers they match, and not those of poses.csv,
@@ -89,7 +99,9 @@ def evaluate_captures(
         plots, empty = find_plots(captures)
         if empty:
             progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
-        read = None if reference is None else Reference(reference)
+        read = None if reference is None else open_reference(reference, reference_frame, settings.bounds)
+        for finding in read.findings if isinstance(read, CloudReference) else ():
+            progress.note(finding.message)
         flight = None if log is None else Flight.read(log, plots)
         flown = None if plan is None else _flown_plan(plan, mission, read, flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
@@ -103,7 +115,8 @@ def evaluate_captures(
             Path(captures).absolute().name,
             results,
             settings,
-            reference_sha256=None if reference is None else file_sha256(_json_of(reference)),
+            reference_sha256=None if reference is None else file_sha256(reference_file(reference)),
+            reference_frame=reference_frame if isinstance(read, CloudReference) else None,
             refine=refine,
             distances_m=distances_m,
             seconds=spent.seconds,
@@ -115,15 +128,14 @@ def evaluate_captures(
     return report
 
 
-def _json_of(reference: Path) -> Path:
-    return reference / REFERENCE_FILE if reference.is_dir() else reference
-
-
 def _flown_plan(
-    plan: Path, mission: tuple[Path, str] | None, reference: Reference | None, flight: Flight | None
+    plan: Path, mission: tuple[Path, str] | None, reference: AnyReference | None, flight: Flight | None
 ) -> FlownPlan:
     told = None if mission is None else FlownMission.read(*mission)
-    place = None if reference is None else reference.known_plot().source
+    if isinstance(reference, CloudReference):
+        place: SourceFrame | None = SourceFrame("poses.csv", reference.origin, reference.from_source)
+    else:
+        place = None if reference is None else reference.known_plot().source
     return FlownPlan.of(load_plan(plan), place, flight, told)
 
 
@@ -165,11 +177,14 @@ class _Run:
     def _scored(self, name: str, path: Path, place: str, spent: Spent) -> PlotEvaluation:
         by_log = None if self.flight is None else self.flight.capture(name)
         capture = read_capture(path, poses=self.poses) if by_log is None else by_log
-        known_plot = None if self.scoring.reference is None else self.scoring.reference.known_plot()
+        reference = self.scoring.reference
+        known_plot = known_plot_of(reference, capture)
         plot = score_capture(
             name, capture, known_plot, self.folder, self.settings, self.scoring,
             spent=spent, cache=self.cache, progress=self.progress, workers=self.workers, subfolder=place,
         )  # fmt: skip
+        if isinstance(reference, CloudReference):
+            plot = plot.model_copy(update={"findings": plot.findings + findings_entries(reference.findings)})
         if self.plan is None:
             return plot
         plot = self.plan.compare(plot, name, path, capture)
