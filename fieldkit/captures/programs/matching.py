@@ -39,7 +39,11 @@ def program_of(
         if found is not None:
             findings.append(Finding(path.name, "sidecar-unused", f"{found.path.name} of {found.program} is used"))
             continue
-        found, odd = _of_photographs(read_result(PosesFile(path)), photos)
+        try:
+            found, odd = _of_photographs(read_result(PosesFile(path)), photos)
+        except MetadataError as error:
+            remedy = f"{error.remedy} Or move it out of the photographs' folder."
+            raise MetadataError(error.message, path=error.path or path, remedy=remedy) from error
         findings += odd
         if found is None:
             findings.append(Finding(path.name, "sidecar-unused", "it has poses of none of the photographs"))

@@ -70,7 +70,7 @@ def read_result(given: PosesFile) -> ProgramPoses:
     path, frame = given.path, given.frame
     if path.is_dir():
         places = [path, path / "sparse" / "0", path / "sparse"]
-        model = next((place for place in places if colmap_suffix(place) is not None), None)
+        model = next((place for place in places if _is_model(place)), None)
         if model is not None:
             return read_colmap(model, frame)
         inside = find_results([path])
@@ -78,7 +78,7 @@ def read_result(given: PosesFile) -> ProgramPoses:
             raise MetadataError("this folder holds no result with poses", path=path, remedy=_KINDS)
         return read_result(PosesFile(inside[0], frame))
     suffix = path.suffix.lower()
-    if suffix in (".bin", ".txt") and path.stem in _COLMAP_FILES and colmap_suffix(path.parent) is not None:
+    if suffix in (".bin", ".txt") and path.stem in _COLMAP_FILES and _is_model(path.parent):
         return read_colmap(path.parent, frame)
     if suffix == ".xml":
         return read_metashape_xml(path, frame)
@@ -103,7 +103,7 @@ def _check_no_frame(frame: str, path: Path) -> None:
 
 
 def _in_folder(folder: Path) -> Iterator[Path]:
-    model = next((folder / place for place in _COLMAP_PLACES if colmap_suffix(folder / place) is not None), None)
+    model = next((folder / place for place in _COLMAP_PLACES if _is_model(folder / place)), None)
     if model is not None:
         yield model
     for name in _ODM_PLACES:
@@ -118,6 +118,12 @@ def _in_folder(folder: Path) -> Iterator[Path]:
         head = _head(folder / name)
         if looks_like_opk(head) or (name.lower().endswith(".xml") and "<document" in head and "<chunk" in head):
             yield folder / name
+
+
+def _is_model(folder: Path) -> bool:
+    """Whether a folder holds a COLMAP model. Metashape's cameras may be called cameras.txt, too."""
+    suffix = colmap_suffix(folder)
+    return suffix is not None and not looks_like_opk(_head(folder / f"cameras{suffix}"))
 
 
 def _head(path: Path) -> str:

@@ -28,6 +28,7 @@ from tests.captures.programs.known_set import (
     write_colmap,
     write_metashape,
     write_opensfm,
+    write_opk,
 )
 from tests.captures.programs.known_set import known_poses as truth
 
@@ -254,3 +255,22 @@ def test_heights_of_unknown_datum_may_meet_any_reference(photographs: Path) -> N
     place = LocalFrame(ORIGIN.latitude_deg, ORIGIN.longitude_deg, 150.0, "ellipsoid")
     known = known_poses(read_capture(photographs), SourceFrame("geo.txt", place, Similarity.identity()))
     assert apart(working(known), about(ORIGIN, truth(), place))[0] < 1e-6
+
+
+def test_a_damaged_result_in_the_folder_is_an_error_that_says_how_to_do_without(photographs: Path) -> None:
+    (photographs / "cameras.xml").write_text("<document><chunk>")
+    with pytest.raises(MetadataError) as raised:
+        read_capture(photographs)
+    assert "move it out" in raised.value.remedy
+
+
+def test_metashapes_cameras_txt_beside_a_list_of_images_is_no_colmap_model(photographs: Path) -> None:
+    write_opk(photographs / "cameras.txt", truth())
+    (photographs / "images.txt").write_text("\n".join(NAMES))
+    assert read_capture(photographs).metric_source == "Metashape"
+
+
+def test_a_result_outside_the_folder_behind_a_link_is_not_read(photographs: Path, tmp_path: Path) -> None:
+    write_colmap(tmp_path / "elsewhere", truth())
+    (photographs / "sparse").symlink_to(tmp_path / "elsewhere")
+    assert read_capture(photographs).program is None
