@@ -11,6 +11,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from fieldkit.captures.model import Finding
 from fieldkit.captures.programs.colmap_sizes import AGAIN, DAMAGED, WALKS, check_complete
 from fieldkit.captures.programs.frames import local_from_crs, parse_crs
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     import pycolmap
 
 _NEEDED, _SINCE_3_12 = ("cameras", "images"), ("rigs", "frames")
+_LARGEST = 1e12
 _MAX_BYTES = 4 << 30
 _REMEDY = "Give the folder that COLMAP wrote, with cameras and images as .bin or .txt."
 _UNSCALED = "without metric scale, since COLMAP's files have none"
@@ -47,24 +50,15 @@ def read_colmap(folder: Path, frame: str = "") -> ProgramPoses:
     Raises:
         MetadataError: it is no model, damaged or too large, or has no registered image.
     """
-    model = _load(folder)
-    images = sorted((model.image(k) for k in model.reg_image_ids()), key=lambda image: str(image.name))
-    if not images:
+    try:
+        poses, cameras, findings = _contents(_load(folder))
+    except MetadataError:
+        raise
+    except Exception as error:  # pycolmap raises ValueError, IndexError, RuntimeError or MemoryError
+        detail = str(error).rpartition("] ")[2] or type(error).__name__
+        raise MetadataError(f"COLMAP cannot read this model: {detail}", path=folder, remedy=_REMEDY) from error
+    if not poses:
         raise MetadataError("no image of this model is registered", path=folder, remedy=_REMEDY)
-    poses = {
-        str(image.name): Pose(image.cam_from_world().rotation.matrix(), image.projection_center()) for image in images
-    }
-    cameras, findings = [], []
-    for key in sorted({image.camera_id for image in images}):
-        names = [str(image.name) for image in images if image.camera_id == key]
-        camera = model.camera(key)
-        try:
-            own = Intrinsics(camera.model.name, camera.width, camera.height, tuple(float(p) for p in camera.params))
-        except ValueError as error:
-            message = f"COLMAP's camera {key} is not used ({error}); its poses are"
-            findings.append(Finding(names[0], "camera-unused", message))
-        else:
-            cameras.append(ProgramCamera(own, tuple(names)))
     origin, said = None, _UNSCALED
     if frame == METRES:
         said = "in metres, as was said"
@@ -76,6 +70,30 @@ def read_colmap(folder: Path, frame: str = "") -> ProgramPoses:
         "COLMAP", folder, poses, metric=bool(frame), origin=origin, cameras=tuple(cameras), frame_said=said,
         findings=tuple(findings),
     )  # fmt: skip
+
+
+def _contents(model: pycolmap.Reconstruction) -> tuple[dict[str, Pose], list[ProgramCamera], list[Finding]]:
+    """Poses of the registered images, their cameras, and what is odd about these."""
+    images = sorted((model.image(k) for k in model.reg_image_ids()), key=lambda image: str(image.name))
+    poses = {
+        str(image.name): Pose(image.cam_from_world().rotation.matrix(), image.projection_center()) for image in images
+    }
+    for name, pose in poses.items():
+        turns = np.allclose(pose.rotation @ pose.rotation.T, np.eye(3), atol=1e-6)
+        if not turns or not (np.abs(pose.center) < _LARGEST).all():
+            raise ValueError(f"the pose of {name} is none")
+    cameras, findings = [], []
+    for key in sorted({image.camera_id for image in images}):
+        names = tuple(str(image.name) for image in images if image.camera_id == key)
+        camera = model.camera(key)
+        try:
+            own = Intrinsics(camera.model.name, camera.width, camera.height, tuple(float(p) for p in camera.params))
+        except ValueError as error:
+            message = f"COLMAP's camera {key} is not used ({error}); its poses are"
+            findings.append(Finding(names[0], "camera-unused", message))
+        else:
+            cameras.append(ProgramCamera(own, names))
+    return poses, cameras, findings
 
 
 def _load(folder: Path) -> pycolmap.Reconstruction:
@@ -95,11 +113,7 @@ def _load(folder: Path) -> pycolmap.Reconstruction:
                     check_complete(file, name)
                 (bare / file.name).symlink_to(file)
         (bare / f"points3D{suffix}").write_bytes(bytes(8) if suffix == _BINARY else b"")
-        try:
-            model = pycolmap.Reconstruction(os.fspath(bare))
-        except Exception as error:  # pycolmap raises ValueError, IndexError, RuntimeError or MemoryError
-            detail = str(error).rpartition("] ")[2] or type(error).__name__
-            raise MetadataError(f"COLMAP cannot read this model: {detail}", path=folder, remedy=_REMEDY) from error
+        model = pycolmap.Reconstruction(os.fspath(bare))
     written = 8 + sum(24 + 8 * len(camera.params) for camera in model.cameras.values())
     if suffix == _BINARY and (folder / f"cameras{_BINARY}").stat().st_size != written:
         raise MetadataError(DAMAGED, path=folder / f"cameras{_BINARY}", remedy=AGAIN)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.errors import MetadataError
 
 REMEDY = "Copy the file again from the program's results."
+_LARGEST = 1e12
 _MAX_BYTES = 512 << 20
 
 
@@ -34,7 +34,7 @@ def read_json(path: Path) -> Any:
 def number(values: Mapping[str, Any], key: str, otherwise: float | None = None) -> float:
     """A finite number of an object. Raises ValueError: it is missing (without ``otherwise``), or none."""
     value = values.get(key, otherwise)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
         raise ValueError(f"{key} is not a number")
     return float(value)
 

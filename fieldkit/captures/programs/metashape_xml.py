@@ -35,6 +35,7 @@ _EARTH_M = (6.3e6, 6.45e6)  # distances of places near the ground from the Earth
 _WGS84 = ("WGS 84", "WGS_1984", "World Geodetic System 1984")
 _COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4", "b1", "b2")
 _EXACT_PX = 0.3
+_LARGEST = 1e12
 _GRID = 25
 
 
@@ -245,6 +246,6 @@ def _numbers(text: str | None, count: int, what: str) -> NDArray[np.float64]:
         values = np.array([float(word) for word in words])
     except ValueError:
         values = np.zeros(0)
-    if len(values) != count or not np.isfinite(values).all():
+    if len(values) != count or not (np.abs(values) < _LARGEST).all():
         raise ValueError(f"{what} is not {count} numbers")
     return values
