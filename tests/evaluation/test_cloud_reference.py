@@ -211,6 +211,7 @@ def test_no_plan_is_made_on_a_bare_cloud(tmp_path: Path) -> None:
         describe_sources((), (tmp_path / "a.ply",), None)
 
 
+@pytest.mark.slow
 def test_an_evaluation_against_a_bare_cloud_is_that_against_its_reference(tmp_path: Path) -> None:
     draft, cache = ReconstructionSettings(fidelity="draft"), StageCache(tmp_path / "cache")
     folder = tmp_path / "reference"

@@ -17,6 +17,8 @@ from fieldkit.captures.programs.opendronemap import grid_heading, read_cameras
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.colmap_model import new_model, transform_model
+from fieldkit.reconstruction.features import Features
 from tests.captures.programs.known_set import (
     CAMERA,
     LOCAL,
@@ -87,6 +89,19 @@ def test_a_colmap_model_without_rigs_as_before_3_12(tmp_path: Path) -> None:
     for name in ("rigs.txt", "frames.txt"):
         (model / name).unlink()
     assert apart(read_result(PosesFile(model)).poses, known_poses())[0] < 1e-9
+
+
+def test_fieldkits_own_model_reads_back_with_the_same_poses(tmp_path: Path) -> None:
+    poses, motion = known_poses(), some_motion()
+    none = Features(np.zeros((4, 4), np.float32), np.zeros((4, 128), np.uint8))
+    model = new_model(NAMES, [CAMERA], [0] * len(NAMES), list(poses.values()), [none] * len(NAMES))
+    transform_model(model, motion)  # into the plot frame, as a reference's is
+    model.write_binary(tmp_path)
+    found = read_result(PosesFile(tmp_path, METRES))
+    distance, angle = apart(found.poses, moved(poses, motion))
+    assert distance < 1e-9
+    assert angle < 1e-6
+    assert same_camera(found.cameras[0].intrinsics)
 
 
 def test_a_colmap_model_in_projected_and_in_geocentric_coordinates(tmp_path: Path) -> None:
