@@ -37,6 +37,7 @@ def command(
 
     Files:
         IMAGES/poses.csv, geo.txt  where the photographs were taken; without, EXIF's GPS
+        IMAGES/sparse/0, opensfm/, cameras.xml  poses that COLMAP, OpenDroneMap or Metashape found
         IMAGES/camera.toml  the camera's calibration; without, it is found
         IMAGES/masks/NAME.png  what is plant, with --mask file
         OUTPUT/reference.json  what was found, and how well

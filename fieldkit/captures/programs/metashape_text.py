@@ -18,7 +18,13 @@ from numpy.typing import NDArray
 
 from fieldkit.captures.model import Finding
 from fieldkit.captures.programs.frames import local_from_crs, parse_crs
-from fieldkit.captures.programs.model import ANGLE_ACCURACY_DEG, GRID_ANGLE_ACCURACY_DEG, METRES, ProgramPoses
+from fieldkit.captures.programs.model import (
+    ANGLE_ACCURACY_DEG,
+    GRID_ANGLE_ACCURACY_DEG,
+    METRES,
+    ProgramPoses,
+    check_open,
+)
 from fieldkit.captures.tables import parse_number, read_text
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Pose
@@ -43,7 +49,7 @@ def read_metashape_text(path: Path, frame: str = "") -> ProgramPoses:
 
     Args:
         path: the file.
-        frame: what a person says the coordinates are in; it counts before what the file says.
+        frame: what a person says the coordinates are in, where the file does not say it.
 
     Raises:
         MetadataError: it is unreadable or malformed, or angles contradict the matrix.
@@ -64,6 +70,8 @@ def read_metashape_text(path: Path, frame: str = "") -> ProgramPoses:
         decimals = max(decimals, written)
     if not poses:
         raise MetadataError("no camera is listed", path=path, remedy=_REMEDY)
+    if system and not system.startswith("LOCAL_CS"):
+        check_open(frame, path)
     return _placed(poses, frame or system, decimals, path)
 
 

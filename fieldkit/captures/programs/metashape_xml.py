@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 
 from fieldkit.captures.model import Finding
 from fieldkit.captures.programs.frames import local_from_crs, local_from_geodetic, parse_crs, to_geodetic
-from fieldkit.captures.programs.model import METRES, ProgramCamera, ProgramPoses
+from fieldkit.captures.programs.model import METRES, ProgramCamera, ProgramPoses, check_open
 from fieldkit.documents.file_bytes import file_bytes
 from fieldkit.documents.xml_tree import XmlError, parse_local
 from fieldkit.errors import MetadataError
@@ -137,6 +137,7 @@ def _placed(poses: dict[str, Pose], motion: _Motion | None, reference: str, path
         poses = {name: motion.similarity.apply_pose(pose) for name, pose in poses.items()}
         distance = float(np.median([np.linalg.norm(pose.center) for pose in poses.values()]))
         if _EARTH_M[0] < distance < _EARTH_M[1] and "LOCAL_CS" not in reference:
+            check_open(frame, path)
             origin, local = _from_geocentric(poses, reference, path)
             return _Placed(local, True, origin, "in metres about the place it gives")
     if frame and frame != METRES:

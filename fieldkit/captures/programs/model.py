@@ -12,6 +12,7 @@ import numpy as np
 
 from fieldkit.captures.camera_file import CameraEntry
 from fieldkit.captures.model import Finding
+from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
 
@@ -38,6 +39,16 @@ class PosesFile:
 
     path: Path
     frame: str = ""
+
+
+def check_open(frame: str, path: Path) -> None:
+    """Refuse a frame that a person gives where the file says its own: the two may differ.
+
+    Raises:
+        MetadataError: a frame is given.
+    """
+    if frame:
+        raise MetadataError("says what frame it is in", path=path, remedy="Leave --poses-frame out.")
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from fieldkit.captures.programs.colmap_folder import colmap_suffix, read_colmap
 from fieldkit.captures.programs.metashape_text import looks_like_opk, read_metashape_text
 from fieldkit.captures.programs.metashape_xml import read_metashape_xml
-from fieldkit.captures.programs.model import PosesFile, ProgramCamera, ProgramPoses
+from fieldkit.captures.programs.model import PosesFile, ProgramCamera, ProgramPoses, check_open
 from fieldkit.captures.programs.opendronemap import (
     CAMERAS,
     RECONSTRUCTION,
@@ -83,7 +83,7 @@ def read_result(given: PosesFile) -> ProgramPoses:
     if suffix == ".xml":
         return read_metashape_xml(path, frame)
     if suffix in (".json", ".geojson"):
-        _check_no_frame(frame, path)
+        check_open(frame, path)
         if path.name.lower() == CAMERAS:
             raise MetadataError("has calibrations, and no poses", path=path, remedy=_KINDS)
         if suffix == ".geojson":
@@ -93,13 +93,6 @@ def read_result(given: PosesFile) -> ProgramPoses:
     if looks_like_opk(_head(path)):
         return read_metashape_text(path, frame)
     raise MetadataError("is no result of COLMAP, OpenDroneMap or Metashape", path=path, remedy=_KINDS)
-
-
-def _check_no_frame(frame: str, path: Path) -> None:
-    if frame:
-        raise MetadataError(
-            "OpenDroneMap's files say what frame they are in", path=path, remedy="Leave --poses-frame out."
-        )
 
 
 def _in_folder(folder: Path) -> Iterator[Path]:

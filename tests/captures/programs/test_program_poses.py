@@ -423,3 +423,14 @@ def test_a_coordinate_system_that_does_not_exist(tmp_path: Path) -> None:
     model = write_colmap(tmp_path / "model", known_poses())
     with pytest.raises(MetadataError, match="no coordinate system"):
         read_result(PosesFile(model, "EPSG:999999"))
+
+
+def test_a_frame_is_not_taken_where_the_file_says_its_own(tmp_path: Path) -> None:
+    files = [
+        write_opensfm(tmp_path / "reconstruction.topocentric.json", known_poses()),
+        write_metashape(tmp_path / "c.xml", geocentric(known_poses()), motion=chunk_motion()),
+        write_opk(tmp_path / "c.txt", to_grid(known_poses()), system="EPSG:32632"),
+    ]
+    for file in files:
+        with pytest.raises(MetadataError, match="says what frame"):
+            read_result(PosesFile(file, "EPSG:25832"))
