@@ -176,12 +176,16 @@ def _is_las(path: Path) -> bool:
         return file.read(4) == b"LASF"
 
 
-def _read(path: Path) -> tuple[Cloud, Any, NDArray[np.float64]]:
-    """The points in metres, what the file says they are in, and metres per unit of its coordinates."""
+def _read(path: Path) -> tuple[Cloud, Any, NDArray[np.float64] | None]:
+    """The points, what the file says they are in, and metres per unit of its coordinates; None where it says nothing.
+
+    The points are in metres where that is said, else in the file's unit.
+    """
     if not _is_las(path):
-        return read_cloud(path), None, np.ones(3)
+        return read_cloud(path), None, None
     las = read_las(path)
-    return las.cloud, las.crs, np.array(las.units_m)
+    units = np.array(las.units_m)
+    return las.cloud, las.crs, units if las.crs is not None or (units != 1.0).any() else None
 
 
 def _check_steps(points: NDArray[np.float64], path: Path) -> None:
@@ -195,11 +199,13 @@ def _check_steps(points: NDArray[np.float64], path: Path) -> None:
         )  # fmt: skip
 
 
-def _local(cloud: Cloud, crs: Any, units: NDArray[np.float64], path: Path) -> tuple[LocalFrame, Cloud]:
+def _local(cloud: Cloud, crs: Any, units: NDArray[np.float64] | None, path: Path) -> tuple[LocalFrame, Cloud]:
     """The cloud in a local east-north-up frame in its middle. Normals are left out: their frame is seldom known."""
-    points = cloud.points / units
+    points = cloud.points if units is None else cloud.points / units
     ends = range(0, len(points), _CHUNK)
     geodetic = np.concatenate([to_geodetic(points[k : k + _CHUNK], crs, path) for k in ends])
+    if units is not None and not crs.is_geocentric:
+        geodetic[:, 2] = cloud.points[:, 2]  # a file knows more than its system: heights in metres beside feet
     origin = frame_about(geodetic[:: max(1, len(geodetic) // _CHUNK)], height_datum(crs))
     local = np.concatenate([origin.to_local(*geodetic[k : k + _CHUNK].T) for k in ends])
     return origin, Cloud(local, cloud.colors)
@@ -225,6 +231,11 @@ def _ground(cloud: Cloud) -> Plane | None:
 def _with_volume(
     cloud: Cloud, origin: LocalFrame | None, to_plot: Similarity, bounds: Volume | None, path: Path, said: str
 ) -> CloudReference:
+    if bounds is not None:
+        over = (cloud.points[:, :2] >= bounds.lower[:2]) & (cloud.points[:, :2] <= bounds.upper[:2])
+        cloud = cloud.select(over.all(axis=1))
+        if not len(cloud):
+            raise EmptyCloudError("has no points within --bounds", path=path, remedy="Check them: metres, plot frame.")
     lower, upper = cloud.bounds()
     diagonal = float(np.linalg.norm(upper - lower))
     if diagonal > _MAX_DIAGONAL_M:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct
 from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache
@@ -114,9 +115,17 @@ def test_our_own_georeferenced_cloud_comes_back_to_its_place(tmp_path: Path, suf
     assert found.origin.datum == "unknown"  # UTM's code says nothing of heights
 
 
+def geo_keys(keys: tuple[tuple[int, int], ...]) -> GeoKeyDirectoryVlr:
+    record = GeoKeyDirectoryVlr()
+    record.geo_keys = [GeoKeyEntryStruct(key, 0, 1, value) for key, value in keys]
+    record.geo_keys_header.number_of_keys = len(keys)
+    return record
+
+
 def write_las_in(
-    path: Path, epsg: int | None, code: str, height_unit_m: float = 1.0, place: LocalFrame = ORIGIN
-) -> None:
+    path: Path, epsg: int | None, code: str, height_unit_m: float = 1.0, place: LocalFrame = ORIGIN,
+    keys: tuple[tuple[int, int], ...] = (),
+) -> None:  # fmt: skip
     """The plot in the coordinates of a system, heights in its unit; ``epsg`` is what the file says of it."""
     import laspy
     from pyproj import CRS, Transformer
@@ -127,6 +136,8 @@ def write_las_in(
     header.offsets, header.scales = np.floor([x[0], y[0], 0.0]), np.full(3, 1e-5)
     if epsg is not None:
         header.add_crs(CRS(epsg))
+    if keys:
+        header.vlrs.append(geo_keys(keys))
     las = laspy.LasData(header)
     las.x, las.y, las.z = x, y, height / height_unit_m
     las.write(path)
@@ -138,6 +149,12 @@ def test_clouds_in_feet(tmp_path: Path, says: bool) -> None:
     write_las_in(tmp_path / "a.las", 2226 if says else None, "EPSG:2226", 1200.0 / 3937.0, place)
     found = opened(tmp_path / "a.las", "" if says else "EPSG:2226")
     assert same(about_origin(found, place), plot_cloud().points)
+
+
+def test_heights_in_metres_beside_feet(tmp_path: Path) -> None:
+    place = LocalFrame(38.5, -121.7, 20.0)
+    write_las_in(tmp_path / "a.las", None, "EPSG:2226", 1.0, place, keys=((1024, 1), (3072, 2226), (4099, 9001)))
+    assert same(about_origin(opened(tmp_path / "a.las"), place), plot_cloud().points)
 
 
 def test_heights_above_sea_level_and_above_the_ellipsoid_are_told(tmp_path: Path) -> None:
