@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.captures.camera_file import CameraEntry
@@ -12,7 +13,7 @@ from fieldkit.geometry import Intrinsics
 
 
 def group_cameras(
-    photos: Sequence[Photo], entries: Sequence[CameraEntry] = (), path: Path | None = None
+    photos: Sequence[Photo], entries: Sequence[CameraEntry] = (), path: Path | None = None, source: str = ""
 ) -> tuple[list[CameraGroup], list[Finding]]:
     """One group for each camera (make, model, serial, focal length) and size.
 
@@ -23,6 +24,7 @@ def group_cameras(
         photos: in order.
         entries: of the camera file, if there is one.
         path: that file.
+        source: what the groups name as the source of intrinsics from it; the file's name where not given.
 
     Raises:
         MetadataError: a photograph has another aspect ratio than the entries that cover it.
@@ -38,6 +40,8 @@ def group_cameras(
         index = key[0] if isinstance(key[0], int) else None
         unzoomed = {(p.make, p.model, p.focal_mm): p.focal_35mm for p in photos if p.digital_zoom == 1.0}
         group, more = _make_group(shared, None if index is None else entries[index], index, path, unzoomed)
+        if source and group.source == (path and path.name.lower()):
+            group = replace(group, source=source)
         groups.append(group)
         findings.extend(more)
     findings.extend(_mixed(list(members.values())))

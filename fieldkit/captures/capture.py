@@ -7,6 +7,7 @@ import re
 import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from glob import escape
 from pathlib import Path
 
 from PIL import Image
@@ -24,7 +25,9 @@ from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
 from fieldkit.captures.one_camera import one_camera
 from fieldkit.captures.poses_csv import read_poses_csv
-from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
+from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses, priors_from_program
+from fieldkit.captures.programs import PosesFile, ProgramCamera, ProgramPoses, read_cameras_json
+from fieldkit.captures.programs.matching import program_of
 from fieldkit.errors import CaptureError, MetadataError
 from fieldkit.geometry.geodesy import utm_epsg_of
 
@@ -41,7 +44,9 @@ class ReadPhoto:
     findings: tuple[Finding, ...]
 
 
-def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool = True) -> Capture:
+def read_capture(
+    folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool = True, poses: PosesFile | None = None
+) -> Capture:
     """Read a folder of photographs and what lies beside them. Nothing is decoded and nothing written.
 
     Photographs are JPEG, PNG or TIFF by content, directly in ``folder`` or, when there are none, in
@@ -53,11 +58,13 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
         folder: with the photographs.
         max_pixels: larger images are left out undecoded (decompression bombs); Pillow's own limit of 178 Mpx
             holds besides.
-        sidecars: whether poses.csv and geo.txt are looked at.
+        sidecars: whether poses.csv, geo.txt and other programs' results are looked at.
+        poses: another program's result to take poses from; None takes what lies in the folder.
 
     Raises:
         CaptureError: the folder is missing or unreadable, or has no usable photograph.
-        MetadataError: poses.csv, geo.txt, markers.toml or a camera file is malformed or contradicts the photographs.
+        MetadataError: poses.csv, geo.txt, markers.toml, a camera file or another program's result is malformed or
+            contradicts the photographs, or ``poses`` names none of them.
     """
     folder = Path(folder)
     contents = list_capture(folder)
@@ -81,11 +88,14 @@ def read_capture(folder: Path, *, max_pixels: int = MAX_PIXELS, sidecars: bool =
     aside = set(names) - {photo.name for photo in kept}
     photos, hemispheres = settle_hemispheres(kept)
     findings = [*without_findings_of(aside, findings), *duplicates, *other_cameras, *hemispheres]
-    groups, camera_findings = _cameras(photos, contents)
-    priors = _priors(photos, contents)
-    findings += [*camera_findings, *without_findings_of(aside, priors.findings)]
+    folders = (folder.absolute(), contents.image_folder.absolute())
+    program, odd = program_of(photos, folders, poses) if sidecars or poses is not None else (None, ())
+    groups, camera_findings = _cameras(photos, contents, folders, program)
+    priors = _priors(photos, contents, program)
+    findings += [*camera_findings, *without_findings_of(aside, [*odd, *priors.findings])]
     markers = contents.sidecars.get("markers.toml")
-    return assembled((folder.absolute(), contents.image_folder.absolute()), photos, groups, findings, priors, markers)
+    capture = assembled(folders, photos, groups, findings, priors, markers)
+    return capture if program is None or priors.metric_source == program.program else replace(capture, program=program)
 
 
 def camera_entries(
@@ -242,16 +252,49 @@ def _too_large(what: str, max_pixels: int) -> str:
     return f"{what} is more than the limit of {max_pixels / 1e6:.0f} Mpx; not decoded"
 
 
-def _cameras(photos: list[Photo], contents: FolderContents) -> tuple[list[CameraGroup], list[Finding]]:
+def _cameras(
+    photos: list[Photo], contents: FolderContents, folders: tuple[Path, Path], program: ProgramPoses | None
+) -> tuple[list[CameraGroup], list[Finding]]:
     toml, json_file = contents.sidecars.get("camera.toml"), contents.sidecars.get("camera.json")
     path = toml or json_file
-    groups, findings = group_cameras(photos, read_camera_file(path) if path is not None else (), path)
+    if path is None:
+        return _program_cameras(photos, folders, program)
+    groups, findings = group_cameras(photos, read_camera_file(path), path)
     if toml is not None and json_file is not None:
         findings.append(Finding("camera.json", "sidecar-unused", "camera.toml is used instead"))
     return groups, findings
 
 
-def _priors(photos: list[Photo], contents: FolderContents) -> PriorSet:
+def _program_cameras(
+    photos: list[Photo], folders: tuple[Path, Path], program: ProgramPoses | None
+) -> tuple[list[CameraGroup], list[Finding]]:
+    """Cameras as another program calibrated them, where it did; else as `group_cameras`."""
+    entries, path, source = [], None, ""
+    if program is not None:
+        entries, path, source = program.camera_entries(), program.path, program.program
+    elif (found := read_cameras_json(folders)) is not None:
+        path, source = found[0], "OpenDroneMap"
+        entries = [CameraEntry(camera.intrinsics, _of_its_shape(camera, photos), camera.exact) for camera in found[1]]
+    kept = [entry for entry in entries if entry.images and _fits(entry, photos)]
+    findings = []
+    if path is not None and len(kept) < len(entries):
+        message = f"a calibration of {source} is of pictures of another shape; not used"
+        findings.append(Finding(path.name, "camera-unused", message))
+    groups, odd = group_cameras(photos, kept, path if kept else None, source)
+    return groups, [*findings, *odd]
+
+
+def _of_its_shape(camera: ProgramCamera, photos: list[Photo]) -> tuple[str, ...]:
+    entry = CameraEntry(camera.intrinsics)
+    return tuple(escape(photo.name) for photo in photos if entry.at_size(photo.width, photo.height))
+
+
+def _fits(entry: CameraEntry, photos: list[Photo]) -> bool:
+    """Whether a calibration can be that of all photographs that it names."""
+    return all(entry.at_size(photo.width, photo.height) for photo in photos if entry.covers(photo.name))
+
+
+def _priors(photos: list[Photo], contents: FolderContents, program: ProgramPoses | None) -> PriorSet:
     poses, geo = contents.sidecars.get("poses.csv"), contents.sidecars.get("geo.txt")
     try:
         if poses is not None:
@@ -260,6 +303,8 @@ def _priors(photos: list[Photo], contents: FolderContents) -> PriorSet:
         elif geo is not None:
             geo_rows, odd = read_geo_txt(geo)
             priors = priors_from_geo(photos, geo_rows)
+        elif program is not None and program.metric:
+            return priors_from_program(photos, program)
         else:
             return priors_from_gps(photos)
     except MetadataError as error:

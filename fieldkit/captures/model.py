@@ -6,10 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
+
+if TYPE_CHECKING:
+    from fieldkit.captures.programs.model import ProgramPoses
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class PosePrior:
         yaw_deg, pitch_deg, roll_deg: optical axis; yaw clockwise from the frame's +y (north), pitch −90 straight
             down; the angles of `fieldkit.geometry.Pose.from_yaw_pitch`.
         angle_accuracy_deg: one standard deviation, degrees.
-        source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"`` or, with angles only, ``"XMP"``.
+        source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"``, another program's name or, with angles only, ``"XMP"``.
     """
 
     position: tuple[float, float, float] | None = None
@@ -133,7 +137,7 @@ class CameraGroup:
         key: stable text made from make, model, serial, focal length and size.
         photos: names.
         intrinsics: start value or calibration at the photographs' size; None when nothing is known.
-        source: ``"camera.toml"``, ``"camera.json"``, ``"EXIF"`` or ``"self-calibrated"``.
+        source: ``"camera.toml"``, ``"camera.json"``, another program's name, ``"EXIF"`` or ``"self-calibrated"``.
         fixed: whether the intrinsics are a calibration to be held fixed.
     """
 
@@ -155,11 +159,14 @@ class Capture:
         groups: cameras; every photograph is in exactly one.
         findings: everything left out or doubtful.
         priors: what is known of poses, by photograph name.
-        metric_source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"`` or None; the frame of ``priors``' positions.
+        metric_source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"``, another program's name or None; the frame of
+            ``priors``' positions.
         origin: of that frame, when it is georeferenced (then x is east, y north, z up), else None.
         height_source: what the priors' z is made of, e.g. ``"relative altitude"``; None without a georeference.
         crs_epsg: UTM zone (WGS 84) of the origin, or None.
         markers: what markers.toml says of printed markers, or None.
+        program: poses that another program found and that are not in ``priors``, since these are in another frame or
+            the program's has no scale; None without.
     """
 
     folder: Path
@@ -173,6 +180,7 @@ class Capture:
     height_source: str | None = None
     crs_epsg: int | None = None
     markers: MarkersFile | None = None
+    program: ProgramPoses | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What is known of the photographs' poses: poses.csv before geo.txt before EXIF GPS."""
+"""What is known of the photographs' poses: poses.csv before geo.txt before other programs before EXIF GPS."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_hei
 from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.model import Finding, GeoTag, Photo, PosePrior
 from fieldkit.captures.poses_csv import PoseRow
+from fieldkit.captures.programs.model import ProgramPoses
 from fieldkit.captures.units import suspicious_unit
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
@@ -136,6 +137,24 @@ def priors_from_gps(photos: Sequence[Photo]) -> PriorSet:
         without = [photo.name for photo in photos if photo.name not in tags]
         findings += [Finding(name, "no-gps", "no usable GPS position; others have one") for name in without]
     return _finish(_georeferenced(photos, tags, "EXIF GPS", findings), photos)
+
+
+def priors_from_program(photos: Sequence[Photo], program: ProgramPoses) -> PriorSet:
+    """Priors from another program's poses whose lengths are metres; its frame is the metric frame."""
+    accuracy = program.accuracy
+    priors = {}
+    for photo in photos:
+        pose = program.poses.get(photo.name)
+        if pose is None:
+            continue
+        x, y, z = (float(v) for v in pose.center)
+        yaw, pitch, roll = (None, None, None) if photo.name in program.unoriented else pose.yaw_pitch_roll_deg()
+        priors[photo.name] = PosePrior(
+            position=(x, y, z), position_accuracy_m=accuracy, yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll,
+            angle_accuracy_deg=None if yaw is None else program.angle_accuracy_deg, source=program.program,
+        )  # fmt: skip
+    heights = None if program.origin is None else program.program
+    return _finish(PriorSet(priors, program.program, program.origin, heights), photos)
 
 
 def _match(listed: list[str], photos: Sequence[Photo], source: str) -> tuple[dict[str, str], list[Finding]]:

@@ -13,9 +13,11 @@ from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
     DistancesOption,
+    PosesOptions,
     ReconstructionOptions,
     RunOptions,
     parse_distances,
+    parse_frame,
     run_context,
 )
 from fieldkit.errors import EXIT_OK, ReconstructionError, UsageError
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 # Parameters of which campaign.toml says for all visits alike what they are.
 _OF_CAMPAIGN = {
     "reference",
+    "reference_frame",
     "plan",
     "refine",
     "distances",
@@ -77,14 +80,22 @@ def command(
         Path | None, Option("--campaign", help="Campaign to add to. Without -o: the one about the current folder.")
     ] = None,
     reference: Annotated[
-        Path | None, Option("--reference", help="What `fieldkit reference` wrote. Without: no distances.")
+        Path | None,
+        Option(
+            "--reference", help="What `fieldkit reference` wrote, or a cloud (PLY, LAS, LAZ). Without: no distances."
+        ),
     ] = None,
+    reference_frame: Annotated[
+        str,
+        Option("--reference-frame", metavar="FRAME", help="Of a cloud that does not say it: EPSG:CODE or metres."),
+    ] = "",
     flight: FlightOptions,
     refine: Annotated[
         bool, Option("--refine", help="Move each cloud onto the reference by ICP first; the motion is reported.")
     ] = False,
     distances: DistancesOption = DISTANCES,
     reconstruction: ReconstructionOptions,
+    poses: PosesOptions,
     no_wait: Annotated[
         bool, Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
     ] = False,
@@ -122,17 +133,21 @@ def command(
     """
     cache = run.cache()
     if output is None:
-        folder = _campaign_folder(context, campaign, flight)
+        folder = _campaign_folder(context, campaign, flight, poses)
         return _in_campaign(folder, captures, cache, run, wait=not no_wait, as_json=as_json)
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
     mission, distances_m, settings = flight.flown(), parse_distances(distances), reconstruction.settings(run.seed)
+    given, frame = poses.given(), parse_frame("--reference-frame", reference_frame)
+    if frame and reference is None:
+        raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
     from fieldkit.evaluation.evaluate import evaluate_captures
 
     with run_context(as_json=as_json) as progress:
         report = evaluate_captures(
-            captures, output, settings, reference=reference, refine=refine, distances_m=distances_m, log=flight.log,
-            plan=flight.plan, mission=mission, cache=cache, progress=progress, overwrite=run.overwrite,
+            captures, output, settings, reference=reference, reference_frame=frame, refine=refine,
+            distances_m=distances_m, log=flight.log,
+            plan=flight.plan, mission=mission, poses=given, cache=cache, progress=progress, overwrite=run.overwrite,
             workers=run.workers,
         )  # fmt: skip
     if as_json:
@@ -146,7 +161,7 @@ def command(
     return ReconstructionError.exit_code if report.failed == len(report.plots) else EXIT_OK
 
 
-def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOptions) -> Path:
+def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOptions, poses: PosesOptions) -> Path:
     """The campaign that is meant.
 
     Raises:
@@ -169,6 +184,8 @@ def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOpti
         raise UsageError(
             "--log is not taken in a campaign", remedy="Write the poses with `fieldkit geotag` first, or give -o."
         )
+    if poses.poses is not None:
+        raise UsageError("--poses is not taken in a campaign", remedy="Leave it out, or give -o.")
     return folder
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
 
 from typer import Option
@@ -16,6 +17,7 @@ from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
+    from fieldkit.captures.programs import PosesFile
     from fieldkit.reconstruction.settings import ReconstructionSettings
     from fieldkit.runtime.progress import Progress
 
@@ -91,6 +93,44 @@ class ReconstructionOptions:
 
 
 @dataclass(frozen=True)
+class PosesOptions:
+    """Poses that another program found."""
+
+    panel: ClassVar[str] = "Another program's poses"
+
+    poses: Annotated[
+        Path | None,
+        Option(
+            "--poses",
+            help="A COLMAP model's folder, OpenDroneMap's reconstruction.json or shots.geojson, or Metashape's cameras "
+            "(XML or Omega Phi Kappa). Without: what lies beside the photographs.",
+        ),
+    ] = None
+    poses_frame: Annotated[
+        str,
+        Option(
+            "--poses-frame",
+            metavar="FRAME",
+            help="Of --poses, where it says none, as COLMAP's do: metres, or EPSG:CODE.",
+        ),
+    ] = ""
+
+    def given(self) -> PosesFile | None:
+        """The file and its frame; None where none was given.
+
+        Raises:
+            UsageError: a frame without a file, or one that is neither metres nor EPSG:CODE.
+        """
+        if self.poses is None:
+            if self.poses_frame:
+                raise UsageError("--poses-frame is that of --poses", remedy="Give --poses with it.")
+            return None
+        from fieldkit.captures.programs import PosesFile
+
+        return PosesFile(self.poses, parse_frame("--poses-frame", self.poses_frame))
+
+
+@dataclass(frozen=True)
 class RunOptions:
     """How the stages of a reconstruction are run."""
 
@@ -103,6 +143,20 @@ class RunOptions:
     def cache(self) -> StageCache:
         """The stage cache, as `open_cache` gives it."""
         return open_cache(no_cache=self.no_cache, resume=self.resume)
+
+
+def parse_frame(option: str, text: str) -> str:
+    """What a person says of a frame: "metres", "EPSG:CODE", or "" for nothing.
+
+    Raises:
+        UsageError: it is none of these.
+    """
+    if text.lower() in ("", "metres", "meters"):
+        return "metres" if text else ""
+    kind, colon, code = text.partition(":")
+    if kind.upper() == "EPSG" and colon and code.replace("+", "").isdecimal() and 4 <= len(code) <= 12:
+        return f"EPSG:{code}"
+    raise UsageError(f"{option}: neither metres nor EPSG:CODE: {text}", remedy=f"Write it like {option} EPSG:32633.")
 
 
 def parse_bounds(text: str) -> Box:

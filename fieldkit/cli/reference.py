@@ -9,7 +9,7 @@ from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.option_groups import grouped
-from fieldkit.cli.reconstruction_options import ReconstructionOptions, RunOptions, run_context
+from fieldkit.cli.reconstruction_options import PosesOptions, ReconstructionOptions, RunOptions, run_context
 
 
 @grouped
@@ -17,6 +17,7 @@ def command(
     images: Annotated[Path, Argument(help="Folder of photographs of one plot, 45 or more for a good reference.")],
     output: OutputOption,
     reconstruction: ReconstructionOptions,
+    poses: PosesOptions,
     run: RunOptions,
     no_scene: Annotated[bool, Option("--no-scene", help="The plants alone, without scene.ply.")] = False,
     as_json: JsonOption = False,
@@ -34,10 +35,12 @@ def command(
         fieldkit reference plot_7/ -o plot_7-reference
         fieldkit reference plot_7/ --fidelity fine --workers 4 -o plot_7-reference
         fieldkit reference plot_7/ --no-scene -o plot_7-reference
+        fieldkit reference plot_7/ --poses sparse/0 --poses-frame metres -o plot_7-reference
         fieldkit reference plot_7/ --bounds -1.5,-0.75,0,1.5,0.75,1.2 --resume -o plot_7-reference
 
     Files:
         IMAGES/poses.csv, geo.txt  where the photographs were taken; without, EXIF's GPS
+        IMAGES/sparse/0, opensfm/, cameras.xml  poses that COLMAP, OpenDroneMap or Metashape found
         IMAGES/camera.toml  the camera's calibration; without, it is found
         IMAGES/masks/NAME.png  what is plant, with --mask file
         OUTPUT/reference.json  what was found, and how well
@@ -52,13 +55,13 @@ def command(
     See Also:
         fieldkit plan, fieldkit evaluate, fieldkit scene from-reference
     """
-    cache, settings = run.cache(), reconstruction.settings(run.seed)
+    cache, settings, given = run.cache(), reconstruction.settings(run.seed), poses.given()
     from fieldkit.evaluation.reference import build_reference
 
     with run_context(as_json=as_json) as progress:
         report = build_reference(
             images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, resume=run.resume,
-            workers=run.workers, scene=not no_scene,
+            workers=run.workers, scene=not no_scene, poses=given,
         )  # fmt: skip
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})

@@ -35,10 +35,14 @@ class LasCloud:
     Attributes:
         cloud: in the system's own coordinates (for UTM easting, northing and height), metres.
         crs_epsg: its EPSG code; None where it has none, or one in feet, since the points are metres.
+        crs: pyproj's of what the file says its coordinates are in, or None.
+        units_m: metres per unit of the file's x, y and z.
     """
 
     cloud: Cloud
     crs_epsg: int | None
+    crs: Any = None
+    units_m: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 def read_las(path: Path) -> LasCloud:
@@ -163,7 +167,8 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
         units = _units(header, crs, path)
         metres = (units == 1.0).all()
         cloud = Cloud(xyz if metres else xyz * units, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
-        return LasCloud(cloud, crs.to_epsg() if crs is not None and metres else None)
+        epsg = crs.to_epsg() if crs is not None and metres else None
+        return LasCloud(cloud, epsg, crs, (float(units[0]), float(units[1]), float(units[2])))
 
 
 def _eight_bit(colors: NDArray[np.uint16]) -> NDArray[np.uint8] | None:

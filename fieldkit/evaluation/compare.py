@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fieldkit.errors import UsageError
+from fieldkit.clouds import Volume
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.evaluation.cloud_reference import AnyReference, open_reference, reference_file
 from fieldkit.evaluation.comparing import Comparer, Run
-from fieldkit.evaluation.reference import Reference
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.plan_file import load_plan
-from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_evaluation_report
+from fieldkit.results.report_files import file_sha256, load_evaluation_report
 from fieldkit.runtime.progress import Progress, Silent
 
 COMPARE_FILE = "compare.json"
@@ -71,9 +72,10 @@ def compare_evaluations(
     if len(labels) < 2:
         raise UsageError("there is nothing to compare", remedy="Give two evaluations or more, of different labels.")
     method = None if plan is None else load_plan(plan).method
-    known = None if reference is None else Reference(reference)
+    known = None
     if reference is not None:
         _check_reference(reference, runs)
+        known = _as_scored(reference, runs[0])
     with progress.stage("Comparing"):
         report = Comparer(runs, labels, known, method, seed).report()
     if output is None:
@@ -115,9 +117,21 @@ def _labelled(text: Path | str) -> tuple[str, Path]:
     return label.strip(), Path(path)
 
 
+def _as_scored(reference: Path, run: Run) -> AnyReference:
+    """The reference as a run took it: a bare cloud in the same frame, and within the same bounds."""
+    settings = run.report.settings
+    bounds = settings.get("bounds")
+    volume = Volume(tuple(bounds["lower"]), tuple(bounds["upper"])) if isinstance(bounds, dict) else None
+    return open_reference(reference, str(settings.get("reference_frame") or ""), volume)
+
+
 def _check_reference(reference: Path, runs: Sequence[Run]) -> None:
-    file = reference / REFERENCE_FILE if reference.is_dir() else reference
-    sha = file_sha256(file)
+    try:
+        sha = file_sha256(reference_file(reference))
+    except OSError as error:
+        raise MetadataError(
+            "there is no reference", path=reference, remedy="Give what the evaluations were scored against."
+        ) from error
     for run in runs:
         if run.report.reference_sha256 != sha:
             raise UsageError(

@@ -13,8 +13,9 @@ import numpy as np
 import fieldkit
 from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.errors import FieldkitError
+from fieldkit.evaluation.cloud_reference import AnyReference
 from fieldkit.evaluation.comparison_figures import PREDICTED, figure_names, figure_value
-from fieldkit.evaluation.reference import CLOUD_FILE, Reference
+from fieldkit.evaluation.reference import CLOUD_FILE
 from fieldkit.evaluation.score_noise import (
     LEAST_BLOCKS,
     RESAMPLES,
@@ -66,7 +67,7 @@ class Comparer:
         self,
         runs: Sequence[Run],
         labels: Sequence[str],
-        reference: Reference | None,
+        reference: AnyReference | None,
         method: PlanMethod | None,
         seed: int,
     ) -> None:

@@ -194,20 +194,25 @@ def evaluation_report(
     settings: ReconstructionSettings,
     *,
     reference_sha256: str | None,
+    reference_frame: str | None = None,
     refine: bool,
     distances_m: Sequence[float],
     seconds: float,
     cpu_seconds: float,
     files: Sequence[FileEntry] = (),
 ) -> EvaluationReport:
-    """What evaluation.json says: the plots in order, and what they were scored with."""
+    """What evaluation.json says: the plots in order, and what they were scored with.
+
+    ``reference_frame`` is what was said of a bare cloud's frame, "" for nothing; None of a reference's folder.
+    """
+    frame = {} if reference_frame is None else {"reference_frame": reference_frame}
     return EvaluationReport(
         fieldkit=fieldkit.__version__,
         source=clean_text(source),
         reference_sha256=reference_sha256,
         refine=refine,
         distances_m=tuple(sorted(float(d) for d in distances_m)),
-        settings=settings_entry(settings),
+        settings=settings_entry(settings) | frame,
         plots=tuple(plots),
         seconds=float(seconds),
         cpu_seconds=float(cpu_seconds),

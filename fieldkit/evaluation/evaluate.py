@@ -9,20 +9,29 @@ from pathlib import Path
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.captures.programs import PosesFile
 from fieldkit.errors import FieldkitError, InputError, StorageError, UsageError
 from fieldkit.evaluation.adherence import Flight
+from fieldkit.evaluation.cloud_reference import (
+    AnyReference,
+    CloudReference,
+    known_plot_of,
+    open_reference,
+    reference_file,
+)
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
+from fieldkit.evaluation.figures import findings_entries
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import count_photographs, find_plots, result_folders
-from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.present.spreadsheets.plots import write_plots_csv
+from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
 from fieldkit.results.plan_file import load_plan
-from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, file_sha256, save_report
+from fieldkit.results.report_files import EVALUATION_FILE, describe_files, file_sha256, save_report
 from fieldkit.runtime.progress import Progress
 
 __all__ = ["COMPARISON_FILE", "DISTANCES_M", "PLOTS_FILE", "evaluate_captures"]
@@ -37,11 +46,13 @@ def evaluate_captures(
     settings: ReconstructionSettings | None = None,
     *,
     reference: Path | None = None,
+    reference_frame: str = "",
     refine: bool = False,
     distances_m: Sequence[float] = DISTANCES_M,
     log: Path | None = None,
     plan: Path | None = None,
     mission: tuple[Path, str] | None = None,
+    poses: PosesFile | None = None,
     cache: StageCache,
     progress: Progress,
     overwrite: bool = False,
@@ -55,13 +66,15 @@ def evaluate_captures(
             and, with a reference, comparison.png. A plot that is named as one of these files gets a folder with a
             number.
         settings: choices; None takes the defaults. Bounds default to the reference's volume.
-        reference: folder that `build_reference` wrote; None gives the figures that need none.
+        reference: folder that `build_reference` wrote, or a cloud (PLY, LAS, LAZ); None gives figures that need none.
+        reference_frame: of a cloud, as `open_reference` takes it.
         refine: align each plot's cloud to the reference by ICP before scoring; the correction is reported.
         distances_m: of precision, recall and F-score.
         log: flight log; the photographs' poses are then those of the triggers they match, and not those of poses.csv,
             geo.txt or GPS.
         plan: that was flown, on the reference's plot: the report says how the photographs kept to it.
         mission: file of it that was uploaded, and the vehicle's profile: what the autopilot was told.
+        poses: that another program found, of all plots; None takes what lies beside each one's photographs.
         cache: of stages.
         progress: told of stages and findings.
         overwrite: replace an earlier evaluation in ``output``.
@@ -71,8 +84,8 @@ def evaluate_captures(
         The report; plots that failed are in it with their error, and do not stop the others.
 
     Raises:
-        UsageError: ``output`` exists, or ``plan`` is given with a log, but no georeferenced reference, or a mission
-            without a plan.
+        UsageError: ``output`` exists, or ``plan`` is given with a log, but no georeferenced reference, a mission
+            without a plan, or ``poses`` with a log.
         InputError: there are no captures, or the log or the reference cannot be used. With a single plot its own error
             is raised.
     """
@@ -80,22 +93,27 @@ def evaluate_captures(
     spent = Spent.now()
     if mission is not None and plan is None:
         raise UsageError("a mission is compared with its plan", remedy="Give --plan with --mission, or leave it out.")
+    if poses is not None and log is not None:
+        raise UsageError("poses come from a flight log or from another program", remedy="Give --log or --poses.")
     with atomic_folder(output, overwrite=overwrite, marker=EVALUATION_FILE) as folder:
         plots, empty = find_plots(captures)
         if empty:
             progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
-        read = None if reference is None else Reference(reference)
+        read = None if reference is None else open_reference(reference, reference_frame, settings.bounds)
+        for finding in read.findings if isinstance(read, CloudReference) else ():
+            progress.note(finding.message)
         flight = None if log is None else Flight.read(log, plots)
         flown = None if plan is None else _flown_plan(plan, mission, read, flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
-        run = _Run(folder, settings, scoring, flight, flown, cache, progress, workers)
+        run = _Run(folder, settings, scoring, flight, flown, poses, cache, progress, workers)
         places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE))
         results = run.plots(plots, places)
         report = evaluation_report(
             Path(captures).absolute().name,
             results,
             settings,
-            reference_sha256=None if reference is None else file_sha256(_json_of(reference)),
+            reference_sha256=None if reference is None else file_sha256(reference_file(reference)),
+            reference_frame=reference_frame if isinstance(read, CloudReference) else None,
             refine=refine,
             distances_m=distances_m,
             seconds=spent.seconds,
@@ -107,15 +125,14 @@ def evaluate_captures(
     return report
 
 
-def _json_of(reference: Path) -> Path:
-    return reference / REFERENCE_FILE if reference.is_dir() else reference
-
-
 def _flown_plan(
-    plan: Path, mission: tuple[Path, str] | None, reference: Reference | None, flight: Flight | None
+    plan: Path, mission: tuple[Path, str] | None, reference: AnyReference | None, flight: Flight | None
 ) -> FlownPlan:
     told = None if mission is None else FlownMission.read(*mission)
-    place = None if reference is None else reference.known_plot().source
+    if isinstance(reference, CloudReference):
+        place: SourceFrame | None = SourceFrame("poses.csv", reference.origin, reference.from_source)
+    else:
+        place = None if reference is None else reference.known_plot().source
     return FlownPlan.of(load_plan(plan), place, flight, told)
 
 
@@ -128,6 +145,7 @@ class _Run:
     scoring: Scoring
     flight: Flight | None
     plan: FlownPlan | None
+    poses: PosesFile | None
     cache: StageCache
     progress: Progress
     workers: int
@@ -167,12 +185,15 @@ class _Run:
 
     def _scored(self, name: str, path: Path, place: str, spent: Spent) -> PlotEvaluation:
         by_log = None if self.flight is None else self.flight.capture(name)
-        capture = read_capture(path) if by_log is None else by_log
-        known_plot = None if self.scoring.reference is None else self.scoring.reference.known_plot()
+        capture = read_capture(path, poses=self.poses) if by_log is None else by_log
+        reference = self.scoring.reference
+        known_plot = known_plot_of(reference, capture)
         plot = score_capture(
             name, capture, known_plot, self.folder, self.settings, self.scoring,
             spent=spent, cache=self.cache, progress=self.progress, workers=self.workers, subfolder=place,
         )  # fmt: skip
+        if isinstance(reference, CloudReference):
+            plot = plot.model_copy(update={"findings": plot.findings + findings_entries(reference.findings)})
         if self.plan is None:
             return plot
         plot = self.plan.compare(plot, name, path, capture)

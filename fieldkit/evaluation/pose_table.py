@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -91,7 +92,7 @@ def capture_poses(capture: Capture, frame: SourceFrame) -> dict[str, PoseEntry]:
     """
     entries = {}
     turn = frame.from_source.rotation
-    for name, known in known_poses(capture, frame).poses.items():
+    for name, known in known_poses(replace(capture, program=None), frame).poses.items():
         if known.position is None:
             continue
         prior = capture.priors[name]

@@ -10,6 +10,7 @@ import numpy as np
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
+from fieldkit.captures.programs import PosesFile
 from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.errors import MetadataError
@@ -51,6 +52,7 @@ def build_reference(
     resume: bool = False,
     workers: int = 1,
     scene: bool = True,
+    poses: PosesFile | None = None,
 ) -> ReferenceReport:
     """Build a reference from a folder of photographs.
 
@@ -67,6 +69,7 @@ def build_reference(
         resume: add the scene to an earlier reference in ``output`` that was made alike and has none.
         workers: processes; the result does not depend on it.
         scene: also reconstruct what is not plant.
+        poses: that another program found; None takes what lies beside the photographs.
 
     Raises:
         UsageError: ``output`` exists.
@@ -77,7 +80,8 @@ def build_reference(
     begun = time.perf_counter(), processor_seconds()
     goes_on = resume and scene and _lacks_scene(output, images, settings)
     with atomic_folder(output, overwrite=overwrite or goes_on, marker=REFERENCE_FILE) as folder:
-        found = reconstruct(read_capture(images), settings, cache=cache, progress=progress, workers=workers)
+        capture = read_capture(images, poses=poses)
+        found = reconstruct(capture, settings, cache=cache, progress=progress, workers=workers)
         color_points(found.sparse.model, found.sparse.capture.photos)
         if not scene:
             found = replace(found, scene=None)

@@ -12,8 +12,9 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, Finding
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
+from fieldkit.evaluation.cloud_reference import AnyReference
 from fieldkit.evaluation.conversion import plot_evaluation
-from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
+from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE
 from fieldkit.present.pictures.evaluation import write_comparison
 from fieldkit.present.pictures.overview import write_overview
 from fieldkit.present.style import format_length
@@ -67,13 +68,13 @@ class Scoring:
         distances_m: of precision, recall and F-score.
     """
 
-    reference: Reference | None
+    reference: AnyReference | None
     index: ReferenceIndex | None
     refine: bool
     distances_m: tuple[float, ...]
 
     @classmethod
-    def against(cls, reference: Reference | None, *, refine: bool, distances_m: tuple[float, ...]) -> Scoring:
+    def against(cls, reference: AnyReference | None, *, refine: bool, distances_m: tuple[float, ...]) -> Scoring:
         return cls(reference, None if reference is None else ReferenceIndex(reference.cloud), refine, distances_m)
 
 

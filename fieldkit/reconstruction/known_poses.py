@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.captures.programs.model import POSITION_SHARE, ProgramPoses
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.reconstruction.agreement import KnownPose
+from fieldkit.reconstruction.agreement import KnownPose, align_to_positions
 
 _DEFAULT_ANGLE_SIGMA_DEG = 3.0
 _DEFAULT_POSITION_SIGMA_M = 0.05
+_SPREAD = 5.0  # of cameras where lengths are not metres: about that of a plot, for limits elsewhere are in metres
 _SMALL_M = 1000.0  # coordinates beyond (UTM, say) are shifted, for bundle adjustment's sake
 
 
@@ -23,15 +25,17 @@ class SourceFrame:
     """The metric frame poses are known in, and the frame they are worked with in.
 
     Attributes:
-        source: ``"poses.csv"``, ``"geo.txt"`` or ``"EXIF GPS"``.
+        source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"`` or another program's name.
         origin: where the source's frame lies on the Earth (then x is east, y north, z up), or None.
         from_source: rigid motion from the source's coordinates to the working frame: a shift that keeps numbers
-            small, or into the plot frame of a reference.
+            small, or into the plot frame of a reference. A similarity where not ``scaled``.
+        scaled: whether the source's lengths are metres.
     """
 
     source: str
     origin: LocalFrame | None
     from_source: Similarity
+    scaled: bool = True
 
     @property
     def georeferenced(self) -> bool:
@@ -40,10 +44,14 @@ class SourceFrame:
 
 @dataclass(frozen=True, eq=False)
 class KnownPoses:
-    """Known poses by image name, in the working frame of ``frame`` (None when no position is known)."""
+    """Known poses by image name, in the working frame of ``frame`` (None when no position is known).
+
+    ``notes`` are doubts, in sentences.
+    """
 
     poses: dict[str, KnownPose]
     frame: SourceFrame | None
+    notes: tuple[str, ...] = ()
 
     @property
     def positioned(self) -> list[str]:
@@ -61,6 +69,8 @@ def known_poses(capture: Capture, within: SourceFrame | None = None) -> KnownPos
         ReconstructionError: the capture's metric source and the reference's have no frame in common.
     """
     own = _frame_of(capture)
+    if own is None and capture.program is not None:
+        return _unscaled(capture.program, within)
     if own is not None and within is not None:
         _check_common(own, within, capture)
     frame = own if within is None or own is None else within
@@ -77,7 +87,70 @@ def known_poses(capture: Capture, within: SourceFrame | None = None) -> KnownPos
             rotation=None if rotation is None else rotation @ turn.T,
             angle_sigma_deg=prior.angle_accuracy_deg or _DEFAULT_ANGLE_SIGMA_DEG,
         )
-    return KnownPoses(known, frame)
+    if capture.program is None or frame is None:
+        return KnownPoses(known, frame)
+    return _with_program(KnownPoses(known, frame), capture.program)
+
+
+def _unscaled(program: ProgramPoses, within: SourceFrame | None) -> KnownPoses:
+    """Another program's poses in a frame of their own, where nothing gives them a scale.
+
+    Raises:
+        ReconstructionError: they are wanted within a reference's frame.
+    """
+    if within is not None:
+        raise ReconstructionError(
+            f"the poses that {program.program} found have no metric scale and no place, so the photographs cannot be "
+            "placed in the reference's frame",
+            path=program.path,
+            remedy="Put positions (poses.csv, geo.txt) beside the photographs, or name the frame with --poses-frame.",
+        )
+    centers = np.array([pose.center for pose in program.poses.values()])
+    sigma = program.accuracy
+    scale = _SPREAD * POSITION_SHARE / sigma if sigma > 0 else 1.0
+    to_working = Similarity(scale, np.eye(3), -scale * centers.mean(axis=0))
+    placed = _of_program(program, to_working, scale * sigma)
+    return KnownPoses(placed, SourceFrame(program.program, None, to_working, scaled=False))
+
+
+def _with_program(known: KnownPoses, program: ProgramPoses) -> KnownPoses:
+    """Known poses with what another program adds: orientations, and positions where they are better or missing.
+
+    The program's model is moved onto the known positions. These keep their accuracy: it is that of the model's place
+    and scale.
+    """
+    motion = align_to_positions(program.poses, known.poses, seed=0)
+    if motion is None:
+        note = (
+            f"the poses that {program.program} found do not fit the known positions (fewer than three agree), and are "
+            "not used"
+        )
+        return KnownPoses(known.poses, known.frame, (note,))
+    sigmas = [known.poses[name].position_sigma_m for name in known.positioned]
+    sigma = float(np.median(sigmas))
+    better = motion.scale * program.accuracy
+    poses = dict(known.poses)
+    for name, found in _of_program(program, motion, sigma).items():
+        own = known.poses.get(name)
+        if own is not None and own.position is not None:
+            found = replace(
+                found, position=found.position if better < own.position_sigma_m else own.position,
+                position_sigma_m=own.position_sigma_m,
+            )  # fmt: skip
+        poses[name] = found
+    return KnownPoses(poses, known.frame)
+
+
+def _of_program(program: ProgramPoses, motion: Similarity, sigma: float) -> dict[str, KnownPose]:
+    """Its poses after a motion, their positions good to ``sigma``."""
+    moved = {name: motion.apply_pose(pose) for name, pose in program.poses.items()}
+    return {
+        name: KnownPose(
+            position=pose.center, position_sigma_m=sigma,
+            rotation=None if name in program.unoriented else pose.rotation, angle_sigma_deg=program.angle_accuracy_deg,
+        )
+        for name, pose in moved.items()
+    }  # fmt: skip
 
 
 def _frame_of(capture: Capture) -> SourceFrame | None:

@@ -175,6 +175,8 @@ def place(
     mapped = map_capture(
         capture, cameras, known, settings, cache=cache, progress=progress, workers=workers, region=region
     )
+    if known.frame is not None and not known.frame.scaled:
+        mapped = mapped.without_scale(known.frame.source)
     if known_plot is not None and not mapped.metric:
         raise _not_in_frame(capture, mapped)
     scale = None
@@ -261,7 +263,7 @@ def _frame(
         ground = None if found is None else moved_plane(found, motion)
     residuals = [i.position_residual_m for i in mapped.images if i.counts and i.position_residual_m is not None]
     bounds = [known.poses[n].bound_m for n in known.positioned]
-    notes = list(mapped.notes)
+    notes = [*known.notes, *mapped.notes]
     name = "none" if source is None else source.source
     if scale is not None:
         name = "markers"

@@ -78,6 +78,17 @@ class Mapped:
     notes: tuple[str, ...]
     flat: bool = False
 
+    def without_scale(self, program: str) -> Mapped:
+        """The same where the known positions' lengths are no metres: a program's name says whose they are."""
+        images = tuple(
+            replace(
+                image, position_residual_m=None,
+                reason=f"wrong pose: not where {program} has it" if image.right is False else image.reason,
+            )
+            for image in self.images
+        )  # fmt: skip
+        return replace(self, metric=False, images=images)
+
 
 def map_capture(
     capture: Capture,

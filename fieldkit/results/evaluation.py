@@ -20,7 +20,9 @@ Distance = Annotated[str, Field(pattern=r"^\d+\.\d{3,}$")]
 ByDistance = dict[Distance, Share]
 
 Method = Literal["incremental", "global", "prior"]
-Source = Literal["poses.csv", "geo.txt", "EXIF GPS", "flight log", "markers", "none"]
+Source = Literal[
+    "poses.csv", "geo.txt", "COLMAP", "OpenDroneMap", "Metashape", "EXIF GPS", "flight log", "markers", "none"
+]  # fmt: skip
 
 
 class FileEntry(Strict):

@@ -27,7 +27,7 @@ def plots(folder: Path, *names: str) -> Path:
 def test_an_error_that_nobody_foresaw_is_its_plots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     day = plots(tmp_path / "day", "plot 1", "plot 2")
 
-    def read(folder: Path) -> Capture:
+    def read(folder: Path, **_: object) -> Capture:
         if folder.name == "plot 1":
             raise ZeroDivisionError("division by zero")
         return read_capture(folder)
@@ -48,7 +48,7 @@ def test_an_error_that_nobody_foresaw_is_its_plots(tmp_path: Path, monkeypatch: 
 def test_no_space_is_nobodys_plot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     day = plots(tmp_path / "day", "plot 1", "plot 2")
 
-    def read(folder: Path) -> Capture:
+    def read(folder: Path, **_: object) -> Capture:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("fieldkit.evaluation.evaluate.read_capture", read)

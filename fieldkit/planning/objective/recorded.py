@@ -217,6 +217,7 @@ class RecordedSource:
             height_source=None,
             crs_epsg=None,
             markers=None,
+            program=None,
         )
 
 

@@ -14,6 +14,7 @@ from fieldkit.captures import read_capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import SceneError, UsageError
+from fieldkit.evaluation.cloud_reference import is_cloud, reference_file
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics
@@ -88,9 +89,15 @@ def describe_sources(
     """The sources of a run: paths, or names of scenes that come with fieldkit.
 
     Raises:
-        UsageError: no source is given, sources of two kinds are, or one is given twice.
+        UsageError: no source is given, sources of two kinds are, one is given twice, or a reference is a bare cloud.
         InputError: a source does not exist.
     """
+    for reference in references:
+        if is_cloud(reference) and reference_file(reference) == reference:
+            raise UsageError(
+                "a plan needs a reference's cameras and ground, which a bare cloud does not have", path=reference,
+                remedy="Build one of photographs: `fieldkit reference IMAGES -o REF`.",
+            )  # fmt: skip
     if captures is not None and not scenes:
         captures = captures.resolve()
         read_capture(captures)

@@ -1,0 +1,130 @@
+"""A COLMAP model: a folder with cameras, images and points3D as .bin or .txt, since COLMAP 3.12 also rigs and frames.
+
+Poses are world-to-camera (colmap.github.io/format.html). The model's frame and its unit are arbitrary, unless it was
+aligned (`colmap model_aligner`), which its files do not say.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fieldkit.captures.model import Finding
+from fieldkit.captures.programs.colmap_sizes import AGAIN, DAMAGED, WALKS, check_complete
+from fieldkit.captures.programs.frames import local_from_crs, parse_crs
+from fieldkit.captures.programs.model import METRES, ProgramCamera, ProgramPoses
+from fieldkit.errors import MetadataError
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.regular_files import check_regular
+
+if TYPE_CHECKING:
+    import pycolmap
+
+_NEEDED, _SINCE_3_12 = ("cameras", "images"), ("rigs", "frames")
+_LARGEST = 1e12
+_MAX_BYTES = 4 << 30
+_REMEDY = "Give the folder that COLMAP wrote, with cameras and images as .bin or .txt."
+_UNSCALED = "without metric scale, since COLMAP's files have none"
+_BINARY, _TEXT = ".bin", ".txt"
+
+
+def colmap_suffix(folder: Path) -> str | None:
+    """``".bin"`` or ``".txt"`` where a folder holds a COLMAP model in that form, else None."""
+    for suffix in (_BINARY, _TEXT):
+        if all((folder / f"{name}{suffix}").is_file() for name in _NEEDED):
+            return suffix
+    return None
+
+
+def read_colmap(folder: Path, frame: str = "") -> ProgramPoses:
+    """The registered images of a model.
+
+    Args:
+        folder: of the model.
+        frame: what a person says it is in: `METRES`, a coordinate system, or "" for nothing.
+
+    Raises:
+        MetadataError: it is no model, damaged or too large, or has no registered image.
+    """
+    try:
+        poses, cameras, findings = _contents(_load(folder))
+    except MetadataError:
+        raise
+    except Exception as error:  # pycolmap raises ValueError, IndexError, RuntimeError or MemoryError
+        detail = str(error).rpartition("] ")[2] or type(error).__name__
+        raise MetadataError(f"COLMAP cannot read this model: {detail}", path=folder, remedy=_REMEDY) from error
+    if not poses:
+        raise MetadataError("no image of this model is registered", path=folder, remedy=_REMEDY)
+    origin, said = None, _UNSCALED
+    if frame == METRES:
+        said = "in metres, as was said"
+    elif frame:
+        crs = parse_crs(frame, folder)
+        origin, poses = local_from_crs(poses, crs, folder)
+        said = f"in {crs.name}, as was said"
+    return ProgramPoses(
+        "COLMAP", folder, poses, metric=bool(frame), origin=origin, cameras=tuple(cameras), frame_said=said,
+        findings=tuple(findings),
+    )  # fmt: skip
+
+
+def _contents(model: pycolmap.Reconstruction) -> tuple[dict[str, Pose], list[ProgramCamera], list[Finding]]:
+    """Poses of the registered images, their cameras, and what is odd about these."""
+    images = sorted((model.image(k) for k in model.reg_image_ids()), key=lambda image: str(image.name))
+    poses = {
+        str(image.name): Pose(image.cam_from_world().rotation.matrix(), image.projection_center()) for image in images
+    }
+    for name, pose in poses.items():
+        turns = np.allclose(pose.rotation @ pose.rotation.T, np.eye(3), atol=1e-6)
+        if not turns or not (np.abs(pose.center) < _LARGEST).all():
+            raise ValueError(f"the pose of {name} is none")
+    cameras, findings = [], []
+    for key in sorted({image.camera_id for image in images}):
+        names = tuple(str(image.name) for image in images if image.camera_id == key)
+        camera = model.camera(key)
+        try:
+            own = Intrinsics(camera.model.name, camera.width, camera.height, tuple(float(p) for p in camera.params))
+        except ValueError as error:
+            message = f"COLMAP's camera {key} is not used ({error}); its poses are"
+            findings.append(Finding(names[0], "camera-unused", message))
+        else:
+            cameras.append(ProgramCamera(own, names))
+    return poses, cameras, findings
+
+
+def _load(folder: Path) -> pycolmap.Reconstruction:
+    suffix = colmap_suffix(folder)
+    if suffix is None:
+        raise MetadataError("this folder holds no COLMAP model", path=folder, remedy=_REMEDY)
+    from fieldkit.runtime.colmap import pycolmap
+
+    with tempfile.TemporaryDirectory(prefix="fieldkit-") as place:
+        # The points may be many and are not needed, so COLMAP is shown a model without.
+        bare = Path(place)
+        for name in (*_NEEDED, *_SINCE_3_12):
+            file = (folder / f"{name}{suffix}").resolve()
+            if file.exists():
+                _check(file)
+                if suffix == _BINARY and name in WALKS:
+                    check_complete(file, name)
+                (bare / file.name).symlink_to(file)
+        (bare / f"points3D{suffix}").write_bytes(bytes(8) if suffix == _BINARY else b"")
+        model = pycolmap.Reconstruction(os.fspath(bare))
+    written = 8 + sum(24 + 8 * len(camera.params) for camera in model.cameras.values())
+    if suffix == _BINARY and (folder / f"cameras{_BINARY}").stat().st_size != written:
+        raise MetadataError(DAMAGED, path=folder / f"cameras{_BINARY}", remedy=AGAIN)
+    return model
+
+
+def _check(file: Path) -> None:
+    try:
+        size = check_regular(file).st_size
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise MetadataError(f"cannot be read: {reason}", path=file, remedy=_REMEDY) from error
+    if size > _MAX_BYTES:
+        raise MetadataError("is larger than 4 GiB", path=file, remedy="Use a model of one plot's photographs.")

@@ -1,0 +1,145 @@
+"""Poses of geocentric, geographic and projected coordinates in a local east-north-up frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import MetadataError
+from fieldkit.geometry import Pose
+from fieldkit.geometry.geodesy import LocalFrame, ecef_to_geodetic, geodetic_to_ecef
+
+_REMEDY = "Name a system that EPSG knows, like EPSG:32633, or metres where the coordinates have no place."
+_STEP_M = 10.0
+
+
+def parse_crs(text: str, path: Path | None) -> Any:
+    """The CRS of pyproj of a code, a WKT or a PROJ string.
+
+    Raises:
+        MetadataError: pyproj is not installed, or does not know it.
+    """
+    try:
+        from pyproj import CRS
+        from pyproj.exceptions import CRSError
+    except ImportError as error:
+        raise MetadataError(
+            f"coordinates in {text[:40]} need pyproj", path=path, remedy="Install it with: pip install 'fieldkit[geo]'."
+        ) from error
+    try:
+        return CRS.from_user_input(text)
+    except CRSError as error:
+        raise MetadataError(f"{text[:60]!r} is no coordinate system pyproj knows", path=path, remedy=_REMEDY) from error
+
+
+def height_datum(crs: Any) -> str:
+    """What a system's heights are measured from, as `LocalFrame` says it."""
+    if crs.is_geocentric or (not crs.is_compound and len(crs.axis_info) > 2):
+        return "ellipsoid"
+    return "sea level" if crs.is_compound else "unknown"
+
+
+def to_geodetic(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDArray[np.float64]:
+    """WGS 84 latitude, longitude (degrees) and height (metres, above the system's own datum) of points (n, 3).
+
+    x is east or the longitude. Heights are in the system's unit for them, else in that of x and y; beside degrees in
+    metres.
+
+    Raises:
+        MetadataError: the points lie outside the system's area, or nowhere on Earth.
+    """
+    from pyproj import Transformer
+
+    if crs.is_geocentric:
+        transformer = Transformer.from_crs(crs, "EPSG:4979", always_xy=True)
+        longitude, latitude, height = (np.asarray(v) for v in transformer.transform(*points.T))
+    else:
+        flat = crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
+        longitude, latitude = Transformer.from_crs(flat, "EPSG:4326", always_xy=True).transform(*points[:, :2].T)
+        axes = crs.axis_info
+        unit = float(axes[2].unit_conversion_factor) if len(axes) > 2 else 1.0
+        if len(axes) < 3 and flat.is_projected:
+            unit = float(axes[0].unit_conversion_factor)
+        height = points[:, 2] * unit
+    found = np.stack([np.asarray(latitude), np.asarray(longitude), height], axis=1).astype(np.float64)
+    if not np.isfinite(found).all() or np.abs(found[:, 0]).max() > 90.0:
+        raise MetadataError(
+            f"coordinates such as {', '.join(f'{v:.6g}' for v in points[0])} do not lie in {crs.name}",
+            path=path, remedy="Check which coordinate system they are in; x is east or the longitude.",
+        )  # fmt: skip
+    return found
+
+
+def frame_about(geodetic: NDArray[np.float64], datum: str) -> LocalFrame:
+    """A frame in the middle of places (n, 3) of latitude, longitude and height."""
+    middle = geodetic_to_ecef(*geodetic.T).mean(axis=0)
+    (latitude,), (longitude,), _ = ecef_to_geodetic(middle)
+    return LocalFrame(float(latitude), float(longitude), float(geodetic[:, 2].mean()), datum)
+
+
+def local_from_crs(
+    poses: Mapping[str, Pose], crs: Any, path: Path | None, *, true_north: bool = False
+) -> tuple[LocalFrame, dict[str, Pose]]:
+    """A local frame, and poses in it.
+
+    Args:
+        poses: centres in the system's coordinates. Orientations: of a geocentric system in its axes; else against east,
+            north and up of the grid at each camera.
+        crs: pyproj's.
+        path: for messages.
+        true_north: orientations are against true north although the coordinates are projected.
+
+    Raises:
+        MetadataError: as `to_geodetic`.
+    """
+    centers = np.array([pose.center for pose in poses.values()])
+    geodetic = to_geodetic(centers, crs, path)
+    datum = height_datum(crs)
+    if crs.is_geocentric:
+        frame = frame_about(geodetic, datum)
+        local = frame.to_local(*geodetic.T)
+        turn = frame.rotation()
+        turned = {name: Pose(pose.rotation @ turn.T, at) for (name, pose), at in zip(poses.items(), local, strict=True)}
+        return frame, turned
+    headings = np.zeros(len(poses)) if true_north else grid_headings(centers, crs, path)
+    return local_from_geodetic(poses, geodetic, headings, datum)
+
+
+def local_from_geodetic(
+    poses: Mapping[str, Pose], geodetic: NDArray[np.float64], headings: NDArray[np.float64], datum: str
+) -> tuple[LocalFrame, dict[str, Pose]]:
+    """A local frame, and poses in it.
+
+    Args:
+        poses: whose orientations are against a level grid's east, north and up at each camera; centres do not count.
+        geodetic: (n, 3) latitudes, longitudes and heights of the centres.
+        headings: (n,) of the grid's north at each, radians clockwise from true north.
+        datum: of the heights.
+    """
+    frame = frame_about(geodetic, datum)
+    placed = {}
+    rows = zip(poses.items(), geodetic, headings, frame.to_local(*geodetic.T), strict=True)
+    for (name, pose), (latitude, longitude, _), heading, center in rows:
+        level = LocalFrame(float(latitude), float(longitude)).rotation()
+        placed[name] = Pose(pose.rotation @ (frame.rotation() @ level.T @ _turn(float(heading))).T, center)
+    return frame, placed
+
+
+def grid_headings(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDArray[np.float64]:
+    """Heading of a system's +y at points (n, 3), radians clockwise from true north; (n,)."""
+    if crs.is_geographic:
+        return np.zeros(len(points))
+    step = np.array([0.0, _STEP_M / float(crs.axis_info[0].unit_conversion_factor), 0.0])
+    here, there = to_geodetic(points, crs, path), to_geodetic(points + step, crs, path)
+    norths = [LocalFrame(at[0], at[1], at[2]).to_local(*to)[0] for at, to in zip(here.tolist(), there, strict=True)]
+    return np.array([np.arctan2(north[0], north[1]) for north in norths])
+
+
+def _turn(heading: float) -> NDArray[np.float64]:
+    """(3, 3) from grid east, north, up to true ones, where grid north has that heading (radians)."""
+    sine, cosine = np.sin(heading), np.cos(heading)
+    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])

@@ -1,0 +1,264 @@
+"""A bare cloud as a reference: a laser scan, or what another program reconstructed.
+
+A reference's folder says where the plot lies, what volume counts and where the ground is. A cloud says less: the file
+or a person names the frame; volume and ground are found from the points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.captures import Capture, Finding
+from fieldkit.captures.programs import METRES
+from fieldkit.captures.programs.frames import frame_about, height_datum, parse_crs, to_geodetic
+from fieldkit.clouds import Cloud, Volume, read_cloud
+from fieldkit.clouds.ground import Plane, fit_ground_plane
+from fieldkit.clouds.las import read_las
+from fieldkit.errors import CloudError, EmptyCloudError, MetadataError, ReconstructionError, UsageError
+from fieldkit.evaluation.reference import CLOUD_FILE, Reference
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.dense.masks import EXG_THRESHOLD, excess_green
+from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.reconstruction.pipeline import KnownPlot
+from fieldkit.reconstruction.result import clearance
+from fieldkit.regular_files import open_regular
+from fieldkit.results.report_files import REFERENCE_FILE
+
+_FRAME_REMEDY = (
+    "Say it with --reference-frame: EPSG:CODE, or metres where the coordinates are those of the photographs' positions."
+)
+_MARGIN = 0.05  # of the cloud's diagonal, about its box
+_FAR_M = 1000.0  # coordinates beyond are shifted, as those of positions are
+_COARSE_STEP_M = 0.001
+_CHUNK = 500_000
+_CELL = 0.02  # of the cloud's width
+_GROUND_COVERS, _MOST_BELOW, _MOST_GREEN = 0.25, 0.01, 0.5
+_MAX_DIAGONAL_M = 2_000.0
+
+
+@dataclass(frozen=True, eq=False)
+class CloudReference:
+    """A cloud as captures are scored against it.
+
+    Attributes:
+        cloud: of the plants, plot frame.
+        origin: of the frame, whose axes are then east, north, up; None where the frame is that of the photographs'
+            positions.
+        from_source: from ``origin``'s frame, or the positions', to the plot frame.
+        volume: that counts, plot frame.
+        ground: found in the cloud, or None.
+        findings: what was found from the cloud and not stated.
+        path: of the file.
+    """
+
+    cloud: Cloud
+    origin: LocalFrame | None
+    from_source: Similarity
+    volume: Volume
+    ground: Plane | None
+    findings: tuple[Finding, ...]
+    path: Path
+
+    def known_plot(self, capture: Capture) -> KnownPlot:
+        """What the reference fixes for a capture: scale and place are those of the capture's own positions.
+
+        Raises:
+            MetadataError: one is georeferenced and the other is not.
+        """
+        source = capture.metric_source
+        if source is not None and (capture.origin is None) != (self.origin is None):
+            lies = "lies on the Earth" if self.origin is not None else "has coordinates without a place on the Earth"
+            other = "do not" if self.origin is not None else "are a place on the Earth"
+            raise MetadataError(
+                f"the reference {self.path.name} {lies}, and the photographs' positions ({source}) {other}",
+                path=capture.folder,
+                remedy="Give both in the same kind of coordinates: --reference-frame EPSG:CODE goes with GPS, geo.txt "
+                "and longitudes and latitudes, metres with others.",
+            )
+        frame = SourceFrame(source or "poses.csv", self.origin, self.from_source)
+        return KnownPlot(frame, self.volume, self.ground)
+
+
+AnyReference: TypeAlias = Reference | CloudReference
+
+
+def known_plot_of(reference: AnyReference | None, capture: Capture) -> KnownPlot | None:
+    """What a reference of either kind fixes for a capture; None without a reference.
+
+    Raises:
+        MetadataError: as `CloudReference.known_plot`.
+    """
+    if isinstance(reference, CloudReference):
+        return reference.known_plot(capture)
+    return None if reference is None else reference.known_plot()
+
+
+def reference_file(path: Path) -> Path:
+    """The file that a reference is known by: reference.json, or the cloud itself where it is a bare one."""
+    path = Path(path)
+    if path.is_dir():
+        return path / REFERENCE_FILE
+    beside = path.with_name(REFERENCE_FILE)
+    return beside if path.name == CLOUD_FILE and beside.is_file() else path
+
+
+def is_cloud(path: Path) -> bool:
+    """Whether a file is a PLY, LAS or LAZ file, by its first bytes."""
+    try:
+        with open_regular(path) as file:
+            return file.read(4) in (b"LASF", b"ply\n", b"ply\r")
+    except OSError:
+        return False
+
+
+def open_reference(path: Path, frame: str = "", bounds: Volume | None = None) -> AnyReference:
+    """A reference's folder, or a cloud.
+
+    Args:
+        path: folder, reference.json, or PLY, LAS or LAZ file.
+        frame: of a cloud: "metres", ``EPSG:code``, or "" where the file says it.
+        bounds: volume of a cloud that counts, plot frame; None takes the cloud's.
+
+    Raises:
+        UsageError: a frame is given for a folder, or one that contradicts the file.
+        MetadataError: as `Reference`.
+        CloudError: the cloud cannot be read, its frame is not known, or its numbers are too coarse.
+    """
+    file = reference_file(path)
+    if file.name != REFERENCE_FILE and is_cloud(file):
+        return _cloud_reference(file, frame, bounds)
+    if frame:
+        raise UsageError(
+            "--reference-frame is that of a bare cloud",
+            path=path,
+            remedy="A reference's folder says its own: leave it out.",
+        )
+    return Reference(file if file.name == REFERENCE_FILE and file.is_file() else path)
+
+
+def _cloud_reference(path: Path, frame: str, bounds: Volume | None) -> CloudReference:
+    cloud, crs, units = _read(path)
+    if not len(cloud):
+        raise EmptyCloudError("has no points", path=path, remedy="Give the cloud of the plot's plants.")
+    if frame == METRES:
+        crs = None
+    elif frame:
+        stated = parse_crs(frame, path)
+        if crs is not None and not crs.equals(stated, ignore_axis_order=True) and crs.to_epsg() != stated.to_epsg():
+            raise UsageError(
+                f"--reference-frame says {stated.name}, and the file {crs.name}", path=path, remedy="Leave it out."
+            )
+        crs = stated if crs is None else crs
+    elif crs is None:
+        raise CloudError("does not say in which frame its coordinates are", path=path, remedy=_FRAME_REMEDY)
+    if not _is_las(path):
+        _check_steps(cloud.points, path)
+    if crs is None:
+        origin, placed, said = None, cloud, "in the frame of the photographs' positions"
+        middle = 0.5 * np.sum(cloud.bounds(), axis=0)
+        shift = -np.round(middle) if np.abs(middle).max() > _FAR_M else np.zeros(3)
+    else:
+        origin, placed = _local(cloud, crs, units, path)
+        said, shift = f"in {crs.name}", np.zeros(3)
+    to_plot = Similarity(1.0, np.eye(3), shift)
+    return _with_volume(placed.transformed(to_plot), origin, to_plot, bounds, path, said)
+
+
+def _is_las(path: Path) -> bool:
+    """Whether a cloud's file is LAS or LAZ, by its first bytes."""
+    with open_regular(path) as file:
+        return file.read(4) == b"LASF"
+
+
+def _read(path: Path) -> tuple[Cloud, Any, NDArray[np.float64] | None]:
+    """The points, what the file says they are in, and metres per unit of its coordinates; None where it says nothing.
+
+    The points are in metres where that is said, else in the file's unit.
+    """
+    if not _is_las(path):
+        return read_cloud(path), None, None
+    las = read_las(path)
+    units = np.array(las.units_m)
+    return las.cloud, las.crs, units if las.crs is not None or (units != 1.0).any() else None
+
+
+def _check_steps(points: NDArray[np.float64], path: Path) -> None:
+    """Refuse coordinates that 32-bit numbers have rounded, as those of UTM in most PLY files are."""
+    largest = float(np.abs(points).max())
+    step = float(np.spacing(np.float32(largest)))
+    if step > _COARSE_STEP_M and np.array_equal(points, points.astype(np.float32)):
+        raise CloudError(
+            f"has coordinates of {largest:,.0f} in 32-bit numbers, which lie {step:.2g} apart", path=path,
+            remedy="Export the cloud as LAS or LAZ, or with coordinates in double precision.",
+        )  # fmt: skip
+
+
+def _local(cloud: Cloud, crs: Any, units: NDArray[np.float64] | None, path: Path) -> tuple[LocalFrame, Cloud]:
+    """The cloud in a local east-north-up frame in its middle. Normals are left out: their frame is seldom known."""
+    points = cloud.points if units is None else cloud.points / units
+    ends = range(0, len(points), _CHUNK)
+    geodetic = np.concatenate([to_geodetic(points[k : k + _CHUNK], crs, path) for k in ends])
+    if units is not None and not crs.is_geocentric:
+        geodetic[:, 2] = cloud.points[:, 2]  # a file knows more than its system: heights in metres beside feet
+    origin = frame_about(geodetic[:: max(1, len(geodetic) // _CHUNK)], height_datum(crs))
+    local = np.concatenate([origin.to_local(*geodetic[k : k + _CHUNK].T) for k in ends])
+    return origin, Cloud(local, cloud.colors)
+
+
+def _ground(cloud: Cloud) -> Plane | None:
+    """The ground in a cloud, z up; None where there is none, as where plants were cut out: leaves are planes, too."""
+    try:
+        found = fit_ground_plane(cloud.points, up=(0.0, 0.0, 1.0))
+    except ReconstructionError:
+        return None
+    heights = found.heights(cloud.points)
+    on = np.abs(heights) <= found.tolerance_m
+    cells = np.floor(cloud.points[:, :2] / (_CELL * np.ptp(cloud.points[:, :2], axis=0).max())).astype(np.int64)
+    covered = len(np.unique(cells[on], axis=0)) / len(np.unique(cells, axis=0))
+    below = float(np.mean(heights < -2.0 * found.tolerance_m))
+    green = 0.0
+    if cloud.colors is not None:
+        green = float(np.mean(excess_green(cloud.colors[on][None]) > EXG_THRESHOLD))
+    return found if covered >= _GROUND_COVERS and below <= _MOST_BELOW and green < _MOST_GREEN else None
+
+
+def _with_volume(
+    cloud: Cloud, origin: LocalFrame | None, to_plot: Similarity, bounds: Volume | None, path: Path, said: str
+) -> CloudReference:
+    if bounds is not None:
+        over = (cloud.points[:, :2] >= bounds.lower[:2]) & (cloud.points[:, :2] <= bounds.upper[:2])
+        cloud = cloud.select(over.all(axis=1))
+        if not len(cloud):
+            raise EmptyCloudError("has no points within --bounds", path=path, remedy="Check them: metres, plot frame.")
+    lower, upper = cloud.bounds()
+    diagonal = float(np.linalg.norm(upper - lower))
+    if diagonal > _MAX_DIAGONAL_M:
+        raise CloudError(
+            f"is {diagonal:,.0f} m across, which is no plot", path=path,
+            remedy="Cut out the plot, and check the unit of its coordinates.",
+        )  # fmt: skip
+    ground = _ground(cloud)
+    above = cloud if ground is None else cloud.select(ground.heights(cloud.points) > clearance(ground))
+    if not len(above):
+        above, ground = cloud, None
+    plants = above if bounds is None else above.select(bounds.contains(above.points))
+    if not len(plants):
+        raise EmptyCloudError("has no points within --bounds", path=path, remedy="Check them: metres, plot frame.")
+    if ground is None:
+        about = "no ground was found in it, so all of it is taken for plants"
+    else:
+        about = (
+            f"{len(cloud) - len(above):,} of {len(cloud):,} points are on the ground that was found in it and left out"
+        )
+    box = "its box, from --bounds" if bounds is not None else "its extent"
+    message = f"the reference is the cloud {path.name} alone, {said}, z up: the volume is {box}; {about}"
+    volume = bounds or Volume.around(plants.points, margin_m=_MARGIN * diagonal)
+    return CloudReference(
+        plants, origin, to_plot, volume, ground, (Finding(path.name, "reference-from-cloud", message),), path
+    )

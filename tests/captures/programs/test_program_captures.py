@@ -1,0 +1,285 @@
+"""Captures whose poses another program found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.captures import Capture, read_capture
+from fieldkit.captures.programs import METRES, PosesFile
+from fieldkit.errors import MetadataError, ReconstructionError
+from fieldkit.evaluation.pose_table import capture_poses
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
+from tests.captures.photographs import MakePhoto
+from tests.captures.programs.known_set import (
+    CAMERA,
+    NAMES,
+    ORIGIN,
+    about,
+    apart,
+    geocentric,
+    moved,
+    opensfm_camera,
+    some_motion,
+    write_colmap,
+    write_metashape,
+    write_opensfm,
+    write_opk,
+)
+from tests.captures.programs.known_set import known_poses as truth
+
+
+@pytest.fixture
+def photographs(photo_file: MakePhoto, tmp_path: Path) -> Path:
+    for name in NAMES:
+        photo_file(name)
+    return tmp_path / "capture"
+
+
+def codes(capture: Capture) -> list[str]:
+    return [finding.code for finding in capture.findings]
+
+
+def prior_poses(capture: Capture) -> dict[str, Pose]:
+    found = {}
+    for name, prior in capture.priors.items():
+        assert prior.position is not None
+        assert prior.yaw_deg is not None
+        assert prior.pitch_deg is not None
+        found[name] = Pose.from_yaw_pitch(prior.position, prior.yaw_deg, prior.pitch_deg, prior.roll_deg or 0.0)
+    return found
+
+
+def working(known: KnownPoses) -> dict[str, Pose]:
+    return {
+        n: Pose(p.rotation, p.position)
+        for n, p in known.poses.items()
+        if p.rotation is not None and p.position is not None
+    }
+
+
+def write_positions(folder: Path, poses: dict[str, Pose], noise_m: float = 0.0, accuracy_m: float = 0.05) -> None:
+    rng = np.random.default_rng(2)
+    rows = [(n, *(p.center + noise_m * rng.normal(size=3))) for n, p in poses.items()]
+    lines = [",".join(map(str, (*row, accuracy_m))) for row in rows]
+    (folder / "poses.csv").write_text("\n".join(["image,x_m,y_m,z_m,accuracy_m", *lines]) + "\n")
+
+
+def test_a_colmap_model_alone_gives_poses_and_a_camera_but_no_metres(photographs: Path) -> None:
+    poses = moved(truth(), some_motion())
+    write_colmap(photographs / "sparse" / "0", poses)
+    capture = read_capture(photographs)
+    assert capture.metric_source is None
+    assert not capture.priors
+    assert capture.program is not None
+    assert capture.program.program == "COLMAP"
+    (group,) = capture.groups
+    assert group.source == "COLMAP"
+    assert group.fixed
+    assert group.intrinsics == CAMERA.scaled(120, 90)
+    (said,) = [finding.message for finding in capture.findings if finding.code == "program-poses"]
+    assert "all photographs" in said
+    assert "without metric scale" in said
+    assert "1 %" in said
+    assert "1°" in said
+    known = known_poses(capture)
+    assert known.frame is not None
+    assert not known.frame.scaled
+    assert not known.frame.georeferenced
+    back = moved(working(known), known.frame.from_source.inverse())
+    distance, angle = apart(back, poses)
+    assert distance < 1e-9
+    assert angle < 1e-6
+
+
+def test_poses_without_scale_are_not_placed_in_a_references_frame(photographs: Path) -> None:
+    write_colmap(photographs / "sparse", truth())
+    with pytest.raises(ReconstructionError, match="no metric scale") as raised:
+        known_poses(read_capture(photographs), SourceFrame("poses.csv", None, Similarity.identity()))
+    assert "--poses-frame" in raised.value.remedy
+
+
+def test_a_colmap_model_takes_scale_and_place_from_positions_beside_it(photographs: Path) -> None:
+    write_colmap(photographs / "sparse" / "0", moved(truth(), some_motion()))
+    write_positions(photographs, truth(), noise_m=0.01)
+    capture = read_capture(photographs)
+    assert capture.metric_source == "poses.csv"
+    assert capture.program is not None
+    known = known_poses(capture)
+    assert known.frame is not None
+    assert known.frame.scaled
+    assert not known.notes
+    distance, angle = apart(working(known), truth())
+    assert distance < 0.06
+    assert angle < 0.2
+    assert {pose.position_sigma_m for pose in known.poses.values()} == {0.05}
+
+
+def test_coarse_positions_are_bettered_by_a_model_and_stay_as_coarse_as_they_are(photographs: Path) -> None:
+    write_colmap(photographs / "sparse" / "0", moved(truth(), some_motion()))
+    write_positions(photographs, truth(), noise_m=1.0, accuracy_m=1.0)
+    known = known_poses(read_capture(photographs))
+    inside = [
+        np.linalg.norm(a.center - b.center) / np.linalg.norm(truth()[m].center - truth()[n].center)
+        for m, a in working(known).items() for n, b in working(known).items() if m < n
+    ]  # fmt: skip
+    assert np.ptp(inside) < 1e-9  # the model's shape, whatever its scale
+    assert {pose.position_sigma_m for pose in known.poses.values()} == {1.0}
+
+
+def test_a_model_that_does_not_fit_the_positions_is_not_used_and_it_is_said(photographs: Path) -> None:
+    write_colmap(photographs / "sparse" / "0", truth(seed=7))
+    write_positions(photographs, truth())
+    known = known_poses(read_capture(photographs))
+    assert "do not fit the known positions" in known.notes[0]
+    assert all(pose.rotation is None for pose in known.poses.values())
+
+
+def test_stated_metres(photographs: Path, tmp_path: Path) -> None:
+    model = write_colmap(tmp_path / "elsewhere", truth())
+    capture = read_capture(photographs, poses=PosesFile(model, METRES))
+    assert capture.metric_source == "COLMAP"
+    assert capture.origin is None
+    assert capture.program is None
+    distance, angle = apart(prior_poses(capture), truth())
+    assert distance < 1e-9
+    assert angle < 1e-6
+    spread = np.std([pose.center for pose in truth().values()], axis=0)
+    (accuracy,) = {prior.position_accuracy_m for prior in capture.priors.values()}
+    assert accuracy == pytest.approx(0.01 * np.linalg.norm(spread))
+
+
+@pytest.mark.parametrize("program", ["OpenDroneMap", "Metashape"])
+def test_georeferenced_programs_are_the_metric_source(photographs: Path, program: str) -> None:
+    if program == "OpenDroneMap":
+        write_opensfm(photographs / "opensfm" / "reconstruction.topocentric.json", truth())
+    else:
+        labels = {name: f"C:/flight/{name.removesuffix('.JPG')}" for name in NAMES}
+        start = Similarity(3.0, some_motion().rotation, ORIGIN._origin())
+        write_metashape(photographs / "my export.xml", geocentric(truth()), motion=start, labels=labels)
+    capture = read_capture(photographs)
+    assert capture.metric_source == capture.height_source == program
+    assert capture.origin is not None
+    assert capture.crs_epsg == 32632
+    assert capture.groups[0].source == program
+    distance, angle = apart(about(capture.origin, prior_poses(capture), ORIGIN), truth())
+    assert distance < 1e-6
+    assert angle < 1e-5
+
+
+def test_positions_beside_the_photographs_come_before_a_programs_place(photographs: Path) -> None:
+    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    write_positions(photographs, truth())
+    assert read_capture(photographs).metric_source == "poses.csv"
+
+
+def test_a_camera_file_comes_before_a_programs_camera(photographs: Path) -> None:
+    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    (photographs / "camera.toml").write_text(
+        'model = "SIMPLE_PINHOLE"\nwidth = 120\nheight = 90\nparams = [99, 60, 45]\n'
+    )
+    assert read_capture(photographs).groups[0].source == "camera.toml"
+
+
+def test_opendronemaps_cameras_alone(photographs: Path) -> None:
+    other = opensfm_camera() | {"width": 3000, "height": 3000}
+    (photographs / "cameras.json").write_text(json.dumps({"v2 a": opensfm_camera(), "v2 b": other}))
+    capture = read_capture(photographs)
+    assert capture.groups[0].source == "OpenDroneMap"
+    assert capture.groups[0].intrinsics is not None
+    assert capture.groups[0].intrinsics.fx == pytest.approx(CAMERA.fx * 120 / 4000)
+    assert "camera-unused" in codes(capture)
+
+
+def test_poses_of_some_photographs(photographs: Path) -> None:
+    write_colmap(photographs / "sparse" / "0", {n: p for n, p in truth().items() if n != NAMES[0]})
+    capture = read_capture(photographs)
+    assert capture.program is not None
+    assert NAMES[0] not in capture.program.poses
+    assert "7 of 8 photographs" in next(f.message for f in capture.findings if f.code == "program-poses")
+    assert {group.source for group in capture.groups} == {"COLMAP", "self-calibrated"}
+
+
+def test_of_several_results_one_is_used_and_the_others_are_named(photographs: Path) -> None:
+    write_colmap(photographs / "sparse" / "0", truth())
+    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    capture = read_capture(photographs)
+    assert capture.program is not None
+    assert capture.program.program == "COLMAP"
+    assert "sidecar-unused" in codes(capture)
+
+
+def test_a_result_of_other_photographs(photographs: Path, tmp_path: Path) -> None:
+    others = {f"other_{name}": pose for name, pose in truth().items()}
+    write_colmap(photographs / "sparse" / "0", others)
+    assert codes(read_capture(photographs)) == ["sidecar-unused"]
+    with pytest.raises(MetadataError, match="none of the photographs"):
+        read_capture(photographs, poses=PosesFile(photographs / "sparse" / "0"))
+
+
+def test_results_are_not_looked_at_where_a_flight_log_gives_the_poses(photographs: Path) -> None:
+    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    assert read_capture(photographs, sidecars=False).metric_source is None
+
+
+def test_pictures_that_a_program_turned_keep_their_places_only(photographs: Path) -> None:
+    upright = opensfm_camera() | {"width": 3000, "height": 4000}
+    write_opensfm(photographs / "reconstruction.topocentric.json", truth(), camera=upright)
+    capture = read_capture(photographs)
+    assert "angles-not-used" in codes(capture)
+    assert capture.groups[0].source == "self-calibrated"
+    assert all(prior.position is not None and prior.yaw_deg is None for prior in capture.priors.values())
+
+
+def test_an_undistorted_models_camera_is_not_that_of_the_photographs(photographs: Path) -> None:
+    camera = CAMERA.without_distortion()
+    write_colmap(photographs / "sparse" / "0", truth(), type(camera)(camera.model, 3950, 3020, camera.params))
+    capture = read_capture(photographs)
+    assert "camera-unused" in codes(capture)
+    assert capture.groups[0].source == "self-calibrated"
+
+
+def test_a_project_of_opendronemap_is_a_capture(photo_file: MakePhoto, tmp_path: Path) -> None:
+    for name in NAMES:
+        photo_file(f"images/{name}")
+    write_opensfm(tmp_path / "capture" / "opensfm" / "reconstruction.topocentric.json", truth())
+    assert read_capture(tmp_path / "capture").metric_source == "OpenDroneMap"
+
+
+def test_heights_of_unknown_datum_may_meet_any_reference(photographs: Path) -> None:
+    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    place = LocalFrame(ORIGIN.latitude_deg, ORIGIN.longitude_deg, 150.0, "ellipsoid")
+    known = known_poses(read_capture(photographs), SourceFrame("geo.txt", place, Similarity.identity()))
+    assert apart(working(known), about(ORIGIN, truth(), place))[0] < 1e-6
+
+
+def test_a_damaged_result_in_the_folder_is_an_error_that_says_how_to_do_without(photographs: Path) -> None:
+    (photographs / "cameras.xml").write_text("<document><chunk>")
+    with pytest.raises(MetadataError) as raised:
+        read_capture(photographs)
+    assert "move it out" in raised.value.remedy
+
+
+def test_metashapes_cameras_txt_beside_a_list_of_images_is_no_colmap_model(photographs: Path) -> None:
+    write_opk(photographs / "cameras.txt", truth())
+    (photographs / "images.txt").write_text("\n".join(NAMES))
+    assert read_capture(photographs).metric_source == "Metashape"
+
+
+def test_a_result_outside_the_folder_behind_a_link_is_not_read(photographs: Path, tmp_path: Path) -> None:
+    write_colmap(tmp_path / "elsewhere", truth())
+    (photographs / "sparse").symlink_to(tmp_path / "elsewhere")
+    assert read_capture(photographs).program is None
+
+
+def test_tagged_poses_are_those_of_the_photographs_and_not_of_a_program(photographs: Path) -> None:
+    write_colmap(photographs / "sparse" / "0", truth())
+    write_positions(photographs, {n: p for n, p in truth().items() if n != NAMES[0]})
+    found = capture_poses(read_capture(photographs), SourceFrame("poses.csv", None, Similarity.identity()))
+    assert set(found) == set(NAMES[1:])
+    assert all(entry.pitch_deg is None for entry in found.values())
