@@ -171,16 +171,31 @@ class View:
         identifier: unique on the page: letters, digits and hyphens.
         scene: what it shows.
         note: below it.
+        still: printed in its place; None prints nothing.
     """
 
     identifier: str
     scene: ViewerScene
     note: str = ""
+    still: Picture | None = None
+
+
+@dataclass(frozen=True)
+class Still:
+    """A picture of its own.
+
+    Attributes:
+        picture: shown at most as wide as the page.
+        caption: above it.
+    """
+
+    picture: Picture
+    caption: str
 
 
 @dataclass(frozen=True)
 class Details:
-    """Blocks that can be folded; printed unfolded.
+    """Blocks that can be folded; what is folded is not printed.
 
     Attributes:
         summary: always visible text.
@@ -193,7 +208,7 @@ class Details:
     is_open: bool = False
 
 
-Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | Map | View | Details
+Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | Map | View | Still | Details
 
 
 @dataclass(frozen=True)

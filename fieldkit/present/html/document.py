@@ -37,6 +37,7 @@ _KINDS = {
     content.Charts: "charts",
     content.Map: "map",
     content.View: "view",
+    content.Still: "still",
     content.Details: "details",
 }
 

@@ -14,7 +14,6 @@ from fieldkit.present.content import (
     Details,
     KeyFigure,
     KeyFigures,
-    Map,
     Mark,
     Section,
     Table,
@@ -51,9 +50,6 @@ def campaign_section(result: CampaignResult, anchor: str) -> Section:
     campaign = result.campaign
     blocks: list[Block] = [KeyFigures(tuple(_figures(campaign)))]
     if campaign.visits:
-        shown = plot_map(campaign)
-        if shown is not None:
-            blocks.append(Map(shown))
         charts = tuple(_drift(campaign))
         if charts:
             blocks.append(Charts(charts))
