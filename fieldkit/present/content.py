@@ -105,7 +105,20 @@ class Mark:
     text: str
 
 
-Cell: TypeAlias = str | Picture | Mark | None
+@dataclass(frozen=True)
+class Link:
+    """Words that lead to another place on the page.
+
+    Attributes:
+        text: shown.
+        anchor: of a section or of folded blocks.
+    """
+
+    text: str
+    anchor: str
+
+
+Cell: TypeAlias = str | Picture | Mark | Link | None
 """None is shown as a dash."""
 
 
@@ -201,11 +214,13 @@ class Details:
         summary: always visible text.
         blocks: the folded content.
         is_open: whether the blocks are unfolded at first.
+        anchor: of the content, for links, which unfold it; unique on the page; empty for none.
     """
 
     summary: str
     blocks: tuple[Block, ...]
     is_open: bool = False
+    anchor: str = ""
 
 
 Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | Map | View | Still | Details

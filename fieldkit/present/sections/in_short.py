@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fieldkit.present.content import Block, Details, Map, Picture, Section, Statement, Statements, Still
-from fieldkit.present.sections.campaign import plot_map
+from fieldkit.present.sections.campaign import campaign_anchor, plot_map
 from fieldkit.present.sections.demo import demo_blocks
 from fieldkit.present.sections.loaded_results import Results
 from fieldkit.present.style import count, listed
@@ -27,7 +27,10 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
     blocks: list[Block] = [Statements((verdict(results, statements),))]
     for demo in results.demos:
         blocks += demo_blocks(demo)
-    maps = [shown for result in results.campaigns if (shown := plot_map(result.campaign)) is not None]
+    maps = [
+        shown for k, result in enumerate(results.campaigns)
+        if (shown := plot_map(result.campaign, campaign_anchor(k))) is not None
+    ]  # fmt: skip
     blocks += [Map(shown) for shown in maps]
     blocks += [Still(picture, caption) for caption, picture in ([] if maps else pictures)]
     for evaluation in results.evaluations:

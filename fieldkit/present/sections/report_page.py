@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from fieldkit.campaign.visit_folders import visit_cloud
+from fieldkit.clouds import read_cloud
+from fieldkit.errors import FieldkitError
 from fieldkit.present.content import Details, Page, Paragraph, Picture, Section, Terms, View
 from fieldkit.present.html.scene import ViewerScene
-from fieldkit.present.sections.campaign import campaign_section
+from fieldkit.present.sections.campaign import campaign_anchor, campaign_section
 from fieldkit.present.sections.evaluation import evaluation_section
 from fieldkit.present.sections.glossary import meanings
 from fieldkit.present.sections.in_short import in_short
-from fieldkit.present.sections.loaded_results import EvaluationResult, ReferenceResult, Results
+from fieldkit.present.sections.loaded_results import CampaignResult, EvaluationResult, ReferenceResult, Results
 from fieldkit.present.sections.photographs import find_photographs, thumbnails
 from fieldkit.present.sections.plan import mission_section, plan_section
 from fieldkit.present.sections.provenance import provenance_section
 from fieldkit.present.sections.reconstruction import Pictures
 from fieldkit.present.sections.reference import reference_section
-from fieldkit.present.sections.stills import still
+from fieldkit.present.sections.stills import cloud_still, still
 from fieldkit.present.sections.summary import summarise
 from fieldkit.present.sections.views_3d import (
     MOST_VIEWS_OF_PLOTS,
@@ -154,6 +157,24 @@ class _Pictures:
                 sources = (f"{e.report.source}/{plot.name}", e.report.source)
                 by_plot[plot.name] = self._of(e, plot, sources if len(e.report.plots) == 1 else sources[:1], results)
             self.evaluations.append(by_plot)
+        self.campaigns = [self._plots(result) for result in results.campaigns]
+
+    def _plots(self, result: CampaignResult) -> Mapping[str, Picture]:
+        """Stills of the plots' last clouds."""
+        campaign = result.campaign
+        found: dict[str, Picture] = {}
+        for visit in sorted(campaign.visits, key=lambda visit: visit.date, reverse=True):
+            if visit.plot in found or self.count >= MOST_THUMBNAILS:
+                continue
+            try:
+                file = visit_cloud(result.folder, visit)
+                cloud = None if file is None else read_cloud(file)
+            except (FieldkitError, OSError):
+                continue
+            if cloud is not None and (picture := cloud_still(cloud, visit.plot)) is not None:
+                found[visit.plot] = picture
+                self.count += 1
+        return found
 
     def _of(
         self, result: ReferenceResult | EvaluationResult, report: ReconstructionEntry, sources: tuple[str, ...],
@@ -183,7 +204,7 @@ def _sections(results: Results, views: _Views, pictures: _Pictures) -> Iterator[
         by_plot = {plot.name: views.view("evaluation", k, plot.name) for plot in evaluation.report.plots}
         yield evaluation_section(evaluation, f"evaluation-{k + 1}", by_plot, pictures.evaluations[k])
     for k, campaign in enumerate(results.campaigns):
-        yield campaign_section(campaign, f"campaign-{k + 1}")
+        yield campaign_section(campaign, campaign_anchor(k), pictures.campaigns[k])
 
 
 def _farthest(result: EvaluationResult) -> list[PlotEvaluation]:

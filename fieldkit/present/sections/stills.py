@@ -8,11 +8,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.clouds import Cloud
 from fieldkit.present.content import Picture
 from fieldkit.present.html.scene import PointLayer, ViewerScene
 from fieldkit.present.pictures.projection import FRONT, TOP, Direction, Window, draw_points
 
-_HEIGHT, _GAP = 420, 16  # pixels
+_HEIGHT, _SMALL, _GAP = 420, 120, 16  # pixels
 _WIDEST = 720
 _QUALITY = 80
 _MARGIN = 0.04
@@ -22,10 +23,14 @@ _GREY = np.array([[120, 140, 125]], dtype=np.uint8)
 _CAMERA_PX = 4
 
 
-def still(scene: ViewerScene) -> Picture | None:
+def still(scene: ViewerScene, *, height: int = _HEIGHT) -> Picture | None:
     """The shown clouds from the front and from above, orthographic, to one scale, with cameras as dots.
 
     Cameras are drawn where there is no cloud, or in the part of the picture that the cloud fills.
+
+    Args:
+        scene: the view.
+        height: of the picture at most, pixels.
 
     Returns:
         The picture; None for a view without points and cameras.
@@ -41,24 +46,29 @@ def still(scene: ViewerScene) -> Picture | None:
     lower, upper = np.quantile(filling, 0.001, axis=0), np.quantile(filling, 0.999, axis=0)
     room = _MARGIN * float(max((upper - lower).max(), 1e-3))
     panels = [
-        _panel(points, colors, cameras, direction, lower - room, upper + room) for direction in (FRONT, TOP)
+        _panel(points, colors, cameras, direction, lower - room, upper + room, height) for direction in (FRONT, TOP)
     ]  # fmt: skip
     picture = _beside(panels)
     done, jpeg = cv2.imencode(".jpg", picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     if not done:
         return None
-    height, width = picture.shape[:2]
-    return Picture(jpeg.tobytes(), width, height, f"{scene.title}: from the front and from above")
+    return Picture(jpeg.tobytes(), picture.shape[1], picture.shape[0], f"{scene.title}: from the front and from above")
+
+
+def cloud_still(cloud: Cloud, name: str) -> Picture | None:
+    """A small still of a plot's cloud; None for an empty one."""
+    layer = PointLayer(name, cloud.points.astype(np.float32), cloud.colors)
+    return still(ViewerScene(name, (layer,)), height=_SMALL)
 
 
 def _panel(
     points: NDArray[np.float32], colors: NDArray[np.uint8],
     cameras: Sequence[tuple[str, NDArray[np.float64]]], direction: Direction,
-    lower: NDArray[np.float64], upper: NDArray[np.float64],
+    lower: NDArray[np.float64], upper: NDArray[np.float64], most: int,
 ) -> NDArray[np.uint8]:  # fmt: skip
     left, right = lower[direction.right], upper[direction.right]
     bottom, top = lower[direction.up], upper[direction.up]
-    scale = min(_HEIGHT / (top - bottom), _WIDEST / (right - left))
+    scale = min(most / (top - bottom), _WIDEST / _HEIGHT * most / (right - left))
     width, height = max(1, round((right - left) * scale)), max(1, round((top - bottom) * scale))
     window = Window(float(left), float(right), float(bottom), float(top), width, height)
     drawn = draw_points(points.astype(np.float64), colors, direction, window)
