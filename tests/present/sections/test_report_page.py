@@ -310,12 +310,8 @@ def test_other_plants_than_the_references_are_no_success(scored: Results) -> Non
         update={"plots": (plot.model_copy(update={"findings": (finding,), "right": plot.images}),)}
     ))  # fmt: skip
     said = summarise(replace(scored, references=(), evaluations=(odd,)))
-    assert [(each.level, each.text) for each in said][:1] == [
-        (
-            "fact",
-            f"plot 7: {plot.images} of {plot.images} photographs registered and used, {plot.points:,} points of plants.",
-        )
-    ]
+    count = f"{plot.images} of {plot.images} photographs registered and used"
+    assert (said[0].level, said[0].text) == ("fact", f"plot 7: {count}, {plot.points:,} points of plants.")
     assert ("problem", "plot 7: far off.", "Check the plot.") in [(s.level, s.text, s.advice) for s in said]
     assert not any("on average its points lie" in each.text for each in said)
     assert verdict(scored, said).level == "problem"
