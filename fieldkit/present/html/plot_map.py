@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 WIDTH = 640.0
@@ -14,7 +14,10 @@ _LIGHT = 0.18  # relative luminance above which black reads better than white (W
 _POINT_M = 1.0  # half the side of a plot known only as a point
 
 RAMP = ("#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a")
-"""Blue through light yellow to red, safe for colour-blind eyes; as in comparison.png."""
+"""Blue through light yellow to red, safe for colour-blind eyes; as in comparison.png. For what is worse where more."""
+
+GREENS = ("#eef8c4", "#b3dd8b", "#5fb96a", "#1f8a50", "#00582f")
+"""Light to dark: for what is only more or less."""
 
 Corner = tuple[float, float]
 Ring = tuple[Corner, ...]
@@ -43,6 +46,7 @@ class Measure:
         unit: of the values, such as "mm".
         values: by date and plot, in ``unit``; a plot without a value is hatched.
         notes: by date and plot, the reason for a missing value.
+        ramp: its colours, from low to high.
     """
 
     label: str
@@ -50,6 +54,7 @@ class Measure:
     unit: str
     values: Mapping[str, Mapping[str, float]]
     notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    ramp: tuple[str, ...] = RAMP
 
 
 @dataclass(frozen=True)
@@ -103,12 +108,14 @@ class DrawnMeasure:
         measure: shown.
         dates: (date, its shapes), the last one shown first.
         low, high: the legend's ends.
+        stops: of the legend's ramp: (share, colour).
     """
 
     measure: Measure
     dates: tuple[tuple[str, tuple[Shape, ...]], ...]
     low: str
     high: str
+    stops: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -120,7 +127,6 @@ class DrawnMap:
         width, height: of the drawing.
         measures: to choose from, the first shown first.
         bar: of the scale: its length in the drawing, and its text.
-        stops: of the legend's ramp: (share, colour).
         north_x, base: where the arrow stands, and the line of bar and legend.
     """
 
@@ -129,7 +135,6 @@ class DrawnMap:
     height: str
     measures: tuple[DrawnMeasure, ...]
     bar: tuple[str, str]
-    stops: tuple[tuple[str, str], ...]
     north_x: str
     base: str
 
@@ -158,7 +163,6 @@ def draw_map(plots: PlotMap) -> DrawnMap:
         plots, f"{WIDTH:.0f}", f"{drawn_height + _LEGEND:.0f}",
         tuple(_drawn(plots, measure, place) for measure in plots.measures),
         (f"{bar_m * scale:.1f}", f"{bar_m:g} m"),
-        tuple((f"{k / (len(RAMP) - 1):.2f}", color) for k, color in enumerate(RAMP)),
         f"{WIDTH - 20:.1f}", f"{drawn_height + 14:.1f}",
     )  # fmt: skip
 
@@ -178,21 +182,22 @@ def _drawn(plots: PlotMap, measure: Measure, place: Callable[[Corner], Corner]) 
             why = measure.notes.get(date, {}).get(plot.name, "no value")
             said = f"{value:.3g} {measure.unit}" if value is not None else why
             path = "".join("M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in ring) + "Z" for ring in spots)
-            fill = "" if value is None else ramp_color(share)
+            fill = "" if value is None else ramp_color(share, measure.ramp)
             label_class, x, y = _label_place(plot.name, flat, fill, len(plots.plots))
             label = plot.name if label_class else ""
             text = f"{plot.name}, {date}, {measure.label}: {said}"
             anchor = plots.anchors.get(plot.name, "")
             shapes.append(Shape(path, fill, text, label, label_class, f"{x:.1f}", f"{y:.1f}", anchor))
         dates.append((date, tuple(shapes)))
-    return DrawnMeasure(measure, tuple(dates), f"{low:.3g}", f"{high:.3g}")
+    stops = tuple((f"{k / (len(measure.ramp) - 1):.2f}", color) for k, color in enumerate(measure.ramp))
+    return DrawnMeasure(measure, tuple(dates), f"{low:.3g}", f"{high:.3g}", stops)
 
 
-def ramp_color(share: float) -> str:
-    """The ramp's colour at 0 (low, blue) to 1 (high, red), as "#rrggbb"."""
-    at = min(max(share, 0.0), 1.0) * (len(RAMP) - 1)
-    first = min(int(at), len(RAMP) - 2)
-    a, b = (tuple(int(color[k : k + 2], 16) for k in (1, 3, 5)) for color in RAMP[first : first + 2])
+def ramp_color(share: float, ramp: Sequence[str] = RAMP) -> str:
+    """A ramp's colour at 0 (low) to 1 (high), as "#rrggbb"."""
+    at = min(max(share, 0.0), 1.0) * (len(ramp) - 1)
+    first = min(int(at), len(ramp) - 2)
+    a, b = (tuple(int(color[k : k + 2], 16) for k in (1, 3, 5)) for color in ramp[first : first + 2])
     return "#" + "".join(f"{round(u + (v - u) * (at - first)):02x}" for u, v in zip(a, b, strict=True))
 
 

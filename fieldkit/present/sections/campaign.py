@@ -24,7 +24,7 @@ from fieldkit.present.content import (
     Table,
 )
 from fieldkit.present.html.charts import LineChart, Series
-from fieldkit.present.html.plot_map import MappedPlot, Measure, PlotMap
+from fieldkit.present.html.plot_map import GREENS, RAMP, MappedPlot, Measure, PlotMap
 from fieldkit.present.sections.loaded_results import CampaignResult
 from fieldkit.present.style import decimal, format_length, metres, millimetres, percent
 from fieldkit.present.tables.scores import distances_of, interval, score_columns
@@ -48,11 +48,13 @@ class _Shown:
     name: str
     unit: str
     value: Callable[[Visit], float | None]
+    ramp: tuple[str, ...] = RAMP
 
 
 _SHOWN = (
-    _Shown("height", "height of the plants", "m", lambda visit: visit.height_m),
-    _Shown("cover", "ground that plants cover, seen from above", "%", lambda visit: _scaled(visit.cover, 100.0)),
+    _Shown("height", "height of the plants", "m", lambda visit: visit.height_m, GREENS),
+    _Shown("cover", "ground that plants cover, seen from above", "%", lambda visit: _scaled(visit.cover, 100.0),
+           GREENS),
     _Shown("quality", "chamfer distance to the reference", "mm", lambda visit: _scaled(visit.chamfer_m, 1000.0)),
     _Shown("predicted quality", "predicted chamfer distance, without a reference", "mm",
            lambda visit: _scaled(visit.predicted_chamfer_m, 1000.0)),
@@ -126,7 +128,7 @@ def _measure(campaign: Campaign, shown: _Shown) -> Measure | None:
             values[visit.date][visit.plot] = value
     if not any(values.values()):
         return None
-    return Measure(shown.label, shown.name, shown.unit, values, notes)
+    return Measure(shown.label, shown.name, shown.unit, values, notes, shown.ramp)
 
 
 def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
