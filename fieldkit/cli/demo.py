@@ -41,7 +41,7 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False, 
 
     with run_context(as_json=as_json) as progress:
         demo = run_demo(
-            output, seed=run.seed, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.workers
+            output, seed=run.seed, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.processes
         )
     if as_json:
         emit_json({"output": output, **figures(demo)})

@@ -133,7 +133,7 @@ def command(
         report = evaluate_captures(
             captures, output, settings, reference=reference, refine=refine, distances_m=distances_m, log=flight.log,
             plan=flight.plan, mission=mission, cache=cache, progress=progress, overwrite=run.overwrite,
-            workers=run.workers,
+            workers=run.processes,
         )  # fmt: skip
     if as_json:
         emit_json(
@@ -180,7 +180,7 @@ def _in_campaign(folder: Path, captures: Path, cache: StageCache, run: RunOption
 
     with run_context(as_json=as_json) as progress:
         done = evaluate_campaign(
-            folder, captures, cache=cache, progress=progress, workers=run.workers, wait=wait, overwrite=run.overwrite
+            folder, captures, cache=cache, progress=progress, workers=run.processes, wait=wait, overwrite=run.overwrite
         )
     if as_json:
         emit_json(

@@ -54,7 +54,7 @@ def command(
 
     with run_context(as_json=as_json) as progress:
         report = build_reference(
-            images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.workers,
+            images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.processes,
             scene=not no_scene,
         )  # fmt: skip
     if as_json:
