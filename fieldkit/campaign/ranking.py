@@ -91,7 +91,7 @@ def score_of(visit: Visit, plan: Plan) -> Score | None:
 
 def measured_noise_m(plan: Plan) -> float | None:
     """Half the interval of a measured chamfer distance; None where the plan does not say its repeats' spread."""
-    spread = None if plan.method is None else plan.method.chamfer_spread_m
+    spread = None if plan.method is None else plan.method.known_spread_m
     return None if spread is None else _NINE_IN_TEN * spread
 
 
