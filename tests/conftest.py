@@ -31,6 +31,12 @@ def data_folder() -> Path:
     return Path(folder)
 
 
+@pytest.fixture(autouse=True)
+def _one_worker(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands without --workers take one process: the tests themselves run on every core."""
+    monkeypatch.setattr("fieldkit.runtime.machine.usual_workers", lambda: 1)
+
+
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A disk of 1 MiB."""

@@ -28,7 +28,8 @@ _BESIDE = ("-journal", "-wal", "-shm")
 _TIMEOUT_S = 30.0
 _MAX_BYTES = 256 << 20
 _REMEDY = "Move it away; visits that have a folder in visits/ are kept."
-_FIELDS = tuple(name for name in ROW if name != "fieldkit")
+_LATER = ("fieldkit", "doubts")
+_FIELDS = tuple(name for name in ROW if name not in _LATER)
 _COLUMNS = ", ".join(f'"{name}"' for name in (*_FIELDS, "inputs"))
 
 

@@ -28,18 +28,13 @@ from fieldkit.evaluation.scoring import Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder
 from fieldkit.missions.plan_site.fit import plants_outgrown
 from fieldkit.present.spreadsheets.plots import write_plots_csv
+from fieldkit.results.doubtful import TOLD
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, save_report
 from fieldkit.results.visit import Visit
 from fieldkit.results.visit_file import VISIT_FILE, save_visit
 from fieldkit.runtime.progress import Silent
-
-_TOLD = (
-    "volume-cuts-plants", "steep-ground", "refinement-not-converged", "too-few-positions", "several-take-offs",
-    "mixed-cameras", "altitude-zero", "heights-joined", "few-plant-points", "volume-below-ground", "weak-ground",
-    "cameras-off-level", "other-plants",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -193,7 +188,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
 
 def _remarks(job: VisitJob, plot: PlotEvaluation) -> Iterator[str]:
     """What else a person should know of an evaluation."""
-    yield from (finding.message for finding in plot.findings if finding.code in _TOLD)
+    yield from (finding.message for finding in plot.findings if finding.code in TOLD)
     top_m = None if plot.plants is None else plot.plants.height_max_m
     outgrown = None if top_m is None else plants_outgrown(job.plan, top_m)
     if outgrown is not None:

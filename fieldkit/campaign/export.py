@@ -198,13 +198,15 @@ def _text(value: str) -> str:
 def _row(visit: Visit, plot: CampaignPlot | None, rank: int | None, distances: Sequence[str]) -> Values:
     """The visit's own row with its plot's place and rank, F-scores a column each, and texts last."""
     row = visit.row()
-    texts = {name: _text(row[name]) for name in _TEXTS} | {"notes": _text("; ".join(visit.notes))}
+    texts = {name: _text(row[name]) for name in _TEXTS} | {
+        name: _text("; ".join(said)) for name, said in (("notes", visit.notes), ("doubts", visit.doubts))
+    }
     scores = {f"f_score_{distance}": visit.f_score.get(distance) for distance in distances}
     result: Values = {"plot": visit.plot, "date": visit.date, **_place(plot), "rank": rank}
     for name in ROW:
         if name == "f_score":
             result |= scores
-        elif name not in (*_TEXTS, "notes", "fieldkit"):
+        elif name not in (*_TEXTS, "notes", "doubts", "fieldkit"):
             result[name] = row[name]
     return result | texts
 

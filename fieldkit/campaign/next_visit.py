@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.campaign.reading import PLANS_FOLDER, Campaign, plan_file_name
+from fieldkit.campaign.visit_folders import visit_cloud
 from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MissionError, UsageError
-from fieldkit.evaluation.reference import CLOUD_FILE
 from fieldkit.files import atomic_folder
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.plan_site.fitted import fitted_to_height
@@ -32,7 +32,6 @@ from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.results.plan import Plan, PlanMethod, PlanSource
 from fieldkit.results.plan_file import plan_from_poses, save_plan
-from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.runtime.parallel import map_parallel
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.plants_apart import tell_apart
@@ -115,13 +114,11 @@ def grown(cloud: Cloud, growth: float) -> Cloud:
 
 def _cloud_of(campaign: Campaign, plot: str) -> tuple[str | None, Path | None]:
     """Date and cloud of the plot's last visit that has one."""
-    visits = [visit for visit in campaign.visits if visit.plot == plot and visit.folder and not visit.error]
+    visits = [visit for visit in campaign.visits if visit.plot == plot]
     for visit in sorted(visits, key=lambda visit: visit.date, reverse=True):
-        folder = campaign.folder / visit.folder
-        for found in load_evaluation_report(folder).plots:
-            file = folder / found.name / CLOUD_FILE
-            if file.is_file():
-                return visit.date, file
+        file = visit_cloud(campaign.folder, visit)
+        if file is not None:
+            return visit.date, file
     return None, None
 
 

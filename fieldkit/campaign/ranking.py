@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
+from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.plan import Plan
 from fieldkit.results.visit import Visit
 
@@ -78,7 +79,9 @@ class Drift:
 
 
 def score_of(visit: Visit, plan: Plan) -> Score | None:
-    """A visit's score; None where it has none."""
+    """A visit's score; None where it has none, or is of other plants than its reference's."""
+    if OTHER_PLANTS in visit.doubts:
+        return None
     if visit.chamfer_m is not None:
         return Score(visit, visit.chamfer_m, False, measured_noise_m(plan))
     if visit.predicted_chamfer_m is not None:
@@ -88,7 +91,7 @@ def score_of(visit: Visit, plan: Plan) -> Score | None:
 
 def measured_noise_m(plan: Plan) -> float | None:
     """Half the interval of a measured chamfer distance; None where the plan does not say its repeats' spread."""
-    spread = None if plan.method is None else plan.method.chamfer_spread_m
+    spread = None if plan.method is None else plan.method.known_spread_m
     return None if spread is None else _NINE_IN_TEN * spread
 
 

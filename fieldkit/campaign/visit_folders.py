@@ -6,7 +6,8 @@ from pathlib import Path
 
 from fieldkit.campaign.earlier_formats import read_earlier_table, visit_of_version_1
 from fieldkit.campaign.folder_names import folder_name
-from fieldkit.results.report_files import EVALUATION_FILE
+from fieldkit.evaluation.reference import CLOUD_FILE
+from fieldkit.results.report_files import EVALUATION_FILE, load_evaluation_report
 from fieldkit.results.visit import VISITS_FOLDER, Visit
 from fieldkit.results.visit_file import VISIT_FILE, save_visit, visit_document, visit_of_document
 
@@ -18,6 +19,19 @@ _OWN = (VISIT_FILE, EVALUATION_FILE)
 def visit_place(plot: str, date: str) -> str:
     """A visit's folder, relative to the campaign's."""
     return f"{VISITS_FOLDER}/{folder_name(plot)}/{date}"
+
+
+def visit_cloud(campaign: Path, visit: Visit) -> Path | None:
+    """The cloud of a visit's plants; None where it has none.
+
+    Raises:
+        MetadataError: its evaluation.json is missing or damaged.
+    """
+    if not visit.folder or visit.error:
+        return None
+    folder = campaign / visit.folder
+    files = (folder / found.name / CLOUD_FILE for found in load_evaluation_report(folder).plots)
+    return next((file for file in files if file.is_file()), None)
 
 
 def read_visits(campaign: Path) -> list[Visit]:

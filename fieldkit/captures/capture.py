@@ -161,7 +161,11 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
     return CaptureError(
         f"none of the {len(left_out)} image files can be used ({shown}{more})",
         path=folder,
-        remedy="Copy the photographs again from the camera, as JPEG.",
+        remedy=(
+            "Convert them to JPEG or TIFF, or copy the JPEG files that the camera took beside them."
+            if all(finding.code == "unsupported-format" for finding in left_out)
+            else "Copy the photographs again from the camera."
+        ),
     )
 
 

@@ -24,7 +24,7 @@ def command(
     ] = None,
     vehicle: Annotated[str | None, Option("--vehicle", help="Profile, by name or path.")] = None,
     camera: Annotated[
-        Path | None, Option("--camera", help="camera.toml for photographs that have none beside them.")
+        Path | None, Option("--camera-file", help="camera.toml for photographs that have none beside them.")
     ] = None,
     reference: Annotated[
         list[str] | None,

@@ -19,7 +19,7 @@ from fieldkit.cli.common import (
     show,
     table,
 )
-from fieldkit.cli.reconstruction_options import run_context
+from fieldkit.cli.reconstruction_options import WorkersOption, run_context
 from fieldkit.errors import UsageError
 
 
@@ -37,7 +37,7 @@ def command(
     ] = None,
     format: Annotated[MissionFormat, Option("--format", help="As of export-mission.")] = "plan",  # noqa: A002
     seed: SeedOption = 0,
-    workers: Annotated[int, Option("--workers", min=1, help="Processes.")] = 1,
+    workers: WorkersOption = None,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -65,13 +65,15 @@ def command(
     day = _day(date)
     from fieldkit.campaign.next_visit import plan_next_visit
     from fieldkit.campaign.reading import campaign_folder, read_campaign
+    from fieldkit.runtime.machine import usual_workers
     from fieldkit.runtime.threads import limit_threads
 
     limit_threads(1)
     campaign = read_campaign(campaign_folder(folder))
     with run_context(as_json=as_json) as progress:
         made = plan_next_visit(
-            campaign, day, output, vehicle=vehicle, growth=growth, format=format, seed=seed, workers=workers,
+            campaign, day, output, vehicle=vehicle, growth=growth, format=format, seed=seed,
+            workers=workers or usual_workers(),
             overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if as_json:

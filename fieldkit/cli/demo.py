@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from fieldkit.demo.loop import Demo
-    from fieldkit.present.content import Paragraph, Table
+    from fieldkit.present.content import Paragraph
 
 
 @grouped
@@ -41,16 +41,17 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False, 
 
     with run_context(as_json=as_json) as progress:
         demo = run_demo(
-            output, seed=run.seed, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.workers
+            output, seed=run.seed, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.processes
         )
     if as_json:
         emit_json({"output": output, **figures(demo)})
         return
+    from fieldkit.present.sections.demo import demo_blocks
     from fieldkit.present.style import format_seconds
     from fieldkit.present.terminal.blocks import rendered
 
     end = f"In {format_seconds(demo.seconds)}. Open the report in a browser:"
-    show(rendered([*_story(demo), _scores(demo)]), end, demo.report)
+    show(rendered([*_story(demo), *demo_blocks(demo.compared)]), end, demo.report)
 
 
 def _story(demo: Demo) -> Iterator[Paragraph]:
@@ -58,9 +59,10 @@ def _story(demo: Demo) -> Iterator[Paragraph]:
     from fieldkit.present.content import Paragraph
     from fieldkit.present.style import format_length
 
+    off = format_length(demo.compared.reference_to_true_plants_m)
     yield Paragraph(
         f"Reference: {demo.reference.right} of {demo.reference.images} photographs, {demo.reference.points:,} "
-        f"points; {format_length(demo.truth.chamfer.chamfer_m)} (chamfer distance) from the plants' true surfaces."
+        f"points; {off} (chamfer distance) from the plants' true surfaces."
     )
     yield Paragraph(
         f"Plan: {demo.outcome.cameras} views for {demo.outcome.plots} plots like the first, confirmed "
@@ -72,18 +74,3 @@ def _story(demo: Demo) -> Iterator[Paragraph]:
         f"{demo.flight.angle_deg:.1f}° (standard deviations, {demo.flight.photographs} photographs). "
         "The captures below have this noise."
     )
-
-
-def _scores(demo: Demo) -> Table:
-    from fieldkit.present.content import Column
-    from fieldkit.present.style import millimetres
-    from fieldkit.present.tables.scores import score_columns
-    from fieldkit.present.tables.tabulated import tabulated
-
-    title = "Chamfer distance of planned views and of the best circle, to each plot's reference"
-    return tabulated(title, demo.scores, (
-        (Column("plot"), lambda each: each.plot), (Column("views"), lambda each: each.cameras),
-        (Column("right"), lambda each: f"{each.evaluation.right}/{each.evaluation.images}"),
-        *((column, lambda each, of=cell: of(each.evaluation)) for column, cell in score_columns(["0.010"])),
-        (Column("to true plants, mm", True), lambda each: millimetres(each.truth.chamfer.chamfer_m)),
-    ))  # fmt: skip

@@ -148,7 +148,7 @@ def command(
             captures, output, settings, reference=reference, reference_frame=frame, refine=refine,
             distances_m=distances_m, log=flight.log,
             plan=flight.plan, mission=mission, poses=given, cache=cache, progress=progress, overwrite=run.overwrite,
-            workers=run.workers,
+            workers=run.processes,
         )  # fmt: skip
     if as_json:
         emit_json(
@@ -197,7 +197,7 @@ def _in_campaign(folder: Path, captures: Path, cache: StageCache, run: RunOption
 
     with run_context(as_json=as_json) as progress:
         done = evaluate_campaign(
-            folder, captures, cache=cache, progress=progress, workers=run.workers, wait=wait, overwrite=run.overwrite
+            folder, captures, cache=cache, progress=progress, workers=run.processes, wait=wait, overwrite=run.overwrite
         )
     if as_json:
         emit_json(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -84,11 +83,12 @@ def _planned(
     from fieldkit.planning.run.folder import read_log, read_settings
     from fieldkit.planning.run.plan_views import plan_views, resume_plan
     from fieldkit.planning.run.request import new_settings, resumed_settings
+    from fieldkit.runtime.machine import usual_workers
     from fieldkit.runtime.progress import Silent
     from fieldkit.runtime.threads import limit_threads
 
     limit_threads(1)
-    workers = options.workers or os.cpu_count() or 1
+    workers = options.workers or usual_workers()
     cache = StageCache(default_cache_root())
     progress = Silent() if as_json else Lines()  # bars of their own would quarrel with the live view
     if options.resume:

@@ -11,6 +11,7 @@ from typer import Option
 from fieldkit.cli.common import SEED, OverwriteOption, ResumeOption
 from fieldkit.cli.help_page import RUN
 from fieldkit.cli.numbers import read_numbers
+from fieldkit.cli.reconstruction_options import WorkersOption
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -189,9 +190,7 @@ class RunOptions:
     panel: ClassVar[str] = RUN
 
     seed: Annotated[int | None, SEED] = None
-    workers: Annotated[int | None, Option("--workers", min=1, help="Processes; as many as cores where not given.")] = (
-        None
-    )
+    workers: WorkersOption = None
     scheduler: Annotated[
         str, Option("--scheduler", metavar="URL", help="Evaluate on a Dask cluster: tcp://host:8786.")
     ] = ""

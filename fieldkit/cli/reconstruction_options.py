@@ -31,7 +31,8 @@ DistancesOption = Annotated[
     str, Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
 ]
 WorkersOption = Annotated[
-    int, Option("--workers", min=1, rich_help_panel=RUN, help="Processes. The result does not depend on it.")
+    int | None,
+    Option("--workers", min=1, rich_help_panel=RUN, help="Processes; as many as cores and memory allow if not given."),
 ]
 NoCacheOption = Annotated[
     bool, Option("--no-cache", rich_help_panel=RUN, help="Neither use nor keep what stages computed.")
@@ -134,11 +135,18 @@ class PosesOptions:
 class RunOptions:
     """How the stages of a reconstruction are run."""
 
-    workers: WorkersOption = 1
+    workers: WorkersOption = None
     seed: SeedOption = 0
     overwrite: OverwriteOption = False
     resume: ResumeOption = False
     no_cache: NoCacheOption = False
+
+    @property
+    def processes(self) -> int:
+        """The number of --workers, or the usual one."""
+        from fieldkit.runtime.machine import usual_workers
+
+        return self.workers or usual_workers()
 
     def cache(self) -> StageCache:
         """The stage cache, as `open_cache` gives it."""

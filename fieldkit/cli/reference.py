@@ -61,7 +61,7 @@ def command(
     with run_context(as_json=as_json) as progress:
         report = build_reference(
             images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, resume=run.resume,
-            workers=run.workers, scene=not no_scene, poses=given,
+            workers=run.processes, scene=not no_scene, poses=given,
         )  # fmt: skip
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})

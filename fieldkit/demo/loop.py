@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -37,34 +36,17 @@ from fieldkit.planning.run.plan_views import plan_views
 from fieldkit.planning.run.request import search_settings
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.present.report import REPORT_FILE, write_report
+from fieldkit.results.demo import DEMO_FILE, DemoEntry, DemoReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan, plan_from_poses
 from fieldkit.runtime.parallel import map_parallel
 from fieldkit.runtime.progress import Progress, Silent
 
-DEMO_FILE = "demo.json"
 VEHICLE = "ardupilot-pitch"
 CAMERAS = 10
 PLANNED, CIRCLE = "planned", "circle"
 _FINALISTS, _REPEATS = 3, 2
-
-
-@dataclass(frozen=True)
-class DemoScore:
-    """A few-view capture and what came of it.
-
-    Attributes:
-        plot: "seen" (that was planned on) or "unseen".
-        cameras: "planned" or "circle".
-        evaluation: against the plot's reference.
-        truth: against the plants' true surfaces, which no real capture tells.
-    """
-
-    plot: str
-    cameras: str
-    evaluation: PlotEvaluation
-    truth: CloudScore
 
 
 @dataclass(frozen=True)
@@ -73,23 +55,23 @@ class Demo:
 
     Attributes:
         reference: report of the dense capture of the plot that is planned on.
-        truth: that reference's plants against the true surfaces.
         outcome: of the search.
         stations: of the mission.
         items: that the stand-in vehicle took.
         flight: how exactly the recorded vehicle flew; the captures have its pose noise.
-        scores: of planned views and of a circle, on both plots.
+        evaluations: of planned views and of a circle, by plot.
+        compared: demo.json: the two against each other.
         report: the HTML file.
         seconds: of wall time.
     """
 
     reference: ReferenceReport
-    truth: CloudScore
     outcome: Outcome
     stations: int
     items: int
     flight: RecordedFlight
-    scores: tuple[DemoScore, ...]
+    evaluations: Mapping[str, Sequence[PlotEvaluation]]
+    compared: DemoReport
     report: Path
     seconds: float
 
@@ -129,20 +111,14 @@ def run_demo(
         with progress.stage("Upload to the stand-in vehicle"):
             items = upload_to_stand_in(mission.files[0]).items
         evaluations = _captures_and_scores(folder, plan, circle, flight, seed, cache, progress, workers)
-        plants = {plot: _true_plants(folder, plot) for plot in evaluations}
-        scores = tuple(
-            DemoScore(plot, each.name, each, _against(plants[plot], folder / f"evaluation-{plot}" / each.name))
-            for plot, report in evaluations.items()
-            for each in report.plots
-        )
-        truth = _against(plants[SEEN], reference_folder(folder, SEEN))
-        summary = {"kind": "demo", "version": 2, "seed": seed, "pose_noise": flight.pose_noise}
-        write_atomic(folder / DEMO_FILE, json.dumps(summary, indent=2) + "\n")
+        compared = _compared(folder, evaluations, flight, seed)
+        write_atomic(folder / DEMO_FILE, compared.model_dump_json(indent=2) + "\n")
     write_report(output, title="fieldkit demo", overwrite=True, progress=progress)
     seconds = time.perf_counter() - begun
     return Demo(
-        references[SEEN], truth, outcome, len(plan.stations), items, flight, scores, output / REPORT_FILE, seconds
-    )
+        references[SEEN], outcome, len(plan.stations), items, flight,
+        {plot: report.plots for plot, report in evaluations.items()}, compared, output / REPORT_FILE, seconds,
+    )  # fmt: skip
 
 
 def reference_folder(folder: Path, plot: str) -> Path:
@@ -225,6 +201,30 @@ def _captures_and_scores(
         return dict(zip(plots, map_parallel(evaluate, scorings, workers=workers, advance=advance), strict=True))
 
 
+def _compared(
+    folder: Path, evaluations: Mapping[str, EvaluationReport], flight: RecordedFlight, seed: int
+) -> DemoReport:
+    plants = {plot: _true_plants(folder, plot) for plot in evaluations}
+    scores = [
+        {
+            "plot": plot,
+            "views": each.name,
+            "images": each.images,
+            "right": each.right,
+            "to_reference_m": each.chamfer_m,
+            "to_true_plants_m": _against(plants[plot], folder / f"evaluation-{plot}" / each.name).chamfer.chamfer_m,
+        }
+        for plot, report in evaluations.items()
+        for each in report.plots
+    ]
+    return DemoReport(
+        seed=seed,
+        pose_noise=flight.pose_noise,
+        reference_to_true_plants_m=_against(plants[SEEN], reference_folder(folder, SEEN)).chamfer.chamfer_m,
+        scores=tuple(DemoEntry.model_validate(score) for score in scores),
+    )
+
+
 def _true_plants(folder: Path, plot: str) -> ReferenceIndex:
     """The plants' true surfaces, in the frame and the volume of the plot's reference."""
     known = Reference(reference_folder(folder, plot)).known_plot()
@@ -242,20 +242,24 @@ def _against(truth: ReferenceIndex, folder: Path) -> CloudScore:
 
 def figures(demo: Demo) -> dict[str, object]:
     """The demo's figures for machines."""
+    true_plants: dict[tuple[str, str], float] = {
+        (each.plot, each.views): each.to_true_plants_m for each in demo.compared.scores
+    }
     return {
         "report": str(demo.report),
         "seconds": demo.seconds,
         "reference": demo.reference.model_dump(mode="json", exclude={"image_reports"}),
-        "truth": asdict(demo.truth.chamfer),
+        "reference_to_true_plants_m": demo.compared.reference_to_true_plants_m,
         "plan": demo.outcome.model_dump(mode="json"),
         "mission": {"stations": demo.stations, "items": demo.items},
         "flight": asdict(demo.flight),
         "scores": [
             {
-                "plot": s.plot,
-                "truth": asdict(s.truth.chamfer),
-                **s.evaluation.model_dump(mode="json", exclude={"image_reports"}),
+                "plot": plot,
+                "to_true_plants_m": true_plants[plot, each.name],
+                **each.model_dump(mode="json", exclude={"image_reports"}),
             }
-            for s in demo.scores
+            for plot, plots in demo.evaluations.items()
+            for each in plots
         ],
     }

@@ -97,6 +97,11 @@ def _read(evaluations: Sequence[Path | str]) -> list[Run]:
     taken: set[str] = set()
     for each in evaluations:
         label, path = _labelled(each)
+        if (path / "campaign.toml").is_file():
+            raise UsageError(
+                "is a campaign: its dates are compared within it", path=path,
+                remedy=f"Use `fieldkit campaign show {path.name}`, or give evaluations within it.",
+            )  # fmt: skip
         report = load_evaluation_report(path)
         folder = path if path.is_dir() else path.parent
         if not label:

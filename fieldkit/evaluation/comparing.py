@@ -177,9 +177,7 @@ class Comparer:
             return "repeats", sd, quantile_95(repeated[1])
         if figure == PREDICTED:
             return self._predicted(plot, by_label, pair)
-        planned = None
-        if figure == "chamfer_m" and self.method is not None and (self.method.repeats or 0) > 1:
-            planned = self.method.chamfer_spread_m
+        planned = None if figure != "chamfer_m" or self.method is None else self.method.known_spread_m
         if planned is not None:
             width = quantile_95(min(self.method.repeats or 2, _MANY) - 1 if self.method is not None else 1)
             between = planned * float(np.sqrt(2.0))

@@ -21,6 +21,7 @@ from fieldkit.present.style import format_length
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import CorrectionEntry, PlotEvaluation
 from fieldkit.results.report_files import describe_files
 from fieldkit.runtime.progress import Progress
@@ -174,7 +175,7 @@ def _other_plants(name: str, found: CloudScore, reference: Cloud) -> list[Findin
         f"the cloud is {format_length(distance_m)} from the reference: are these the reference's plants? Check which "
         "plot was photographed, and when; how good the reconstruction is cannot be told from this distance"
     )
-    return [Finding(name, "other-plants", message)]
+    return [Finding(name, OTHER_PLANTS, message)]
 
 
 def scale_doubt(sparse: SparseResult) -> float:

@@ -105,7 +105,20 @@ class Mark:
     text: str
 
 
-Cell: TypeAlias = str | Picture | Mark | None
+@dataclass(frozen=True)
+class Link:
+    """Words that lead to another place on the page.
+
+    Attributes:
+        text: shown.
+        anchor: of a section or of folded blocks.
+    """
+
+    text: str
+    anchor: str
+
+
+Cell: TypeAlias = str | Picture | Mark | Link | None
 """None is shown as a dash."""
 
 
@@ -171,29 +184,46 @@ class View:
         identifier: unique on the page: letters, digits and hyphens.
         scene: what it shows.
         note: below it.
+        still: printed in its place; None prints nothing.
     """
 
     identifier: str
     scene: ViewerScene
     note: str = ""
+    still: Picture | None = None
+
+
+@dataclass(frozen=True)
+class Still:
+    """A picture of its own.
+
+    Attributes:
+        picture: shown at most as wide as the page.
+        caption: above it.
+    """
+
+    picture: Picture
+    caption: str
 
 
 @dataclass(frozen=True)
 class Details:
-    """Blocks that can be folded; printed unfolded.
+    """Blocks that can be folded; what is folded is not printed.
 
     Attributes:
         summary: always visible text.
         blocks: the folded content.
         is_open: whether the blocks are unfolded at first.
+        anchor: of the content, for links, which unfold it; unique on the page; empty for none.
     """
 
     summary: str
     blocks: tuple[Block, ...]
     is_open: bool = False
+    anchor: str = ""
 
 
-Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | Map | View | Details
+Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | Map | View | Still | Details
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ POINTS = 1_000_000
 """Default limit of the points of all 3D views of a report together."""
 
 MOST_POINTS = 10_000_000
+_SUFFIXES = (".html", ".htm", "")
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,8 @@ def write_report(
         progress: receives the stages.
 
     Raises:
-        UsageError: the file exists and ``overwrite`` is off, no regular file is there, or a number is out of range.
+        UsageError: the file is not HTML by its suffix, it exists and ``overwrite`` is off, no regular file is there, or
+            a number is out of range.
         MetadataError: the folder holds no result of fieldkit, or all are damaged.
         StorageError: the folder cannot be read, or the file not written.
     """
@@ -81,6 +83,11 @@ def write_report(
     folder = Path(folder)
     home = folder if folder.is_dir() else folder.parent
     output = home / REPORT_FILE if output is None else Path(output)
+    if output.suffix.lower() not in _SUFFIXES:
+        raise UsageError(
+            f"a report is an HTML file, not {output.suffix}", path=output,
+            remedy=f"Give {output.with_suffix('.html').name}; for a PDF, open it in a browser and print it to a file.",
+        )  # fmt: skip
     check_replaceable(output, overwrite=overwrite)
     results = read_results(folder)
     check_writable(output.parent)

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from fieldkit.geometry import Pose
+from fieldkit.results.doubtful import DOUBTFUL
 from fieldkit.results.fields import Count, Latitude, Length, Longitude, Sha256, Strict, Vector
 
 Seconds = Annotated[float, Field(ge=0)]
@@ -216,6 +217,11 @@ class ReconstructionEntry(Strict):
     """Wall time of the whole run, cached stages included."""
     cpu_seconds: Seconds
     files: tuple[FileEntry, ...]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Codes of findings with which the result must not be taken as it is."""
+        return tuple(dict.fromkeys(finding.code for finding in self.findings if finding.code in DOUBTFUL))
 
 
 class ReferenceReport(ReconstructionEntry):

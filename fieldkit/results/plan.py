@@ -104,6 +104,11 @@ class PlanMethod(Strict):
     weights: tuple[Length, Length, Length] | None = None
     """Of the geometric score's gap, noise and tie, where the method goes by it."""
 
+    @property
+    def known_spread_m(self) -> float | None:
+        """Standard deviation over repeats, where there are two at least to tell it."""
+        return self.chamfer_spread_m if (self.repeats or 0) > 1 else None
+
 
 class PlanFit(Strict):
     """A plot that a plan was fitted to, and the factors by which its plants were stretched."""

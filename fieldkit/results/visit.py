@@ -77,6 +77,8 @@ class Visit(Strict):
     """Why there is no score; empty otherwise."""
     notes: tuple[str, ...] = ()
     """What a person should know."""
+    doubts: tuple[str, ...] = ()
+    """Codes of findings with which the result must not be taken as it is."""
     fieldkit: str = ""
     """Version that computed it; empty where an earlier one did not say."""
     stages: dict[str, int] = Field(default_factory=dict)
@@ -111,6 +113,7 @@ class Visit(Strict):
             cover=None if plants is None else plants.cover,
             hull_m3=None if plants is None else plants.hull_m3,
             error="" if evaluation.error is None else evaluation.error.message,
+            doubts=evaluation.doubts,
             **own,
         )
 

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+_WORKER_BYTES = 1_600_000_000
+"""Memory of a process that reconstructs or evaluates: at most 1.5 GB were measured."""
+
 _UNLIMITED = 1 << 60  # cgroup v1 writes a huge number where v2 writes "max"
 
 
@@ -47,6 +50,12 @@ def this_machine() -> Machine:
         total = limits.memory_bytes
         available = min(available, max(0, total - int(psutil.Process().memory_info().rss)))
     return Machine(cores, total, available)
+
+
+def usual_workers() -> int:
+    """Number of processes where nobody gives one: as many as there are cores, and memory for."""
+    machine = this_machine()
+    return max(1, min(machine.cores, machine.available_bytes // _WORKER_BYTES))
 
 
 def cgroup_limits(proc: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")) -> Limits:

@@ -39,7 +39,7 @@ FIELD = field(1, 2)
 
 def earlier_row(visit: Visit) -> dict[str, Any]:
     """The columns of a visit in an earlier table."""
-    row = {name: value for name, value in visit.row().items() if name != "fieldkit"}
+    row = {name: value for name, value in visit.row().items() if name not in ("fieldkit", "doubts")}
     return row | {"f_score": json.dumps(visit.f_score), "notes": json.dumps(visit.notes), "inputs": visit.inputs}
 
 

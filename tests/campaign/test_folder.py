@@ -26,6 +26,8 @@ from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
 from fieldkit.campaign.ranking import drift, ranking
 from fieldkit.campaign.visit_folders import keep_visit
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
+from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.plan import PlanMethod
 from fieldkit.results.plan_file import plan_from_poses
 from tests.campaign.examples import PLAN, STATIONS, campaign_folder, field, plots_geojson
 
@@ -203,13 +205,19 @@ class TestRanking:
         assert found[0].score.noise_m == pytest.approx(0.001645)
 
     def test_without_known_noise_there_are_no_ties(self) -> None:
-        found = ranking(VISITS, plan_from_poses(STATIONS), "2026-06-18")
-        assert [(e.rank, e.tied) for e in found] == [(1, False), (2, False), (3, False)]
-        assert found[0].score.noise_m is None
+        single = PlanMethod(name="ring", chamfer_m=0.01, chamfer_spread_m=0.0, repeats=1)
+        for plan in (plan_from_poses(STATIONS), plan_from_poses(STATIONS, method=single)):
+            found = ranking(VISITS, plan, "2026-06-18")
+            assert [(e.rank, e.tied) for e in found] == [(1, False), (2, False), (3, False)]
+            assert found[0].score.noise_m is None
 
     def test_groups_do_not_chain(self) -> None:
         row = tuple(visit(f"p{k}", "2026-06-18", 0.010 + 0.0015 * k) for k in range(4))
         assert [entry.rank for entry in ranking(row, PLAN, "2026-06-18")] == [1, 1, 3, 3]
+
+    def test_other_plants_than_the_references_have_no_rank(self) -> None:
+        odd = visit("r2c2", "2026-06-18", 0.148, doubts=(OTHER_PLANTS,))
+        assert ranking((*VISITS, odd), PLAN, "2026-06-18") == ranking(VISITS, PLAN, "2026-06-18")
 
     def test_drift(self) -> None:
         found = drift(VISITS, PLAN)

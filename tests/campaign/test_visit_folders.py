@@ -103,7 +103,7 @@ def test_the_table_is_made_of_the_visits(tmp_path: Path) -> None:
         database.row_factory = sqlite3.Row
         rows = [dict(row) for row in database.execute("SELECT * FROM visits ORDER BY date")]
     assert tuple(rows[0]) == ROW
-    assert rows[0] == FULL.row() | {"f_score": '{"0.010": 0.9}', "notes": '["one", "two ü"]'}
+    assert rows[0] == FULL.row() | {"f_score": '{"0.010": 0.9}', "notes": '["one", "two ü"]', "doubts": "[]"}
     assert rows[1]["error"] == FAILED.error
     assert rows[1]["chamfer_m"] is None
 

@@ -42,7 +42,7 @@ def test_figures(demo: tuple[Path, dict]) -> None:
         assert reference[key]
     assert (reference["images"], reference["right"]) == (24, 24)
     assert reference["pose_rms_m"] < 0.012
-    assert found["truth"]["chamfer_m"] < 0.008
+    assert found["reference_to_true_plants_m"] < 0.008
     assert found["plan"]["cameras"] == 10
     assert found["mission"]["stations"] == 10
     assert found["mission"]["items"] > 10 * 5
@@ -55,7 +55,7 @@ def test_figures(demo: tuple[Path, dict]) -> None:
         assert list(score["f_score"]) == ["0.002", "0.005", "0.010", "0.020"]
         assert score["chamfer_m"] == pytest.approx(score["accuracy_m"] + score["completeness_m"])
         assert score["f_score"]["0.010"] > 0.7
-        assert 0.002 < score["truth"]["chamfer_m"] < 0.02
+        assert 0.002 < score["to_true_plants_m"] < 0.02
 
 
 def test_files(demo: tuple[Path, dict]) -> None:

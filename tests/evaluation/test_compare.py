@@ -271,6 +271,13 @@ def test_what_cannot_be_compared_is_refused(three: Sequence[Path], reference: Pa
         compare_evaluations(three, reference=other)
 
 
+def test_a_campaign_is_told_from_an_evaluation(three: Sequence[Path], tmp_path: Path) -> None:
+    (tmp_path / "season").mkdir()
+    (tmp_path / "season" / "campaign.toml").write_text("")
+    with pytest.raises(UsageError, match="is a campaign"):
+        compare_evaluations([three[0], tmp_path / "season"])
+
+
 def test_a_changed_cloud_is_not_drawn_from(reference: Path, tmp_path: Path) -> None:
     folders = [evaluation_folder(tmp_path / n, {"a": leaves(k)}, reference) for k, n in enumerate(("x", "=y"))]
     write_cloud(folders[1] / "a" / "cloud.ply", leaves(5))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,16 +90,28 @@ def test_views_draw(page: Page) -> None:
     assert colors_in(picture(view.locator(".fk-view-stage"))) > 50
 
 
-def test_dates_of_the_map_can_be_chosen(page: Page) -> None:
-    groups = page.locator("figure.map .choice")
-    assert [groups.nth(k).is_visible() for k in range(2)] == [False, True]
+def test_figure_and_date_of_the_map_can_be_chosen(page: Page) -> None:
+    groups = page.locator("figure.map g.choice:has(.plot)")
+
+    def shown() -> list[str | None]:
+        found = [groups.nth(k) for k in range(groups.count()) if groups.nth(k).is_visible()]
+        return [group.locator(".plot").first.get_attribute("aria-label") for group in found]
+
+    assert shown() == ["maize-1, 2026-07-14, height: 0.8 m"]
     page.get_by_role("radio", name="2026-06-30").check()
-    assert [groups.nth(k).is_visible() for k in range(2)] == [True, False]
+    assert shown() == ["maize-1, 2026-06-30, height: 0.6 m"]
+    page.get_by_role("radio", name="quality", exact=True).check()
+    assert shown() == ["maize-1, 2026-06-30, quality: 8 mm"]
     page.get_by_role("radio", name="2026-07-14").check()
-    assert (
-        page.locator("figure.map .choice:not(.hidden) .plot").first.get_attribute("aria-label")
-        == "maize-1, 2026-07-14: 10 mm"
-    )
+    assert shown() == ["maize-1, 2026-07-14, quality: 10 mm"]
+
+
+def test_a_plot_of_the_map_leads_to_its_own_part(page: Page) -> None:
+    page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = false; })")
+    page.locator("figure.map g.choice:not(.hidden) a.plot").first.click()
+    part = page.locator("details:has(#campaign-1-plot-1)")
+    assert part.evaluate("(e) => e.open")
+    assert "maize-1 over the dates" in part.inner_text()
 
 
 def test_the_focus_is_seen(page: Page) -> None:
@@ -110,17 +123,16 @@ def test_the_focus_is_seen(page: Page) -> None:
     assert skip.evaluate("(e) => getComputedStyle(e).outlineStyle") == "solid"
 
 
-def test_it_prints_unfolded_on_white(page: Page) -> None:
+def test_it_prints_stills_on_white_and_few_pages(page: Page) -> None:
+    page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = false; })")
     page.emulate_media(media="print", color_scheme="light")
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert not page.locator("nav").is_visible()
     page.set_viewport_size({"width": 700, "height": 1000})  # A4 without its margins
     assert page.evaluate("document.documentElement.scrollWidth") <= 700
-    page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = false; })")
-    page.evaluate("dispatchEvent(new Event('beforeprint'))")
-    assert page.evaluate("document.querySelectorAll('details:not([open])').length") == 0
-    page.evaluate("dispatchEvent(new Event('afterprint'))")
-    assert page.evaluate("document.querySelectorAll('details[open]').length") == 0
+    assert not page.locator("#view-1").is_visible()
+    assert page.locator("img.printed").first.is_visible()
+    assert len(re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4"))) <= 10
 
 
 def test_it_reads_without_scripts(browser: Browser, report: Path) -> None:

@@ -15,6 +15,7 @@ from fieldkit.present.content import (
     Details,
     KeyFigure,
     KeyFigures,
+    Link,
     Map,
     Mark,
     Page,
@@ -23,6 +24,7 @@ from fieldkit.present.content import (
     Section,
     Statement,
     Statements,
+    Still,
     Table,
     Terms,
     View,
@@ -30,7 +32,7 @@ from fieldkit.present.content import (
 from fieldkit.present.foreign_text import unbroken, visible
 from fieldkit.present.html.charts import LineChart, Series
 from fieldkit.present.html.document import render
-from fieldkit.present.html.plot_map import MappedPlot, PlotMap
+from fieldkit.present.html.plot_map import MappedPlot, Measure, PlotMap
 from fieldkit.present.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
 from tests.present.page_checks import Parsed, checked
 
@@ -43,7 +45,8 @@ def every_block(text: str) -> tuple[Block, ...]:
         level=(2.0, text), x_ticks=((0.0, text), (2.0, text)), y_top=5.0,
     )  # fmt: skip
     plots = (MappedPlot(text, (((0.0, 0.0), (5.0, 0.0), (5.0, 3.0)),)), MappedPlot("b", (((9.0, 9.0),),)))
-    plot_map = PlotMap(text, plots, {text: {text: 1.5}, "later": {"b": 2.0}}, text, text, {"later": {text: text}})
+    measure = Measure(text, text, text, {text: {text: 1.5}, "later": {"b": 2.0}}, {"later": {text: text}})
+    plot_map = PlotMap(text, plots, (measure, measure), {text: "folded", "b": "c"})
     scene = ViewerScene(
         text, (PointLayer(text, np.zeros((2, 3), np.float32)),),
         (FrustumLayer(text, [Pose.from_yaw_pitch((0, 0, 1), 0, 0)], [text], 0.5, 0.4, "#336699"),),
@@ -57,11 +60,12 @@ def every_block(text: str) -> tuple[Block, ...]:
         Terms(((text, text),)),
         Table(
             text, (Column(text), Column(text, True), Column(text)),
-            ((text, None, picture), ("b", "1", Mark("note", text))), text,
+            ((text, None, picture), (Link(text, "c"), "1", Mark("note", text))), text,
         ),
         Charts((chart,)),
         Map(plot_map),
-        Details(text, (Paragraph(text), View("view-1", scene, text))),
+        Still(picture, text),
+        Details(text, (Paragraph(text), View("view-1", scene, text, picture)), anchor="folded"),
     )  # fmt: skip
 
 
@@ -77,7 +81,9 @@ def tags(page: Parsed) -> list[str]:
 def test_every_block_is_shown_and_the_page_is_whole() -> None:
     parsed = checked(render(page_of("Plot 7")))
     assert parsed.text.count("Plot 7") > 40
-    assert [a["href"] for a in parsed.all("a")] == ["#content", "#first", "#b-2", "#c"]
+    links = [a["href"] for a in parsed.all("a")]
+    assert links[:4] == ["#content", "#first", "#b-2", "#c"]
+    assert set(links[4:]) == {"#folded", "#c"}
     assert len(parsed.all("caption")) == len(parsed.all("table")) == 1
     assert len(parsed.raw["script"]) == 2  # the page's own and the view's
 

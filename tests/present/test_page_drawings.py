@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fieldkit.present.html.charts import HEIGHT, WIDTH, LineChart, Series, draw, number_text, round_ticks
-from fieldkit.present.html.plot_map import RAMP, MappedPlot, PlotMap, draw_map, ramp_color
+from fieldkit.present.html.plot_map import RAMP, MappedPlot, Measure, PlotMap, draw_map, ramp_color
 
 FINITE = st.floats(-1e9, 1e9)
 
@@ -90,31 +90,37 @@ def test_not_finite_is_an_error() -> None:
     with pytest.raises(ValueError, match="finite"):
         draw(chart(Series("a", ((0.0, math.nan),))))
     with pytest.raises(ValueError, match="finite"):
-        draw_map(PlotMap("t", (MappedPlot("a", (((math.inf, 0.0),),)),), {}, "mm", "d"))
+        draw_map(PlotMap("t", (MappedPlot("a", (((math.inf, 0.0),),)),), ()))
     with pytest.raises(ValueError, match="plots"):
-        draw_map(PlotMap("t", (), {}, "mm", "d"))
+        draw_map(PlotMap("t", (), ()))
 
 
 def test_a_map_keeps_shape_direction_and_scale() -> None:
     wide = MappedPlot("wide", (((0.0, 0.0), (40.0, 0.0), (40.0, 10.0), (0.0, 10.0)),))
     north = MappedPlot("north", (((0.0, 20.0), (10.0, 20.0), (10.0, 30.0), (0.0, 30.0)),))
-    drawn = draw_map(PlotMap("t", (wide, north), {"d1": {"wide": 5.0, "north": 9.0}}, "mm", "distance"))
-    ((_, (first, second)),) = drawn.dates
+    height = Measure("height", "of plants", "m", {"d1": {"wide": 1.0}})
+    distance = Measure("quality", "distance", "mm", {"d1": {"wide": 5.0, "north": 9.0}})
+    drawn = draw_map(PlotMap("t", (wide, north), (height, distance), {"wide": "plot-1"}))
+    measure = drawn.measures[1]
+    ((_, (first, second)),) = measure.dates
+    assert (first.anchor, second.anchor) == ("plot-1", "")
     a, b = numbers(first.path), numbers(second.path)
-    width, height = max(a[::2]) - min(a[::2]), max(a[1::2]) - min(a[1::2])
-    assert width == pytest.approx(4 * height, abs=0.5)
+    width, tall = max(a[::2]) - min(a[::2]), max(a[1::2]) - min(a[1::2])
+    assert width == pytest.approx(4 * tall, abs=0.5)
     assert max(b[1::2]) < min(a[1::2])  # north is up
     assert float(drawn.bar[0]) == pytest.approx(width / 40 * float(drawn.bar[1].removesuffix(" m")), abs=0.2)
     assert (first.fill, second.fill) == (RAMP[0], RAMP[-1])
-    assert first.text == "wide, d1: 5 mm"
-    assert (drawn.low, drawn.high) == ("5", "9")
+    assert first.text == "wide, d1, quality: 5 mm"
+    assert (measure.low, measure.high) == ("5", "9")
 
 
 def test_plots_without_a_value_say_why() -> None:
     plot = MappedPlot("a", (((0.0, 0.0),),))
-    drawn = draw_map(PlotMap("t", (plot,), {"d": {}}, "mm", "distance", {"d": {"a": "no photographs"}}))
-    shape = drawn.dates[0][1][0]
-    assert (shape.fill, shape.text) == ("", "a, d: no photographs")
+    drawn = draw_map(
+        PlotMap("t", (plot,), (Measure("quality", "distance", "mm", {"d": {}}, {"d": {"a": "no photographs"}}),))
+    )
+    shape = drawn.measures[0].dates[0][1][0]
+    assert (shape.fill, shape.text) == ("", "a, d, quality: no photographs")
 
 
 @given(st.floats(0, 1))

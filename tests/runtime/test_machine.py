@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.runtime.machine import Limits, cgroup_limits, this_machine
+from fieldkit.runtime.machine import Limits, Machine, cgroup_limits, this_machine, usual_workers
 
 
 def tree(root: Path, files: dict[str, str]) -> Path:
@@ -62,3 +62,12 @@ def test_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     assert this_machine().cores == 1
     assert this_machine().memory_bytes == 1 << 20
     assert this_machine().available_bytes == 0
+
+
+def test_as_many_processes_as_cores_and_memory_allow(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = this_machine()
+    assert 1 <= usual_workers() <= machine.cores
+    for gigabytes, expected in ((1.0, 1), (5.0, 3), (100.0, 8)):
+        there = Machine(8, 1 << 40, round(gigabytes * 1e9))
+        monkeypatch.setattr("fieldkit.runtime.machine.this_machine", lambda there=there: there)
+        assert usual_workers() == expected

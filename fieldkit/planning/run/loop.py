@@ -44,7 +44,7 @@ class Finalist:
         trial: of the search.
         entries: the confirmations.
         value_m: mean of the confirmations, or of their worst share by the settings' risk; None without confirmations.
-        spread_m: standard deviation over the confirmations; 0 for a single one; None without any.
+        spread_m: standard deviation over the confirmations; None without two.
         kind_m: the method's expectation on plots of the kind, after all evaluations; None if the method has none.
     """
 
@@ -236,7 +236,7 @@ def evaluate_again(executor: Executor, run: RunFolder, chosen: Sequence[Trial], 
     for trial in chosen:
         entries = tuple(there[trial.cameras, seed, plot] for seed, plot in fresh)
         values = [entry.value_m for entry in entries]
-        spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+        spread = float(np.std(values, ddof=1)) if len(values) > 1 else None
         value = worst_mean(values, settings.noise.risk)
         confirmed.append((value, trial.number, Finalist(trial, entries, value, spread)))
     return [finalist for _, _, finalist in sorted(confirmed, key=lambda found: found[:2])]

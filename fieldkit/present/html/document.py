@@ -37,6 +37,7 @@ _KINDS = {
     content.Charts: "charts",
     content.Map: "map",
     content.View: "view",
+    content.Still: "still",
     content.Details: "details",
 }
 
@@ -47,7 +48,8 @@ def render(page: Page) -> str:
     Raises:
         ValueError: an invalid or repeated anchor, or a chart's or map's coordinate that is not finite.
     """
-    anchors = [section.anchor for section in page.sections] + [view.identifier for view in views_of(page)]
+    anchors = [section.anchor for section in page.sections]
+    anchors += [name for block in _blocks_of(page) if (name := _anchor(block))]
     if len(set(anchors)) < len(anchors) or not all(_ANCHOR.fullmatch(anchor) for anchor in anchors):
         raise ValueError(f"anchors must be unique, of letters, digits and hyphens: {anchors}")
     has_views = any(True for _ in views_of(page))
@@ -81,16 +83,24 @@ def policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
 
 def views_of(page: Page) -> Iterator[View]:
     """The page's 3D views, including folded ones."""
+    return (block for block in _blocks_of(page) if isinstance(block, View))
 
-    def within(blocks: Sequence[Block]) -> Iterator[View]:
+
+def _blocks_of(page: Page) -> Iterator[Block]:
+    """All blocks, folded ones included."""
+
+    def within(blocks: Sequence[Block]) -> Iterator[Block]:
         for block in blocks:
-            if isinstance(block, View):
-                yield block
-            elif isinstance(block, Details):
+            yield block
+            if isinstance(block, Details):
                 yield from within(block.blocks)
 
     for section in page.sections:
         yield from within(section.blocks)
+
+
+def _anchor(block: Block) -> str:
+    return block.identifier if isinstance(block, View) else block.anchor if isinstance(block, Details) else ""
 
 
 def _source(text: str) -> str:
@@ -123,6 +133,7 @@ def _environment() -> Environment:
     environment.globals.update(draw=draw, draw_map=draw_map, kind=_kind, data_uri=_data_uri, view_html=_view_html)
     environment.filters.update(path=_path, unbroken=unbroken)
     environment.tests["text"] = lambda value: isinstance(value, str)
+    environment.tests["link"] = lambda value: isinstance(value, content.Link)
     environment.tests["picture"] = lambda value: isinstance(value, content.Picture)
     return environment
 

@@ -1,9 +1,9 @@
-"""A map of plots coloured by a score, as values, and its layout in a drawing of fixed width."""
+"""A map of plots coloured by a figure of choice, as values, and its layout in a drawing of fixed width."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 WIDTH = 640.0
@@ -14,9 +14,13 @@ _LIGHT = 0.18  # relative luminance above which black reads better than white (W
 _POINT_M = 1.0  # half the side of a plot known only as a point
 
 RAMP = ("#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a")
-"""Blue through light yellow to red, safe for colour-blind eyes; as in comparison.png."""
+"""Blue through light yellow to red, safe for colour-blind eyes; as in comparison.png. For what is worse where more."""
 
-Ring = tuple[tuple[float, float], ...]
+GREENS = ("#eef8c4", "#b3dd8b", "#5fb96a", "#1f8a50", "#00582f")
+"""Light to dark: for what is only more or less."""
+
+Corner = tuple[float, float]
+Ring = tuple[Corner, ...]
 
 
 @dataclass(frozen=True)
@@ -33,24 +37,43 @@ class MappedPlot:
 
 
 @dataclass(frozen=True)
+class Measure:
+    """A figure that plots are coloured by.
+
+    Attributes:
+        label: on its switch, such as "height".
+        name: of the values, such as "height of the plants".
+        unit: of the values, such as "mm".
+        values: by date and plot, in ``unit``; a plot without a value is hatched.
+        notes: by date and plot, the reason for a missing value.
+        ramp: its colours, from low to high.
+    """
+
+    label: str
+    name: str
+    unit: str
+    values: Mapping[str, Mapping[str, float]]
+    notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    ramp: tuple[str, ...] = RAMP
+
+
+@dataclass(frozen=True)
 class PlotMap:
     """A map.
 
     Attributes:
         title: above it.
         plots: their places, in one frame: metres east and north.
-        values: by date and plot, in ``unit``; a plot without a value is hatched.
-        unit: of the values, such as "mm".
-        value_name: name of the values, such as "chamfer distance".
-        notes: by date and plot, the reason for a missing value.
+        measures: to choose from, the first shown first; all of the same dates.
+        anchors: by plot, the place on the page that it leads to.
+        identifier: unique on the page.
     """
 
     title: str
     plots: tuple[MappedPlot, ...]
-    values: Mapping[str, Mapping[str, float]]
-    unit: str
-    value_name: str
-    notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    measures: tuple[Measure, ...]
+    anchors: Mapping[str, str] = field(default_factory=dict)
+    identifier: str = "map"
 
 
 @dataclass(frozen=True)
@@ -64,6 +87,7 @@ class Shape:
         label: its name, within or below it; empty if there is no room.
         label_class: "on-dark", "on-light" or "on-none" within it, "below".
         x, y: middle of the label's line.
+        anchor: the place on the page that it leads to; empty for none.
     """
 
     path: str
@@ -73,6 +97,25 @@ class Shape:
     label_class: str
     x: str
     y: str
+    anchor: str = ""
+
+
+@dataclass(frozen=True)
+class DrawnMeasure:
+    """A measure laid out.
+
+    Attributes:
+        measure: shown.
+        dates: (date, its shapes), the last one shown first.
+        low, high: the legend's ends.
+        stops: of the legend's ramp: (share, colour).
+    """
+
+    measure: Measure
+    dates: tuple[tuple[str, tuple[Shape, ...]], ...]
+    low: str
+    high: str
+    stops: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -82,21 +125,16 @@ class DrawnMap:
     Attributes:
         map: the map shown.
         width, height: of the drawing.
-        dates: (date, its shapes), the last one shown first.
+        measures: to choose from, the first shown first.
         bar: of the scale: its length in the drawing, and its text.
-        stops: of the legend's ramp: (share, colour).
-        low, high: the legend's ends.
         north_x, base: where the arrow stands, and the line of bar and legend.
     """
 
     map: PlotMap
     width: str
     height: str
-    dates: tuple[tuple[str, tuple[Shape, ...]], ...]
+    measures: tuple[DrawnMeasure, ...]
     bar: tuple[str, str]
-    stops: tuple[tuple[str, str], ...]
-    low: str
-    high: str
     north_x: str
     base: str
 
@@ -117,42 +155,49 @@ def draw_map(plots: PlotMap) -> DrawnMap:
     left = 0.5 * (WIDTH - (east - west) * scale)
     top = 0.5 * (drawn_height - (north - south) * scale)
 
-    def place(corner: tuple[float, float]) -> tuple[float, float]:
+    def place(corner: Corner) -> Corner:
         return left + (corner[0] - west) * scale, top + (north - corner[1]) * scale
 
-    found = [value for by_plot in plots.values.values() for value in by_plot.values()]
-    low, high = (min(found), max(found)) if found else (0.0, 0.0)
-    dates = []
-    for date in plots.values:
-        shapes = []
-        for plot in plots.plots:
-            value = plots.values[date].get(plot.name)
-            share = 0.0 if value is None or high <= low else (value - low) / (high - low)
-            spots = [[place(corner) for corner in _outline(ring)] for ring in plot.rings]
-            flat = [spot for ring in spots for spot in ring]
-            why = plots.notes.get(date, {}).get(plot.name, "no value")
-            said = f"{value:.3g} {plots.unit}" if value is not None else why
-            path = "".join("M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in ring) + "Z" for ring in spots)
-            fill = "" if value is None else ramp_color(share)
-            label_class, x, y = _label_place(plot.name, flat, fill, len(plots.plots))
-            label = plot.name if label_class else ""
-            text = f"{plot.name}, {date}: {said}"
-            shapes.append(Shape(path, fill, text, label, label_class, f"{x:.1f}", f"{y:.1f}"))
-        dates.append((date, tuple(shapes)))
     bar_m = _round_length(0.25 * (WIDTH - 2 * _MARGIN) / scale)
     return DrawnMap(
-        plots, f"{WIDTH:.0f}", f"{drawn_height + _LEGEND:.0f}", tuple(dates),
+        plots, f"{WIDTH:.0f}", f"{drawn_height + _LEGEND:.0f}",
+        tuple(_drawn(plots, measure, place) for measure in plots.measures),
         (f"{bar_m * scale:.1f}", f"{bar_m:g} m"),
-        tuple((f"{k / (len(RAMP) - 1):.2f}", color) for k, color in enumerate(RAMP)),
-        f"{low:.3g}", f"{high:.3g}", f"{WIDTH - 20:.1f}", f"{drawn_height + 14:.1f}",
+        f"{WIDTH - 20:.1f}", f"{drawn_height + 14:.1f}",
     )  # fmt: skip
 
 
-def ramp_color(share: float) -> str:
-    """The ramp's colour at 0 (low, blue) to 1 (high, red), as "#rrggbb"."""
-    at = min(max(share, 0.0), 1.0) * (len(RAMP) - 1)
-    first = min(int(at), len(RAMP) - 2)
-    a, b = (tuple(int(color[k : k + 2], 16) for k in (1, 3, 5)) for color in RAMP[first : first + 2])
+def _drawn(plots: PlotMap, measure: Measure, place: Callable[[Corner], Corner]) -> DrawnMeasure:
+    """One measure's plots on each date, to one scale of colours."""
+    found = [value for by_plot in measure.values.values() for value in by_plot.values()]
+    low, high = (min(found), max(found)) if found else (0.0, 0.0)
+    dates = []
+    for date in measure.values:
+        shapes = []
+        for plot in plots.plots:
+            value = measure.values[date].get(plot.name)
+            share = 0.0 if value is None or high <= low else (value - low) / (high - low)
+            spots = [[place(corner) for corner in _outline(ring)] for ring in plot.rings]
+            flat = [spot for ring in spots for spot in ring]
+            why = measure.notes.get(date, {}).get(plot.name, "no value")
+            said = f"{value:.3g} {measure.unit}" if value is not None else why
+            path = "".join("M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in ring) + "Z" for ring in spots)
+            fill = "" if value is None else ramp_color(share, measure.ramp)
+            label_class, x, y = _label_place(plot.name, flat, fill, len(plots.plots))
+            label = plot.name if label_class else ""
+            text = f"{plot.name}, {date}, {measure.label}: {said}"
+            anchor = plots.anchors.get(plot.name, "")
+            shapes.append(Shape(path, fill, text, label, label_class, f"{x:.1f}", f"{y:.1f}", anchor))
+        dates.append((date, tuple(shapes)))
+    stops = tuple((f"{k / (len(measure.ramp) - 1):.2f}", color) for k, color in enumerate(measure.ramp))
+    return DrawnMeasure(measure, tuple(dates), f"{low:.3g}", f"{high:.3g}", stops)
+
+
+def ramp_color(share: float, ramp: Sequence[str] = RAMP) -> str:
+    """A ramp's colour at 0 (low) to 1 (high), as "#rrggbb"."""
+    at = min(max(share, 0.0), 1.0) * (len(ramp) - 1)
+    first = min(int(at), len(ramp) - 2)
+    a, b = (tuple(int(color[k : k + 2], 16) for k in (1, 3, 5)) for color in ramp[first : first + 2])
     return "#" + "".join(f"{round(u + (v - u) * (at - first)):02x}" for u, v in zip(a, b, strict=True))
 
 

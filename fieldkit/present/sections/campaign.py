@@ -2,70 +2,102 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from statistics import median
 
 from fieldkit.campaign import Campaign, Visit
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.present.content import (
     Block,
+    Cell,
     Charts,
     Column,
     Details,
     KeyFigure,
     KeyFigures,
-    Map,
+    Link,
     Mark,
+    Picture,
     Section,
+    Still,
     Table,
 )
 from fieldkit.present.html.charts import LineChart, Series
-from fieldkit.present.html.plot_map import MappedPlot, PlotMap
+from fieldkit.present.html.plot_map import GREENS, RAMP, MappedPlot, Measure, PlotMap
 from fieldkit.present.sections.loaded_results import CampaignResult
 from fieldkit.present.style import decimal, format_length, metres, millimetres, percent
 from fieldkit.present.tables.scores import distances_of, interval, score_columns
-from fieldkit.present.tables.tabulated import tabulated
+from fieldkit.present.tables.tabulated import MOST_ROWS, tabulated
+from fieldkit.results.doubtful import OTHER_PLANTS
 
 _MOST_LINES = 200
+_MOST_TICKS = 5
 _FARTHEST_M = 200_000.0
-
-
-def score_of(visit: Visit) -> float | None:
-    """A visit's distance to its reference, metres; without a reference the predicted one."""
-    return visit.chamfer_m if visit.chamfer_m is not None else visit.predicted_chamfer_m
 
 
 def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else factor * value
 
 
-_CHARTS: tuple[tuple[str, str, Callable[[Visit], float | None]], ...] = (
-    ("Distance to the reference over the dates", "chamfer, mm", lambda visit: _scaled(score_of(visit), 1000.0)),
-    ("Plant height over the dates", "height, m", lambda visit: visit.height_m),
-    ("Cover over the dates", "cover, %", lambda visit: _scaled(visit.cover, 100.0)),
-)
+@dataclass(frozen=True)
+class _Shown:
+    """A figure of visits that is mapped and drawn over the dates."""
+
+    label: str
+    name: str
+    unit: str
+    value: Callable[[Visit], float | None]
+    ramp: tuple[str, ...] = RAMP
 
 
-def campaign_section(result: CampaignResult, anchor: str) -> Section:
-    """The results of a campaign, by plot and date."""
+_SHOWN = (
+    _Shown("height", "height of the plants", "m", lambda visit: visit.height_m, GREENS),
+    _Shown("cover", "ground that plants cover, seen from above", "%", lambda visit: _scaled(visit.cover, 100.0),
+           GREENS),
+    _Shown("quality", "chamfer distance to the reference", "mm", lambda visit: _scaled(visit.chamfer_m, 1000.0)),
+    _Shown("predicted quality", "predicted chamfer distance, without a reference", "mm",
+           lambda visit: _scaled(visit.predicted_chamfer_m, 1000.0)),
+)  # fmt: skip
+"""Measured and predicted distances have scales of their own: one is not the other."""
+
+
+def campaign_section(result: CampaignResult, anchor: str, pictures: Mapping[str, Picture]) -> Section:
+    """The results of a campaign, by plot and date.
+
+    Args:
+        result: the campaign.
+        anchor: of the section.
+        pictures: of the plots' last clouds, by plot.
+    """
     campaign = result.campaign
     blocks: list[Block] = [KeyFigures(tuple(_figures(campaign)))]
     if campaign.visits:
-        shown = plot_map(campaign)
-        if shown is not None:
-            blocks.append(Map(shown))
         charts = tuple(_drift(campaign))
         if charts:
             blocks.append(Charts(charts))
+        anchors = plot_anchors(campaign, anchor)
         for date in reversed(campaign.dates):
-            table = _table(date, [visit for visit in campaign.visits if visit.date == date])
+            table = _table(date, [visit for visit in campaign.visits if visit.date == date], anchors, pictures)
             blocks.append(table if date == campaign.dates[-1] else Details(f"Plots on {date}", (table,)))
+        blocks += [_plot(campaign, plot, name, pictures.get(plot)) for plot, name in anchors.items()]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
 
 
-def plot_map(campaign: Campaign) -> PlotMap | None:
-    """The plots on every date, coloured by distance; None without plots, or if they lie too far apart."""
-    if not campaign.plots:
+def campaign_anchor(number: int) -> str:
+    """The anchor of the campaign of a number, from 0."""
+    return f"campaign-{number + 1}"
+
+
+def plot_anchors(campaign: Campaign, anchor: str) -> dict[str, str]:
+    """The place on the page that tells of each visited plot, by plot, in the order of the visits."""
+    plots = list(dict.fromkeys(visit.plot for visit in campaign.visits))[:MOST_ROWS]
+    return {plot: f"{anchor}-plot-{number}" for number, plot in enumerate(plots, 1)}
+
+
+def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
+    """The plots on every date, coloured by a figure of choice; None without visits, or if they lie too far apart."""
+    if not campaign.plots or not campaign.visits:
         return None
     first = campaign.plots[0]
     frame = LocalFrame(first.latitude_deg, first.longitude_deg, 0.0, "unknown")
@@ -76,17 +108,27 @@ def plot_map(campaign: Campaign) -> PlotMap | None:
         if abs(local[:, :2]).max() > _FARTHEST_M:
             return None
         plots.append(MappedPlot(plot.id, (tuple((float(e), float(n)) for e, n, _ in local),)))
+    measures = [measure for shown in _SHOWN if (measure := _measure(campaign, shown)) is not None]
+    if not measures:
+        return None
+    return PlotMap(
+        f"The plots of {campaign.name}", tuple(plots), tuple(measures), plot_anchors(campaign, anchor), anchor
+    )
+
+
+def _measure(campaign: Campaign, shown: _Shown) -> Measure | None:
+    """A figure by date and plot; None where no visit has it."""
     values: dict[str, dict[str, float]] = {date: {} for date in campaign.dates}
     notes: dict[str, dict[str, str]] = {date: {} for date in campaign.dates}
     for visit in campaign.visits:
-        score = score_of(visit)
-        if score is not None:
-            values[visit.date][visit.plot] = 1000.0 * score
+        value = shown.value(visit)
+        if value is None:
+            notes[visit.date][visit.plot] = visit.error or f"no {shown.label}"
         else:
-            notes[visit.date][visit.plot] = visit.error or "no distance"
-    predicted = any(v.chamfer_m is None and v.predicted_chamfer_m is not None for v in campaign.visits)
-    name = "chamfer distance to the reference" + (" (predicted where there is none)" if predicted else "")
-    return PlotMap("Plots by distance to their reference", tuple(plots), values, "mm", name, notes)
+            values[visit.date][visit.plot] = value
+    if not any(values.values()):
+        return None
+    return Measure(shown.label, shown.name, shown.unit, values, notes, shown.ramp)
 
 
 def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
@@ -103,64 +145,94 @@ def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
         yield KeyFigure("chamfer distance", format_length(median(scores)), "median of all captures with a reference")
 
 
-def _table(date: str, visits: Sequence[Visit]) -> Table:
-    """A table of one date's plots, the greatest distance first."""
-    ordered = sorted(visits, key=lambda v: (not v.error, -(score_of(v) or 0.0), v.plot))
+def _table(date: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictures: Mapping[str, Picture]) -> Table:
+    """A table of one date's plots: failures first, then the greatest measured distance, then the predicted ones."""
+    ordered = sorted(
+        visits, key=lambda v: (not v.error, v.chamfer_m is None, -(v.chamfer_m or v.predicted_chamfer_m or 0.0), v.plot)
+    )
     distances = distances_of(visit.f_score for visit in visits)
     distances = [d for d in distances if d in ("0.005", "0.010")] or distances[:1]
     return tabulated(f"Plots on {date}", ordered, (
-        (Column("plot"), lambda v: v.plot),
+        (Column("plot"), lambda v: Link(v.plot, anchors[v.plot]) if v.plot in anchors else v.plot),
+        (Column("picture", detail=True), lambda v: pictures.get(v.plot)),
+        *_columns(distances),
+    ), "The greatest distance comes first.")  # fmt: skip
+
+
+def _plot(campaign: Campaign, plot: str, anchor: str, picture: Picture | None) -> Details:
+    """A plot's dates."""
+    visits = [visit for visit in campaign.visits if visit.plot == plot]
+    distances = distances_of(visit.f_score for visit in visits)
+    table = tabulated(f"{plot} over the dates", visits, (
+        (Column("date"), lambda v: v.date), *_columns(distances),
+    ))  # fmt: skip
+    charts = tuple(
+        chart for shown in _SHOWN
+        if (chart := _over_dates(campaign.dates, [_by_date(visits, shown.value)], shown, plot)) is not None
+    )  # fmt: skip
+    blocks: list[Block] = [table, *([Charts(charts)] if charts else [])]
+    if picture is not None:
+        blocks.insert(0, Still(picture, f"{plot}: its last cloud, from the front and from above"))
+    return Details(f"Plot {plot}", tuple(blocks), anchor=anchor)
+
+
+def _columns(distances: Sequence[str]) -> tuple[tuple[Column, Callable[[Visit], Cell]], ...]:
+    return (
         (Column("state"), _state),
         (Column("photographs used", True), lambda v: f"{v.right} of {v.images}"),
-        *score_columns(distances),
-        (Column("predicted chamfer, mm", True), lambda v: millimetres(v.predicted_chamfer_m)),
-        (Column("interval, mm", True), lambda v: interval(v.predicted_low_m, v.predicted_high_m)),
         (Column("height, m", True), lambda v: metres(v.height_m)),
         (Column("cover, %", True), lambda v: percent(v.cover)),
         (Column("hull volume, m³", True), lambda v: decimal(v.hull_m3, 3)),
+        *score_columns(distances),
+        (Column("predicted chamfer, mm", True), lambda v: millimetres(v.predicted_chamfer_m)),
+        (Column("interval, mm", True), lambda v: interval(v.predicted_low_m, v.predicted_high_m)),
         (Column("known positions RMS, mm", True), lambda v: millimetres(v.pose_rms_m)),
         (Column("notes"), lambda v: "; ".join([v.error, *v.notes] if v.error else v.notes) or None),
-    ), "The greatest distance comes first.")  # fmt: skip
+    )
 
 
 def _state(visit: Visit) -> Mark:
     if visit.error:
         return Mark("problem", "no score")
+    if visit.doubts:
+        return Mark("problem", "other plants" if OTHER_PLANTS in visit.doubts else "doubtful")
     return Mark("note", "photographs left out") if visit.right < visit.images else Mark("good", "done")
 
 
 def _drift(campaign: Campaign) -> Iterator[LineChart]:
-    dates = campaign.dates
-    if len(dates) < 2:
-        return
-    ticks = tuple((float(k), date) for k, date in enumerate(dates))
-    if len(ticks) > 5:
-        step = -(-len(ticks) // 5)
-        ticks = ticks[::step]
-    by_plot: dict[str, dict[str, Visit]] = {}
+    """Each figure of all plots over the dates."""
+    by_plot: dict[str, list[Visit]] = {}
     for visit in campaign.visits:
-        by_plot.setdefault(visit.plot, {})[visit.date] = visit
-    for title, label, value in _CHARTS:
-        lines = []
-        for found in list(by_plot.values())[:_MOST_LINES]:
-            points = tuple((float(k), value(found[d]) if d in found else None) for k, d in enumerate(dates))
-            if sum(y is not None for _, y in points) > 1:
-                lines.append(Series("", points, "band"))
-        middle = []
-        for k, date in enumerate(dates):
-            values = [y for found in by_plot.values() if date in found and (y := value(found[date])) is not None]
-            middle.append((float(k), median(values) if values else None))
-        known = [y for _, y in middle if y is not None]
-        if len(known) < 2:
-            continue
-        if lines:
-            lines[0] = Series("a plot", lines[0].points, "band")
-        described = f"The median went from {known[0]:.3g} to {known[-1]:.3g}."
-        yield LineChart(
-            title,
-            described,
-            "date",
-            label,
-            (*lines, Series("median of the plots", tuple(middle))),
-            x_ticks=ticks,
-        )
+        by_plot.setdefault(visit.plot, []).append(visit)
+    for shown in _SHOWN:
+        lines = [_by_date(visits, shown.value) for visits in by_plot.values()]
+        chart = _over_dates(campaign.dates, lines, shown, "all plots")
+        if chart is not None:
+            yield chart
+
+
+def _by_date(visits: Sequence[Visit], value: Callable[[Visit], float | None]) -> dict[str, float]:
+    return {visit.date: found for visit in visits if (found := value(visit)) is not None}
+
+
+def _over_dates(dates: Sequence[str], lines: Sequence[Mapping[str, float]], shown: _Shown, of: str) -> LineChart | None:
+    """The lines of plots over the dates, with their median where there are several; None without two dates."""
+    middle = {date: median(values) for date in dates if (values := [line[date] for line in lines if date in line])}
+    if len(middle) < 2:
+        return None
+    ticks = tuple((float(k), date) for k, date in enumerate(dates))
+    ticks = ticks[:: max(1, -(-len(ticks) // _MOST_TICKS))]
+    several = len(lines) > 1
+    drawn = [line for line in lines if len(line) > 1][:_MOST_LINES] if several else []
+    series = [
+        Series("" if k else "a plot", tuple((float(n), line.get(date)) for n, date in enumerate(dates)), "band")
+        for k, line in enumerate(drawn)
+    ]
+    name = "median of the plots" if several else ""
+    series.append(Series(name, tuple((float(n), middle.get(date)) for n, date in enumerate(dates))))
+    known = list(middle.values())
+    return LineChart(
+        f"{shown.label.capitalize()} of {of} over the dates",
+        f"{'The median' if several else 'It'} went from {known[0]:.3g} to {known[-1]:.3g} {shown.unit}.",
+        "date", f"{shown.label}, {shown.unit}", tuple(series), x_ticks=ticks,
+    )  # fmt: skip

@@ -9,6 +9,7 @@ from fieldkit.campaign import Campaign
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.run.outcome import Outcome
 from fieldkit.planning.settings import SearchSettings
+from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.results.mission import MissionFlight, MissionRecord
 from fieldkit.results.plan import Plan
@@ -134,6 +135,7 @@ class Results:
         references, plans, missions, evaluations, campaigns: readable results.
         unreadable: damaged results.
         earlier: names of missions without a mission.json, from early versions of fieldkit.
+        demos: comparisons of planned views with a circle; the evaluations beside each are theirs.
     """
 
     root: Path
@@ -144,6 +146,7 @@ class Results:
     campaigns: tuple[CampaignResult, ...] = ()
     unreadable: tuple[Unreadable, ...] = ()
     earlier: tuple[str, ...] = ()
+    demos: tuple[DemoReport, ...] = ()
 
     @property
     def count(self) -> int:

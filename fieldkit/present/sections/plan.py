@@ -82,8 +82,8 @@ def _figures(result: PlanResult) -> Iterator[KeyFigure]:
     if plan is not None:
         yield KeyFigure("camera poses", f"{len(plan.stations)}")
         if plan.method is not None and plan.method.chamfer_m is not None:
-            spread = plan.method.chamfer_spread_m
-            more = "" if spread is None or (plan.method.repeats or 0) < 2 else f" ± {format_length(spread)}"
+            spread = plan.method.known_spread_m
+            more = "" if spread is None else f" ± {format_length(spread)}"
             yield KeyFigure(
                 "chamfer distance", f"{format_length(plan.method.chamfer_m)}{more}",
                 "of what they reconstruct to its reference, on what the plan was made on",

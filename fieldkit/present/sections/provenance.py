@@ -50,7 +50,7 @@ def provenance_section(results: Results, command: str) -> Section:
             faint=True,
         )
     )
-    return Section("provenance", "Provenance", tuple(blocks))
+    return Section("provenance", "Provenance", (Details("Versions, settings and hashes", tuple(blocks)),))
 
 
 def _inputs(results: Results) -> Table:

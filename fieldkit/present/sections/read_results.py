@@ -22,6 +22,7 @@ from fieldkit.present.sections.loaded_results import (
 )
 from fieldkit.present.sections.plausible import check_plausible
 from fieldkit.regular_files import open_regular
+from fieldkit.results.demo import DEMO_FILE, DemoReport, load_demo
 from fieldkit.results.mission import MissionFlight, MissionRecord
 from fieldkit.results.mission_file import load_mission, records_in
 from fieldkit.results.plan_file import PLAN_FILE, load_plan
@@ -131,7 +132,7 @@ class _Reader:
 
         return Results(
             self.root, of(ReferenceResult), of(PlanResult), of(MissionResult), of(EvaluationResult), of(CampaignResult),
-            tuple(self.unreadable), tuple(self.earlier),
+            tuple(self.unreadable), tuple(self.earlier), of(DemoReport),
         )  # fmt: skip
 
     def read_folder(self, folder: Path, only: str = "") -> None:
@@ -140,6 +141,7 @@ class _Reader:
             (REFERENCE_FILE, self._reference),
             (EVALUATION_FILE, self._evaluation),
             (CAMPAIGN_FILE, self._campaign),
+            (DEMO_FILE, load_demo),
         ]
         for file, read in readers:
             if (folder / file).is_file() and only in ("", file):

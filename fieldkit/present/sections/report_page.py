@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from fieldkit.present.content import Page, Paragraph, Section, Statements, Terms, View
+from fieldkit.campaign.visit_folders import visit_cloud
+from fieldkit.clouds import read_cloud
+from fieldkit.errors import FieldkitError
+from fieldkit.present.content import Details, Page, Paragraph, Picture, Section, Terms, View
 from fieldkit.present.html.scene import ViewerScene
-from fieldkit.present.sections.campaign import campaign_section
+from fieldkit.present.sections.campaign import campaign_anchor, campaign_section
 from fieldkit.present.sections.evaluation import evaluation_section
 from fieldkit.present.sections.glossary import meanings
-from fieldkit.present.sections.loaded_results import EvaluationResult, ReferenceResult, Results
+from fieldkit.present.sections.in_short import in_short
+from fieldkit.present.sections.loaded_results import CampaignResult, EvaluationResult, ReferenceResult, Results
 from fieldkit.present.sections.photographs import find_photographs, thumbnails
 from fieldkit.present.sections.plan import mission_section, plan_section
 from fieldkit.present.sections.provenance import provenance_section
 from fieldkit.present.sections.reconstruction import Pictures
 from fieldkit.present.sections.reference import reference_section
+from fieldkit.present.sections.stills import cloud_still, still
 from fieldkit.present.sections.summary import summarise
 from fieldkit.present.sections.views_3d import (
     MOST_VIEWS_OF_PLOTS,
@@ -32,6 +37,9 @@ from fieldkit.runtime.progress import Progress
 
 MOST_THUMBNAILS = 300
 """Largest number of a report's thumbnails, about 2 MB."""
+
+_MOST_PICTURES = 2
+"""Largest number of stills that a report begins with."""
 
 MOST_VIEWS = 10
 """Largest number of a report's views: browsers keep at most sixteen alive."""
@@ -73,19 +81,16 @@ def build_page(results: Results, *, title: str, command: str, most_points: int, 
     with progress.stage("Reading photographs"):
         pictures = _Pictures(results)
     sections = list(_sections(results, found, pictures))
-    statements = summarise(results)
-    head = [Section("summary", "Summary", (Statements(statements),))]
-    closing = [
-        Section("glossary", "Glossary", (Terms(meanings(_used(results))),)),
-        provenance_section(results, command),
-    ]
+    head = in_short(results, summarise(results), list(found.pictures()))
+    glossary = Details("Terms that this report uses", (Terms(meanings(_used(results))),))
+    closing = [Section("glossary", "Glossary", (glossary,)), provenance_section(results, command)]
     shown = points_of(found.scenes)
     if shown < found_points:
         text = (
             f"The 3D views show {shown:,} of {found_points:,} points, drawn at random; all figures are from all points."
         )
-        head[0] = Section("summary", "Summary", (Statements(statements), Paragraph(text, faint=True)))
-    page = Page(title or f"Report: {results.root.name or 'results'}", _subtitle(results), (*head, *sections, *closing))
+        closing[0] = Section("glossary", "Glossary", (glossary, Paragraph(text, faint=True)))
+    page = Page(title or f"Report: {results.root.name or 'results'}", _subtitle(results), (head, *sections, *closing))
     return Built(page, shown, found_points, pictures.count, len(found.scenes))
 
 
@@ -96,6 +101,7 @@ class _Views:
         self.scenes: list[ViewerScene] = []
         self._places: dict[tuple[str, int, str], int] = {}
         self._notes: dict[tuple[str, int, str], str] = {}
+        self._stills: dict[int, Picture | None] = {}
         for k, reference in enumerate(results.references):
             self._add(("reference", k, ""), *reference_view(reference))
         for k, plan in enumerate(results.plans):
@@ -121,7 +127,21 @@ class _Views:
         place = self._places.get(key)
         if place is None:
             return None, note
-        return View(f"view-{place + 1}", self.scenes[place], note), note
+        return View(f"view-{place + 1}", self.scenes[place], note, self._still(place)), note
+
+    def pictures(self) -> Iterator[tuple[str, Picture]]:
+        """Stills of evaluated plots with their captions; without any, of references, plans and missions."""
+        for kind in ("evaluation", "reference", "plan", "mission"):
+            places = [place for (of, _, _), place in self._places.items() if of == kind][:_MOST_PICTURES]
+            found = [(self.scenes[place].title, picture) for place in places if (picture := self._still(place))]
+            if found:
+                yield from found
+                return
+
+    def _still(self, place: int) -> Picture | None:
+        if place not in self._stills:
+            self._stills[place] = still(self.scenes[place])
+        return self._stills[place]
 
 
 class _Pictures:
@@ -137,6 +157,24 @@ class _Pictures:
                 sources = (f"{e.report.source}/{plot.name}", e.report.source)
                 by_plot[plot.name] = self._of(e, plot, sources if len(e.report.plots) == 1 else sources[:1], results)
             self.evaluations.append(by_plot)
+        self.campaigns = [self._plots(result) for result in results.campaigns]
+
+    def _plots(self, result: CampaignResult) -> Mapping[str, Picture]:
+        """Stills of the plots' last clouds."""
+        campaign = result.campaign
+        found: dict[str, Picture] = {}
+        for visit in sorted(campaign.visits, key=lambda visit: visit.date, reverse=True):
+            if visit.plot in found or self.count >= MOST_THUMBNAILS:
+                continue
+            try:
+                file = visit_cloud(result.folder, visit)
+                cloud = None if file is None else read_cloud(file)
+            except (FieldkitError, OSError):
+                continue
+            if cloud is not None and (picture := cloud_still(cloud, visit.plot)) is not None:
+                found[visit.plot] = picture
+                self.count += 1
+        return found
 
     def _of(
         self, result: ReferenceResult | EvaluationResult, report: ReconstructionEntry, sources: tuple[str, ...],
@@ -166,7 +204,7 @@ def _sections(results: Results, views: _Views, pictures: _Pictures) -> Iterator[
         by_plot = {plot.name: views.view("evaluation", k, plot.name) for plot in evaluation.report.plots}
         yield evaluation_section(evaluation, f"evaluation-{k + 1}", by_plot, pictures.evaluations[k])
     for k, campaign in enumerate(results.campaigns):
-        yield campaign_section(campaign, f"campaign-{k + 1}")
+        yield campaign_section(campaign, campaign_anchor(k), pictures.campaigns[k])
 
 
 def _farthest(result: EvaluationResult) -> list[PlotEvaluation]:

@@ -10,6 +10,7 @@ from fieldkit.campaign import Visit
 from fieldkit.present.content import Statement
 from fieldkit.present.sections.loaded_results import CampaignResult
 from fieldkit.present.style import count, format_length, listed
+from fieldkit.results.doubtful import OTHER_PLANTS
 
 _NAMED = 5  # problems named one by one
 
@@ -43,6 +44,12 @@ def campaign_statements(result: CampaignResult) -> Iterator[Statement]:
         if predicted:
             yield _spread(f"{date}: distance to the true plants as predicted, where there is no reference,", predicted)
     yield from _drift(done, dates)
+    doubtful = [visit for visit in done if visit.doubts]
+    for visit in doubtful[:_NAMED]:
+        told = next(iter(visit.notes), ", ".join(visit.doubts))
+        yield Statement("problem", f"{visit.plot}, {visit.date}: {_sentence(told)}", "Its notes in the table say more.")
+    if len(doubtful) > _NAMED:
+        yield Statement("problem", f"{count(len(doubtful) - _NAMED, 'more capture')} doubtful; the table says why.")
     failed = [visit for visit in visits if visit.error]
     for visit in failed[:_NAMED]:
         told = f"{visit.plot}, {visit.date}: no score. {_sentence(visit.error)}"
@@ -95,7 +102,11 @@ def _drift(done: Sequence[Visit], dates: Sequence[str]) -> Iterator[Statement]:
 
 
 def _scores(visits: Sequence[Visit]) -> list[tuple[float, str]]:
-    return [(visit.chamfer_m, visit.plot) for visit in visits if visit.chamfer_m is not None]
+    return [
+        (visit.chamfer_m, visit.plot)
+        for visit in visits
+        if visit.chamfer_m is not None and OTHER_PLANTS not in visit.doubts
+    ]
 
 
 def _sentence(text: str) -> str:

@@ -9,6 +9,7 @@ from fieldkit.present.content import Statement
 from fieldkit.present.sections.loaded_results import EvaluationResult, ReferenceResult
 from fieldkit.present.style import count, decimal, format_length, listed, percent
 from fieldkit.present.tables.adherence import ACHIEVED_BY
+from fieldkit.results.doubtful import DOUBTFUL, OTHER_PLANTS
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, ReconstructionEntry
 
 _LOP_SIDED = 1.5  # ratio of the directed terms that is worth mentioning
@@ -20,7 +21,7 @@ def reference_statements(result: ReferenceResult) -> Iterator[Statement]:
     """The photographs of a reference, and its doubtful points."""
     report = result.report
     yield Statement(
-        "good" if report.right == report.images and report.metric else "fact",
+        "good" if report.right == report.images and report.metric and not report.doubts else "fact",
         f"The reference was reconstructed from {report.right} of {count(report.images, 'photograph')} of "
         f"“{report.source}”: {report.points:,} points of plants.",
     )
@@ -35,15 +36,15 @@ def reference_statements(result: ReferenceResult) -> Iterator[Statement]:
         )
 
 
-def evaluation_statements(result: EvaluationResult) -> Iterator[Statement]:
-    """The result of one plot, or of many plots together."""
+def evaluation_statements(result: EvaluationResult, *, spread: bool = True) -> Iterator[Statement]:
+    """The result of one plot, or of many plots together; ``spread`` tells of their least and greatest distances."""
     report = result.report
     plots = [plot for plot in report.plots if plot.error is None]
     if len(report.plots) == 1:
         for plot in plots:
             yield from _plot(plot, scored=report.reference_sha256 is not None)
     elif plots:
-        yield from _plots(result, plots)
+        yield from _plots(result, plots, spread=spread)
     failed = [plot for plot in report.plots if plot.error is not None]
     for plot in failed[:_NAMED]:
         assert plot.error is not None
@@ -59,7 +60,7 @@ def evaluation_statements(result: EvaluationResult) -> Iterator[Statement]:
 
 def _plot(plot: PlotEvaluation, *, scored: bool) -> Iterator[Statement]:
     yield Statement(
-        "good" if plot.right == plot.images else "fact",
+        "good" if plot.right == plot.images and not plot.doubts else "fact",
         f"{plot.name}: {plot.right} of {count(plot.images, 'photograph')} registered and used, "
         f"{plot.points:,} points of plants.",
     )
@@ -67,7 +68,7 @@ def _plot(plot: PlotEvaluation, *, scored: bool) -> Iterator[Statement]:
     if plot.chamfer_m is None or plot.accuracy_m is None or plot.completeness_m is None:
         if not scored:
             yield _unscored(plot)
-    else:
+    elif OTHER_PLANTS not in plot.doubts:
         yield from _distances(plot, plot.chamfer_m, plot.accuracy_m, plot.completeness_m)
     yield from _doubts(plot, plot.name)
 
@@ -135,10 +136,12 @@ def _distances(plot: PlotEvaluation, chamfer: float, accuracy: float, completene
         )
 
 
-def _plots(result: EvaluationResult, plots: Sequence[PlotEvaluation]) -> Iterator[Statement]:
+def _plots(result: EvaluationResult, plots: Sequence[PlotEvaluation], *, spread: bool) -> Iterator[Statement]:
     images, right = sum(plot.images for plot in plots), sum(plot.right for plot in plots)
     yield Statement(
-        "good" if right == images and len(plots) == len(result.report.plots) else "fact",
+        "good"
+        if right == images and len(plots) == len(result.report.plots) and not any(p.doubts for p in plots)
+        else "fact",
         f"{len(plots)} of {count(len(result.report.plots), 'plot')} of “{result.report.source}” were reconstructed; "
         f"{right} of {count(images, 'photograph')} were used.",
     )
@@ -149,8 +152,11 @@ def _plots(result: EvaluationResult, plots: Sequence[PlotEvaluation]) -> Iterato
             f"Photographs were left out in {listed([f'{plot.name} ({plot.images - plot.right})' for plot in short])}.",
             "The plots' tables say why; fly those stations again where plants are missing in the cloud.",
         )
-    chamfers = sorted((plot.chamfer_m, plot.name) for plot in plots if plot.chamfer_m is not None)
-    if chamfers:
+    for plot in plots:
+        yield from _findings(plot, plot.name)
+    same = [plot for plot in plots if OTHER_PLANTS not in plot.doubts]
+    chamfers = sorted((plot.chamfer_m, plot.name) for plot in same if plot.chamfer_m is not None)
+    if chamfers and spread:
         middle = median(value for value, _ in chamfers)
         yield Statement(
             "fact",
@@ -179,7 +185,16 @@ def _left_out(report: ReconstructionEntry, name: str, reasons: dict[str, int] | 
                     f"{'was' if missing == 1 else 'were'} not used{told}.", advice)  # fmt: skip
 
 
+def _findings(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
+    """Findings with which a result must not be taken as it is; their messages end in the remedy."""
+    for finding in report.findings:
+        if finding.code in DOUBTFUL:
+            said, _, advice = finding.message.partition("; ")
+            yield Statement("problem", f"{name}: {said}.", f"{advice[:1].upper()}{advice[1:]}." if advice else "")
+
+
 def _doubts(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
+    yield from _findings(report, name)
     if not report.metric:
         yield Statement(
             "problem",

@@ -31,10 +31,8 @@ def plan_statements(result: PlanResult) -> Iterator[Statement]:
     method = plan.method
     if method is not None and method.chamfer_m is not None:
         spread = ""
-        if method.chamfer_spread_m is not None and (method.repeats or 0) > 1:
-            spread = (
-                f" ± {format_length(method.chamfer_spread_m)} (standard deviation of {method.repeats} confirmations)"
-            )
+        if method.known_spread_m is not None:
+            spread = f" ± {format_length(method.known_spread_m)} (standard deviation of {method.repeats} confirmations)"
         value = format_length(method.chamfer_m)
         text += f" What they reconstruct there is {value}{spread} from its reference (chamfer distance)."
     elif method is not None and method.repeats == 0:

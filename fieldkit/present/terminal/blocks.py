@@ -110,6 +110,8 @@ def _cell(cell: Cell) -> Text:
     match cell:
         case None | content.Picture():
             return _text(DASH)
+        case content.Link():
+            return _text(cell.text)
         case content.Mark():
             return _text(cell.text, _COLORS[cell.level])
         case _:

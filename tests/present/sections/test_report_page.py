@@ -15,11 +15,13 @@ from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.present.report import write_report
 from fieldkit.present.sections.glossary import MEANINGS, meanings
+from fieldkit.present.sections.in_short import verdict
 from fieldkit.present.sections.loaded_results import PlanResult, Results
 from fieldkit.present.sections.read_results import read_results
 from fieldkit.present.sections.summary import summarise
 from fieldkit.present.sections.views_3d import plan_view, plot_view, points_of, within_budget
-from fieldkit.results.evaluation import EvaluationReport, PlantEntry, PlotEvaluation, PredictionEntry
+from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.evaluation import EvaluationReport, FindingEntry, PlantEntry, PlotEvaluation, PredictionEntry
 from fieldkit.results.mission import MissionHome, MissionPlace
 from tests.present.page_checks import checked
 from tests.present.sections.examples import (
@@ -62,7 +64,8 @@ class TestFile:
         ]  # fmt: skip
         assert SHOWN in parsed.text
         assert "\u202e" not in (tmp_path / "report.html").read_text(encoding="utf-8")
-        assert len(parsed.all("img")) == 8
+        printed = [a.get("class") == "printed" for a in parsed.all("img")]
+        assert (printed.count(True), printed.count(False)) == (5, 8)
         assert "broken/evaluation.json is damaged" in parsed.text
         assert "No photograph" in parsed.text or "no photograph" in parsed.text
 
@@ -293,7 +296,31 @@ def test_thumbnails_show_what_was_left_out_first(tmp_path: Path) -> None:
     done = write_report(tmp_path / "eval", tmp_path / "r.html")
     assert done.thumbnails == 8
     parsed = checked((tmp_path / "r.html").read_text())
-    assert [a["alt"] for a in parsed.all("img")][:2] == ["photograph IMG_0007.jpg", "photograph IMG_0008.jpg"]
+    assert [a["alt"] for a in parsed.all("img") if a["alt"].startswith("photograph")][:2] == [
+        "photograph IMG_0007.jpg",
+        "photograph IMG_0008.jpg",
+    ]
+
+
+def test_other_plants_than_the_references_are_no_success(scored: Results) -> None:
+    (found,) = scored.evaluations
+    (plot,) = found.report.plots
+    finding = FindingEntry(name="plot 7", code=OTHER_PLANTS, message="far off; check the plot", left_out=False)
+    odd = replace(found, report=found.report.model_copy(
+        update={"plots": (plot.model_copy(update={"findings": (finding,), "right": plot.images}),)}
+    ))  # fmt: skip
+    said = summarise(replace(scored, references=(), evaluations=(odd,)))
+    count = f"{plot.images} of {plot.images} photographs registered and used"
+    assert (said[0].level, said[0].text) == ("fact", f"plot 7: {count}, {plot.points:,} points of plants.")
+    assert ("problem", "plot 7: far off.", "Check the plot.") in [(s.level, s.text, s.advice) for s in said]
+    assert not any("on average its points lie" in each.text for each in said)
+    assert verdict(scored, said).level == "problem"
+
+
+@pytest.mark.parametrize("name", ["r.pdf", "r.zip", "r.html.gz"])
+def test_a_report_is_html(scored: Results, name: str) -> None:
+    with pytest.raises(UsageError, match="HTML"):
+        write_report(scored.root, scored.root / name)
 
 
 def test_terms_are_explained() -> None:

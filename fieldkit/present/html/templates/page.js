@@ -1,19 +1,13 @@
 "use strict";
-// Dates of a map: show the chosen group, hide the others.
+// Figure and date of a map: show what is chosen, hide the others.
 for (const figure of document.querySelectorAll("[data-switch]")) {
-  const choices = figure.querySelectorAll(".choice");
-  figure.addEventListener("change", (event) => {
-    choices.forEach((choice, index) => choice.classList.toggle("hidden", String(index) !== event.target.value));
+  const shown = (name, value) => {
+    const chosen = figure.querySelector(`input[name$="-${name}"]:checked`);
+    return value === undefined || chosen === null || chosen.value === value;
+  };
+  figure.addEventListener("change", () => {
+    for (const { classList, dataset } of figure.querySelectorAll(".choice")) {
+      classList.toggle("hidden", !(shown("measure", dataset.measure) && shown("date", dataset.date)));
+    }
   });
 }
-// What is folded away is printed unfolded.
-const folded = [];
-addEventListener("beforeprint", () => {
-  for (const details of document.querySelectorAll("details:not([open])")) {
-    details.open = true;
-    folded.push(details);
-  }
-});
-addEventListener("afterprint", () => {
-  for (const details of folded.splice(0)) details.open = false;
-});
