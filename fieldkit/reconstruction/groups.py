@@ -11,18 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
+from scipy.special import fdtri
 
 from fieldkit.geometry import Pose
 from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.agreement import KnownPose
+from fieldkit.reconstruction.agreement import SIMILARITY, KnownPose, sigma_apart
 from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.ties import Pair, TieSettings, connected_parts
 
 _FIXED_BY = 3
 """Photographs whose known positions fix a group's place, scale and rotation."""
 _CHANCE = 0.001
-_SIMILARITY = 7  # parameters
 _NAMED = 6
 
 
@@ -77,15 +76,15 @@ def held_by_positions(groups: Sequence[Group]) -> set[str]:
 def contradict_positions(groups: Sequence[Group], poses: Mapping[str, Pose], known: Mapping[str, KnownPose]) -> bool:
     """Whether the groups, each moved on its own, fit the known positions better than together by more than chance.
 
-    The squares that similarities of their own save are χ² distributed for right models, 7 degrees of freedom for each
-    group beyond the first.
+    An F-test: the squares that similarities of their own save, 7 degrees of freedom for each group beyond the first,
+    against what positions are good to, as stated and as what is left within the groups tells.
 
     Args:
         groups: of the model; those with three known positions are compared.
         poses: in the known positions' frame.
         known: by name.
     """
-    squares, found, expected, sigmas = 0.0, [], [], []
+    found, expected, own, sigmas = [], [], [], []
     for group in groups:
         names = [n for n in group.names if n in poses and n in known and known[n].position is not None]
         if len(names) < _FIXED_BY:
@@ -93,7 +92,7 @@ def contradict_positions(groups: Sequence[Group], poses: Mapping[str, Pose], kno
         source = np.array([poses[name].center for name in names])
         target = np.array([known[name].position for name in names])
         try:
-            squares += _squares(source, target)
+            own.append(_residuals(source, target))
         except ValueError:  # on one line, they leave a rotation free
             continue
         found.append(source)
@@ -101,15 +100,19 @@ def contradict_positions(groups: Sequence[Group], poses: Mapping[str, Pose], kno
         sigmas += [known[name].position_sigma_m for name in names]
     if len(found) < 2:
         return False
-    saved = _squares(np.concatenate(found), np.concatenate(expected)) - squares
-    bound = float(chdtri(_SIMILARITY * (len(found) - 1), _CHANCE))
-    return saved > bound * float(np.median(sigmas)) ** 2
+    together = _residuals(np.concatenate(found), np.concatenate(expected))
+    apart = np.concatenate(own)
+    saved = float(np.square(together).sum() - np.square(apart).sum())
+    sigma = sigma_apart(float(np.median(sigmas)), apart, models=len(found))
+    more, left = SIMILARITY * (len(found) - 1), 3 * (1 + len(apart)) - SIMILARITY * len(found)
+    return saved > more * float(fdtri(more, max(3, left), 1.0 - _CHANCE)) * sigma**2
 
 
-def _squares(source: NDArray[np.float64], target: NDArray[np.float64]) -> float:
-    """What the best similarity leaves between points (n, 3).
+def _residuals(source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,) what the best similarity leaves between points (n, 3).
 
     Raises:
         ValueError: as `fit_similarity`.
     """
-    return float(np.square(fit_similarity(source, target).apply(source) - target).sum())
+    left: NDArray[np.float64] = np.linalg.norm(fit_similarity(source, target).apply(source) - target, axis=1)
+    return left

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pycolmap
 import pytest
@@ -73,6 +75,12 @@ def halves(turn_deg: float, noise_m: float, seed: int = 0) -> tuple[list[Group],
 def test_a_group_that_is_turned_beyond_noise_contradicts_the_positions() -> None:
     assert contradict_positions(*halves(20.0, SIGMA_M))
     assert not contradict_positions(*halves(2.0, 0.0))
+
+
+def test_positions_that_are_better_than_stated_tell_more() -> None:
+    groups, poses, known = halves(20.0, 0.002)
+    modest = {name: replace(each, position_sigma_m=0.02) for name, each in known.items()}
+    assert contradict_positions(groups, poses, modest)
 
 
 def test_noise_alone_contradicts_nothing() -> None:
