@@ -21,9 +21,8 @@ LARGEST_SCALE_ERROR = 0.2
 """Relative standard error from which positions give no scale: chance alone never comes near five times its spread."""
 LEAST_APART = 0.25
 """Of a stated σ: so much at least differs between the photographs of a flight."""
-SIMILARITY = 7
-"""Parameters of one."""
 _LEAST_POSITIONS = 3
+_SIMILARITY = 7  # parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +54,14 @@ def scale_error(positions: NDArray[np.float64], sigma_m: float) -> float:
     return sigma_m / float(np.sqrt(squares)) if squares > 0.0 else float("inf")
 
 
-def sigma_apart(stated_m: float, residuals_m: NDArray[np.float64], *, models: int = 1) -> float:
+def sigma_apart(stated_m: float, residuals_m: NDArray[np.float64]) -> float:
     """What differs between the errors of positions: standard deviation per axis, metres.
 
-    Most of a receiver's error is the same all along a flight, and says nothing of distances. Residuals (n,) tell the
-    rest, after the similarities of so many models; the stated σ weighs as much as one photograph's. A quarter of it is
-    the least: who states 40 m knows nothing of centimetres.
+    Most of a receiver's error is the same all along a flight, and says nothing of distances. Residuals (n,) of a model
+    after its similarity tell the rest; the stated σ weighs as much as one photograph's. A quarter of it is the least:
+    who states 40 m knows nothing of centimetres.
     """
-    freedom = 3 * len(residuals_m) - SIMILARITY * models
+    freedom = 3 * len(residuals_m) - _SIMILARITY
     if freedom <= 0:
         return stated_m
     pooled = (3.0 * stated_m**2 + float(np.square(residuals_m).sum())) / (3.0 + freedom)

@@ -10,18 +10,19 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import fdtri
 
-from fieldkit.geometry import Pose
-from fieldkit.geometry.similarity import fit_similarity
-from fieldkit.reconstruction.agreement import SIMILARITY, KnownPose, sigma_apart
+from fieldkit.geometry import Pose, Similarity
+from fieldkit.reconstruction.agreement import KnownPose, judge
+from fieldkit.reconstruction.bundle import COARSE_M
 from fieldkit.reconstruction.colmap import pycolmap
+from fieldkit.reconstruction.colmap_model import model_poses, to_rigid
+from fieldkit.reconstruction.submodels import KnownCameras
 from fieldkit.reconstruction.ties import Pair, TieSettings, connected_parts
 
 _FIXED_BY = 3
 """Photographs whose known positions fix a group's place, scale and rotation."""
-_CHANCE = 0.001
+_PLACED = 2
+_FREE_DEG = 1000.0  # an orientation that is not known
 _NAMED = 6
 
 
@@ -73,46 +74,55 @@ def held_by_positions(groups: Sequence[Group]) -> set[str]:
     return {name for group in loose for name in group.names}
 
 
-def contradict_positions(groups: Sequence[Group], poses: Mapping[str, Pose], known: Mapping[str, KnownPose]) -> bool:
-    """Whether the groups, each moved on its own, fit the known positions better than together by more than chance.
+def place_groups(model: pycolmap.Reconstruction, groups: Sequence[Group], known: Mapping[str, KnownPose]) -> None:
+    """Move each group of two photographs or more, in place, where its known positions and orientations want it.
 
-    An F-test: the squares that similarities of their own save, 7 degrees of freedom for each group beyond the first,
-    against what positions are good to, as stated and as what is left within the groups tells.
+    Poses out of their bounds do not take part. Points that several groups see go.
 
     Args:
-        groups: of the model; those with three known positions are compared.
-        poses: in the known positions' frame.
-        known: by name.
+        model: in the known poses' frame.
+        groups: of its photographs.
+        known: by name; positions as coarse as GPS say less than single matches, and move nothing.
     """
-    found, expected, own, sigmas = [], [], [], []
+    poses, image_of = model_poses(model), {str(model.image(i).name): i for i in model.reg_image_ids()}
+    moves: dict[int, Similarity | None] = {}
     for group in groups:
-        names = [n for n in group.names if n in poses and n in known and known[n].position is not None]
-        if len(names) < _FIXED_BY:
-            continue
-        source = np.array([poses[name].center for name in names])
-        target = np.array([known[name].position for name in names])
-        try:
-            own.append(_residuals(source, target))
-        except ValueError:  # on one line, they leave a rotation free
-            continue
-        found.append(source)
-        expected.append(target)
-        sigmas += [known[name].position_sigma_m for name in names]
-    if len(found) < 2:
-        return False
-    together = _residuals(np.concatenate(found), np.concatenate(expected))
-    apart = np.concatenate(own)
-    saved = float(np.square(together).sum() - np.square(apart).sum())
-    sigma = sigma_apart(float(np.median(sigmas)), apart, models=len(found))
-    more, left = SIMILARITY * (len(found) - 1), 3 * (1 + len(apart)) - SIMILARITY * len(found)
-    return saved > more * float(fdtri(more, max(3, left), 1.0 - _CHANCE)) * sigma**2
+        records = {name: known[name] for name in group.names if name in known and judge(poses[name], known[name]).right}
+        move = _own_place({name: poses[name] for name in records}, records)
+        moves |= {image_of[name]: move for name in group.names}
+    of_group = {image_of[name]: number for number, group in enumerate(groups) for name in group.names}
+    for key in list(model.point3D_ids()):
+        point = model.points3D[key]
+        seeing = [element.image_id for element in point.track.elements if element.image_id in of_group]
+        if len({of_group[i] for i in seeing}) > 1:
+            model.delete_point3D(key)
+        elif seeing and (move := moves[seeing[0]]) is not None:
+            point.xyz = move.apply(np.asarray(point.xyz)[None])[0]
+    for name, i in image_of.items():
+        if (move := moves.get(i)) is not None:
+            model.frame(model.image(i).frame_id).rig_from_world = to_rigid(move.apply_pose(poses[name]))
 
 
-def _residuals(source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n,) what the best similarity leaves between points (n, 3).
-
-    Raises:
-        ValueError: as `fit_similarity`.
-    """
-    left: NDArray[np.float64] = np.linalg.norm(fit_similarity(source, target).apply(source) - target, axis=1)
-    return left
+def _own_place(poses: Mapping[str, Pose], known: Mapping[str, KnownPose]) -> Similarity | None:
+    """The similarity that least squares of known positions and orientations give; None where they tell too little."""
+    records = {name: record for name, record in known.items() if record.position is not None}
+    if len(records) < _PLACED or np.median([record.position_sigma_m for record in records.values()]) > COARSE_M:
+        return None
+    here = [poses[name] for name in records]
+    there = [
+        Pose(pose.rotation if record.rotation is None else record.rotation, record.position)
+        for pose, record in zip(here, records.values(), strict=True) if record.position is not None
+    ]  # fmt: skip
+    cameras = KnownCameras(
+        there,
+        np.array([np.full(3, record.position_sigma_m) for record in records.values()]),
+        np.array([_FREE_DEG if record.rotation is None else record.angle_sigma_deg for record in records.values()]),
+    )
+    placed = cameras.place(here, range(len(here))).poses
+    before, after = (np.array([pose.center for pose in each]) for each in (here, placed))
+    spread = np.linalg.norm(before - before.mean(axis=0))
+    if spread <= 0.0:
+        return None
+    scale = float(np.linalg.norm(after - after.mean(axis=0)) / spread)
+    turn = placed[0].rotation.T @ here[0].rotation
+    return Similarity(scale, turn, after.mean(axis=0) - scale * turn @ before.mean(axis=0))

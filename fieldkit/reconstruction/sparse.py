@@ -27,7 +27,7 @@ from fieldkit.reconstruction.blind_mapping import METHODS, map_blindly
 from fieldkit.reconstruction.cameras import CALIBRATING_DEG, PARALLEL_DEG, CameraSet, spread_deg
 from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
-from fieldkit.reconstruction.groups import Group, contradict_positions, find_groups, held_by_positions
+from fieldkit.reconstruction.groups import Group, find_groups, held_by_positions, place_groups
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import KnownPoses
 from fieldkit.reconstruction.model_cache import arrays_to_model, model_to_arrays
@@ -56,8 +56,6 @@ _MIN_CALIBRATION_IMAGES = 5
 _CORRECTION_ROUNDS = 3
 _TOLD_SCALE_ERROR = 0.03
 _FOCAL_CHANGE = 0.05  # of the focal length: more is none that a calibration of a known camera finds
-
-_BENT = "wrong pose: its group of photographs is weakly tied and does not fit the known positions with the others"
 
 Pairs = dict[Pair, TwoView]
 
@@ -647,12 +645,15 @@ class _Run:
         verified: int,
         ties: Collection[Pair],
     ) -> Mapped:
+        groups = find_groups(model, self.names, ties)
+        placed = method == "prior" and len(groups) > 1
+        if placed:
+            place_groups(model, groups, self.known.poses)
+        loose = held_by_positions(groups)
         by_name = {model.image(i).name: model.image(i) for i in model.reg_image_ids()}
         errors = _reprojection_errors(model)
         poses = model_poses(model)
         trusted = metric or not self.known.positioned
-        groups = find_groups(model, self.names, ties)
-        loose = self.loosely_held(groups, poses) if metric else {}
         reports = []
         for index, name in enumerate(self.names):
             features = len(self.keyed[index].features)
@@ -664,7 +665,7 @@ class _Run:
             agreement = judge(poses[name], known)
             right, reason = agreement.right, agreement.reason
             if right and name in loose:
-                right, reason = False, loose[name]
+                right, reason = False, "only its known position holds it: too few matches"
             if not trusted:
                 right, reason = False, "wrong pose: the model does not fit the known positions"
             reports.append(
@@ -678,31 +679,20 @@ class _Run:
             dict(zip(self.cameras.keys, self.cameras.sources, strict=True)),
             self.pairs_tried, verified, 0, tuple(self.notes),
             spread_deg(poses.values()) < PARALLEL_DEG and not (method == "prior" and self.heights_tell(poses.values())),
-            self.weakly_tied(groups, bent=_BENT in loose.values(), placed=metric),
+            self.weakly_tied(groups, placed=placed),
         )  # fmt: skip
 
-    def loosely_held(self, groups: Sequence[Group], poses: Mapping[str, Pose]) -> dict[str, str]:
-        """Photographs that are not right although they are within their bounds, with the reason."""
-        loose = dict.fromkeys(held_by_positions(groups), "only its known position holds it: too few matches")
-        if contradict_positions(groups, poses, self.known.poses):
-            loose |= dict.fromkeys((name for group in groups[1:] for name in group.names), _BENT)
-        return loose
-
-    def weakly_tied(self, groups: Sequence[Group], *, bent: bool, placed: bool) -> tuple[Finding, ...]:
+    def weakly_tied(self, groups: Sequence[Group], *, placed: bool) -> tuple[Finding, ...]:
         """That groups of photographs hang together by single matches only."""
         if len(groups) < 2:
             return ()
         told = "; ".join(map(str, groups))
-        held = "only single matches"
-        if placed:
-            held += " and the known positions"
+        held = "the known positions" if placed else "single matches"
         message = (
             f"weakly tied: the photographs fall into {len(groups)} groups, and no pair across them has enough matches: "
-            f"{told}. Within a group poses are good; {held} tell how the groups lie to one another"
+            f"{told}. Within a group poses are good; only {held} tell how the groups lie to one another; take "
+            "photographs between the groups, at most 20° apart"
         )
-        if bent:
-            message += ", and the known positions contradict them: only the largest group is used"
-        message += "; take photographs between the groups, at most 20° apart"
         return (Finding(self.capture.folder.name, "weakly-tied", message),)
 
 

@@ -1,20 +1,17 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pycolmap
 import pytest
 
-from fieldkit.geometry import Pose
+from fieldkit.geometry import Similarity
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.reconstruction.agreement import KnownPose
-from fieldkit.reconstruction.colmap_model import new_model, triangulate_tracks
-from fieldkit.reconstruction.groups import Group, contradict_positions, find_groups, held_by_positions
+from fieldkit.reconstruction.colmap_model import model_poses, new_model, triangulate_tracks
+from fieldkit.reconstruction.groups import Group, find_groups, held_by_positions, place_groups
 from tests.reconstruction.synthetic import FeatureScene, feature_scene, ring
 from tests.reconstruction.test_colmap_model import true_tracks
 
-SIGMA_M = 0.01
 CHAIN = [(0, 1), (1, 2), (2, 3), (3, 4)]
 """Pairs that leave 5 to 7 of eight photographs apart from the first five, or each alone."""
 
@@ -60,37 +57,66 @@ def test_one_or_two_photographs_without_matches_are_held_by_their_positions() ->
     assert held_by_positions([Group(("a", "b"), 0)]) == set()
 
 
-def halves(turn_deg: float, noise_m: float, seed: int = 0) -> tuple[list[Group], dict[str, Pose], dict[str, KnownPose]]:
-    """Twelve cameras of a circle of 25 cm in two halves, the second turned about the plants by an angle."""
-    rng = np.random.default_rng(seed)
-    true = {f"{k}.jpg": pose for k, pose in enumerate(ring(12, 0.25, 0.1))}
-    names = list(true)
-    turn = rotation_from_vector(np.radians([turn_deg, 0.0, 0.0]))
-    poses = {n: pose if k < 6 else Pose(pose.rotation @ turn.T, turn @ pose.center) for k, (n, pose) in
-             enumerate(true.items())}  # fmt: skip
-    known = {n: KnownPose(pose.center + rng.normal(0.0, noise_m, 3), SIGMA_M, None, 3.0) for n, pose in true.items()}
-    return [Group(tuple(names[:6]), 30), Group(tuple(names[6:]), 30)], poses, known
+def bent(scene: FeatureScene, turn_deg: float) -> tuple[pycolmap.Reconstruction, list[Group]]:
+    """Two halves of a ring, each true in itself, the second turned about the middle and larger."""
+    turn = rotation_from_vector(np.radians([turn_deg, 0.0, turn_deg]))
+    move = Similarity(1.03, turn, np.array([0.0, 0.01, 0.0]))
+    poses = [pose if k < 4 else move.apply_pose(pose) for k, pose in enumerate(scene.poses)]
+    model = new_model(scene.names, [scene.camera], [0] * 8, poses, scene.features)
+    tracks = [
+        tuple(e for e in track if (e[0] < 4) == half) for track in true_tracks(scene)[0] for half in (True, False)
+    ]
+    tracks = [track for track in tracks if len(track) > 1]
+    triangulate_tracks(model, scene.features, tracks, max_error_px=4.0, min_angle_deg=1.0, seed=0)
+    ties = [(i, i + 1) for i in range(7) if i != 3]
+    return model, find_groups(model, scene.names, ties)
 
 
-def test_a_group_that_is_turned_beyond_noise_contradicts_the_positions() -> None:
-    assert contradict_positions(*halves(20.0, SIGMA_M))
-    assert not contradict_positions(*halves(2.0, 0.0))
+def known_of(scene: FeatureScene, sigma_m: float, *, oriented: bool = False) -> dict[str, KnownPose]:
+    return {
+        name: KnownPose(pose.center, sigma_m, pose.rotation if oriented else None, 3.0)
+        for name, pose in zip(scene.names, scene.poses, strict=True)
+    }
 
 
-def test_positions_that_are_better_than_stated_tell_more() -> None:
-    groups, poses, known = halves(20.0, 0.002)
-    modest = {name: replace(each, position_sigma_m=0.02) for name, each in known.items()}
-    assert contradict_positions(groups, poses, modest)
+def off_m(model: pycolmap.Reconstruction, scene: FeatureScene) -> float:
+    found = model_poses(model)
+    return max(float(np.linalg.norm(found[n].center - p.center)) for n, p in zip(scene.names, scene.poses, strict=True))
 
 
-def test_noise_alone_contradicts_nothing() -> None:
-    assert not any(contradict_positions(*halves(0.0, SIGMA_M, seed)) for seed in range(100))
+@pytest.mark.parametrize(("turn_deg", "oriented"), [(2.0, False), (1.0, True)])
+def test_groups_go_where_their_known_poses_want_them(scene: FeatureScene, turn_deg: float, oriented: bool) -> None:
+    model, groups = bent(scene, turn_deg)
+    before = off_m(model, scene)
+    place_groups(model, groups, known_of(scene, 0.02, oriented=oriented))
+    assert before > 0.03
+    assert off_m(model, scene) < 0.004  # of a ring of 1 m
+    seen = [model.image(k + 1).projection_center() for k in range(8)]
+    assert np.isfinite(seen).all()
+    error = [
+        np.linalg.norm(image.project_point(point.xyz) - image.point2D(element.point2D_idx).xy)
+        for point in model.points3D.values() for element in point.track.elements
+        for image in [model.image(element.image_id)]
+    ]  # fmt: skip
+    assert np.median(error) < 1.0  # points went along
 
 
-def test_too_few_positions_contradict_nothing() -> None:
-    groups, poses, known = halves(20.0, SIGMA_M)
-    assert not contradict_positions(groups, poses, dict(list(known.items())[:8]))
-    assert not contradict_positions(groups[:1], poses, known)
+def test_points_across_groups_go(scene: FeatureScene, model: pycolmap.Reconstruction) -> None:
+    copy = pycolmap.Reconstruction(model)
+    groups = find_groups(copy, scene.names, [(i, i + 1) for i in range(7) if i != 3])
+    shared = groups[0].shared
+    assert shared > 0
+    place_groups(copy, groups, known_of(scene, 0.01))
+    assert copy.num_points3D() == model.num_points3D() - shared
+    assert find_groups(copy, scene.names, [(i, i + 1) for i in range(7) if i != 3])[0].shared == 0
+
+
+def test_positions_as_coarse_as_gps_move_nothing(scene: FeatureScene) -> None:
+    model, groups = bent(scene, 2.0)
+    before = {name: pose.center for name, pose in model_poses(model).items()}
+    place_groups(model, groups, known_of(scene, 3.0))
+    after = model_poses(model)
+    assert all(np.array_equal(after[name].center, center) for name, center in before.items())
 
 
 def test_many_names_are_not_all_told() -> None:
