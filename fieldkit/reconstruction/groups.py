@@ -22,6 +22,7 @@ from fieldkit.reconstruction.ties import Pair, TieSettings, connected_parts
 _FIXED_BY = 3
 """Photographs whose known positions fix a group's place, scale and rotation."""
 _PLACED = 2
+_LOOSE_DEG = 1.0
 _FREE_DEG = 1000.0  # an orientation that is not known
 _NAMED = 6
 
@@ -74,39 +75,48 @@ def held_by_positions(groups: Sequence[Group]) -> set[str]:
     return {name for group in loose for name in group.names}
 
 
-def place_groups(model: pycolmap.Reconstruction, groups: Sequence[Group], known: Mapping[str, KnownPose]) -> None:
+def place_groups(model: pycolmap.Reconstruction, groups: Sequence[Group], known: Mapping[str, KnownPose]) -> bool:
     """Move each group of two photographs or more, in place, where its known positions and orientations want it.
 
-    Poses out of their bounds do not take part. Points that several groups see go.
+    Poses out of their bounds do not take part. Points that several groups see go. Nothing moves where what is known
+    leaves a group's rotation loose, as positions on an arc do: the plants' surfaces are then better joined by matches.
 
     Args:
         model: in the known poses' frame.
         groups: of its photographs.
-        known: by name; positions as coarse as GPS say less than single matches, and move nothing.
+        known: by name; positions as coarse as GPS say less than single matches.
+
+    Returns:
+        Whether they are moved.
     """
     poses, image_of = model_poses(model), {str(model.image(i).name): i for i in model.reg_image_ids()}
-    moves: dict[int, Similarity | None] = {}
+    moves: dict[int, Similarity] = {}
     for group in groups:
-        records = {name: known[name] for name in group.names if name in known and judge(poses[name], known[name]).right}
-        move = _own_place({name: poses[name] for name in records}, records)
-        moves |= {image_of[name]: move for name in group.names}
+        right = [name for name in group.names if name in known and judge(poses[name], known[name]).right]
+        records = {name: known[name] for name in right if known[name].position is not None}
+        if len(records) >= _PLACED:
+            move = _own_place({name: poses[name] for name in records}, records)
+            if move is None:
+                return False
+            moves |= {image_of[name]: move for name in group.names}
     of_group = {image_of[name]: number for number, group in enumerate(groups) for name in group.names}
     for key in list(model.point3D_ids()):
         point = model.points3D[key]
         seeing = [element.image_id for element in point.track.elements if element.image_id in of_group]
         if len({of_group[i] for i in seeing}) > 1:
             model.delete_point3D(key)
-        elif seeing and (move := moves[seeing[0]]) is not None:
+        elif seeing and seeing[0] in moves:
+            move = moves[seeing[0]]
             point.xyz = move.apply(np.asarray(point.xyz)[None])[0]
     for name, i in image_of.items():
-        if (move := moves.get(i)) is not None:
-            model.frame(model.image(i).frame_id).rig_from_world = to_rigid(move.apply_pose(poses[name]))
+        if i in moves:
+            model.frame(model.image(i).frame_id).rig_from_world = to_rigid(moves[i].apply_pose(poses[name]))
+    return bool(moves)
 
 
-def _own_place(poses: Mapping[str, Pose], known: Mapping[str, KnownPose]) -> Similarity | None:
+def _own_place(poses: Mapping[str, Pose], records: Mapping[str, KnownPose]) -> Similarity | None:
     """The similarity that least squares of known positions and orientations give; None where they tell too little."""
-    records = {name: record for name, record in known.items() if record.position is not None}
-    if len(records) < _PLACED or np.median([record.position_sigma_m for record in records.values()]) > COARSE_M:
+    if np.median([record.position_sigma_m for record in records.values()]) > COARSE_M:
         return None
     here = [poses[name] for name in records]
     there = [
@@ -118,11 +128,11 @@ def _own_place(poses: Mapping[str, Pose], known: Mapping[str, KnownPose]) -> Sim
         np.array([np.full(3, record.position_sigma_m) for record in records.values()]),
         np.array([_FREE_DEG if record.rotation is None else record.angle_sigma_deg for record in records.values()]),
     )
-    placed = cameras.place(here, range(len(here))).poses
-    before, after = (np.array([pose.center for pose in each]) for each in (here, placed))
+    placed = cameras.place(here, range(len(here)))
+    before, after = (np.array([pose.center for pose in each]) for each in (here, placed.poses))
     spread = np.linalg.norm(before - before.mean(axis=0))
-    if spread <= 0.0:
+    if spread <= 0.0 or np.sqrt(np.linalg.eigvalsh(placed.covariance[:3, :3])[-1]) > np.radians(_LOOSE_DEG):
         return None
     scale = float(np.linalg.norm(after - after.mean(axis=0)) / spread)
-    turn = placed[0].rotation.T @ here[0].rotation
+    turn = placed.poses[0].rotation.T @ here[0].rotation
     return Similarity(scale, turn, after.mean(axis=0) - scale * turn @ before.mean(axis=0))

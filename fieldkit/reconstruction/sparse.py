@@ -646,9 +646,7 @@ class _Run:
         ties: Collection[Pair],
     ) -> Mapped:
         groups = find_groups(model, self.names, ties)
-        placed = method == "prior" and len(groups) > 1
-        if placed:
-            place_groups(model, groups, self.known.poses)
+        placed = method == "prior" and len(groups) > 1 and place_groups(model, groups, self.known.poses)
         loose = held_by_positions(groups)
         by_name = {model.image(i).name: model.image(i) for i in model.reg_image_ids()}
         errors = _reprojection_errors(model)
@@ -687,7 +685,7 @@ class _Run:
         if len(groups) < 2:
             return ()
         told = "; ".join(map(str, groups))
-        held = "the known positions" if placed else "single matches"
+        held = "the known poses" if placed else "single matches and known positions"
         message = (
             f"weakly tied: the photographs fall into {len(groups)} groups, and no pair across them has enough matches: "
             f"{told}. Within a group poses are good; only {held} tell how the groups lie to one another; take "
