@@ -41,7 +41,7 @@ from fieldkit.reconstruction.rough_poses import (
 )
 from fieldkit.reconstruction.settings import LEAST_POSITIONS, ReconstructionSettings, mapping_methods
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep_matches, load_features, load_pairs
-from fieldkit.reconstruction.ties import Pair, TieSettings
+from fieldkit.reconstruction.ties import Pair
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.progress import Progress
@@ -342,9 +342,7 @@ class _Run:
             else:
                 reasons[name] = "not registered by the mapper" if index in matched else "no matches"
         sizes = tuple(m.num_reg_images() for m in models)
-        least = TieSettings().min_matches
-        ties = [pair for pair, found in pairs.items() if len(found.inliers) >= least]
-        return self._mapped(method, model, sizes, similarity is not None, reasons, len(pairs), ties)
+        return self._mapped(method, model, sizes, similarity is not None, reasons, len(pairs), pairs)
 
     def recalibrated(
         self, method: str, pairs: Pairs, models: list[pycolmap.Reconstruction]
