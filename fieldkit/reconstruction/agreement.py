@@ -17,6 +17,12 @@ from fieldkit.reconstruction.colmap import pycolmap
 # A position counts as right within 4.03 standard deviations: 99.9 % of a 3D normal error (χ², 3 degrees of freedom).
 POSITION_SIGMAS = 4.03
 ANGLE_SIGMAS = 4.03
+LARGEST_SCALE_ERROR = 0.2
+"""Relative standard error from which positions give no scale: chance alone never comes near five times its spread."""
+LEAST_APART = 0.25
+"""Of a stated σ: so much at least differs between the photographs of a flight."""
+_LEAST_POSITIONS = 3
+_SIMILARITY = 7  # parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +37,35 @@ class KnownPose:
     @property
     def bound_m(self) -> float:
         return POSITION_SIGMAS * self.position_sigma_m
+
+
+def scale_error(positions: NDArray[np.float64], sigma_m: float) -> float:
+    """Relative standard error of the scale that positions (n, 3) give a model: σ / √Σ|x − x̄|².
+
+    The sum is without what errors alone add to it, 3 (n − 1) σ²: where nothing is left, there is no scale (infinite).
+
+    Args:
+        positions: metres.
+        sigma_m: standard deviation per axis of what differs between them.
+    """
+    if len(positions) < _LEAST_POSITIONS:
+        return float("inf")
+    squares = ((positions - positions.mean(axis=0)) ** 2).sum() - 3.0 * (len(positions) - 1) * sigma_m**2
+    return sigma_m / float(np.sqrt(squares)) if squares > 0.0 else float("inf")
+
+
+def sigma_apart(stated_m: float, residuals_m: NDArray[np.float64]) -> float:
+    """What differs between the errors of positions: standard deviation per axis, metres.
+
+    Most of a receiver's error is the same all along a flight, and says nothing of distances. Residuals (n,) of a model
+    after its similarity tell the rest; the stated σ weighs as much as one photograph's. A quarter of it is the least:
+    who states 40 m knows nothing of centimetres.
+    """
+    freedom = 3 * len(residuals_m) - _SIMILARITY
+    if freedom <= 0:
+        return stated_m
+    pooled = (3.0 * stated_m**2 + float(np.square(residuals_m).sum())) / (3.0 + freedom)
+    return max(float(np.sqrt(pooled)), LEAST_APART * stated_m)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from fieldkit.captures.programs.model import POSITION_SHARE, ProgramPoses
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.reconstruction.agreement import KnownPose, align_to_positions
+from fieldkit.reconstruction.agreement import KnownPose, align_to_positions, scale_error
 
 _DEFAULT_ANGLE_SIGMA_DEG = 3.0
 _DEFAULT_POSITION_SIGMA_M = 0.05
@@ -56,6 +57,21 @@ class KnownPoses:
     @property
     def positioned(self) -> list[str]:
         return [name for name, known in self.poses.items() if known.position is not None]
+
+    @property
+    def sigma_m(self) -> float:
+        """Median standard deviation of the positions, per axis."""
+        return float(np.median([self.poses[name].position_sigma_m for name in self.positioned]))
+
+    def scale_error(self, sigma_m: float, names: Collection[str] | None = None) -> float:
+        """`scale_error` of the positions, of all or of those names."""
+        wanted = [n for n in self.positioned if names is None or n in names]
+        return scale_error(np.array([self.poses[n].position for n in wanted]), sigma_m)
+
+    def without_positions(self) -> KnownPoses:
+        """What is left where positions are not believed: orientations."""
+        poses = {name: replace(known, position=None) for name, known in self.poses.items()}
+        return replace(self, poses=poses, frame=None)
 
 
 def known_poses(capture: Capture, within: SourceFrame | None = None) -> KnownPoses:

@@ -33,7 +33,7 @@ from fieldkit.reconstruction.markers import MarkerScale, marker_scale
 from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction, SparseResult, clearance, of_interest
 from fieldkit.reconstruction.settings import MaskKind, ReconstructionSettings
-from fieldkit.reconstruction.sparse import Mapped, map_capture
+from fieldkit.reconstruction.sparse import POSITIONS_TOO_COARSE, Mapped, map_capture
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reconstruction.stages import load_quality
 from fieldkit.reconstruction.versions import STAGES
@@ -179,6 +179,7 @@ def place(
         mapped = mapped.without_scale(known.frame.source)
     if known_plot is not None and not mapped.metric:
         raise _not_in_frame(capture, mapped)
+    findings = [*findings, *mapped.findings]
     scale = None
     if not mapped.metric and capture.markers is not None:
         with progress.stage("Markers", len(capture.photos)) as advance:
@@ -190,7 +191,7 @@ def place(
     poses = {name: pose for name, pose in model_poses(mapped.model).items() if name in counting}
     intrinsics = {name: found for name, found in model_intrinsics(mapped.model).items() if name in counting}
     undetermined = _undetermined(capture, mapped, poses, intrinsics)
-    for note in (*frame.notes, *(finding.message for finding in undetermined)):
+    for note in (*frame.notes, *(finding.message for finding in (*mapped.findings, *undetermined))):
         progress.note(note)
     if known_plot is not None or frame.origin is not None:
         check_upright(poses, capture)
@@ -408,7 +409,10 @@ def _failed(sparse: SparseResult, message: str, remedy: str) -> ReconstructionEr
 
 
 def _not_in_frame(capture: Capture, mapped: Mapped) -> ReconstructionError:
-    if any(p.position is not None for p in capture.priors.values()):
+    coarse = [finding.message for finding in mapped.findings if finding.code == POSITIONS_TOO_COARSE]
+    if coarse:
+        why = coarse[0]
+    elif any(p.position is not None for p in capture.priors.values()):
         why = "their reconstructed positions contradict the known ones"
     else:
         why = "they carry no positions (no poses.csv, no GPS)"

@@ -42,6 +42,7 @@ from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.guided import GuidedSettings, IndexedFeatures, PosedFeatures, Region, Slab, match_guided
 from fieldkit.reconstruction.submodels import Joined, Joiner, JoinSettings, KnownCameras
 from fieldkit.reconstruction.ties import (
+    Pair,
     TieSettings,
     chance_matches,
     connected_parts,
@@ -124,12 +125,14 @@ class PriorMapping:
         model: in the priors' frame; holds registered images only.
         unregistered: reason by image name.
         pairs_tried, pairs_kept: of the first round.
+        ties: pairs of registered images, by their indices, that hold in the last round.
     """
 
     model: pycolmap.Reconstruction
     unregistered: dict[str, str]
     pairs_tried: int
     pairs_kept: int
+    ties: tuple[Pair, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,20 +206,24 @@ def map_with_priors(
     model = _first_model(problem, matches, pairs, region)
     advance(1)
     scale = max(camera.width for camera in cameras) / 1600.0
+    ties: set[Pair] = set()
     for index, band in enumerate(settings.bands_px):
         meet_in = region or _slab(model)
         pairs = _overlapping(problem, model, pairs)
         last = index == len(settings.bands_px) - 1
         poses = _reconsidered(problem, model, pairs, region)
-        refined = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
+        refined, ties = _round(problem, model, poses, pairs, band * scale, region, meet_in, last=last)
         if index == 0 and _rolled(problem, refined):
-            refined = _round(problem, model, start, pairs, band * scale, region, meet_in, last=last)
+            refined, ties = _round(problem, model, start, pairs, band * scale, region, meet_in, last=last)
         model = refined
         advance(1)
     unregistered = _unsupported(problem, model, pairs, region, meet_in, settings.bands_px[-1] * scale)
     for name in unregistered:
         model.deregister_frame(model.image(names.index(name) + 1).frame_id)
-    return PriorMapping(model, unregistered, len(pairs), len(matches))
+    left = {k for k, name in enumerate(names) if name not in unregistered}
+    return PriorMapping(
+        model, unregistered, len(pairs), len(matches), tuple(sorted(pair for pair in ties if left.issuperset(pair)))
+    )
 
 
 def region_of_interest(poses: Sequence[Pose]) -> Region | None:
@@ -349,7 +356,7 @@ def _first_model(
     far_px = max(8.0, 4.0 * sigma)
     losses_px: tuple[float, ...] = (max(2.0, sigma / 2), *_LOSSES_PX)
     ties = {pair: found for pair, found in matches.items() if len(found) >= problem.settings.ties.min_matches}
-    parts = connected_parts(len(start), ties)
+    parts = connected_parts(range(len(start)), ties)
     if len(parts) > 1 and region is not None:
         poses = _state(problem, _adjusted(problem, start, ties, far_px, losses_px))[0]
         joined = _joiner(problem, pairs, region).join(problem.posed(poses, problem.cameras), parts)
@@ -413,7 +420,8 @@ def _round(
     meet_in: Region | Slab | None,
     *,
     last: bool,
-) -> pycolmap.Reconstruction:
+) -> tuple[pycolmap.Reconstruction, set[Pair]]:
+    """The model of a band's matches, and the pairs that hold it together."""
     settings = problem.settings
     cameras = _state(problem, model)[1]
     posed = problem.posed(poses, cameras)
@@ -441,7 +449,7 @@ def _round(
     adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed, rough=True)
     filter_points(model, settings.max_error_px, settings.min_angle_deg)
     adjust(model, priors, loss_px=settings.loss_px, refine_intrinsics=refine, seed=problem.seed)
-    return model
+    return model, holding
 
 
 def _reconsidered(

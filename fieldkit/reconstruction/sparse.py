@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,15 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
-from fieldkit.captures.model import Capture
+from fieldkit.captures.model import Capture, Finding
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Pose
-from fieldkit.reconstruction.agreement import ANGLE_SIGMAS, align_to_positions, judge
+from fieldkit.reconstruction.agreement import (
+    ANGLE_SIGMAS,
+    LARGEST_SCALE_ERROR,
+    LEAST_APART,
+    align_to_positions,
+    judge,
+    sigma_apart,
+)
 from fieldkit.reconstruction.angle_conventions import Convention, find_convention, look_odd
 from fieldkit.reconstruction.blind_mapping import METHODS, map_blindly
 from fieldkit.reconstruction.cameras import CALIBRATING_DEG, PARALLEL_DEG, CameraSet, spread_deg
 from fieldkit.reconstruction.colmap import pycolmap
 from fieldkit.reconstruction.colmap_model import from_colmap_camera, model_poses, transform_model
+from fieldkit.reconstruction.groups import Group, find_groups, held_by_positions, place_groups
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.known_poses import KnownPoses
 from fieldkit.reconstruction.model_cache import arrays_to_model, model_to_arrays
@@ -33,19 +41,23 @@ from fieldkit.reconstruction.rough_poses import (
 )
 from fieldkit.reconstruction.settings import LEAST_POSITIONS, ReconstructionSettings, mapping_methods
 from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep_matches, load_features, load_pairs
+from fieldkit.reconstruction.ties import Pair
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.progress import Progress
 
+POSITIONS_TOO_COARSE = "positions-too-coarse"
+"""Code of the finding that positions give no scale."""
 _MAX_BLIND_NEIGHBOURS = 40
 _NEAR_NEIGHBOURS = 12
 _FEW_FEATURES = 50
 _LOST_SHARE, _REPEATS = 0.1, 4
 _MIN_CALIBRATION_IMAGES = 5
 _CORRECTION_ROUNDS = 3
+_TOLD_SCALE_ERROR = 0.03
 _FOCAL_CHANGE = 0.05  # of the focal length: more is none that a calibration of a known camera finds
 
-Pairs = dict[tuple[int, int], TwoView]
+Pairs = dict[Pair, TwoView]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +74,7 @@ class Mapped:
         pairs_tried, pairs_verified: counts.
         features_cached, pairs_cached: how many came from the cache.
         notes: doubts, in sentences.
+        findings: what a person should know of how the photographs and their positions hang together.
         flat: all cameras look the same way and their positions do not tell the focal length either, so that it and
             heights are only as good as what is known of the camera.
     """
@@ -77,6 +90,7 @@ class Mapped:
     features_cached: int
     notes: tuple[str, ...]
     flat: bool = False
+    findings: tuple[Finding, ...] = ()
 
     def without_scale(self, program: str) -> Mapped:
         """The same where the known positions' lengths are no metres: a program's name says whose they are."""
@@ -126,14 +140,62 @@ def map_capture(
     with progress.stage("Features", len(capture.photos), workers=workers) as advance:
         features = load_features(capture.photos, settings.features, cache=cache, workers=workers, advance=advance)
     run = _Run(capture, cameras, known, settings, features, cache, progress, workers, [], region=region)
+    mapped, error = _by_positions(run) if known.positioned else (_chosen(run), 0.0)
+    if mapped is None:
+        mapped = _chosen(replace(run, known=known.without_positions()))
+    found = _scale_findings(capture, known, error)
+    return replace(mapped, features_cached=sum(f.cached for f in features), findings=(*mapped.findings, *found))
+
+
+def _by_positions(run: _Run) -> tuple[Mapped | None, float]:
+    """The model by what is known, and the standard error of its scale; None where the positions give none.
+
+    Raises:
+        ReconstructionError: of mapping, where the positions do give a scale.
+    """
+    known = run.known
+    stated = known.scale_error(known.sigma_m)
+    if known.scale_error(LEAST_APART * known.sigma_m) > LARGEST_SCALE_ERROR:
+        return None, stated
+    own = replace(run, known=replace(known, poses=dict(known.poses)), notes=[])  # mapping corrects what is known
+    try:
+        mapped = _chosen(own)
+    except ReconstructionError:
+        if stated > LARGEST_SCALE_ERROR:
+            return None, stated
+        raise
+    error = stated
+    if mapped.metric:
+        residuals = {
+            i.name: i.position_residual_m for i in mapped.images if i.counts and i.position_residual_m is not None
+        }
+        apart = sigma_apart(known.sigma_m, np.array(list(residuals.values())))
+        error = known.scale_error(apart, residuals) if residuals else stated
+    return (mapped if error <= LARGEST_SCALE_ERROR else None), error
+
+
+def _scale_findings(capture: Capture, known: KnownPoses, error: float) -> list[Finding]:
+    """That positions give no scale, or a poor one."""
+    if error <= _TOLD_SCALE_ERROR:
+        return []
+    positions = np.array([known.poses[name].position for name in known.positioned])
+    within_m = float(np.linalg.norm(np.ptp(positions, axis=0)))
+    said = f"the photographs' positions are good to {known.sigma_m:.2g} m, and lie within {within_m:.2g} m"
+    if error <= LARGEST_SCALE_ERROR:
+        message = f"{said}: lengths may all be off by {100 * error:.0f} % (one standard deviation)"
+        code = "scale-uncertain"
+    else:
+        message = f"{said}: they give no scale, and no pose is checked by them; the result's lengths are not metres"
+        code = POSITIONS_TOO_COARSE
+    remedy = "give more exact positions (RTK, poses.csv) or printed markers (markers.toml)"
+    return [Finding(capture.folder.name, code, f"{message}; {remedy}")]
+
+
+def _chosen(run: _Run) -> Mapped:
     methods = _methods(run)
     if methods != ("prior",):
-        mapped = run.blindly(methods)
-    elif settings.mapping == "prior":
-        mapped = run.with_priors()
-    else:
-        mapped = _better(run)
-    return replace(mapped, features_cached=sum(f.cached for f in features))
+        return run.blindly(methods)
+    return run.with_priors() if run.settings.mapping == "prior" else _better(run)
 
 
 def _better(run: _Run) -> Mapped:
@@ -189,7 +251,7 @@ def _methods(run: _Run) -> tuple[str, ...]:
     positioned = len(run.known.positioned)
     if run.settings.mapping == "prior" and positioned < LEAST_POSITIONS:
         raise ReconstructionError(
-            f"prior mapping needs the positions of at least three photographs, and {positioned or 'none'} are known",
+            f"prior mapping needs good positions of at least three photographs, and {positioned or 'none'} are known",
             path=run.capture.folder,
             remedy="Put a poses.csv beside the photographs, or choose --mapping global.",
         )
@@ -291,7 +353,7 @@ class _Run:
             else:
                 reasons[name] = "not registered by the mapper" if index in matched else "no matches"
         sizes = tuple(m.num_reg_images() for m in models)
-        return self._mapped(method, model, sizes, similarity is not None, reasons, len(pairs))
+        return self._mapped(method, model, sizes, similarity is not None, reasons, len(pairs), pairs)
 
     def recalibrated(
         self, method: str, pairs: Pairs, models: list[pycolmap.Reconstruction]
@@ -343,7 +405,8 @@ class _Run:
         if model.num_reg_images() < 2:
             raise _no_model(self, {})
         self.pairs_tried = result.pairs_tried
-        return self._mapped("prior", model, (model.num_reg_images(),), True, reasons, result.pairs_kept)
+        sizes = (model.num_reg_images(),)
+        return self._mapped("prior", model, sizes, True, reasons, result.pairs_kept, result.ties)
 
     def repeated(self, rough: dict[str, RoughPose], result: PriorMapping) -> PriorMapping:
         """Mapped again with the focal length and orientations of the photographs that are right, while that helps.
@@ -543,6 +606,7 @@ class _Run:
         )
 
     def prior_model(self, rough: Mapping[str, RoughPose]) -> PriorMapping:
+        """The model about those rough poses, its ties by indices into all photographs."""
         chosen = [k for k, name in enumerate(self.names) if name in rough]
         names = [self.names[k] for k in chosen]
         keyed = [self.keyed[k] for k in chosen]
@@ -567,6 +631,7 @@ class _Run:
                 )  # fmt: skip
                 kept = model_to_arrays(result.model)
                 kept["_counts"] = np.array([result.pairs_tried, result.pairs_kept])
+                kept["_ties"] = np.array(result.ties, np.int64).reshape(-1, 2)
                 kept["_unregistered"] = np.array([[n, r] for n, r in result.unregistered.items()], dtype=np.str_)
                 self.cache.put("models", key, kept)
             else:
@@ -574,7 +639,8 @@ class _Run:
         arrays = {name: data for name, data in kept.items() if not name.startswith("_")}
         tried, pairs_kept = (int(v) for v in kept["_counts"])
         unregistered = {str(n): str(r) for n, r in kept["_unregistered"].reshape(-1, 2)}
-        return PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept)
+        ties = tuple((chosen[int(i)], chosen[int(j)]) for i, j in kept["_ties"])
+        return PriorMapping(arrays_to_model(arrays), unregistered, tried, pairs_kept, ties)
 
     # Reports -------------------------------------------------------------------------------------------------------
 
@@ -586,7 +652,11 @@ class _Run:
         metric: bool,
         reasons: Mapping[str, str],
         verified: int,
+        ties: Collection[Pair],
     ) -> Mapped:
+        groups = find_groups(model, self.names, ties)
+        placed = method == "prior" and len(groups) > 1 and place_groups(model, groups, self.known.poses)
+        loose = held_by_positions(groups)
         by_name = {model.image(i).name: model.image(i) for i in model.reg_image_ids()}
         errors = _reprojection_errors(model)
         poses = model_poses(model)
@@ -601,6 +671,8 @@ class _Run:
             known = self.known.poses.get(name) if metric else None
             agreement = judge(poses[name], known)
             right, reason = agreement.right, agreement.reason
+            if right and name in loose:
+                right, reason = False, "only its known position holds it: too few matches"
             if not trusted:
                 right, reason = False, "wrong pose: the model does not fit the known positions"
             reports.append(
@@ -614,7 +686,21 @@ class _Run:
             dict(zip(self.cameras.keys, self.cameras.sources, strict=True)),
             self.pairs_tried, verified, 0, tuple(self.notes),
             spread_deg(poses.values()) < PARALLEL_DEG and not (method == "prior" and self.heights_tell(poses.values())),
+            self.weakly_tied(groups, placed=placed),
         )  # fmt: skip
+
+    def weakly_tied(self, groups: Sequence[Group], *, placed: bool) -> tuple[Finding, ...]:
+        """That groups of photographs hang together by single matches only."""
+        if len(groups) < 2:
+            return ()
+        told = "; ".join(map(str, groups))
+        held = "the known poses" if placed else "single matches and known positions"
+        message = (
+            f"weakly tied: the photographs fall into {len(groups)} groups, and no pair across them has enough matches: "
+            f"{told}. Within a group poses are good; only {held} tell how the groups lie to one another; take "
+            "photographs between the groups, at most 20° apart"
+        )
+        return (Finding(self.capture.folder.name, "weakly-tied", message),)
 
 
 def _reprojection_errors(model: pycolmap.Reconstruction) -> dict[str, float]:

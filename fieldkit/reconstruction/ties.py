@@ -124,10 +124,14 @@ def usable_matches(
     return used
 
 
-def connected_parts(count: int, pairs: Collection[Pair]) -> list[list[int]]:
-    """The images, 0 to ``count`` - 1, of each connected part of the graph."""
-    labels = _labels(count, pairs)
-    return [np.flatnonzero(labels == label).tolist() for label in range(int(labels.max()) + 1)]
+def connected_parts(nodes: Sequence[int], pairs: Collection[Pair]) -> list[list[int]]:
+    """The nodes (of photographs, or stations) of each connected part of the graph; pairs with others join nothing."""
+    place = {node: k for k, node in enumerate(nodes)}
+    labels = _labels(len(place), [(place[a], place[b]) for a, b in pairs if a in place and b in place])
+    parts: dict[int, list[int]] = {}
+    for node, label in zip(place, labels.tolist(), strict=True):
+        parts.setdefault(label, []).append(node)
+    return list(parts.values())
 
 
 def _labels(count: int, pairs: Collection[Pair]) -> NDArray[np.int32]:

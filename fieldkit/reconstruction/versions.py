@@ -16,7 +16,7 @@ STAGES: Mapping[str, int] = MappingProxyType(
         "features": 1,
         "pairs": 1,  # blind matches and their verification
         "guided": 1,  # matches between known poses
-        "mapping": 12,  # poses, intrinsics, sparse points
+        "mapping": 13,  # poses, intrinsics, sparse points
         "frame": 1,  # plot frame, ground, volume of interest
         "views": 2,  # undistorted photographs and masks
         "depth": 5,  # dense stereo

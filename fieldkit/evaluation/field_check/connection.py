@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from fieldkit.evaluation.field_check.model import CheckFinding
 from fieldkit.evaluation.field_check.pose_graph import tie_errors_deg
 from fieldkit.evaluation.field_check.ties import TieGraph
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.reconstruction.ties import connected_parts
 from fieldkit.results.plan import Plan
 
 _TURN_DEG, _DIRECTION_DEG = 15.0, 35.0
@@ -78,8 +77,8 @@ def connect(
     matches = {s: sum(n for pair, n in ties.items() if s in pair) for s in good}
     neighbours = {s: frozenset(other for pair in ties if s in pair for other in pair if other != s) for s in good}
     bridges = {(a, b) for a in again for b in range(len(plan.stations)) if a != b and angles[a, b] <= _BRIDGE_DEG}
-    groups = _groups(sorted({*good, *again}), {*ties, *bridges})
-    parts = sorted((sorted(group - again) for group in groups), key=lambda part: (-len(part), part))
+    groups = connected_parts(sorted({*good, *again}), {*ties, *bridges})
+    parts = sorted((sorted(set(group) - again) for group in groups), key=lambda part: (-len(part), part))
     parts = [part for part in parts if part]
     lonely = {s for s in good if s not in held and _should_be_held(angles[s], s, good, again)}
     bridged = {s for pair in bridges for s in pair}
@@ -122,12 +121,3 @@ def _view_angles(plan: Plan) -> NDArray[np.float64]:
     rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-9)
     angles: NDArray[np.float64] = np.degrees(np.arccos(np.clip(rays @ rays.T, -1.0, 1.0)))
     return angles
-
-
-def _groups(nodes: Sequence[int], pairs: Collection[tuple[int, int]]) -> list[set[int]]:
-    """Nodes that pairs of them join."""
-    place = {node: k for k, node in enumerate(nodes)}
-    ends = np.array([(place[a], place[b]) for a, b in pairs if a in place and b in place], dtype=np.intp).reshape(-1, 2)
-    links = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(place), len(place)))
-    count, group_of = connected_components(links, directed=False)
-    return [{node for node, k in place.items() if group_of[k] == group} for group in range(count)]

@@ -1,0 +1,79 @@
+"""Positions that are coarser than the cameras' spread give no scale, and check no pose."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import read_capture
+from fieldkit.clouds import Volume
+from fieldkit.errors import ReconstructionError
+from fieldkit.geometry import Similarity
+from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.reconstruction.pipeline import KnownPlot, place
+from fieldkit.reconstruction.result import SparseResult
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.runtime.progress import Silent
+from tests.reconstruction.test_unknown_focal_length import CENTERS, codes, nadir, photographed
+
+CODES = {"scale-uncertain", "positions-too-coarse"}
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return photographed(tmp_path_factory.mktemp("coarse") / "flight", nadir(), equivalent=20)
+
+
+def placed(flight: Path, positions: list, accuracy_m: float, plot: KnownPlot | None = None) -> SparseResult:
+    lines = [f"{k}.jpg,{','.join(map(repr, map(float, p)))},{accuracy_m}" for k, p in enumerate(positions)]
+    (flight / "poses.csv").write_text("\n".join(["image,x_m,y_m,z_m,accuracy_m", *lines]))
+    capture = read_capture(flight)
+    cache = StageCache(flight.parent / "cache")
+    return place(capture, ReconstructionSettings(), [], cache, Silent(), 1, plot)[0]
+
+
+def has_no_scale(result: SparseResult) -> bool:
+    return not result.frame.metric and result.frame.bound_m is None and {i.right for i in result.images} == {None}
+
+
+def test_a_phones_accuracy_gives_no_scale(flight: Path) -> None:
+    result = placed(flight, CENTERS, 40.0)
+    assert has_no_scale(result)
+    assert result.registered == len(CENTERS)
+    assert codes(result) == ["positions-too-coarse"]
+    assert "good to 40 m" in result.findings[0].message
+    assert "markers.toml" in result.findings[0].message
+
+
+def test_positions_that_scatter_as_they_say_give_no_scale(flight: Path) -> None:
+    """Their spread is that of their errors: six photographs within a metre, tagged by a receiver good to 5 m."""
+    scattered = np.random.default_rng(3).normal(0.0, 5.0, (len(CENTERS), 3)) + 0.1 * np.array(CENTERS)
+    result = placed(flight, scattered.tolist(), 5.0)
+    assert has_no_scale(result)
+    assert codes(result) == ["positions-too-coarse"]
+
+
+@pytest.mark.parametrize(("accuracy_m", "told"), [(0.05, set()), (1.0, {"scale-uncertain"})])
+def test_positions_finer_than_the_spread_stay_metric(flight: Path, accuracy_m: float, told: set[str]) -> None:
+    result = placed(flight, CENTERS, accuracy_m)
+    assert result.frame.source == "poses.csv"
+    assert result.right == len(CENTERS)
+    assert {i.right for i in result.images} == {True}
+    assert CODES & set(codes(result)) == told
+
+
+def test_a_wide_field_by_gps_stays_metric(flight: Path) -> None:
+    """3 m on 100 m, as without RTK; the camera is as far away as the field is wide."""
+    result = placed(flight, (100.0 / 6.0 * np.array(CENTERS)).tolist(), 3.0)
+    assert result.frame.metric
+    assert result.right == len(CENTERS)
+    assert not CODES & set(codes(result))
+
+
+def test_a_reference_s_frame_cannot_be_reached_by_them(flight: Path) -> None:
+    plot = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), Volume((-9, -9, -1), (9, 9, 1)), None)
+    with pytest.raises(ReconstructionError, match="good to 40 m"):
+        placed(flight, CENTERS, 40.0, plot)
