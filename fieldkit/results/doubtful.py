@@ -7,9 +7,17 @@ OTHER_PLANTS = "other-plants"
 
 DOUBTFUL = frozenset({
     OTHER_PLANTS, "few-plant-points", "volume-below-ground", "weak-ground", "cameras-off-level", "steep-ground",
-    "volume-cuts-plants", "refinement-not-converged",
+    "volume-cuts-plants", "refinement-not-converged", "weakly-tied",
 })  # fmt: skip
 """Codes of findings with which a result must not be taken as it is."""
 
-TOLD = DOUBTFUL | {"too-few-positions", "several-take-offs", "mixed-cameras", "altitude-zero", "heights-joined"}
+TOLD = DOUBTFUL | {
+    "too-few-positions",
+    "several-take-offs",
+    "mixed-cameras",
+    "altitude-zero",
+    "heights-joined",
+    "other-camera",
+    "scale-uncertain",
+}
 """Codes that are told beside a result's figures."""

@@ -189,8 +189,10 @@ def _findings(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
     """Findings with which a result must not be taken as it is; their messages end in the remedy."""
     for finding in report.findings:
         if finding.code in DOUBTFUL:
-            said, _, advice = finding.message.partition("; ")
-            yield Statement("problem", f"{name}: {said}.", f"{advice[:1].upper()}{advice[1:]}." if advice else "")
+            said, _, advice = finding.message.rpartition("; ")
+            yield Statement(
+                "problem", f"{name}: {said or advice}.", f"{advice[:1].upper()}{advice[1:]}." if said else ""
+            )
 
 
 def _doubts(report: ReconstructionEntry, name: str) -> Iterator[Statement]:
