@@ -172,8 +172,8 @@ def _other_plants(name: str, found: CloudScore, reference: Cloud) -> list[Findin
     if distance_m <= _OTHER_SHARE * float(np.linalg.norm(np.ptp(reference.points, axis=0))):
         return []
     message = (
-        f"the cloud is {format_length(distance_m)} from the reference: these are hardly the reference's plants, and how "
-        "good the reconstruction is cannot be told; check which plot was photographed, and when"
+        f"the cloud is {format_length(distance_m)} from the reference: these are hardly its plants, and how good the "
+        "reconstruction is cannot be told; check which plot was photographed, and when"
     )
     return [Finding(name, OTHER_PLANTS, message)]
 
