@@ -13,9 +13,11 @@ from fieldkit.cli.common import (
     AdjustOption,
     DebugOption,
     JsonOption,
-    MissionFormat,
+    MissionFormatOption,
     MissionOutputOption,
     OverwriteOption,
+    PlotIdOption,
+    PlotsOption,
     SeedOption,
     emit_json,
     say,
@@ -37,13 +39,9 @@ def command(
     vehicle: Annotated[str, Option("--vehicle", metavar="NAME", help="A profile's name or file.")],
     site: Annotated[Path, Option("--site", help="Site file: home, plots, fence, obstacles.")],
     output: MissionOutputOption,
-    format: Annotated[  # noqa: A002 - the option's name
-        MissionFormat,
-        Option("--format", help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at."),
-    ] = "plan",
-    plots: Annotated[
-        Path | None, Option("--plots", help="GeoJSON of plots, in place of those of the site file.")
-    ] = None,
+    format: MissionFormatOption = None,  # noqa: A002 - the option's name
+    plots: PlotsOption = None,
+    plot_id: PlotIdOption = None,
     fit: Annotated[
         bool | None,
         Option(
@@ -69,7 +67,7 @@ def command(
 
     Examples:
         fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml -o mission.plan
-        fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.geojson --fit -o field
+        fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.gpkg --fit -o field
         fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
 
     Exit codes:
@@ -84,8 +82,8 @@ def command(
     from fieldkit.missions.export_mission import export_mission
 
     done = export_mission(
-        plan, vehicle, site, output, format=format, plots=plots, fit=fit, adjust=adjust,
-        picture=not no_picture, overwrite=overwrite, seed=seed,
+        plan, vehicle, site, output, format=format, plots=plots, plot_id=plot_id, fit=fit, adjust=adjust,
+        picture=not no_picture, overwrite=overwrite, seed=seed, tell=None if as_json else say,
     )  # fmt: skip
     if as_json:
         emit_json(_facts(done))
@@ -148,7 +146,7 @@ def _show_flights(done: ExportedMission) -> None:
     plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
     summary = (
         f"{routed.photographs // plots} stations on {count(plots, 'plot')}: {routed.photographs} photographs, "
-        f"{format_length(routed.length_m)}, {format_seconds(routed.time_s)} in the air, "
+        f"{format_length(routed.length_m)} and {format_seconds(routed.time_s)} from take-off to landing, "
         f"{count(len(routed.flights), 'battery', 'batteries')}; lowest camera {format_length(routed.lowest_m)} above "
         f"the ground; plants: {plants}."
     )

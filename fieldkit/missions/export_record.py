@@ -130,7 +130,7 @@ def _stop(stop: Shot | Via) -> MissionStation | MissionVia:
         return MissionVia(latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m)
     return MissionStation(
         latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m, plot=stop.plot,
-        station=stop.station, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg,
+        index=stop.station, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg,
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from fieldkit.evaluation.field_check.pose_graph import tie_errors_deg
 from fieldkit.evaluation.field_check.ties import TieGraph
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.prior_mapping import region_of_interest
-from fieldkit.results.plan import Plan
+from fieldkit.results.plan import Plan, station_number
 
 _TURN_DEG, _DIRECTION_DEG = 15.0, 35.0
 _BRIDGE_DEG = 36.0
@@ -90,7 +90,7 @@ def connect(
 def _apart(parts: list[list[int]]) -> tuple[CheckFinding, ...]:
     if len(parts) < 2:
         return ()
-    told = "; ".join(", ".join(map(str, part)) for part in parts)
+    told = "; ".join(", ".join(str(station_number(s)) for s in part) for part in parts)
     return (
         CheckFinding(
             "disconnected", None, "",

@@ -66,7 +66,9 @@ def plot_ids(features: Sequence[Feature], field: str | None = None) -> PlotIds:
     if field is not None:
         chosen = field if field in fields else next((n for n in fields if n.casefold() == field.casefold()), None)
         if chosen is None:
-            raise IdProblem(f'no plot has a field "{field}"', f"--plot-id takes one of the file's fields: {_list(fields)}.")
+            raise IdProblem(
+                f'no plot has a field "{field}"', f"--plot-id takes one of the file's fields: {_list(fields)}."
+            )
         ids = [_id(feature.properties, chosen) for feature in features]
         if problem := _problem(ids, features, chosen):
             raise IdProblem(problem, "Correct the file, or give another field with --plot-id.")

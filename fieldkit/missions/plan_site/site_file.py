@@ -31,7 +31,7 @@ FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
 _MAX_BYTES = 256 << 10
 _REMEDY = "A site file is TOML: format = 1, [home] and [[plots]]; the documentation lists its keys."
-_PLOTS_REMEDY = "A plot is a polygon or point; height_m, row_heading_deg and the like are properties, in metres and degrees."
+_PLOTS_REMEDY = "Plots are polygons or points; height_m, row_heading_deg … are properties, in metres and degrees."
 _ORDER = "A site file gives the latitude first, GeoJSON the longitude."
 _AS_THEY_ARE = (
     "height_m", "datum", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m"

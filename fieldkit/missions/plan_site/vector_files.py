@@ -72,11 +72,11 @@ def read_wgs84(path: Path) -> VectorFile:
     data = file_bytes(path, _REMEDY, MAX_BYTES, noun="file of plots or zones")
     kind = _kind(data, path)
     if kind != "GeoJSON":
-        return VectorFile(_converted(path, kind, data), as_is=False)
+        return VectorFile(_converted(path, kind), as_is=False)
     document = read_json_object(path, _REMEDY, noun="GeoJSON file", max_bytes=MAX_BYTES)
     if reference_system(document) is None:
         return VectorFile(document, as_is=True)
-    return VectorFile(_converted(path, f"GeoJSON in {reference_system(document)}", data), as_is=False)
+    return VectorFile(_converted(path, f"GeoJSON in {reference_system(document)}"), as_is=False)
 
 
 def _kind(data: bytes, path: Path) -> str:
@@ -157,7 +157,7 @@ def _require_parts(suffixes: set[str], path: Path) -> None:
         )  # fmt: skip
 
 
-def _converted(path: Path, kind: str, data: bytes) -> dict[str, Any]:
+def _converted(path: Path, kind: str) -> dict[str, Any]:
     """A file that pyogrio reads, as GeoJSON in WGS 84."""
     try:
         import pyogrio
@@ -177,7 +177,9 @@ def _converted(path: Path, kind: str, data: bytes) -> dict[str, Any]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyogrio's, of geometries with measures and the like
             for layer in _layers(pyogrio.list_layers(path), kind, path):
-                meta, numbers, geometry, values = read(path, layer=layer, return_fids=True, max_features=MAX_FEATURES)
+                meta, numbers, geometry, values = read(
+                    path, layer=layer, return_fids=True, max_features=MAX_FEATURES + 1
+                )
                 shapes = shapely.from_wkb(geometry)
                 if not meta["crs"]:
                     raise MetadataError(
