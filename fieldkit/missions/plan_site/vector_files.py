@@ -34,6 +34,7 @@ NUMBERS = (
 _KINDS = "GeoJSON, a Shapefile (also zipped), KML or a GeoPackage"
 _REMEDY = f"Give {_KINDS} with points or polygons; QGIS exports all of them."
 _SHAPEFILE = (".shp", ".shx", ".dbf", ".prj")
+_MOST = MAX_FEATURES + 1  # one too many is refused
 _DBF_NAME = 10  # characters; longer names of fields are cut
 _DEGREES = (180.0, 90.0)
 _LATEST = "In QGIS, set the layer's CRS to the one that its coordinates are in, then Save Features As… GeoJSON."
@@ -70,32 +71,32 @@ def read_wgs84(path: Path) -> VectorFile:
     """
     path = Path(path)
     data = file_bytes(path, _REMEDY, MAX_BYTES, noun="file of plots or zones")
-    kind = _kind(data, path)
+    kind, source = _kind(data, path)
     if kind != "GeoJSON":
-        return VectorFile(_converted(path, kind), as_is=False)
+        return VectorFile(_converted(path, kind, source), as_is=False)
     document = read_json_object(path, _REMEDY, noun="GeoJSON file", max_bytes=MAX_BYTES)
     if reference_system(document) is None:
         return VectorFile(document, as_is=True)
-    return VectorFile(_converted(path, f"GeoJSON in {reference_system(document)}"), as_is=False)
+    return VectorFile(_converted(path, f"GeoJSON in {reference_system(document)}", source), as_is=False)
 
 
-def _kind(data: bytes, path: Path) -> str:
-    """What a file is, by its content.
+def _kind(data: bytes, path: Path) -> tuple[str, str]:
+    """What a file is, by its content, and what GDAL is to open.
 
     Raises:
         MetadataError: none of those that can be read.
     """
     start = data[:4096].removeprefix(b"\xef\xbb\xbf").lstrip()
-    suffix = path.suffix.lower()
+    suffix, itself = path.suffix.lower(), str(path.absolute())
     if data.startswith(b"SQLite format 3\0"):
-        return "a GeoPackage"
+        return "a GeoPackage", itself
     if data.startswith(b"\x00\x00\x27\x0a") and suffix != ".shx":
-        return "a Shapefile"
+        return "a Shapefile", itself
     if data.startswith(b"PK\x03\x04"):
         return _archive(data, path)
     if start.startswith(b"<"):
         if re.search(rb"<(\w+:)?kml\b", start):
-            return "KML"
+            return "KML", itself
         _refuse("GPX" if b"<gpx" in start else "XML", path)
     if suffix in (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".qix", ".qmd"):
         raise MetadataError(
@@ -107,10 +108,10 @@ def _kind(data: bytes, path: Path) -> str:
             _refuse("TOML, as site files and vehicle profiles are", path)
         if suffix in (".csv", ".tsv", ".txt") or any(first.count(mark) for mark in b",;\t"):
             _refuse("a table (CSV)", path, "In QGIS: Add Delimited Text Layer, then Save Features As… GeoJSON.")
-    return "GeoJSON"
+    return "GeoJSON", itself
 
 
-def _archive(data: bytes, path: Path) -> str:
+def _archive(data: bytes, path: Path) -> tuple[str, str]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
@@ -122,7 +123,7 @@ def _archive(data: bytes, path: Path) -> str:
     if any(name.endswith(".wpml") for name in names):
         _refuse("a DJI mission", path)
     if any(name.endswith(".kml") for name in names):
-        return "KMZ"
+        return "KMZ", str(path.absolute())
     if "[content_types].xml" in names:
         _refuse("a table or text of an office program", path)
     shapes = [member.filename for member in members if member.filename.lower().endswith(".shp")]
@@ -135,7 +136,7 @@ def _archive(data: bytes, path: Path) -> str:
         )  # fmt: skip
     stem = shapes[0].lower().removesuffix(".shp")
     _require_parts({name.removeprefix(stem) for name in names if name.startswith(stem)}, path)
-    return "a zipped Shapefile"
+    return "a zipped Shapefile", f"/vsizip/{path.absolute()}/{shapes[0]}"
 
 
 def _refuse(what: str, path: Path, remedy: str = _REMEDY) -> NoReturn:
@@ -157,8 +158,8 @@ def _require_parts(suffixes: set[str], path: Path) -> None:
         )  # fmt: skip
 
 
-def _converted(path: Path, kind: str) -> dict[str, Any]:
-    """A file that pyogrio reads, as GeoJSON in WGS 84."""
+def _converted(path: Path, kind: str, source: str) -> dict[str, Any]:
+    """What pyogrio reads of a source, as GeoJSON in WGS 84."""
     try:
         import pyogrio
         from pyogrio.raw import read
@@ -176,11 +177,9 @@ def _converted(path: Path, kind: str) -> dict[str, Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyogrio's, of geometries with measures and the like
-            for layer in _layers(pyogrio.list_layers(path), kind, path):
-                meta, numbers, geometry, values = read(
-                    path, layer=layer, return_fids=True, max_features=MAX_FEATURES + 1
-                )
-                shapes = shapely.from_wkb(geometry)
+            for layer in _layers(pyogrio.list_layers(source), kind, path):
+                meta, numbers, wkb, values = read(source, layer=layer, return_fids=True, max_features=_MOST)
+                shapes = shapely.from_wkb(wkb)
                 if not meta["crs"]:
                     raise MetadataError(
                         f"does not say its coordinate reference system; its coordinates look like {_look(shapes)}",
@@ -192,7 +191,8 @@ def _converted(path: Path, kind: str) -> dict[str, Any]:
                 fields = {str(name): column for name, column in zip(meta["fields"], values, strict=True)}
                 if kind == "a GeoPackage" and "fid" not in map(str.casefold, fields):
                     fields["fid"] = numbers
-                rows += _rows(shapes, fields, cut="Shapefile" in kind)
+                names = {name: _full_name(name, kind) for name in fields}
+                rows += _rows(shapes, {names[name]: column for name, column in fields.items()})
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ProjError, shapely.GEOSException) as error:
         why = re.sub(r"\s+", " ", str(error))[:200]
         raise MetadataError(f"is {kind} that cannot be read: {why}", path=path, remedy=_REMEDY) from error
@@ -271,24 +271,29 @@ def _look(shapes: Any) -> str:
     return "degrees" if (np.abs(places) <= _DEGREES).all() else "metres of a map projection"
 
 
-def _rows(shapes: Any, fields: Mapping[str, Any], *, cut: bool) -> Iterator[dict[str, Any]]:
+def _rows(shapes: Any, fields: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Features as GeoJSON has them.
 
     Args:
         shapes: (n,) in longitude and latitude; None where there is none.
         fields: (n,) values of each.
-        cut: whether names of fields are no longer than a Shapefile's.
     """
-    names = {name: _full_name(name) if cut else name for name in fields}
     for k, shape in enumerate(shapes):
-        values = {names[name]: _value(column[k], names[name]) for name, column in fields.items()}
+        values = {name: _value(column[k], name) for name, column in fields.items()}
         geometry = None if shape is None else json.loads(shapely.to_geojson(shape))
         yield {"type": "Feature", "properties": values, "geometry": geometry}
 
 
-def _full_name(name: str) -> str:
-    """A plot's property by the first ten characters of its name."""
-    return next((key for key in NUMBERS if key[:_DBF_NAME] == name.casefold()), name)
+def _full_name(name: str, kind: str) -> str:
+    """A field's name: of a Shapefile, which cuts it after ten characters, the plot's property that it stands for.
+
+    The id of a KML's element is made up by the program that writes it, and is no plot's.
+    """
+    if kind in ("KML", "KMZ"):
+        return "kml_id" if name == "id" else name
+    if "Shapefile" in kind:
+        return next((key for key in NUMBERS if key[:_DBF_NAME] == name.casefold()), name)
+    return name
 
 
 def _value(value: Any, name: str) -> Any:
