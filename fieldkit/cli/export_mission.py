@@ -24,11 +24,13 @@ from fieldkit.cli.common import (
     show,
     table,
 )
-from fieldkit.present.style import count, format_length, format_seconds
+from fieldkit.present.style import count, format_length, format_seconds, listed
 
 if TYPE_CHECKING:
     from fieldkit.missions.export_mission import ExportedMission
+    from fieldkit.missions.mission import Shot
     from fieldkit.missions.plan_site.fit import FitFinding
+    from fieldkit.missions.plan_site.reach import Unreachable
 
 _MOST_MOVED = 20
 _MOST_NAMED = 3
@@ -120,10 +122,11 @@ def _facts(done: ExportedMission) -> dict[str, object]:
 def _say_stations(done: ExportedMission) -> None:
     """Which stations are not flown as planned."""
     routed = done.routed
-    for pose in routed.moved[:_MOST_MOVED]:
-        say(f"Moved: {pose}")
-    if len(routed.moved) > _MOST_MOVED:
-        say(f"Moved: {len(routed.moved) - _MOST_MOVED} more; --json lists all.")
+    moved = _alike(routed.moved)
+    for text in moved[:_MOST_MOVED]:
+        say(f"Moved: {text}")
+    if len(moved) > _MOST_MOVED:
+        say(f"Moved: {len(moved) - _MOST_MOVED} kinds more; --json lists all.")
     if routed.plants_m is None:
         say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
     for name, flown in routed.own.items():
@@ -131,6 +134,22 @@ def _say_stations(done: ExportedMission) -> None:
         factors = {"high": flown.fit.height, "far along": flown.fit.length, "far across": flown.fit.width}
         changed = ", ".join(f"{by:.2f} times as {what}" for what, by in factors.items() if abs(by - 1.0) > 1e-9)
         say(f"Fitted to {name}: plants {changed}; evaluate its photographs with --plan {done.plans[name].name}.")
+
+
+def _alike(moved: Sequence[Unreachable]) -> list[str]:
+    """What is moved, the same of several photographs once."""
+    from fieldkit.results.plan import station_number
+
+    groups: dict[str, list[Shot]] = {}
+    for each in moved:
+        groups.setdefault(each.what, []).append(each.shot)
+    texts = []
+    for what, shots in groups.items():
+        numbers = [str(station_number(index)) for index in sorted({shot.station for shot in shots})]
+        plots = list(dict.fromkeys(shot.plot for shot in shots))
+        those = f"{len(shots)} photographs (station {listed(numbers, 14)} of {listed(plots, 4)})"
+        texts.append(f"{shots[0].name if len(shots) == 1 else those}: {what}")
+    return texts
 
 
 def _show_flights(done: ExportedMission) -> None:

@@ -21,6 +21,7 @@ from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.site_file import load_site, with_plots
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.present.style import listed
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.plan_file import load_plan
 
@@ -97,7 +98,8 @@ def _one_plot(site: Site, name: str | None) -> Site:
         return site
     plot = next((each for each in site.plots if each.name == name), None)
     if plot is None:
-        raise UsageError(f"the site has no plot {name!r}", remedy="Name one of the site file's plots.")
+        known = listed([each.name for each in site.plots], 40)
+        raise UsageError(f"the site has no plot {name!r}", remedy=f"Its plots are {known}.")
     return with_plots(site, [plot])
 
 
