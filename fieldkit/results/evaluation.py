@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from fieldkit.geometry import Pose
 from fieldkit.results.fields import Count, Latitude, Length, Longitude, Sha256, Strict, Vector
@@ -335,11 +335,6 @@ class StationErrorEntry(Strict):
     """How fast the camera turned at the shutter, degrees per second."""
 
 
-def _one_more(station: Any) -> Any:
-    number = station.removeprefix("station ") if isinstance(station, str) else ""
-    return f"station {int(number) + 1}" if number.isascii() and number.isdecimal() and len(number) < 10 else station
-
-
 class AdherenceEntry(Strict):
     """How a flight kept to its plan (--plan)."""
 
@@ -364,22 +359,6 @@ class AdherenceEntry(Strict):
     """Of every two sources that know photographs in common."""
     unknown: dict[PoseSource, str] = {}  # noqa: RUF012 - pydantic copies it
     """Sources that say nothing of any photograph, and why."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _counted_from_1(cls, values: Any) -> Any:
-        """Earlier files count a plan's stations from 0: every station is named, so that they have a "station 0"."""
-        if not isinstance(values, dict):
-            return values
-        rows = [row for key in ("stations", "photographs") for row in values.get(key) or () if isinstance(row, dict)]
-        missing = values.get("missing") or ()
-        if "station 0" not in [*(row.get("station") for row in rows), *missing]:
-            return values
-        tables = {
-            key: [{**row, "station": _one_more(row.get("station"))} for row in values.get(key) or ()]
-            for key in ("stations", "photographs")
-        }
-        return {**values, **tables, "missing": [_one_more(name) for name in missing]}
 
 
 class PlantEntry(Strict):

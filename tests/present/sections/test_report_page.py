@@ -191,7 +191,7 @@ class TestSummary:
     def test_of_flights_and_failures(self, season: Path) -> None:
         texts = " ".join(s.text + s.advice for s in summarise(read_results(season)))
         assert "5 of 7 planned stations were photographed; the flight was off by 0.21 m over ground" in texts
-        assert "no photograph at station 5 and station plot 7" in texts
+        assert "no photograph at station 6 and station plot 7" in texts
         assert "empty has no result: no photographs in it." in texts
         assert "16 captures of 8 plots on 2 dates from 2026-06-30 to 2026-07-14" in texts
         assert "maize-8, 2026-07-14: no score." in texts
