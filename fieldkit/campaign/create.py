@@ -24,6 +24,7 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import atomic_folder, file_beside, write_atomic
 from fieldkit.missions.plan_site.site_file import Tell, load_site, plots_file_beside, read_plots
 from fieldkit.missions.plan_site.swapped import check_order
+from fieldkit.missions.plan_site.vector_files import parts_of
 from fieldkit.missions.plan_site.vehicle_file import find_vehicle, load_vehicle
 from fieldkit.present.style import listed
 from fieldkit.regular_files import check_regular
@@ -93,7 +94,7 @@ def init_campaign(
         for plot, path in (sources.references or {}).items()
     ]
     with atomic_folder(folder) as partial:
-        plots = _copy_site(sources, partial, sources.plot_id or site.plot_id)
+        plots = _copy_site(sources, partial, sources.plot_id or (site.plot_id if sources.plots is None else None))
         save_plan(partial / PLAN_FILE, plan)
         if sources.vehicle is not None:
             _copy(find_vehicle(sources.vehicle), partial / VEHICLE_FILE)
@@ -121,21 +122,23 @@ def _copy_site(sources: CampaignSources, folder: Path, plot_id: str | None) -> s
     Files that the site file names absolutely stay where they are.
     """
     _copy(sources.site, folder / SITE_FILE)
+    plots = sources.plots or plots_file_beside(sources.site)
+    converted = None if plots is None else read_plots(plots, plot_id).geojson()
     document = read_versioned(sources.site, "site file", "", _SITE_BYTES)
     for key in _ZONES:
         named = document.get(key)
-        if not isinstance(named, str) or Path(named).is_absolute() or (key == "plots" and sources.plots is not None):
+        if not isinstance(named, str) or Path(named).is_absolute() or (key == "plots" and (sources.plots or converted)):
             continue
         found = file_beside(Path(named), sources.site)  # load_site has read it
         target = folder / os.path.normpath(named)
         if found is None or target.exists() or not target.is_relative_to(folder):
             continue
         target.parent.mkdir(parents=True, exist_ok=True)
-        _copy(found, target)
-    plots = sources.plots or plots_file_beside(sources.site)
+        for part in parts_of(found):
+            _copy(part, target.with_suffix(part.suffix))
     if plots is None:
         return None
-    if (converted := read_plots(plots, plot_id).geojson()) is not None:
+    if converted is not None:
         write_atomic(folder / PLOTS_FILE, converted)
         return PLOTS_FILE
     if sources.plots is None:

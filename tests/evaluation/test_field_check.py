@@ -344,7 +344,7 @@ class TestRefly:
         assert [file.name for file in files] == ["again.plan", "again.mission.json", "again.geojson"]
         features = json.loads(files[2].read_text("utf-8"))["features"]
         flown = {f["properties"]["station"] for f in features if f["properties"].get("kind") == "station"}
-        assert flown == {4, 9}
+        assert flown == {5, 10}  # as the plan's picture numbers them
         # What `export-mission` writes of itself, so that a report shows it.
         record = load_mission(files[1])
         assert {station.index for flight in record.flights for station in flight.stations} == {4, 9}

@@ -182,7 +182,7 @@ class Site(Strict):
     home: SiteHome
     plots: Annotated[tuple[SitePlot, ...], Field(min_length=1, max_length=2000)]
     plot_id: Annotated[str, Field(min_length=1, max_length=80)] | None = None
-    """Field of a plots file that holds the plots' ids."""
+    """Field of the plots file that ``plots`` names that holds the plots' ids."""
     landing: Landing | None = None
     """At home where there is none."""
     takeoff_m: Positive = 5.0

@@ -30,7 +30,9 @@ from fieldkit.regular_files import open_regular
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
 _MAX_BYTES = 256 << 10
-_REMEDY = "A site file is TOML: format = 1, [home] and [[plots]]; the documentation lists its keys."
+_REMEDY = (
+    "A site file is TOML with format = 1, [home] and plots: missions/README.md of fieldkit's sources lists its keys."
+)
 _PLOTS_REMEDY = "Plots are polygons or points; height_m, row_heading_deg … are properties, in metres and degrees."
 _ORDER = "A site file gives the latitude first, GeoJSON the longitude."
 _AS_THEY_ARE = (
@@ -84,7 +86,8 @@ def load_site(
     Args:
         path: the TOML file.
         plots: a file whose plots take the place of the site's own.
-        plot_id: field of the plots file that holds the plots' ids; the site file's own ``plot_id`` where None.
+        plot_id: field of the plots file that holds the plots' ids. None takes the site file's ``plot_id`` for the file
+            that it names itself, and else looks for one (`plot_ids`).
         tell: is told where the ids are from, before they are used.
 
     Raises:
@@ -98,7 +101,7 @@ def load_site(
     document.setdefault("name", path.stem)
     own = document.get("plots")
     if plots is None and isinstance(own, str):
-        plots = _beside(own, path, "plots")
+        plots, plot_id = _beside(own, path, "plots"), plot_id or document.get("plot_id")
     if plots is None and not own:
         raise MetadataError("has no plots", path=path, remedy=_NO_PLOTS)
     if plots is not None:
@@ -110,7 +113,7 @@ def load_site(
     _check_places(site.home, _surroundings(site), path)
     _check_polygons(site, path)
     if plots is not None:
-        found = read_plots(plots, plot_id or site.plot_id)
+        found = read_plots(plots, plot_id)
         if tell is not None:
             tell(f"{found.ids.sentence()}.")
         return with_plots(site, found.plots, path=plots)

@@ -80,6 +80,13 @@ def read_wgs84(path: Path) -> VectorFile:
     return VectorFile(_converted(path, f"GeoJSON in {reference_system(document)}", source), as_is=False)
 
 
+def parts_of(path: Path) -> list[Path]:
+    """The files that a file of plots or zones is made of: of a Shapefile those beside it, else itself."""
+    if path.suffix.lower() != ".shp":
+        return [path]
+    return sorted(p for p in path.parent.iterdir() if p.stem == path.stem and p.suffix.lower() in (*_SHAPEFILE, ".cpg"))
+
+
 def _kind(data: bytes, path: Path) -> tuple[str, str]:
     """What a file is, by its content, and what GDAL is to open.
 

@@ -333,6 +333,23 @@ def test_a_campaign_takes_its_plots_along_as_geojson(
     assert first["properties"] == {"plot_id": "A01", "name": "x", "entry": "A01"}
 
 
+def test_a_campaign_takes_all_parts_of_a_fence_along(tmp_path: Path) -> None:
+    around = [shapely.box(6.44, 50.86, 6.46, 50.87)]
+    write_plots(tmp_path / "fence.shp", in_crs(around, UTM), UTM, name=["field"])
+    plan = Plan(fieldkit="0", stations=(Station(position_m=(1.0, 0.0, 2.0), yaw_deg=270.0, pitch_deg=-60.0),))
+    save_plan(tmp_path / "plan.json", plan)
+    write_plots(tmp_path / "field.gpkg", places(), "EPSG:4326", entry=list(IDS), plot_id=["x", "y", "z", "w"])
+    text = SITE.partition("[[plots]]")[0].replace(
+        "format = 1", 'format = 1\ngeofence = "fence.shp"\nplots = "field.gpkg"\nplot_id = "entry"'
+    )
+    made = init_campaign(tmp_path / "season", CampaignSources(tmp_path / "plan.json", site_file(tmp_path, text)))
+    assert len(made.site.fence) == 1
+    assert [plot.id for plot in made.plots] == list(IDS)
+    # A file given beside the site's own has its own field.
+    other = CampaignSources(tmp_path / "plan.json", site_file(tmp_path, text), tmp_path / "field.gpkg")
+    assert [plot.id for plot in init_campaign(tmp_path / "other", other).plots] == ["x", "y", "z", "w"]
+
+
 @pytest.mark.parametrize(("key", "value", "slip"), [("plant_height_m", 250, "2.5"), ("row_spacing_m", 75, "0.75")])
 def test_lengths_in_centimetres(tmp_path: Path, key: str, value: float, slip: str) -> None:
     file = geojson(tmp_path, point(row_heading_deg=0, name="a", **{key: value}))
