@@ -58,8 +58,8 @@ def plot_ids(features: Sequence[Feature], field: str | None = None) -> PlotIds:
             looks for one.
 
     Raises:
-        IdProblem: the field is unknown, or a plot lacks it, or two share a value; or without one, `ID_FIELDS` are there
-            and none of them will do.
+        IdProblem: the field is unknown, or a plot lacks it, or two share a value; or without one, there is a
+            ``plot_id`` that will not do, or there are others of `ID_FIELDS` and none of them will.
     """
     fields = list(dict.fromkeys(name for feature in features for name in feature.properties))
     others = [name for name in fields if name.casefold() not in ID_FIELDS]
@@ -80,6 +80,8 @@ def plot_ids(features: Sequence[Feature], field: str | None = None) -> PlotIds:
         if not problem:
             return PlotIds(tuple(ids), name, tuple(problems))
         problems.append(problem)
+        if name.casefold() == ID_FIELDS[0]:
+            break  # it can be nothing but the ids: a mistake in them is to be put right, not passed over
     if problems:
         more = f", or say with --plot-id which field holds the ids: {_list(others)}" if others else ""
         raise IdProblem(problems[0], f"Give every plot an id of its own{more}.")
