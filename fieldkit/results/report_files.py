@@ -120,7 +120,8 @@ def _count_from_1(document: dict[str, Any]) -> None:
             continue
         tables = [found.get(key) for key in ("stations", "photographs")]
         rows = [row for table in tables if isinstance(table, list) for row in table if isinstance(row, dict)]
-        missing = found.get("missing") if isinstance(found.get("missing"), list) else []
+        missing = found.get("missing")
+        missing = missing if isinstance(missing, list) else []
         if "station 0" in [*(row.get("station") for row in rows), *missing]:
             for row in rows:
                 row["station"] = _one_more(row.get("station"))

@@ -109,12 +109,12 @@ def _kind(data: bytes, path: Path) -> tuple[str, str]:
         raise MetadataError(
             "is a part of a Shapefile", path=path, remedy=f"Give {path.with_suffix('.shp').name}; its parts lie beside."
         )
-    if not start.startswith((b"{", b"[")):
-        first = start.partition(b"\n")[0]
-        if suffix == ".toml" or re.match(rb"(format|\w+)\s*=", first) or start.startswith(b"["):
-            _refuse("TOML, as site files and vehicle profiles are", path)
-        if suffix in (".csv", ".tsv", ".txt") or any(first.count(mark) for mark in b",;\t"):
-            _refuse("a table (CSV)", path, "In QGIS: Add Delimited Text Layer, then Save Features As… GeoJSON.")
+    first = start.partition(b"\n")[0]
+    if suffix == ".toml" or re.match(rb"\w+\s*=", first):
+        _refuse("TOML, as site files and vehicle profiles are", path)
+    table = suffix in (".csv", ".tsv", ".txt") or any(mark in first for mark in b",;\t")
+    if table and not start.startswith((b"{", b"[")):
+        _refuse("a table (CSV)", path, "In QGIS: Add Delimited Text Layer, then Save Features As… GeoJSON.")
     return "GeoJSON", itself
 
 
