@@ -17,6 +17,7 @@ import shapely
 from pyogrio.raw import write
 from pyproj import Transformer
 
+from benchmarks.fuzzing import Target, fuzz
 from fieldkit.campaign.create import CampaignSources, init_campaign
 from fieldkit.campaign.reading import read_campaign
 from fieldkit.errors import MetadataError, UsageError
@@ -374,3 +375,14 @@ def test_plan_and_site_in_each_others_place(tmp_path: Path) -> None:
 
 def test_the_drivers_are_there() -> None:
     assert set(KINDS) <= set(pyogrio.list_drivers(read=True))
+
+
+@pytest.mark.parametrize("suffix", [".gpkg", ".kml", ".geojson"])
+def test_changed_at_random(tmp_path: Path, suffix: str) -> None:
+    """A file that is damaged is read or refused, and never a traceback; only GDAL knows what it still makes of it."""
+    crs = "EPSG:4326" if suffix == ".kml" else UTM
+    whole = write_plots(tmp_path / f"whole{suffix}", in_crs(places(), crs), crs, plot_id=list(IDS))
+    found = fuzz(Target(suffix, [whole.read_bytes()], load_plots), 60, tmp_path, seed=3)
+    assert not found.defects
+    assert (found.hangs, found.written) == (0, ())
+    assert found.refused > 20
