@@ -31,8 +31,8 @@ from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import read_waypoints
 from fieldkit.missions.link.signing import read_key
-from fieldkit.missions.plan_site.geojson import read_features
 from fieldkit.missions.plan_site.site_file import load_plots, load_site
+from fieldkit.missions.plan_site.vector_files import read_features
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, read_log, read_settings
 from fieldkit.planning.run.outcome import OUTCOME_FILE, read_outcome

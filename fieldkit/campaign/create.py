@@ -22,8 +22,11 @@ from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.versioned_toml import read_versioned, sentence
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.files import atomic_folder, file_beside, write_atomic
-from fieldkit.missions.plan_site.site_file import load_site
+from fieldkit.missions.plan_site.site_file import Tell, load_site, plots_file_beside, read_plots
+from fieldkit.missions.plan_site.swapped import check_order
+from fieldkit.missions.plan_site.vector_files import parts_of
 from fieldkit.missions.plan_site.vehicle_file import find_vehicle, load_vehicle
+from fieldkit.present.style import listed
 from fieldkit.regular_files import check_regular
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
@@ -40,10 +43,11 @@ class CampaignSources:
     Attributes:
         plan: plan.json or its folder.
         site: site file.
-        plots: GeoJSON file whose plots take the place of the site's; None keeps those.
+        plots: file whose plots take the place of the site's; None keeps those.
         vehicle: profile, by name or path; None for none.
         camera: calibration for photographs that have none beside them; None for none.
         references: folders that `fieldkit reference` wrote, by plot.
+        plot_id: field of the plots file that holds their ids; None looks for one.
     """
 
     plan: Path
@@ -52,14 +56,17 @@ class CampaignSources:
     vehicle: str | None = None
     camera: Path | None = None
     references: Mapping[str, Path] | None = None
+    plot_id: str | None = None
 
 
 def init_campaign(
-    folder: Path, sources: CampaignSources, evaluation: EvaluationTable | None = None, *, name: str | None = None
-) -> Campaign:
+    folder: Path, sources: CampaignSources, evaluation: EvaluationTable | None = None, *, name: str | None = None,
+    tell: Tell | None = None,
+) -> Campaign:  # fmt: skip
     """Make a campaign's folder, whole or not at all.
 
-    Plan, site, plots, vehicle and camera are copied, so that the folder can be taken along; references are large and
+    Plan, site, plots, vehicle and camera are copied, so that the folder can be taken along; plots of another kind than
+    GeoJSON in WGS 84 are copied as that, so that the folder needs nothing more. References are large and
     stay where they are, named by a path relative to the folder where they share one with it.
 
     Args:
@@ -67,6 +74,7 @@ def init_campaign(
         sources: what it is made of.
         evaluation: settings of every visit; the defaults where None.
         name: in words; the folder's name where None.
+        tell: is told where plots have their ids from.
 
     Raises:
         UsageError: ``folder`` exists and holds something, or a reference is of no plot.
@@ -74,8 +82,9 @@ def init_campaign(
         StorageError: the folder cannot be written.
     """
     folder = Path(folder).absolute()
+    check_order(sources.plan, sources.site)
     plan = load_plan(sources.plan)
-    site = load_site(sources.site, sources.plots)
+    site = load_site(sources.site, sources.plots, sources.plot_id, tell=tell)
     if sources.vehicle is not None:
         load_vehicle(sources.vehicle)
     if sources.camera is not None:
@@ -85,7 +94,7 @@ def init_campaign(
         for plot, path in (sources.references or {}).items()
     ]
     with atomic_folder(folder) as partial:
-        plots = _copy_site(sources, partial)
+        plots = _copy_site(sources, partial, sources.plot_id or (site.plot_id if sources.plots is None else None))
         save_plan(partial / PLAN_FILE, plan)
         if sources.vehicle is not None:
             _copy(find_vehicle(sources.vehicle), partial / VEHICLE_FILE)
@@ -107,27 +116,35 @@ def init_campaign(
     return read_campaign(folder)
 
 
-def _copy_site(sources: CampaignSources, folder: Path) -> str | None:
+def _copy_site(sources: CampaignSources, folder: Path, plot_id: str | None) -> str | None:
     """Copy the site file and what it names; the name of the file that holds the plots, None where the site file does.
 
     Files that the site file names absolutely stay where they are.
     """
     _copy(sources.site, folder / SITE_FILE)
+    plots = sources.plots or plots_file_beside(sources.site)
+    converted = None if plots is None else read_plots(plots, plot_id).geojson()
     document = read_versioned(sources.site, "site file", "", _SITE_BYTES)
     for key in _ZONES:
         named = document.get(key)
-        if not isinstance(named, str) or Path(named).is_absolute() or (key == "plots" and sources.plots is not None):
+        if not isinstance(named, str) or Path(named).is_absolute() or (key == "plots" and (sources.plots or converted)):
             continue
         found = file_beside(Path(named), sources.site)  # load_site has read it
         target = folder / os.path.normpath(named)
         if found is None or target.exists() or not target.is_relative_to(folder):
             continue
         target.parent.mkdir(parents=True, exist_ok=True)
-        _copy(found, target)
-    if sources.plots is not None:
-        _copy(sources.plots, folder / PLOTS_FILE)
+        for part in parts_of(found):
+            _copy(part, target.with_suffix(part.suffix))
+    if plots is None:
+        return None
+    if converted is not None:
+        write_atomic(folder / PLOTS_FILE, converted)
         return PLOTS_FILE
-    return plots_file_of(sources.site)
+    if sources.plots is None:
+        return plots_file_of(sources.site)
+    _copy(plots, folder / PLOTS_FILE)
+    return PLOTS_FILE
 
 
 def _copy(source: Path, target: Path) -> None:
@@ -148,9 +165,7 @@ def _camera_name(camera: Path) -> str:
 
 def _reference(plot: str, path: Path, folder: Path, plots: set[str]) -> ReferenceTable:
     if plot not in plots:
-        raise UsageError(
-            f'--reference: there is no plot "{plot}"', remedy=f"Name one of: {', '.join(sorted(plots)[:8])} …"
-        )
+        raise UsageError(f'--reference: there is no plot "{plot}"', remedy=f"Name one of: {listed(sorted(plots), 40)}.")
     report = load_reference_report(path)
     if not report.metric:
         raise MetadataError(
@@ -175,7 +190,7 @@ def split_references(given: Sequence[str], plots: Sequence[str]) -> dict[str, Pa
         if not fitting:
             raise UsageError(
                 f"--reference: names no plot of the site: {text}",
-                remedy="Write it like --reference plot-7=references/7.",
+                remedy=f"Write it like --reference {plots[0]}=references/7, with one of: {listed(list(plots), 40)}.",
             )
         plot = max(fitting, key=len)
         if plot in found:

@@ -220,7 +220,7 @@ class NextVisit:
 
 def plan_next_visit(
     campaign: Campaign, date: str, output: Path, *, vehicle: str | None = None, growth: float = GROWTH,
-    format: str = "plan", seed: int = 0, workers: int = 1, overwrite: bool = False, progress: Progress,  # noqa: A002
+    format: str | None = None, seed: int = 0, workers: int = 1, overwrite: bool = False, progress: Progress,  # noqa: A002
 ) -> NextVisit:  # fmt: skip
     """`next_plans`, kept in the campaign's folder (plans/DATE/PLOT.json), and one mission over all plots.
 

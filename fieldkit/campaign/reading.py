@@ -18,9 +18,9 @@ from fieldkit.documents.versioned_toml import read_versioned
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.files import file_beside
 from fieldkit.missions.plan_site.fitted import flown_plans
-from fieldkit.missions.plan_site.geojson import read_features
 from fieldkit.missions.plan_site.site import Site, SitePlot
 from fieldkit.missions.plan_site.site_file import load_site
+from fieldkit.missions.plan_site.vector_files import read_features
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan, plan_on
 from fieldkit.results.plan_file import load_plan
@@ -205,7 +205,7 @@ def campaign_folder(given: Path | None) -> Path:
 
 
 def plots_file_of(site_file: Path) -> str | None:
-    """The GeoJSON file that a site file names for its plots, as it names it; None where it lists them itself."""
+    """The file that a site file names for its plots, as it names it; None where it lists them itself."""
     own = read_versioned(site_file, "site file", _REMEDY, _SITE_BYTES).get("plots")
     return own if isinstance(own, str) else None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import sys
@@ -50,6 +51,8 @@ class Boundary:
         self._catch_warnings.__enter__()
         warnings.simplefilter("default")
         warnings.showwarning = self._show_warning
+        if not self._debug:  # such as that there is no home folder to keep its fonts in
+            logging.getLogger("matplotlib").setLevel(logging.ERROR)
         self._before = _on_terminate(self._terminate)
         self._unraisable, sys.unraisablehook = sys.unraisablehook, self._show_unraisable
         return self

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
+from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, SeedOption, emit_json, say
 from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import DISTANCES, DistancesOption, ReconstructionOptions, parse_distances
 from fieldkit.errors import UsageError
@@ -19,9 +19,8 @@ def command(
     plan: Annotated[Path, Option("--plan", help="plan.json, or its folder: flown over every plot.")],
     site: Annotated[Path, Option("--site", help="Site file: home, fence, plots.")],
     *,
-    plots: Annotated[
-        Path | None, Option("--plots", help="GeoJSON of the plots, in place of the site file's own.")
-    ] = None,
+    plots: PlotsOption = None,
+    plot_id: PlotIdOption = None,
     vehicle: Annotated[str | None, Option("--vehicle", help="Profile, by name or path.")] = None,
     camera: Annotated[
         Path | None, Option("--camera-file", help="camera.toml for photographs that have none beside them.")
@@ -47,7 +46,7 @@ def command(
     edit plots.geojson there.
 
     Examples:
-        fieldkit campaign init season --plan plan/plan.json --site field.toml --plots plots.geojson
+        fieldkit campaign init season --plan plan/plan.json --site field.toml --plots plots.gpkg
         fieldkit campaign init season --plan plan --site field.toml --vehicle px4-gimbal --reference r3c2=reference
 
     Exit codes:
@@ -65,6 +64,7 @@ def command(
     from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
     from fieldkit.documents.versioned_toml import sentence
     from fieldkit.missions.plan_site.site_file import load_site
+    from fieldkit.present.style import count
 
     try:
         evaluation = EvaluationTable(
@@ -73,9 +73,11 @@ def command(
         )  # fmt: skip
     except ValidationError as error:
         raise UsageError(sentence(error), remedy="'fieldkit campaign init --help' explains the options.") from error
-    references = split_references(reference or [], [plot.name for plot in load_site(site, plots).plots])
-    sources = CampaignSources(plan, site, plots, vehicle, camera, references)
-    made = init_campaign(folder, sources, evaluation, name=name)
+    references = {}
+    if reference:
+        references = split_references(reference, [plot.name for plot in load_site(site, plots, plot_id).plots])
+    sources = CampaignSources(plan, site, plots, vehicle, camera, references, plot_id)
+    made = init_campaign(folder, sources, evaluation, name=name, tell=None if as_json else say)
     if as_json:
         emit_json(
             {
@@ -84,5 +86,5 @@ def command(
             }
         )  # fmt: skip
     else:
-        say(f"{folder}: {len(made.plots)} plots, {len(made.plan.stations)} stations each")
+        say(f"{folder}: {count(len(made.plots), 'plot')}, {count(len(made.plan.stations), 'station')} each")
         say(f"Next: fieldkit evaluate CAPTURES --campaign {folder}")

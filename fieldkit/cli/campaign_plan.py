@@ -11,7 +11,7 @@ from fieldkit.cli.common import (
     CampaignArgument,
     DebugOption,
     JsonOption,
-    MissionFormat,
+    MissionFormatOption,
     MissionOutputOption,
     OverwriteOption,
     SeedOption,
@@ -35,7 +35,7 @@ def command(
     vehicle: Annotated[
         str | None, Option("--vehicle", metavar="NAME", help="A profile's name or file, in place of the campaign's.")
     ] = None,
-    format: Annotated[MissionFormat, Option("--format", help="As of export-mission.")] = "plan",  # noqa: A002
+    format: MissionFormatOption = None,  # noqa: A002
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     overwrite: OverwriteOption = False,

@@ -12,7 +12,7 @@ from fieldkit.cli.common import (
     AdjustOption,
     DebugOption,
     JsonOption,
-    MissionFormat,
+    MissionFormatOption,
     OverwriteOption,
     SeedOption,
     emit_json,
@@ -24,7 +24,7 @@ from fieldkit.cli.reconstruction_options import NoCacheOption, open_cache, run_c
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from fieldkit.evaluation.field_check import CheckReport
     from fieldkit.present.content import Block, Level
@@ -44,7 +44,7 @@ class AgainOptions:
         Path | None,
         Option("--output", "-o", help="Mission file for the stations to fly again; needs --vehicle and --site."),
     ] = None
-    format: Annotated[MissionFormat, Option("--format", help="Of that mission, as in export-mission.")] = "plan"
+    format: MissionFormatOption = None
     adjust: AdjustOption = False
 
     def check(self, site: Path | None) -> None:
@@ -158,15 +158,28 @@ def _tell(reports: Sequence[CheckReport]) -> None:
 
 
 def _plain(report: CheckReport) -> dict[str, Any]:
+    from fieldkit.results.plan import station_number
+
     facts = {name: value for name, value in asdict(report).items() if name != "folder"}
-    told = {"ok": report.ok, "summary": report.summary(), "fly_again": report.fly_again, "fix_tags": report.fix_tags}
-    return facts | told
+    for row in (*facts["stations"], *facts["findings"]):  # as people number them
+        row["station"] = None if row["station"] is None else station_number(row["station"])
+        if "neighbours" in row:
+            row["neighbours"] = [station_number(each) for each in row["neighbours"]]
+    again, tags = ([station_number(each) for each in some] for some in (report.fly_again, report.fix_tags))
+    return facts | {"ok": report.ok, "summary": report.summary(), "fly_again": again, "fix_tags": tags}
+
+
+def _numbers(stations: Iterable[int]) -> str:
+    from fieldkit.results.plan import station_number
+
+    return ", ".join(str(station_number(station)) for station in stations)
 
 
 def check_blocks(report: CheckReport) -> list[Block]:
     """A plot's stations and what was found of them."""
     from fieldkit.present.content import Column, Mark, Table
     from fieldkit.present.style import DASH, decimal, metres
+    from fieldkit.results.plan import station_number
 
     blocks: list[Block] = []
     if report.stations:
@@ -176,9 +189,10 @@ def check_blocks(report: CheckReport) -> list[Block]:
         )  # fmt: skip
         rows = tuple(
             (
-                str(each.station), each.photograph or None, decimal(each.edge_px, 1), decimal(each.stops, 1),
+                str(station_number(each.station)),
+                each.photograph or None, decimal(each.edge_px, 1), decimal(each.stops, 1),
                 metres(each.distance_m), decimal(each.turn_deg, 1),
-                f"{each.matches}: {', '.join(map(str, each.neighbours))}" if each.neighbours else DASH,
+                f"{each.matches}: {_numbers(each.neighbours)}" if each.neighbours else DASH,
                 Mark(_LEVELS[each.verdict], each.verdict),
             )
             for each in report.stations
@@ -187,7 +201,7 @@ def check_blocks(report: CheckReport) -> list[Block]:
     if report.findings:
         found = tuple(
             (
-                "" if finding.station is None else str(finding.station), finding.code,
+                "" if finding.station is None else str(station_number(finding.station)), finding.code,
                 f"{f'{finding.photograph}: ' if finding.photograph else ''}{finding.message}\n→ {finding.remedy}",
             )
             for finding in report.findings

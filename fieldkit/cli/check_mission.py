@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
-from fieldkit.cli.mission_findings import finding_entries, show_findings
+from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say
+from fieldkit.cli.mission_findings import finding_entries, show_findings, station_entry
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.present.style import count, format_length, format_seconds
 
 if TYPE_CHECKING:
+    from fieldkit.missions.files.read_mission import ReadMission
     from fieldkit.missions.findings import Report
-    from fieldkit.missions.mission import Home, Shot
+    from fieldkit.missions.plan_site.site import Site
     from fieldkit.missions.plan_site.vehicle import Vehicle
-    from fieldkit.missions.routing.obstacles import Obstacles
 
 
 def command(
@@ -26,6 +26,8 @@ def command(
     site: Annotated[
         Path | None, Option("--site", help="Site file: check legs against its fence, zones and obstacles.")
     ] = None,
+    plots: PlotsOption = None,
+    plot_id: PlotIdOption = None,
     fit: Annotated[
         bool | None, Option("--fit/--no-fit", help="As at the export: compare with the stations fitted to each plot.")
     ] = None,
@@ -50,16 +52,23 @@ def command(
     See Also:
         fieldkit export-mission, fieldkit upload
     """
-    if plan is not None and site is None:
-        raise UsageError("--plan says nothing without --site", remedy="Give the site file that says where the plot is.")
+    for option, given in (("--plan", plan), ("--plots", plots)):
+        if given is not None and site is None:
+            raise UsageError(
+                f"{option} says nothing without --site", remedy="Give the site file that says where home is."
+            )
     from fieldkit.missions.check import check_mission
     from fieldkit.missions.files.reading import read_mission
+    from fieldkit.missions.plan_site.site_file import load_site
+    from fieldkit.missions.plan_site.swapped import check_order
     from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 
+    if plan is not None and site is not None:
+        check_order(plan, site)
     flown_by = load_vehicle(vehicle)
     read = read_mission(file)
-    planned, grounds, obstacles, origin = _from_site(plan, site, flown_by, fit)
-    report = check_mission(read, flown_by, planned=planned, grounds=grounds, obstacles=obstacles, origin=origin)
+    place = None if site is None else load_site(site, plots, plot_id, tell=None if as_json else say)
+    report = check_mission(read, flown_by) if place is None else _on_site(read, flown_by, plan, place, fit)
     if as_json:
         emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report)})
     else:
@@ -68,12 +77,13 @@ def command(
 
 
 def _facts(report: Report) -> dict[str, Any]:
-    deviations = {d.station: d for d in report.deviations}
+    deviations = {d.photograph: d for d in report.deviations}
     poses = []
     for shot in report.photographs:
         near = deviations.get(shot.station)
         poses.append({
-            "station": shot.station,
+            "photograph": shot.station + 1,
+            **station_entry(None if near is None else near.planned),
             "item": shot.item,
             "taken": not shot.never,
             "latitude_deg": None if shot.place is None else shot.place.latitude_deg,
@@ -84,7 +94,7 @@ def _facts(report: Report) -> dict[str, Any]:
             "moving": shot.moving,
             "settled_s": shot.settled_s,
             "after_s": shot.after_s,
-            "planned": None if near is None else near.planned,
+            "planned": None if near is None else near.planned.name,
             "off_plan_m": None if near is None else near.metres,
         })  # fmt: skip
     return {
@@ -106,24 +116,23 @@ def _show(report: Report, file: Path) -> None:
     errors = sum(finding.severity == "error" for finding in report.findings)
     verdict = "may be flown" if report.ok else f"must not be flown: {errors} error{'s' if errors > 1 else ''}"
     taken = count(len(report.taken), "photograph")
-    facts = f"{taken}, {format_length(report.length_m)}, about {format_seconds(report.seconds)}"
-    say(f"{file.name}: {facts}; {verdict}")
+    way = f"{format_length(report.length_m)} and about {format_seconds(report.seconds)} from take-off to landing"
+    say(f"{file.name}: {taken}, {way}; {verdict}")
 
 
-def _from_site(
-    plan: Path | None, site: Path | None, vehicle: Vehicle, fit: bool | None
-) -> tuple[tuple[Shot, ...], list[float], Obstacles | None, Home | None]:
-    """The plan's photographs, the ground's height below each, what legs keep clear of, and home."""
-    if site is None:
-        return (), [], None, None
+def _on_site(read: ReadMission, vehicle: Vehicle, plan: Path | None, site: Site, fit: bool | None) -> Report:
+    """A check against the plan's photographs, as near as the vehicle comes to them, and all that the site says."""
+    from fieldkit.missions.check import check_mission
     from fieldkit.missions.plan_site.fitted import flown_plans
     from fieldkit.missions.plan_site.placement import grounds_m, home_of, place
-    from fieldkit.missions.plan_site.site_file import load_site
+    from fieldkit.missions.plan_site.reach import nearest
     from fieldkit.missions.plan_site.site_obstacles import site_obstacles
     from fieldkit.results.plan_file import load_plan
 
-    where = load_site(site)
-    plans = None if plan is None else flown_plans(load_plan(plan), where.plots, fit)
-    shots = () if plans is None else place(plans, where)
-    grounds = grounds_m(where, shots).tolist()
-    return shots, grounds, site_obstacles(where, vehicle.clearance_m, plans), home_of(where)
+    plans = None if plan is None else flown_plans(load_plan(plan), site.plots, fit)
+    obstacles = site_obstacles(site, vehicle.clearance_m, plans)
+    shots, moved = nearest(() if plans is None else place(plans, site), site, vehicle, obstacles)
+    return check_mission(
+        read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
+        origin=home_of(site), moved=moved,
+    )  # fmt: skip

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from fieldkit.present.content import Cell
 
 __all__ = [
-    "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "JsonOption", "MissionFormat", "MissionOutputOption",
-    "OutputOption", "OverwriteOption", "ResumeOption", "SeedOption", "emit_json", "say", "show", "table",
+    "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "JsonOption", "MissionFormatOption",
+    "MissionOutputOption", "OutputOption", "OverwriteOption", "PlotIdOption", "PlotsOption", "ResumeOption",
+    "SeedOption", "emit_json", "say", "show", "table",
 ]  # fmt: skip
 
 JsonOption = Annotated[
@@ -37,7 +38,30 @@ CampaignArgument = Annotated[
     Path | None, Argument(help="The campaign's folder; the one about the current folder where not given.")
 ]
 MissionFormat = Literal["plan", "waypoints", "wpml", "litchi", "kml"]
+MissionFormatOption = Annotated[
+    MissionFormat | None,
+    Option(
+        "--format",
+        help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at. Without: by the file's suffix "
+        "(.plan, .waypoints, .kmz, .csv, .kml), else plan.",
+    ),
+]
 MissionOutputOption = Annotated[Path, Option("--output", "-o", help="The mission file; its suffix may be left out.")]
+PlotsOption = Annotated[
+    Path | None,
+    Option(
+        "--plots",
+        help="Plots, in place of those of the site file: GeoJSON, Shapefile (.shp or .zip), KML or GeoPackage.",
+    ),
+]
+PlotIdOption = Annotated[
+    str | None,
+    Option(
+        "--plot-id",
+        metavar="FIELD",
+        help="Field of the plots file that holds the plots' ids. Without: plot_id, id, name or fid.",
+    ),
+]
 AdjustOption = Annotated[
     bool, Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
 ]

@@ -13,20 +13,24 @@ from fieldkit.cli.common import (
     AdjustOption,
     DebugOption,
     JsonOption,
-    MissionFormat,
+    MissionFormatOption,
     MissionOutputOption,
     OverwriteOption,
+    PlotIdOption,
+    PlotsOption,
     SeedOption,
     emit_json,
     say,
     show,
     table,
 )
-from fieldkit.present.style import count, format_length, format_seconds
+from fieldkit.present.style import count, format_length, format_seconds, listed
 
 if TYPE_CHECKING:
     from fieldkit.missions.export_mission import ExportedMission
+    from fieldkit.missions.mission import Shot
     from fieldkit.missions.plan_site.fit import FitFinding
+    from fieldkit.missions.plan_site.reach import Unreachable
 
 _MOST_MOVED = 20
 _MOST_NAMED = 3
@@ -37,13 +41,9 @@ def command(
     vehicle: Annotated[str, Option("--vehicle", metavar="NAME", help="A profile's name or file.")],
     site: Annotated[Path, Option("--site", help="Site file: home, plots, fence, obstacles.")],
     output: MissionOutputOption,
-    format: Annotated[  # noqa: A002 - the option's name
-        MissionFormat,
-        Option("--format", help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at."),
-    ] = "plan",
-    plots: Annotated[
-        Path | None, Option("--plots", help="GeoJSON of plots, in place of those of the site file.")
-    ] = None,
+    format: MissionFormatOption = None,  # noqa: A002 - the option's name
+    plots: PlotsOption = None,
+    plot_id: PlotIdOption = None,
     fit: Annotated[
         bool | None,
         Option(
@@ -69,7 +69,7 @@ def command(
 
     Examples:
         fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml -o mission.plan
-        fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.geojson --fit -o field
+        fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.gpkg --fit -o field
         fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
 
     Exit codes:
@@ -84,8 +84,8 @@ def command(
     from fieldkit.missions.export_mission import export_mission
 
     done = export_mission(
-        plan, vehicle, site, output, format=format, plots=plots, fit=fit, adjust=adjust,
-        picture=not no_picture, overwrite=overwrite, seed=seed,
+        plan, vehicle, site, output, format=format, plots=plots, plot_id=plot_id, fit=fit, adjust=adjust,
+        picture=not no_picture, overwrite=overwrite, seed=seed, tell=None if as_json else say,
     )  # fmt: skip
     if as_json:
         emit_json(_facts(done))
@@ -122,10 +122,11 @@ def _facts(done: ExportedMission) -> dict[str, object]:
 def _say_stations(done: ExportedMission) -> None:
     """Which stations are not flown as planned."""
     routed = done.routed
-    for pose in routed.moved[:_MOST_MOVED]:
-        say(f"Moved: {pose}")
-    if len(routed.moved) > _MOST_MOVED:
-        say(f"Moved: {len(routed.moved) - _MOST_MOVED} more; --json lists all.")
+    moved = _alike(routed.moved)
+    for text in moved[:_MOST_MOVED]:
+        say(f"Moved: {text}")
+    if len(moved) > _MOST_MOVED:
+        say(f"Moved: {len(moved) - _MOST_MOVED} kinds more; --json lists all.")
     if routed.plants_m is None:
         say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
     for name, flown in routed.own.items():
@@ -133,6 +134,22 @@ def _say_stations(done: ExportedMission) -> None:
         factors = {"high": flown.fit.height, "far along": flown.fit.length, "far across": flown.fit.width}
         changed = ", ".join(f"{by:.2f} times as {what}" for what, by in factors.items() if abs(by - 1.0) > 1e-9)
         say(f"Fitted to {name}: plants {changed}; evaluate its photographs with --plan {done.plans[name].name}.")
+
+
+def _alike(moved: Sequence[Unreachable]) -> list[str]:
+    """What is moved, the same of several photographs once."""
+    from fieldkit.results.plan import station_number
+
+    groups: dict[str, list[Shot]] = {}
+    for each in moved:
+        groups.setdefault(each.what, []).append(each.shot)
+    texts = []
+    for what, shots in groups.items():
+        numbers = [str(station_number(index)) for index in sorted({shot.station for shot in shots})]
+        plots = list(dict.fromkeys(shot.plot for shot in shots))
+        those = f"{len(shots)} photographs (station {listed(numbers, 14)} of {listed(plots, 4)})"
+        texts.append(f"{shots[0].name if len(shots) == 1 else those}: {what}")
+    return texts
 
 
 def _show_flights(done: ExportedMission) -> None:
@@ -148,7 +165,7 @@ def _show_flights(done: ExportedMission) -> None:
     plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
     summary = (
         f"{routed.photographs // plots} stations on {count(plots, 'plot')}: {routed.photographs} photographs, "
-        f"{format_length(routed.length_m)}, {format_seconds(routed.time_s)} in the air, "
+        f"{format_length(routed.length_m)} and {format_seconds(routed.time_s)} from take-off to landing, "
         f"{count(len(routed.flights), 'battery', 'batteries')}; lowest camera {format_length(routed.lowest_m)} above "
         f"the ground; plants: {plants}."
     )

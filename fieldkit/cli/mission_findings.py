@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from fieldkit.missions.findings import Finding
+    from fieldkit.missions.mission import Shot
 
 _MOST_ROWS = 30
 
@@ -18,9 +19,22 @@ _MOST_ROWS = 30
 def finding_entries(findings: Sequence[Finding]) -> list[dict[str, Any]]:
     """Findings as JSON has them, each by itself."""
     return [
-        {"code": f.code, "severity": f.severity, "item": f.item, "station": f.station, "message": f.message}
+        {
+            "code": f.code, "severity": f.severity, "item": f.item,
+            "photograph": None if f.photograph is None else f.photograph + 1,
+            **station_entry(f.planned), "message": f.message,
+        }
         for f in findings
-    ]
+    ]  # fmt: skip
+
+
+def station_entry(planned: Shot | None) -> dict[str, Any]:
+    """The plan's station as people number it, and its plot; both None without one."""
+    from fieldkit.results.plan import station_number
+
+    if planned is None:
+        return {"plot": None, "station": None}
+    return {"plot": planned.plot, "station": station_number(planned.station)}
 
 
 def show_findings(findings: Sequence[Finding], file: Path) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say
+from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say
 from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import MissionError, UsageError
@@ -71,6 +71,8 @@ def command(
     site: Annotated[
         Path | None, Option("--site", metavar="FILE", help="Site file: checked against it; its fence is uploaded.")
     ] = None,
+    plots: PlotsOption = None,
+    plot_id: PlotIdOption = None,
     vehicle: Annotated[
         str | None, Option("--vehicle", metavar="NAME", help="Vehicle profile to check for: a name or a TOML file.")
     ] = None,
@@ -123,7 +125,7 @@ def command(
     from fieldkit.missions.plan_site.site_file import load_site
     from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 
-    read, place = _with_items(mission).behind_home(), None if site is None else load_site(site)
+    read, place = _with_items(mission).behind_home(), None if site is None else load_site(site, plots, plot_id)
     check_size(read.items)
     profile = None if vehicle is None else load_vehicle(vehicle)
     found = findings_by_dialect(read, profile, place)

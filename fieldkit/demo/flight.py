@@ -78,7 +78,7 @@ def _stations(path: Path) -> list[PlannedPose]:
     try:
         rows = json.loads(path.read_text("utf-8"))["stations"]
         return [
-            PlannedPose(f"station {s['i']}", s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"], s["yaw"], s["pitch"])
+            PlannedPose(f"station {s['i'] + 1}", s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"], s["yaw"], s["pitch"])
             for s in rows
         ]
     except (OSError, ValueError, KeyError, TypeError) as error:

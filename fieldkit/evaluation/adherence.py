@@ -15,7 +15,7 @@ from fieldkit.captures.geotag import frame_of, local_poses, stamp
 from fieldkit.captures.priors import ANGLE_ACCURACY_DEG
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.figures import clean_text
-from fieldkit.evaluation.pose_table import ACHIEVED
+from fieldkit.evaluation.pose_table import ACHIEVED, station_names
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.reconstruction.known_poses import SourceFrame
@@ -135,13 +135,13 @@ def planned_poses(plan: Plan, source: SourceFrame) -> tuple[list[PlannedPose], s
         )
     to_source = source.from_source.inverse()
     poses = []
-    for k, station in enumerate(plan.stations):
+    for name, station in zip(station_names(plan), plan.stations, strict=True):
         # Rows are the camera's axes: in the source's frame they are those in the plot's times the rotation between.
         rotation = station.pose.rotation @ source.from_source.rotation
         yaw, pitch, _ = Pose(rotation, np.zeros(3)).yaw_pitch_roll_deg()
         place = to_source.apply(np.array(station.position_m))
         latitude, longitude, height = (float(v[0]) for v in source.origin.to_geodetic(place))
-        poses.append(PlannedPose(f"station {k}", latitude, longitude, height, yaw % 360.0, pitch))
+        poses.append(PlannedPose(name, latitude, longitude, height, yaw % 360.0, pitch))
     return poses, "amsl" if source.origin.datum == "sea level" else "none"
 
 

@@ -26,7 +26,7 @@ from fieldkit.results.evaluation import (
     SpreadEntry,
     StationErrorEntry,
 )
-from fieldkit.results.plan import Plan
+from fieldkit.results.plan import Plan, station_number
 
 POSE_SOURCES: tuple[PoseSource, ...] = ("planned", "commanded", "reported", "tagged", "reconstructed")
 ACHIEVED: tuple[AchievedSource, ...] = ("reported", "reconstructed", "tagged")
@@ -58,7 +58,7 @@ def pose_array(poses: Iterable[PoseEntry]) -> PoseArray:
 
 def station_names(plan: Plan) -> list[str]:
     """Of a plan's stations, as all of fieldkit's results name them."""
-    return [f"station {k}" for k in range(len(plan.stations))]
+    return [f"station {station_number(k)}" for k in range(len(plan.stations))]
 
 
 def plan_poses(plan: Plan, to_plot: SourceFrame | None = None) -> dict[str, PoseEntry]:

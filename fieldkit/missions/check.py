@@ -13,13 +13,14 @@ from fieldkit.missions.autopilots.dji.models import dji_model
 from fieldkit.missions.autopilots.execution import Execution, distance
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
-from fieldkit.missions.check_photographs import deviations, photograph_findings, plan_findings
+from fieldkit.missions.check_photographs import adjusted_findings, deviations, photograph_findings, plan_findings
 from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.stop_actions import Stay
 from fieldkit.missions.findings import Finding, Report, error, warning
 from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.missions.plan_site.placement import SiteFrame
+from fieldkit.missions.plan_site.reach import Unreachable
 from fieldkit.missions.plan_site.site import SiteHome
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.routing.obstacles import Corners, Obstacles, Volume
@@ -38,6 +39,7 @@ def check_mission(
     grounds: Sequence[float] = (),
     obstacles: Obstacles | None = None,
     origin: Home | None = None,
+    moved: Sequence[Unreachable] = (),
 ) -> Report:
     """Everything that can be said of a mission without flying it.
 
@@ -49,6 +51,7 @@ def check_mission(
         obstacles: that legs keep clear of, metres east and north of ``origin`` and above it; the file's own fence is
             looked at besides.
         origin: home as the site has it; stands in for a home that the file lacks.
+        moved: of ``planned``, those that the vehicle cannot take and are the nearest poses that it can (`nearest`).
     """
     if read.home is None and origin is not None:
         read = replace(read, home=origin)
@@ -67,7 +70,7 @@ def check_mission(
     home = origin or read.home
     matched = deviations(flown.photographs, planned, home) if planned and home is not None else ()
     above = {shot.name: ground for shot, ground in zip(planned, grounds, strict=True)} if grounds else {}
-    findings += photograph_findings(flown, vehicle, places, {d.item: above.get(d.planned, 0.0) for d in matched})
+    findings += photograph_findings(flown, vehicle, places, {d.item: above.get(d.planned.name, 0.0) for d in matched})
     findings += _stop_findings(read)
     findings += _leg_findings(read, flown, obstacles, home)
     usable = vehicle.battery.usable_s
@@ -78,9 +81,9 @@ def check_mission(
         findings.append(error("endurance", message))
     if planned and home is not None:
         findings += plan_findings(matched, flown.photographs, planned)
-    length = sum(math.hypot(*distance(leg.start, leg.end)) for leg in flown.legs)
+        findings += adjusted_findings(matched, moved)
     findings.sort(key=lambda f: (f.severity != "error", -1 if f.item is None else f.item, f.code))
-    return Report(flown.photographs, tuple(findings), matched, flown.seconds, length)
+    return Report(flown.photographs, tuple(findings), matched, flown.seconds, flown.length_m)
 
 
 def _fit(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:

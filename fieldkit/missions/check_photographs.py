@@ -13,6 +13,7 @@ from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.missions.autopilots.execution import Execution, Photograph, distance
 from fieldkit.missions.findings import Deviation, Finding, error, warning
 from fieldkit.missions.mission import GeoPoint, Home, Shot
+from fieldkit.missions.plan_site.reach import Unreachable
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.routing.motion import turn_deg
 
@@ -153,7 +154,7 @@ def deviations(photographs: Sequence[Photograph], planned: Sequence[Shot], home:
     pairs |= {left_a[a]: left_b[b] for a, b in turned_away.items()}
     apart = {a: float(np.linalg.norm(taken.positions[a] - wanted.positions[b])) for a, b in pairs.items()}
     matched = [_deviation(usable[a], planned[b], apart[a]) for a, b in pairs.items()]
-    return tuple(sorted(matched, key=lambda found: found.station))
+    return tuple(sorted(matched, key=lambda found: found.photograph))
 
 
 def _local(frame: LocalFrame, places: Sequence[GeoPoint]) -> np.ndarray:
@@ -165,7 +166,17 @@ def _local(frame: LocalFrame, places: Sequence[GeoPoint]) -> np.ndarray:
 def _deviation(shot: Photograph, planned: Shot, metres: float) -> Deviation:
     heading = None if shot.heading_deg is None else turn_deg(planned.yaw_deg, shot.heading_deg)
     pitch = None if shot.pitch_deg is None else shot.pitch_deg - planned.pitch_deg
-    return Deviation(shot.item, shot.station, planned.name, metres, heading, pitch)
+    return Deviation(shot.item, shot.station, planned, metres, heading, pitch)
+
+
+def adjusted_findings(matched: Sequence[Deviation], moved: Sequence[Unreachable]) -> Iterator[Finding]:
+    """What is flown otherwise than planned, since the vehicle cannot take the plan's pose: as --adjust exports it."""
+    of = {problem.shot.name: problem for problem in moved}
+    for found in matched:
+        if found.planned.name in of:
+            yield warning(
+                "adjusted", f"not as planned, {of[found.planned.name]}", found.item, found.photograph, found.planned
+            )
 
 
 def plan_findings(
@@ -178,22 +189,22 @@ def plan_findings(
     for found in matched:
         turn = max(abs(found.heading_deg or 0.0), abs(found.pitch_deg or 0.0))
         message = (
-            f"{found.planned} is off by {found.metres:.2f} m"
+            f"{found.planned.name} is off by {found.metres:.2f} m"
             + ("" if found.heading_deg is None else f", heading by {found.heading_deg:+.1f}°")
             + ("" if found.pitch_deg is None else f", pitch by {found.pitch_deg:+.1f}°")
         )
         if found.metres > OFF_M or turn > OFF_DEG:
-            yield error("off-plan", message, found.item, found.station)
+            yield error("off-plan", message, found.item, found.photograph, found.planned)
         elif found.metres > _NEAR_M or turn > _NEAR_DEG:
-            yield warning("off-plan", message, found.item, found.station)
-    there = {found.station for found in matched}
+            yield warning("off-plan", message, found.item, found.photograph, found.planned)
+    there = {found.photograph for found in matched}
     for shot in photographs:
         if not shot.never and shot.station not in there:
             yield warning("extra-photo", "no station of the plan is near", shot.item, shot.station)
-    met = {found.planned for found in matched}
+    met = {found.planned.name for found in matched}
     plots = {shot.plot for shot in planned if shot.name in met}
     for station in planned:
         if station.plot in plots and station.name not in met:
-            yield error("missing-photo", f"{station.name} is not photographed")
+            yield error("missing-photo", f"{station.name} is not photographed", planned=station)
     for plot in sorted({shot.plot for shot in planned} - plots):
         yield warning("missing-plot", f"nothing of {plot} is photographed: in another flight's file?")

@@ -70,12 +70,12 @@ class Routed:
 
     @property
     def length_m(self) -> float:
-        """Of all legs."""
+        """Of all flights, each from take-off to landing."""
         return sum(each.flight.length_m for each in self.flights)
 
     @property
     def time_s(self) -> float:
-        """In the air."""
+        """In the air: of all flights, each from take-off to landing."""
         return sum(each.flight.time.total_s for each in self.flights)
 
     def legs(self) -> list[Array]:

@@ -21,14 +21,16 @@ from fieldkit.missions.files.reading import READERS, read_mission_bytes
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.site import Site
-from fieldkit.missions.plan_site.site_file import load_plots, load_site, with_plots
+from fieldkit.missions.plan_site.site_file import Tell, load_plots, load_site, with_plots
 from fieldkit.missions.plan_site.site_obstacles import site_obstacles
+from fieldkit.missions.plan_site.swapped import check_order
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.present.style import count, format_length, format_seconds
 from fieldkit.regular_files import check_replaceable, read_regular
 from fieldkit.results.mission import FlownPlan
 from fieldkit.results.mission_file import record_bytes, record_path
-from fieldkit.results.plan import Plan, Plans
+from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 
 _BEYOND = 1.002
@@ -56,8 +58,9 @@ def export_mission(
     site: Path | Site,
     output: Path,
     *,
-    format: str = "plan",  # noqa: A002
+    format: str | None = None,  # noqa: A002
     plots: Path | None = None,
+    plot_id: str | None = None,
     fit: bool | None = None,
     adjust: bool = False,
     route: bool = True,
@@ -65,6 +68,7 @@ def export_mission(
     plans: bool = True,
     overwrite: bool = False,
     seed: int = 0,
+    tell: Tell | None = None,
 ) -> ExportedMission:
     """Write a plan as missions that a vehicle flies over every plot of a site.
 
@@ -76,8 +80,9 @@ def export_mission(
         vehicle: a profile's name or file, or a profile.
         site: a site file, or a site.
         output: the mission file; its suffix may be left out.
-        format: "plan", "waypoints", "wpml", "litchi" or "kml".
-        plots: GeoJSON of plots that takes the place of the site's own.
+        format: "plan", "waypoints", "wpml", "litchi" or "kml"; None takes the one of the output's suffix, else "plan".
+        plots: a file of plots that takes the place of the site's own.
+        plot_id: field of the plots file that holds the plots' ids; None looks for one.
         fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written as MISSION-PLOT.json:
             `evaluate --plan` and `check` have to be given these.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
@@ -86,19 +91,23 @@ def export_mission(
         plans: write the plans of plots that have their own.
         overwrite: replace files that are there.
         seed: of the search for the order of many plots.
+        tell: is told where plots have their ids from, before anything is computed.
 
     Raises:
-        UsageError: no such format, another format's suffix, or a file is there.
+        UsageError: no such format, another format's suffix, plan and site are swapped, or a file is there.
         MetadataError: a file that is given cannot be used.
         MissionError: see `route_plan`; or the vehicle's dialect or the format does not take the mission.
         StorageError: the place is full or not writable.
     """
+    format = mission_format(output, format)  # noqa: A001
     output = mission_path(output, format)
+    if isinstance(plan, Path) and isinstance(site, Path):
+        check_order(plan, site)
     loaded = load_plan(plan) if isinstance(plan, Path) else plan
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-    place = site if isinstance(site, Site) else load_site(site, plots)
+    place = site if isinstance(site, Site) else load_site(site, plots, plot_id, tell=tell)
     if isinstance(site, Site) and plots is not None:
-        place = with_plots(site, load_plots(plots))
+        place = with_plots(site, load_plots(plots, plot_id))
     routed = route_for_files(loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed)
     written = _plan_files(output, routed.own) if plans else {}
     more = {file: plan_bytes(routed.own[plot]) for plot, file in written.items()}
@@ -116,7 +125,7 @@ def route_for_files(
     plan: Plans, vehicle: Vehicle, site: Site, format: str, *, fit: bool | None = None, adjust: bool = False,  # noqa: A002
     seed: int = 0,
 ) -> Routed:  # fmt: skip
-    """As `route_plan`, with the time that the files take, which is the one that check-mission tells.
+    """As `route_plan`, with the time that the files take and the length of their way, as check-mission tells them.
 
     Files take some seconds more than the flights that are planned: holds in whole seconds and the like. Where that is
     more than a battery, the flights are planned for so much less of one.
@@ -140,17 +149,24 @@ def route_for_files(
 
 
 def _timed(routed: Routed, vehicle: Vehicle, format: str) -> Routed:  # noqa: A002
-    """The flights with the times of their files, carried out as they are read."""
+    """The flights with the times and lengths of their files, carried out as they are read."""
     suffix = FORMATS[format][0]
     if suffix not in READERS:
         return routed
     flights = []
     for each in routed.flights:
         read = read_mission_bytes(mission_bytes(format, each.mission, vehicle), suffix)
-        seconds = interpret(read, vehicle, vehicle.dialect).seconds
-        flight = replace(each.flight, time=each.flight.time.lasting(seconds, vehicle))
+        flown = interpret(replace(read, home=read.home or each.mission.home), vehicle, vehicle.dialect)
+        time = each.flight.time.lasting(flown.seconds, vehicle)
+        flight = replace(each.flight, time=time, length_m=flown.length_m)
         flights.append(replace(each, flight=flight))
     return replace(routed, flights=tuple(flights))
+
+
+def mission_format(output: Path, format: str | None) -> str:  # noqa: A002
+    """The format that is asked for, else the one of the file's suffix, else "plan"."""
+    suffixes = {suffix: name for name, (suffix, _) in FORMATS.items() if name != "geojson"}  # which no one asks for
+    return format or suffixes.get(output.suffix.lower(), "plan")
 
 
 def mission_path(output: Path, format: str) -> Path:  # noqa: A002
@@ -253,11 +269,17 @@ def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     frame = SiteFrame(site.home)
     outlines = [np.array(frame.outline(corners)) for corners in site.fence]
     outlines += [np.array(volume.footprint) for volume in site_obstacles(site, 0.0).volumes]
-    title = f"{site.name}: {routed.photographs} photographs, {routed.length_m:.0f} m, {routed.time_s / 60:.0f} min"
-    first = routed.flights[0].mission.shots[0].plot
+    title = (
+        f"{site.name}: {count(routed.photographs, 'photograph')}, {format_length(routed.length_m)}, "
+        f"{format_seconds(routed.time_s)} from take-off to landing"
+    )
+    shots = [shot for each in routed.flights for shot in each.mission.shots]
+    first = shots[0].plot
     figure = draw_mission(
         title, routed.legs(), routed.cameras(site), vehicle.camera.intrinsics, Cloud(routed.plants),
         outlines, near=_of_first_plot(routed), near_plants=Cloud(routed.plants_of.get(first, np.zeros((0, 3)))),
+        stations=[str(station_number(shot.station)) for shot in shots], plots=[shot.plot for shot in shots],
+        home=np.zeros(2),
     )  # fmt: skip
     return png(figure)
 

@@ -93,10 +93,14 @@ def geo_points(places: Iterable[MissionPlace]) -> tuple[GeoPoint, ...]:
 
 
 def way(record: MissionRecord, flight: MissionFlight) -> tuple[GeoPoint, ...]:
-    """Corners of a flight's way: home, above it, the stops, the landing place."""
-    home = record.home
+    """Corners of a flight's way: home, above it, the stops, above the landing place, and that place at home's height.
+
+    Its length is the flight's.
+    """
+    home, landing = record.home, flight.landing
     begin = tuple(GeoPoint(home.latitude_deg, home.longitude_deg, height) for height in (0.0, flight.takeoff_m))
-    return (*begin, *geo_points((*flight.stops, flight.landing)))
+    end = GeoPoint(landing.latitude_deg, landing.longitude_deg, 0.0)
+    return (*begin, *geo_points((*flight.stops, landing)), end)
 
 
 def _plot(site: Site, frame: PlotFrame, name: str, plan: FlownPlan) -> MissionPlot:
@@ -130,7 +134,7 @@ def _stop(stop: Shot | Via) -> MissionStation | MissionVia:
         return MissionVia(latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m)
     return MissionStation(
         latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg, height_m=place.height_m, plot=stop.plot,
-        station=stop.station, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg,
+        index=stop.station, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg,
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from fieldkit.missions.autopilots.execution import Photograph
+from fieldkit.missions.mission import Shot
 
 Severity = Literal["error", "warning"]
 
@@ -31,14 +32,16 @@ class Finding:
         severity: a mission with an error should not be flown.
         message: for people.
         item: number of the item concerned, as the file counts.
-        station: the photograph concerned, by its place in the file, from 0.
+        photograph: the one concerned, by its place in the file, from 0.
+        planned: the plan's station concerned.
     """
 
     code: str
     severity: Severity
     message: str
     item: int | None = None
-    station: int | None = None
+    photograph: int | None = None
+    planned: Shot | None = None
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class FindingGroup:
     """Findings that say the same of several items, photographs or legs.
 
     Attributes:
-        findings: one or more, in the order of the file; their messages differ in numbers alone.
+        findings: one or more, in the order of the file; their messages differ in numbers and stations' names alone.
     """
 
     findings: tuple[Finding, ...]
@@ -62,7 +65,7 @@ class FindingGroup:
         first, count = self.first, len(self.findings)
         if count == 1:
             return first.message
-        what = "photographs" if first.station is not None else "legs" if first.code.startswith("leg-") else "items"
+        what = "photographs" if first.photograph is not None else "legs" if first.code.startswith("leg-") else "items"
         if first.item is None:
             what = "times"
         alike = len({finding.message for finding in self.findings}) == 1
@@ -74,7 +77,9 @@ def grouped(findings: Iterable[Finding]) -> tuple[FindingGroup, ...]:
     """Findings by what they say, errors first, and what others follow from before these."""
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for finding in findings:
-        groups.setdefault((finding.severity, finding.code, _NUMBER.sub("#", finding.message)), []).append(finding)
+        name = "" if finding.planned is None else finding.planned.name
+        text = finding.message.replace(name, "a station") if name else finding.message
+        groups.setdefault((finding.severity, finding.code, _NUMBER.sub("#", text)), []).append(finding)
     ranks = {code: rank for rank, code in enumerate(_CAUSES)}
     order = sorted(groups.values(), key=lambda g: (g[0].severity != "error", ranks.get(g[0].code, len(ranks))))
     return tuple(FindingGroup(tuple(group)) for group in order)
@@ -86,15 +91,15 @@ class Deviation:
 
     Attributes:
         item: that releases the shutter.
-        station: the photograph, by its place in the file.
-        planned: name of the plan's station.
+        photograph: by its place in the file, from 0.
+        planned: the plan's station.
         metres: between the places.
         heading_deg, pitch_deg: predicted less planned; None where the prediction has none.
     """
 
     item: int
-    station: int
-    planned: str
+    photograph: int
+    planned: Shot
     metres: float
     heading_deg: float | None
     pitch_deg: float | None
@@ -108,8 +113,8 @@ class Report:
         photographs: as the vehicle would take them, also those that are never taken.
         findings: errors first, then by item.
         deviations: from the plan, where one was given.
-        seconds: of the flight, estimated.
-        length_m: of all legs.
+        seconds: of the flight, from take-off to landing, estimated.
+        length_m: from take-off to landing.
     """
 
     photographs: tuple[Photograph, ...]
@@ -129,11 +134,15 @@ class Report:
         return tuple(photograph for photograph in self.photographs if not photograph.never)
 
 
-def error(code: str, message: str, item: int | None = None, station: int | None = None) -> Finding:
+def error(
+    code: str, message: str, item: int | None = None, photograph: int | None = None, planned: Shot | None = None
+) -> Finding:
     """A finding that speaks against flying."""
-    return Finding(code, "error", message, item, station)
+    return Finding(code, "error", message, item, photograph, planned)
 
 
-def warning(code: str, message: str, item: int | None = None, station: int | None = None) -> Finding:
+def warning(
+    code: str, message: str, item: int | None = None, photograph: int | None = None, planned: Shot | None = None
+) -> Finding:
     """A finding that is worth knowing."""
-    return Finding(code, "warning", message, item, station)
+    return Finding(code, "warning", message, item, photograph, planned)

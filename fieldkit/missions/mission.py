@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fieldkit.results.plan import station_number
+
 
 @dataclass(frozen=True)
 class GeoPoint:
@@ -42,7 +44,7 @@ class Shot:
         yaw_deg: true heading of the optical axis, clockwise from north, in [0, 360).
         pitch_deg: of the gimbal: 0 at the horizon, −90 straight down.
         plot: name of the plot.
-        station: index in that plot's plan.
+        station: index in that plot's plan, from 0.
     """
 
     place: GeoPoint
@@ -53,8 +55,8 @@ class Shot:
 
     @property
     def name(self) -> str:
-        """For people: "station 3 of plot-7"."""
-        return f"station {self.station} of {self.plot}"
+        """For people: "station 4 of plot-7", of the index 3."""
+        return f"station {station_number(self.station)} of {self.plot}"
 
 
 @dataclass(frozen=True)

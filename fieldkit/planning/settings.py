@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName
@@ -18,6 +18,8 @@ from fieldkit.results.plan import PlanCamera, PlanSource
 Preset = Literal["field", "paper"]
 Range = tuple[float, float]
 
+HIGHEST_M = 50.0
+"""Of cameras above the ground: from higher up no few photographs show a plant."""
 CHANGEABLE = ("evaluations", "at_least", "time_budget_s", "finalists", "repeats")
 """Settings that may change when a run is resumed: none changes an earlier proposal."""
 
@@ -44,6 +46,13 @@ class EnvelopeSettings(Strict):
             if low > high:
                 raise ValueError(f"{low:g} is above {high:g}")
         return self
+
+    @field_validator("height_m")
+    @classmethod
+    def _in_metres(cls, heights: Range) -> Range:
+        if heights[1] > HIGHEST_M:
+            raise ValueError(f"metres above the ground, at most {HIGHEST_M:g}, and not {heights[1]:g}: in centimetres?")
+        return heights
 
 
 class SearchVehicle(Strict):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.evaluation import FileEntry, OriginEntry
@@ -84,8 +84,8 @@ class MissionStation(MissionPlace):
 
     kind: Literal["station"] = "station"
     plot: str
-    station: Annotated[int, Field(ge=0)]
-    """Number in the plot's plan, from 0."""
+    index: Annotated[int, Field(ge=0, validation_alias=AliasChoices("index", "station"))]
+    """In the plot's plan, from 0; people's station number is one more. Earlier files call it ``station``."""
     yaw_deg: Heading
     """True heading of the optical axis, clockwise from north."""
     pitch_deg: Pitch
@@ -112,9 +112,9 @@ class MissionFlight(Strict):
     landing: MissionPlace
     """Where it lands, at the height from which it descends."""
     length_m: Length
-    """Of all legs."""
+    """From take-off to landing."""
     time_s: Length
-    """In the air, as estimated."""
+    """In the air, from take-off to landing, as estimated."""
     battery: Length
     """Share of a battery's usable time."""
 

@@ -148,6 +148,11 @@ Plans = Plan | Mapping[str, Plan]
 """One plan for all plots, or one for each by its plot's name."""
 
 
+def station_number(index: int) -> int:
+    """What people call a plan's station, everywhere: its index from 0, counted from 1."""
+    return index + 1
+
+
 def plan_on(plans: Plans, plot: str) -> Plan:
     """The plan of the plot of that name. Raises KeyError: there is none."""
     return plans if isinstance(plans, Plan) else plans[plot]

@@ -44,8 +44,8 @@ def test_json_is_one_object(capture: tuple[Path, Path], capsys: pytest.CaptureFi
     found = json.loads(printed.out)
     assert printed.err == ""
     assert found["ok"] is False
-    assert 1 in found["fly_again"]
-    assert {"code": "missing", "station": 1}.items() <= next(f for f in found["findings"] if f["station"] == 1).items()
+    assert 2 in found["fly_again"]
+    assert {"code": "missing", "station": 2}.items() <= next(f for f in found["findings"] if f["station"] == 2).items()
     assert [row["photograph"] for row in found["stations"]] == ["0.png", "", "2.png"]
     assert found["plots"][0]["summary"] == found["summary"]
 
@@ -68,7 +68,7 @@ def test_a_narrow_terminal_shows_stations_names_and_verdicts() -> None:
         console.print(shown)
     text = console.file.getvalue()  # type: ignore[attr-defined]
     assert max(map(len, text.splitlines())) <= 80
-    for words in ("station", "verdict", "   10  ", "000010_rgb.jpg", "365: 8,", "fine"):
+    for words in ("station", "verdict", "   11  ", "000010_rgb.jpg", "365: 9,", "fine"):
         assert words in text
     assert "…" not in text
 

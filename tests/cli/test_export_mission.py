@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -52,7 +53,7 @@ def test_people_are_told(plan: Path, tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "exists already" in capsys.readouterr().err
     save_plan(plan, planned(5, height_m=0.4))
     assert main(export(plan, "-o", str(tmp_path / "low"))) == 5
-    assert "station 0 of plot" in capsys.readouterr().err
+    assert "station 1 of plot" in capsys.readouterr().err
     assert not (tmp_path / "low.plan").exists()
 
 
@@ -71,7 +72,7 @@ def test_moved_stations_are_told_and_those_that_coincide_are_refused(
     twice = (first, first.model_copy(update={"pitch_deg": -80.0}), *given.stations[2:])
     save_plan(plan, given.model_copy(update={"stations": twice}))
     assert main([*fixed, "-o", str(tmp_path / "n"), "--no-picture", "--adjust"]) == 5
-    assert "station 0 of plot and station 1 become one photograph" in " ".join(capsys.readouterr().err.split())
+    assert "station 1 of plot and station 2 become one photograph" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "n.plan").exists()
 
 
@@ -80,3 +81,46 @@ def test_a_faulty_mission_is_told_by_its_exit_code(tmp_path: Path, capsys: pytes
     file.write_text("QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t50.8649\t6.4473\t92\t1\n")
     assert main(["check-mission", str(file), "--vehicle", "ardupilot-pitch", "--json"]) == 5
     assert json.loads(capsys.readouterr().out)["ok"] is False
+
+
+@pytest.mark.parametrize(("vehicle", "name"), [("dji-mini-4-pro", "m.csv"), ("dji-mavic-3-enterprise", "m.kmz")])
+def test_what_adjust_exports_may_be_flown(
+    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], vehicle: str, name: str
+) -> None:
+    """The check compares with the poses that the export flew, by one rule, and says that they are not the plan's."""
+    save_plan(plan, planned(5))
+    where = ["--vehicle", vehicle, "--site", str(SITES / "example.toml"), "--plots", str(SITES / "plots.geojson")]
+    file = tmp_path / name
+    assert main(["export-mission", str(plan), *where, "-o", str(file), "--adjust", "--no-picture"]) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert told.startswith('8 plots, ids from "name": maize-1 … maize-8.')
+    assert told.count("Moved: 40 photographs (station 1, 2, 3, 4 and 5 of maize-1, maize-2, maize-3 and 5 more)") == 1
+    way = re.search(r"[0-9.]+ m and [0-9:]+ min from take-off to landing", told)
+    assert way is not None
+    assert main(["check-mission", str(file), *where, "--plan", str(plan), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    adjusted = [each for each in report["findings"] if each["code"] == "adjusted"]
+    assert [each["photograph"] for each in adjusted] == list(range(1, 41))
+    assert sorted((e["plot"], e["station"]) for e in adjusted) == [
+        (f"maize-{plot}", station) for plot in range(1, 9) for station in range(1, 6)
+    ]
+    assert max(pose["off_plan_m"] for pose in report["poses"]) < 0.02
+    assert main(["check-mission", str(file), *where, "--plan", str(plan)]) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "40 photographs, the first at item" in told
+    assert "may be flown" in told
+    assert way[0].replace(" and ", " and about ") in told
+
+
+def test_swapped_arguments_and_options_without_a_site(
+    plan: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_plan(plan, planned(5))
+    site = str(SITES / "example.toml")
+    out = ["--vehicle", "ardupilot-pitch", "-o", str(tmp_path / "m.plan")]
+    assert main(["export-mission", site, "--site", str(plan), *out]) == 2
+    assert "plan and site are swapped" in capsys.readouterr().err
+    assert main(["export-mission", str(plan), "--site", site, "--plots", site, *out]) == 3
+    assert "is TOML, as site files" in capsys.readouterr().err
+    assert main(["check-mission", "m.plan", "--vehicle", "ardupilot-pitch", "--plots", site]) == 2
+    assert "--plots says nothing without --site" in capsys.readouterr().err

@@ -169,11 +169,11 @@ def test_a_flown_plan_is_scored_against_a_georeferenced_reference(line: CommandL
     assert plot["right"] == plot["images"] == 12
     assert plot["chamfer_m"] < 0.008
     kept = plot["adherence"]
-    assert kept["missing"] == ["station 4"]
+    assert kept["missing"] == ["station 5"]
     assert kept["extra"] == []
     errors = []
     for station in kept["stations"]:
-        k = int(station["station"].removeprefix("station "))
+        k = int(station["station"].removeprefix("station ")) - 1
         assert station["image"] == f"IMG_{k + 1:04d}.jpg"
         known = triggers[k]["err_est"]
         found = [station[key] for key in ("east_m", "north_m", "up_m")]

@@ -100,7 +100,7 @@ def test_adherence_to_the_plan(plots: list[tuple[str, Path]]) -> None:
     found = flight.adherence("a", planned, datum)
     assert isinstance(found, AdherenceEntry)
     assert [s.image for s in found.stations] == [f"{k}.jpg" for k in range(8) if k != 2]
-    assert set(found.missing) == {f"station {k}" for k in (2, 8, 9, 10, 11, 12)}
+    assert set(found.missing) == {f"station {k + 1}" for k in (2, 8, 9, 10, 11, 12)}
     assert found.horizontal_rms_m is not None
     assert found.horizontal_rms_m < 0.05
     assert all(s.up_m is not None and abs(s.up_m) < 0.02 for s in found.stations)

@@ -474,11 +474,11 @@ class TestReport:
         ("verdicts", "said"),
         [
             (["fine", "fine"], "All 2 will do."),
-            (["fine", "fly again"], "Fly station 1 again."),
-            (["fly again", "fine", "fly again"], "Fly stations 0 and 2 again."),
+            (["fine", "fly again"], "Fly station 2 again."),
+            (["fly again", "fine", "fly again"], "Fly stations 1 and 3 again."),
             (
                 ["fix tags", "fly again"],
-                "Fly station 1 again. Put the tags of station 0 right; the photograph will do.",
+                "Fly station 2 again. Put the tags of station 1 right; the photograph will do.",
             ),
             ([], "Which photograph is of which station could not be told."),
         ],
@@ -499,10 +499,10 @@ class TestRefly:
         assert [file.name for file in files] == ["again.plan", "again.mission.json", "again.geojson"]
         features = json.loads(files[2].read_text("utf-8"))["features"]
         flown = {f["properties"]["station"] for f in features if f["properties"].get("kind") == "station"}
-        assert flown == {4, 9}
+        assert flown == {5, 10}  # as the plan's picture numbers them
         # What `export-mission` writes of itself, so that a report shows it.
         record = load_mission(files[1])
-        assert {station.station for flight in record.flights for station in flight.stations} == {4, 9}
+        assert {station.index for flight in record.flights for station in flight.stations} == {4, 9}
         assert record.plots[0].plan.sha256 == hashlib.sha256(plan_bytes(plan)).hexdigest()  # the whole plan's
         assert {entry.name for entry in record.files} == {"again.plan", "again.geojson"}
         assert record.name.endswith(", again")
@@ -513,7 +513,7 @@ class TestRefly:
 
     def test_what_the_plan_does_not_have(self) -> None:
         plan = plan_from_poses(stations())
-        with pytest.raises(UsageError, match="no station 13"):
+        with pytest.raises(UsageError, match="no station 14"):
             part_of_plan(plan, [2, 13])
         with pytest.raises(UsageError, match="no station to fly"):
             part_of_plan(plan, [])

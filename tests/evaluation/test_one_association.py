@@ -136,7 +136,7 @@ def by_mission_check(flight: Flight) -> Pairs:
         for k, place in enumerate(places(flight.photographs))
     ]
     names = [shot.name for shot in planned]
-    return {found.station: names.index(found.planned) for found in deviations(taken, planned, HOME)}
+    return {found.photograph: names.index(found.planned.name) for found in deviations(taken, planned, HOME)}
 
 
 def offset_of(size: float, towards: float, up: float) -> np.ndarray:

@@ -82,7 +82,7 @@ def test_every_source_of_a_logged_flight(flight_folder: Path, tmp_path: Path) ->
     by_log = flight.adherence("a", flown.planned, flown.datum)
     assert by_log is not None
     assert found.stations == by_log.stations
-    assert found.missing == by_log.missing == ("station 2",)
+    assert found.missing == by_log.missing == ("station 3",)
     assert found.extra == ()
     assert found.achieved_by == "reported"
     assert set(found.unknown) == {"tagged"}
@@ -90,7 +90,7 @@ def test_every_source_of_a_logged_flight(flight_folder: Path, tmp_path: Path) ->
     assert [row.image for row in found.photographs] == list(images)
     row = {each.image: each for each in found.photographs}
     assert row["00.jpg"].reconstructed is None
-    assert row["05.jpg"].station == "station 5"
+    assert row["05.jpg"].station == "station 6"
     assert row["05.jpg"].tagged is None
     for each in found.photographs:  # the mission was made for these stations, to 10⁻⁷ degrees
         assert each.planned is not None
@@ -151,7 +151,7 @@ def test_without_a_log_in_any_order(shuffled: tuple[Plan, Path, list[Pose], Sour
     assert found.achieved_by == "reconstructed"
     assert set(found.unknown) == {"reported", "commanded"}
     order = np.random.default_rng(3).permutation(9)
-    assert [row.station for row in found.photographs] == [f"station {k}" for k in order]
+    assert [row.station for row in found.photographs] == [f"station {k + 1}" for k in order]
     tagged = difference(found, "tagged", "planned")
     assert tagged.east_m is not None
     apart = np.array([flown[i].center - plan.stations[k].position_m for i, k in enumerate(order)])
@@ -207,7 +207,7 @@ def test_without_a_reference_the_plan_is_in_the_frame_of_poses_csv(
     assert found is not None
     assert found.missing == ()
     moved = source.from_source.apply(np.array(plan.stations[0].position_m))
-    (first,) = [row for row in found.photographs if row.station == "station 0"]
+    (first,) = [row for row in found.photographs if row.station == "station 1"]
     assert first.planned is not None
     assert first.planned.position_m == pytest.approx(tuple(moved))
     there = plot_report("EXIF GPS", MOTION, ORIGIN, images)

@@ -65,10 +65,10 @@ def test_the_recorded_missions(tmp_path: Path, suffix: str) -> None:
     naive = reports["naive"]
     assert not naive.ok
     late = [finding for finding in naive.findings if finding.code == "photo-late"]
-    assert sorted(f.station for f in late if f.station is not None) == list(range(13))
+    assert sorted(f.photograph for f in late if f.photograph is not None) == list(range(13))
     assert sorted(f.item for f in late if f.item is not None) == [5 + 4 * k for k in range(13)]
     # Of those that were more than 0.25 m off in the flight (the recording's truth), all are found so.
-    assert {0, 1, 2, 3, 10, 11, 12} <= {f.station for f in naive.findings if f.code in ("off-plan", "extra-photo")}
+    assert {0, 1, 2, 3, 10, 11, 12} <= {f.photograph for f in naive.findings if f.code in ("off-plan", "extra-photo")}
     hold0 = reports["hold0"]
     assert counted(hold0) == {"photo-moving": 13}
     assert counted(hold0, "warning")["value-dropped"] == 13  # whole degrees of the gimbal
@@ -351,7 +351,7 @@ def test_two_stations_at_one_place_are_told_apart_by_where_they_look() -> None:
     report = check_mission(
         ReadMission("plan", render(mission, vehicle())[1:], home=HOME), vehicle(), planned=tuple(reversed(shots))
     )
-    assert [d.planned for d in report.deviations] == ["station 0 of p", "station 1 of p", "station 2 of p"]
+    assert [d.planned.name for d in report.deviations] == ["station 1 of p", "station 2 of p", "station 3 of p"]
     assert report.ok
 
 
@@ -385,6 +385,9 @@ def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path
     home = error("other-home", "the file's home is 6403.5 km from the site's")
     cause, photographs = grouped([*same, home])
     assert (cause.text, photographs.text) == (home.message, "35 photographs: taken in passing")
+    names = [Shot(GeoPoint(50.0, 6.0, 2.0), 0.0, -30.0, plot, k) for k, plot in enumerate(("A01", "north", "D 8"))]
+    (missing,) = grouped(error("missing-photo", f"{s.name} is not photographed", planned=s) for s in names)
+    assert missing.text == "3 times, the first: station 1 of A01 is not photographed"
     assert grouped(error("leg-fence", f"the leg to item {k} leaves the fence", k) for k in (4, 9))[0].text == (
         "2 legs, the first at item 4: the leg to item 4 leaves the fence"
     )
@@ -428,7 +431,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert command(bad, "ardupilot-pitch", as_json=True) == 5
     answer = json.loads(capsys.readouterr().out)
     assert not answer["ok"]
-    assert {f["station"] for f in answer["findings"] if f["code"] == "photo-late"} == set(range(13))
+    assert {f["photograph"] for f in answer["findings"] if f["code"] == "photo-late"} == set(range(1, 14))
     assert command(bad, "ardupilot-pitch") == 5
     shown = capsys.readouterr()
     assert shown.out == ""

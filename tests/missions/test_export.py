@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ import pytest
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.export import route_plan
-from fieldkit.missions.export_mission import export_mission
+from fieldkit.missions.export_mission import export_mission, mission_format, route_for_files
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.mission import Shot
 from fieldkit.missions.plan_site.placement import SiteFrame, home_of, place
@@ -19,6 +21,7 @@ from fieldkit.missions.plan_site.site import NoFly, Site
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.missions.plan_site.site_obstacles import site_obstacles
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.present.pictures.mission import draw_mission
 from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan import Plan, PlanPlants, Station
 from fieldkit.scenes.rigs import ring
@@ -85,6 +88,14 @@ def test_what_is_written_passes_its_check_against_the_plan(
     assert len(report.taken) == len(plan.stations)
     # One duration, in the export's words, in its record, and in the check's.
     assert done.routed.time_s == pytest.approx(report.seconds)
+    assert done.routed.length_m == pytest.approx(report.length_m)
+    assert load_mission(done.files[1]).flights[0].length_m == pytest.approx(report.length_m)
+    # From take-off to landing: the legs, and straight up and down.
+    legs = sum(float(np.linalg.norm(np.diff(leg, axis=0), axis=1).sum()) for leg in done.routed.legs())
+    ends = done.routed.legs()[0][0, 2] + done.routed.legs()[-1][-1, 2]
+    assert report.length_m == pytest.approx(legs + ends, abs=0.01)
+    (looked_at,) = route_for_files(plan, profile, field, "kml", adjust=True).flights
+    assert looked_at.flight.length_m == pytest.approx(report.length_m, abs=0.01)
     assert load_mission(done.files[1]).flights[0].time_s == pytest.approx(report.seconds)
     assert done.routed.flights[0].flight.time.battery == pytest.approx(report.seconds / profile.battery.usable_s)
 
@@ -144,7 +155,7 @@ def test_many_plots_take_several_flights_in_numbered_files(tmp_path: Path) -> No
 
 def test_out_of_reach_is_refused_or_adjusted_and_said() -> None:
     low = planned(height_m=0.6, plants=False)
-    with pytest.raises(MissionError, match=r"station 0 of plot: .*the nearest pose is 1\.00 m") as caught:
+    with pytest.raises(MissionError, match=r"station 1 of plot: .*the nearest pose is 1\.00 m") as caught:
         route_plan(low, VEHICLE, site())
     assert caught.value.exit_code == 5
     routed = route_plan(low, VEHICLE, site(), adjust=True)
@@ -173,3 +184,36 @@ def test_files_are_kept_and_wrong_names_are_refused(tmp_path: Path) -> None:
         export_mission(planned(), VEHICLE, site(), file, format="waypoints")
     with pytest.raises(UsageError, match="no such format"):
         export_mission(planned(), VEHICLE, site(), file, format="gpx")
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "form"),
+    [
+        ("m.kmz", None, "wpml"), ("m.csv", None, "litchi"), ("m.waypoints", None, "waypoints"), ("m.kml", None, "kml"),
+        ("m.plan", None, "plan"), ("m", None, "plan"), ("m.geojson", None, "plan"), ("m", "wpml", "wpml"),
+    ],
+)  # fmt: skip
+def test_a_files_suffix_says_its_format(name: str, asked: str | None, form: str) -> None:
+    assert mission_format(Path(name), asked) == form
+
+
+def test_one_number_for_a_station_wherever_it_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not the order of flight: the plan's own number, from 1, as in its picture."""
+    drawn: dict[str, Any] = {}
+
+    def kept(*given: Any, **options: Any) -> Any:
+        drawn.update(options)
+        return draw_mission(*given, **options)
+
+    monkeypatch.setattr("fieldkit.present.pictures.mission.draw_mission", kept)
+    done = export_mission(planned(6), VEHICLE, site(), tmp_path / "m.plan")
+    shots = done.routed.flights[0].mission.shots
+    order = [shot.station + 1 for shot in shots]
+    assert order != sorted(order)
+    assert [shot.name for shot in shots] == [f"station {number} of plot" for number in order]
+    assert drawn["stations"] == [str(number) for number in order]
+    assert drawn["plots"] == ["plot"] * 6
+    features = json.loads((tmp_path / "m.geojson").read_text())["features"]
+    assert [f["properties"]["station"] for f in features if f["properties"]["kind"] == "station"] == order
+    flown = load_mission(done.files[1])
+    assert [station.index + 1 for station in flown.flights[0].stations] == order

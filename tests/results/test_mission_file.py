@@ -43,7 +43,7 @@ def test_it_holds_what_was_exported(tmp_path: Path) -> None:
     for flight, each in zip(found.flights, done.routed.flights, strict=True):
         mission = each.mission
         assert geo_points(flight.stations) == tuple(shot.place for shot in mission.shots)
-        assert [(s.plot, s.station, s.yaw_deg, s.pitch_deg) for s in flight.stations] == [
+        assert [(s.plot, s.index, s.yaw_deg, s.pitch_deg) for s in flight.stations] == [
             (s.plot, s.station, s.yaw_deg, s.pitch_deg) for s in mission.shots
         ]
         assert geo_points(flight.stops) == tuple(stop.place for stop in mission.stops)
@@ -55,6 +55,12 @@ def test_it_holds_what_was_exported(tmp_path: Path) -> None:
         )  # fmt: skip
     assert {entry.name for entry in found.files} == {file.name for file in done.files} - {"field.mission.json"}
     assert MissionRecord.model_validate_json(record_bytes(found)) == found
+
+
+def test_records_of_before_say_station_for_the_index(record: MissionRecord) -> None:
+    text = record_bytes(record).decode()
+    assert '"index": ' in text
+    assert MissionRecord.model_validate_json(text.replace('"index": ', '"station": ')) == record
 
 
 def test_frames_are_the_sites_own_to_the_last_digit(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from fieldkit.evaluation.field_check.ties import TieGraph
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.reconstruction.ties import connected_parts
-from fieldkit.results.plan import Plan
+from fieldkit.results.plan import Plan, station_number
 
 _TURN_DEG, _DIRECTION_DEG = 15.0, 35.0
 _BRIDGE_DEG = 36.0
@@ -101,7 +101,7 @@ def _should_be_held(angles: NDArray[np.float64], station: int, good: Sequence[in
 def _apart(parts: list[list[int]]) -> tuple[CheckFinding, ...]:
     if len(parts) < 2:
         return ()
-    told = "; ".join(", ".join(map(str, part)) for part in parts)
+    told = "; ".join(", ".join(str(station_number(s)) for s in part) for part in parts)
     return (
         CheckFinding(
             "disconnected", None, "",

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from fieldkit.results.plan import station_number
+
 Verdict = Literal["fine", "fix tags", "fly again"]
 """Of a station: nothing to do, its photograph will do once its tags are right, or it must be photographed anew."""
 
@@ -162,5 +164,6 @@ class CheckReport:
 
 def _stations(numbers: tuple[int, ...]) -> str:
     if len(numbers) == 1:
-        return f"station {numbers[0]}"
-    return f"stations {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
+        return f"station {station_number(numbers[0])}"
+    *some, last = (str(station_number(number)) for number in numbers)
+    return f"stations {', '.join(some)} and {last}"

@@ -8,13 +8,21 @@ from pathlib import Path
 
 from fieldkit.errors import UsageError
 from fieldkit.missions.export import Routed
-from fieldkit.missions.export_mission import flown_plans, mission_contents, mission_path, route_for_files, write_mission
+from fieldkit.missions.export_mission import (
+    flown_plans,
+    mission_contents,
+    mission_format,
+    mission_path,
+    route_for_files,
+    write_mission,
+)
 from fieldkit.missions.mission import Mission, Shot
 from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.site_file import load_site, with_plots
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
-from fieldkit.results.plan import Plan
+from fieldkit.present.style import listed
+from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.plan_file import load_plan
 
 
@@ -26,7 +34,7 @@ def write_refly(
     output: Path,
     *,
     plot: str | None = None,
-    format: str = "plan",  # noqa: A002
+    format: str | None = None,  # noqa: A002
     adjust: bool = False,
     overwrite: bool = False,
     seed: int = 0,
@@ -34,7 +42,7 @@ def write_refly(
     """Write missions of a part of a plan's stations over one plot of a site: mission.json and routes beside them.
 
     Args:
-        stations: numbers in the plan, from 0.
+        stations: indices in the plan, from 0.
         plan: plan.json, its folder, or a plan.
         vehicle: a profile's name or file, or a profile.
         site: a site file, or a site.
@@ -51,6 +59,7 @@ def write_refly(
         MissionError: see `fieldkit.missions.export.route_plan`; stations are named by the plan's numbers.
         StorageError: the place is full or not writable.
     """
+    format = mission_format(output, format)  # noqa: A001
     output = mission_path(output, format)
     loaded = plan if isinstance(plan, Plan) else load_plan(plan)
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
@@ -76,8 +85,8 @@ def part_of_plan(plan: Plan, stations: Sequence[int]) -> Plan:
         raise UsageError("there is no station to fly again", remedy="Nothing needs to be written.")
     if chosen[0] < 0 or chosen[-1] >= len(plan.stations):
         raise UsageError(
-            f"the plan has no station {chosen[0] if chosen[0] < 0 else chosen[-1]}",
-            remedy=f"Its stations are 0 to {len(plan.stations) - 1}.",
+            f"the plan has no station {station_number(chosen[0] if chosen[0] < 0 else chosen[-1])}",
+            remedy=f"Its stations are 1 to {len(plan.stations)}.",
         )
     return plan.model_copy(update={"stations": tuple(plan.stations[k] for k in chosen)})
 
@@ -89,7 +98,8 @@ def _one_plot(site: Site, name: str | None) -> Site:
         return site
     plot = next((each for each in site.plots if each.name == name), None)
     if plot is None:
-        raise UsageError(f"the site has no plot {name!r}", remedy="Name one of the site file's plots.")
+        known = listed([each.name for each in site.plots], 40)
+        raise UsageError(f"the site has no plot {name!r}", remedy=f"Its plots are {known}.")
     return with_plots(site, [plot])
 
 

@@ -14,7 +14,7 @@ from fieldkit.evaluation.field_check.pictures import PictureVerdict
 from fieldkit.evaluation.field_check.placement import Placed, axis_turn_deg
 from fieldkit.evaluation.field_check.ties import TieGraph
 from fieldkit.geometry import Pose
-from fieldkit.results.plan import Plan
+from fieldkit.results.plan import Plan, station_number
 
 _FLY = "Fly this station again."
 _TAGS = "Put the tags right (poses.csv beside the photographs comes before EXIF), or fly the station again."
@@ -262,8 +262,8 @@ def _contradiction(evidence: Evidence, k: int) -> str:
     difference = evidence.consistency.seen[k].compare(tags, 0.0, 0.0)
     told = evidence.placed.station_of[k]
     return (
-        f"its tags (nearest station {told}) are {difference.shift_m:.1f} m and {difference.turn_deg:.0f}° off what it "
-        "shows beside the others"
+        f"its tags (nearest station {station_number(told)}) are {difference.shift_m:.1f} m and "
+        f"{difference.turn_deg:.0f}° off what it shows beside the others"
     )
 
 

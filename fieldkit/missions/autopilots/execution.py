@@ -73,6 +73,7 @@ class Execution:
         lands: "land", "return" or "" where the mission ends in the air.
         takeoff: whether it has a take-off.
         uncounted: whether it also takes photographs that are not among ``photographs``.
+        upright_m: of a climb and a descent that are none of the legs, for waypoints do not say them.
     """
 
     photographs: tuple[Photograph, ...]
@@ -82,6 +83,12 @@ class Execution:
     lands: str
     takeoff: bool
     uncounted: bool = False
+    upright_m: float = 0.0
+
+    @property
+    def length_m(self) -> float:
+        """Of the way from the take-off's ground to the landing's."""
+        return self.upright_m + sum(math.hypot(*distance(leg.start, leg.end)) for leg in self.legs)
 
 
 LONGEST_S = 1e6

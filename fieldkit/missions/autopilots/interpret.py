@@ -37,7 +37,8 @@ def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
         dialect: "ardupilot" or "px4"; of no matter for a file without items.
     """
     if read.stops:
-        return _with_ends(fly_stops(read.stops, read.home, vehicle), read.stops, vehicle)
+        climbs = read.home is None  # with a home the way up from there is the first leg
+        return _with_ends(fly_stops(read.stops, read.home, vehicle), read.stops, vehicle, climbs=climbs)
     flight, followed = Flight(vehicle, read.home, dialect), course(read, dialect)
     (_px4 if dialect == "px4" else _ardupilot)(flight, followed.numbered)
     for number, item in followed.unreached:
@@ -151,8 +152,9 @@ def _is_nav(item: MissionItem) -> bool:
     return item.command <= _LAST_NAV or item.command in _OTHER_NAV
 
 
-def _with_ends(flown: Execution, stops: Sequence[ReadStop], vehicle: Vehicle) -> Execution:
+def _with_ends(flown: Execution, stops: Sequence[ReadStop], vehicle: Vehicle, *, climbs: bool) -> Execution:
     """The flight with take-off and landing, which waypoints do not have; heights that are not above home count as 0."""
     first, last = (stop.place.height_m if stop.height_from == "home" else 0.0 for stop in (stops[0], stops[-1]))
     ends_s = takeoff_s(max(first, 0.0), vehicle.speeds) + landing_s(last, vehicle.speeds)
-    return replace(flown, seconds=flown.seconds + ends_s)
+    upright_m = (max(first, 0.0) if climbs else 0.0) + max(last, 0.0)
+    return replace(flown, seconds=flown.seconds + ends_s, upright_m=upright_m)

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import Any
 
 from fieldkit.missions.mission import GeoPoint, Mission, Shot
+from fieldkit.results.plan import station_number
 
 
 def geojson_bytes(mission: Mission) -> bytes:
@@ -23,7 +24,8 @@ def geojson_bytes(mission: Mission) -> bytes:
         height = stop.place.height_m
         if isinstance(stop, Shot):
             features.append(_feature(
-                "Point", _lonlat(stop.place), kind="station", order=order, plot=stop.plot, station=stop.station,
+                "Point", _lonlat(stop.place), kind="station", order=order, plot=stop.plot,
+                station=station_number(stop.station),
                 height_above_home_m=height, yaw_deg=stop.yaw_deg, pitch_deg=stop.pitch_deg,
             ))  # fmt: skip
         else:

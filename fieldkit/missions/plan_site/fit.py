@@ -19,7 +19,7 @@ from fieldkit.errors import MissionError
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.missions.plan_site.plot_plants import BESIDE_M, PlanFacts, PlotPlants, facts_of, other_spacing, plants_on
 from fieldkit.missions.plan_site.site import Site, SitePlot
-from fieldkit.results.plan import Plan, Plans
+from fieldkit.results.plan import Plan, Plans, station_number
 
 Severity = Literal["error", "warning", "note"]
 
@@ -283,10 +283,10 @@ def _among(facts: PlanFacts, plants: PlotPlants, clearance_m: float, *, unless: 
     return rows
 
 
-def _stations(numbers: list[int]) -> str:
-    named = ", ".join(str(number) for number in numbers[:_NAMED])
-    more = f" and {len(numbers) - _NAMED} more" if len(numbers) > _NAMED else ""
-    return f"station{'s' if len(numbers) > 1 else ''} {named}{more}"
+def _stations(indices: list[int]) -> str:
+    named = ", ".join(str(station_number(index)) for index in indices[:_NAMED])
+    more = f" and {len(indices) - _NAMED} more" if len(indices) > _NAMED else ""
+    return f"station{'s' if len(indices) > 1 else ''} {named}{more}"
 
 
 def _shown(facts: PlanFacts, size_m: tuple[float, float]) -> float | None:

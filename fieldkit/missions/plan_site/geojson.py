@@ -1,4 +1,4 @@
-"""GeoJSON (RFC 7946) as geographic information systems write it: points and polygons with their attributes.
+"""GeoJSON (RFC 7946) in WGS 84: points and polygons with their attributes.
 
 Coordinates are longitude, latitude; what looks swapped, or like metres of a map projection, is an error that says so.
 """
@@ -10,17 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
-from fieldkit.documents.json_file import read_json_object
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import look_swapped, on_earth
 from fieldkit.missions.files.limits import json_number
 
-MAX_BYTES = 16 << 20
 MAX_FEATURES = 2000
 MAX_CORNERS = 20_000
 """Of all polygons of a file together."""
 
-_REMEDY = "Give a GeoJSON file in WGS 84 (EPSG:4326); missions/README.md says what it holds."
+_REMEDY = "Give points or polygons: in QGIS, Save Features As… GeoJSON with the CRS WGS 84 (EPSG:4326)."
 _PROJECTED = "Export it in WGS 84 (EPSG:4326): in QGIS, Save Features As… with that CRS."
 _SWAPPED = "GeoJSON puts longitude first: swap the two."
 _WGS84 = ("crs84", "epsg::4326", "epsg:4326")
@@ -39,7 +37,7 @@ class Feature:
         parts: a ring per part; of a point one with its only corner.
         height_m: third coordinate of its first position; None where there is none. Its datum is not known: RFC 7946
             wants the ellipsoid's, many programs write the height above sea level, some 0 for none.
-        properties: what the file says of it, without those that are null.
+        properties: what the file says of it, without those that are null; the feature's own "id" is one of them.
     """
 
     number: int
@@ -49,14 +47,30 @@ class Feature:
     properties: Mapping[str, Any]
 
 
-def read_features(path: Path) -> tuple[Feature, ...]:
-    """The points and polygons of a GeoJSON file: a FeatureCollection, a Feature or a bare geometry.
+def wgs84_features(document: Mapping[str, Any], path: Path) -> tuple[Feature, ...]:
+    """The points and polygons of a GeoJSON document: a FeatureCollection, a Feature or a bare geometry.
+
+    Args:
+        document: in WGS 84.
+        path: of the file that it is from, for errors.
 
     Raises:
-        MetadataError: it is missing, unreadable, too large, not GeoJSON in WGS 84, holds other geometries, a polygon
-            with a hole, or coordinates that are none or look swapped; the feature is named.
+        MetadataError: it is not GeoJSON, holds other geometries, a polygon with a hole, or coordinates that are none or
+            look swapped; the feature is named.
     """
-    return _Reader(Path(path)).features()
+    return _Reader(path).features(document)
+
+
+def reference_system(document: Mapping[str, Any]) -> str | None:
+    """What a GeoJSON document of before 2016 says of its reference system, and QGIS still does; None for WGS 84."""
+    crs = document.get("crs")
+    if crs is None:
+        return None
+    properties = crs.get("properties") if isinstance(crs, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    if isinstance(name, str) and name.lower().endswith(_WGS84):
+        return None
+    return name if isinstance(name, str) and len(name) <= 60 and name.isprintable() else "an unknown system"
 
 
 class _Reader:
@@ -66,10 +80,10 @@ class _Reader:
         self.path = path
         self.corners = 0
 
-    def features(self) -> tuple[Feature, ...]:
-        document = read_json_object(self.path, _REMEDY, noun="GeoJSON file", max_bytes=MAX_BYTES)
-        self._check_crs(document.get("crs"))
+    def features(self, document: Mapping[str, Any]) -> tuple[Feature, ...]:
         kind = document.get("type")
+        if kind is None and isinstance(own := document.get("kind"), str) and own.isidentifier():
+            self._fail(f"is fieldkit's {own[:40]}, not a file of plots or zones")
         if kind == "FeatureCollection":
             rows = document.get("features")
             if not isinstance(rows, list):
@@ -90,7 +104,7 @@ class _Reader:
         given = row.get("properties")
         if given is not None and not isinstance(given, dict):
             self._fail(f"{where}: its properties are no object")
-        properties = {key: value for key, value in (given or {}).items() if value is not None}
+        properties = {key: value for key, value in {"id": row.get("id"), **(given or {})}.items() if value is not None}
         kind, coordinates = geometry.get("type"), geometry.get("coordinates")
         if kind not in ("Point", "Polygon", "MultiPolygon"):
             shown = kind if isinstance(kind, str) and len(kind) <= 40 and kind.isprintable() else "something else"
@@ -144,16 +158,6 @@ class _Reader:
                 remedy=_PROJECTED,
             )
         return (latitude, longitude), values[2] if len(values) > 2 else None
-
-    def _check_crs(self, crs: Any) -> None:
-        """GeoJSON of before 2016 may name its reference system; QGIS still does."""
-        if crs is None:
-            return
-        properties = crs.get("properties") if isinstance(crs, dict) else None
-        name = properties.get("name") if isinstance(properties, dict) else None
-        if not isinstance(name, str) or not name.lower().endswith(_WGS84):
-            shown = name if isinstance(name, str) and len(name) <= 60 and name.isprintable() else "an unknown system"
-            self._fail(f"has its coordinates in {shown}, not WGS 84", remedy=_PROJECTED)
 
     def _fail(self, message: str, *, remedy: str = _REMEDY) -> NoReturn:
         raise MetadataError(message, path=self.path, remedy=remedy)

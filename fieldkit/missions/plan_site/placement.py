@@ -39,7 +39,7 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.mission import GeoPoint, Home, Shot
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.missions.plan_site.terrain import LEVEL, Gradient
-from fieldkit.results.plan import Plan, Plans, plan_on
+from fieldkit.results.plan import Plan, Plans, plan_on, station_number
 
 MAX_SHOTS = 100_000
 FARTHEST_STATION_M = 10_000.0
@@ -231,8 +231,8 @@ def _on_plot(plan: Plan, name: str, frame: PlotFrame) -> list[Shot]:
     far = ~(np.abs(positions) <= FARTHEST_STATION_M).all(axis=1)
     if far.any():
         raise MissionError(
-            f"station {int(np.argmax(far))} of the plan is farther than {FARTHEST_STATION_M / 1000:.0f} km "
-            "from the plot's origin",
+            f"station {station_number(int(np.argmax(far)))} of the plan is farther than "
+            f"{FARTHEST_STATION_M / 1000:.0f} km from the plot's origin",
             remedy="Give a plan in the plot frame, in metres.",
         )
     yaws = [station.yaw_deg for station in plan.stations]

@@ -25,6 +25,7 @@ from fieldkit.missions.plan_site.placement import SiteFrame, grounds_m
 from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.routing.obstacles import Obstacles
+from fieldkit.results.plan import station_number
 
 TOLERANCE_M = 1e-4
 """Rounding, not leeway: files hold heights to 0.1 mm."""
@@ -95,11 +96,22 @@ def adjusted(
         MissionError: two stations of a plot become one photograph; or as `unreachable`.
         MetadataError: as `unreachable`.
     """
-    problems = unreachable(shots, site, vehicle, obstacles)
-    nearest = {id(problem.shot): problem.nearest for problem in problems}
-    changed = tuple(nearest.get(id(shot), shot) for shot in shots)
+    changed, problems = nearest(shots, site, vehicle, obstacles)
     _require_different(shots, changed, site)
     return changed, problems
+
+
+def nearest(
+    shots: Sequence[Shot], site: Site, vehicle: Vehicle, obstacles: Obstacles | None = None
+) -> tuple[tuple[Shot, ...], tuple[Unreachable, ...]]:
+    """As `adjusted`, also where two stations become one photograph.
+
+    Raises:
+        MissionError, MetadataError: as `unreachable`.
+    """
+    problems = unreachable(shots, site, vehicle, obstacles)
+    instead = {id(problem.shot): problem.nearest for problem in problems}
+    return tuple(instead.get(id(shot), shot) for shot in shots), problems
 
 
 def _require_different(before: Sequence[Shot], after: Sequence[Shot], site: Site) -> None:
@@ -124,9 +136,9 @@ def _require_different(before: Sequence[Shot], after: Sequence[Shot], site: Site
                 first, second = sorted((row, other))
                 now_m, now_deg = _apart(points[row], points[other], after[row], after[other])
                 raise MissionError(
-                    f"{after[first].name} and station {after[second].station} become one photograph when they are "
-                    f"adjusted to this vehicle: {now_m:.2f} m and {now_deg:.1f}° apart, {was_m:.2f} m and "
-                    f"{was_deg:.1f}° as planned",
+                    f"{after[first].name} and station {station_number(after[second].station)} become one photograph "
+                    f"when they are adjusted to this vehicle: {now_m:.2f} m and {now_deg:.1f}° apart, {was_m:.2f} m "
+                    f"and {was_deg:.1f}° as planned",
                     remedy="Plan for this vehicle (fieldkit plan --vehicle), or leave one of the two out of the plan.",
                 )
 

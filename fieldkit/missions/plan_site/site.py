@@ -36,10 +36,18 @@ def _open_ring(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, f
     return corners
 
 
+def _in_metres(value: float, least: float, most: float) -> float:
+    """A length within limits; where it would be within them as centimetres, say so."""
+    if least <= value <= most:
+        return value
+    slip = f": in centimetres? {value:g} cm are {value / 100.0:g} m" if most < value <= 100.0 * most else ""
+    raise ValueError(f"should be {least:g} to {most:g} metres and is {value:g}{slip}")
+
+
 Height = Annotated[float, Field(ge=-1000, le=10_000)]
 Side = Annotated[float, Field(ge=0.1, le=1000)]
-PlantHeight = Annotated[float, Field(ge=0, le=20)]
-RowSpacing = Annotated[float, Field(ge=0.05, le=10)]
+PlantHeight = Annotated[float, AfterValidator(lambda value: _in_metres(value, 0.0, 20.0))]
+RowSpacing = Annotated[float, AfterValidator(lambda value: _in_metres(value, 0.05, 10.0))]
 Slope = Annotated[float, Field(ge=0, le=STEEPEST_PERCENT)]
 Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_printable)]
 Polygon = Annotated[
@@ -173,6 +181,8 @@ class Site(Strict):
     name: Name = "site"
     home: SiteHome
     plots: Annotated[tuple[SitePlot, ...], Field(min_length=1, max_length=2000)]
+    plot_id: Annotated[str, Field(min_length=1, max_length=80)] | None = None
+    """Field of the plots file that ``plots`` names that holds the plots' ids."""
     landing: Landing | None = None
     """At home where there is none."""
     takeoff_m: Positive = 5.0

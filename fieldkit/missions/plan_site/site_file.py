@@ -1,4 +1,4 @@
-"""Site files (TOML), with the plots, fences and no-fly zones that may lie beside them as GeoJSON.
+"""Site files (TOML), with the plots, fences and no-fly zones that may lie beside them, as a GIS writes them.
 
 missions/README.md lists the keys. Everything is checked against home, so that swapped coordinates are found here and
 not in the field.
@@ -6,7 +6,9 @@ not in the field.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +20,20 @@ from fieldkit.documents.versioned_toml import read_versioned, sentence, validate
 from fieldkit.errors import MetadataError
 from fieldkit.files import file_beside
 from fieldkit.geometry.geodesy import LocalFrame, great_circle_m, look_swapped
-from fieldkit.missions.plan_site.geojson import Feature, read_features
+from fieldkit.missions.plan_site.geojson import Feature, wgs84_features
+from fieldkit.missions.plan_site.plot_ids import ID_FIELDS, IdProblem, PlotIds, plot_ids
 from fieldkit.missions.plan_site.plot_shapes import heading_near, plot_shape
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
+from fieldkit.missions.plan_site.vector_files import VectorFile, read_features, read_wgs84
+from fieldkit.regular_files import open_regular
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
 _MAX_BYTES = 256 << 10
-_REMEDY = "missions/README.md lists the keys of a site file."
-_PLOTS_REMEDY = "missions/README.md says what a plots file holds."
+_REMEDY = (
+    "A site file is TOML with format = 1, [home] and plots: missions/README.md of fieldkit's sources lists its keys."
+)
+_PLOTS_REMEDY = "Plots are polygons or points; height_m, row_heading_deg … are properties, in metres and degrees."
 _ORDER = "A site file gives the latitude first, GeoJSON the longitude."
 _AS_THEY_ARE = (
     "height_m", "datum", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m"
@@ -34,16 +41,54 @@ _AS_THEY_ARE = (
 _SIDES_M = (0.1, 1000.0)
 _NO_PLOTS = 'Give it [[plots]], or plots = "plots.geojson"; --plots takes such a file, too.'
 
+Tell = Callable[[str], None]
+"""Takes a sentence for people."""
 
-def load_site(path: Path, plots: Path | None = None) -> Site:
+
+@dataclass(frozen=True, eq=False)
+class PlotsFile:
+    """A plots file, read.
+
+    Attributes:
+        plots: in the file's order.
+        ids: which field their names are from.
+        file: as GeoJSON in WGS 84.
+    """
+
+    plots: tuple[SitePlot, ...]
+    ids: PlotIds
+    file: VectorFile
+
+    def geojson(self) -> bytes | None:
+        """The plots as GeoJSON in WGS 84 that gives the same plots to any reader, its ids under "plot_id".
+
+        None where the file itself does.
+        """
+        if self.file.as_is and (self.ids.field is None or self.ids.field.casefold() in ID_FIELDS):
+            return None
+        found = self.file.document.get("features", [self.file.document])
+        rows = [
+            {**row, "properties": {"plot_id": name, **_without(row.get("properties") or {}, "plot_id")}}
+            for row, name in zip(found, self.ids.ids, strict=True)
+        ]
+        document = {"type": "FeatureCollection", "features": rows}
+        return (json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n").encode()
+
+
+def load_site(
+    path: Path, plots: Path | None = None, plot_id: str | None = None, *, tell: Tell | None = None
+) -> Site:  # fmt: skip
     """Read a site file.
 
-    ``geofence``, ``no_fly`` and ``plots`` may name GeoJSON files, relative to the site file and in its folder or below
-    it; only an absolute path may lead elsewhere.
+    ``geofence``, ``no_fly`` and ``plots`` may name files (`read_features`), relative to the site file and in its folder
+    or below it; only an absolute path may lead elsewhere.
 
     Args:
         path: the TOML file.
-        plots: a GeoJSON file whose plots take the place of the site's own.
+        plots: a file whose plots take the place of the site's own.
+        plot_id: field of the plots file that holds the plots' ids. None takes the site file's ``plot_id`` for the file
+            that it names itself, and else looks for one (`plot_ids`).
+        tell: is told where the ids are from, before they are used.
 
     Raises:
         MetadataError: a file is missing or malformed, a key is missing, unknown or wrong, a polygon crosses itself, two
@@ -51,11 +96,12 @@ def load_site(path: Path, plots: Path | None = None) -> Site:
             `FARTHEST_M` from home.
     """
     path = Path(path)
+    _require_no_json(path)
     document = read_versioned(path, "site file", _REMEDY, _MAX_BYTES)
     document.setdefault("name", path.stem)
     own = document.get("plots")
     if plots is None and isinstance(own, str):
-        plots = _beside(own, path, "plots")
+        plots, plot_id = _beside(own, path, "plots"), plot_id or document.get("plot_id")
     if plots is None and not own:
         raise MetadataError("has no plots", path=path, remedy=_NO_PLOTS)
     if plots is not None:
@@ -67,13 +113,35 @@ def load_site(path: Path, plots: Path | None = None) -> Site:
     _check_places(site.home, _surroundings(site), path)
     _check_polygons(site, path)
     if plots is not None:
-        return with_plots(site, load_plots(plots), path=plots)
+        found = read_plots(plots, plot_id)
+        if tell is not None:
+            tell(f"{found.ids.sentence()}.")
+        return with_plots(site, found.plots, path=plots)
+    if plot_id is not None:
+        raise MetadataError(
+            "lists its plots itself, so there is no field for --plot-id", path=path, remedy="Leave --plot-id out."
+        )
     _check_places(site.home, _origins(site.plots), path)
     return site
 
 
-def load_plots(path: Path) -> tuple[SitePlot, ...]:
-    """Read a plots file: GeoJSON points and polygons, in the file's order.
+def plots_file_beside(path: Path) -> Path | None:
+    """The file that a site file names for its plots; None where it lists them itself, or has none.
+
+    Raises:
+        MetadataError: the site file cannot be read, or what it names leads elsewhere.
+    """
+    own = read_versioned(path, "site file", _REMEDY, _MAX_BYTES).get("plots")
+    return _beside(own, path, "plots") if isinstance(own, str) else None
+
+
+def load_plots(path: Path, plot_id: str | None = None) -> tuple[SitePlot, ...]:
+    """The plots of a file: see `read_plots`."""
+    return read_plots(path, plot_id).plots
+
+
+def read_plots(path: Path, plot_id: str | None = None) -> PlotsFile:
+    """Read a plots file: points and polygons, in the file's order.
 
     Of a polygon the origin is the centroid, and x points along the longer side of its least rectangle (see
     `plot_shape`), unless its ``row_heading_deg`` says otherwise. Of the two directions of that side the first polygon
@@ -81,28 +149,34 @@ def load_plots(path: Path) -> tuple[SitePlot, ...]:
     lies the other way round. That rectangle's sides are the plot's length and width, unless ``length_m`` and
     ``width_m`` are given.
 
+    Args:
+        path: of any kind that `read_features` reads.
+        plot_id: field that holds the plots' ids; None looks for one (`plot_ids`).
+
     Raises:
-        MetadataError: as `read_features`; a property is wrong, a point has no heading, a polygon is nearly square and
-            has none, crosses itself or has several parts, a height has no datum, or two plots have one name.
+        MetadataError: as `read_features`; no field gives every plot an id; a property is wrong, a point has no heading,
+            a polygon is nearly square and has none, crosses itself or has several parts, a height has no datum.
     """
     path = Path(path)
+    file = read_wgs84(path)
+    features = wgs84_features(file.document, path)
+    try:
+        ids = plot_ids(features, plot_id)
+    except IdProblem as problem:
+        raise MetadataError(str(problem), path=path, remedy=problem.remedy) from problem
     plots: list[SitePlot] = []
-    names: dict[str, int] = {}
     towards: float | None = None
-    for feature in read_features(path):
+    for feature, name in zip(features, ids.ids, strict=True):
         try:
-            plot, from_shape = _plot(feature, towards)
+            plot, from_shape = _plot(feature, name, towards)
         except ValidationError as error:
             raise _bad_plot(feature, sentence(error), path) from error
         except ValueError as error:
             raise _bad_plot(feature, str(error), path) from error
         if from_shape and towards is None:
             towards = plot.row_heading_deg
-        if plot.name in names:
-            raise _bad_plot(feature, f'is called "{plot.name}", as feature {names[plot.name]} is', path)
-        names[plot.name] = feature.number
         plots.append(plot)
-    return tuple(plots)
+    return PlotsFile(tuple(plots), ids, file)
 
 
 def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = None) -> Site:
@@ -126,11 +200,30 @@ def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = Non
     return changed
 
 
-def _plot(feature: Feature, towards: float | None) -> tuple[SitePlot, bool]:
+def _require_no_json(path: Path) -> None:
+    """Say it where another of fieldkit's files is given as the site."""
+    try:
+        with open_regular(path) as file:
+            start = file.read(64).lstrip()
+    except (OSError, ValueError):
+        return  # reading it says what is wrong
+    if start.startswith(b"{"):
+        raise MetadataError(
+            "is JSON, not a site file", path=path,
+            remedy="--site takes the TOML file with [home]; the plan comes first, plots are given with --plots.",
+        )  # fmt: skip
+
+
+def _without(properties: dict[str, Any], name: str) -> dict[str, Any]:
+    return {key: value for key, value in properties.items() if key.casefold() != name}
+
+
+def _plot(feature: Feature, name: Any, towards: float | None) -> tuple[SitePlot, bool]:
     """A feature as a plot, and whether its heading is from its shape.
 
     Args:
         feature: of a plots file.
+        name: its id.
         towards: heading that a shape's direction is to be near to.
 
     Raises:
@@ -158,11 +251,8 @@ def _plot(feature: Feature, towards: float | None) -> tuple[SitePlot, bool]:
             f"has the height {feature.height_m:g} in its coordinates, which files mean differently: "
             "give height_m and datum as properties"
         )
-    name = given.get("name", f"plot-{feature.number}")
-    if isinstance(name, int) and not isinstance(name, bool) and abs(name) < 10**18:
-        name = str(name)
     values = {
-        "name": name.strip() if isinstance(name, str) else name,
+        "name": name,
         "latitude_deg": latitude,
         "longitude_deg": longitude,
         "row_heading_deg": heading,
@@ -191,7 +281,7 @@ def _bad_plot(feature: Feature, problem: str, path: Path) -> MetadataError:
 
 
 def _zones(path: Path, *, named: bool) -> Iterator[Any]:
-    """The polygons of a GeoJSON file as a site file has them inline."""
+    """The polygons of a file as a site file has them inline."""
     for feature in read_features(path):
         if feature.kind != "Polygon":
             raise MetadataError(
@@ -208,7 +298,7 @@ def _zones(path: Path, *, named: bool) -> Iterator[Any]:
 def _beside(name: str, site: Path, key: str) -> Path:
     """The file that a site file names."""
     if not name or "\0" in name or len(name) > 1000:
-        raise MetadataError(f"{key}: is not a path", path=site, remedy="Name a GeoJSON file beside the site file.")
+        raise MetadataError(f"{key}: is not a path", path=site, remedy="Name a file beside the site file.")
     try:
         found = file_beside(Path(name), site)
     except (OSError, RuntimeError) as error:  # links in a circle

@@ -15,7 +15,7 @@ from fieldkit.runtime.shipped import shipped_folder
 
 _SUFFIX = ".toml"
 _MAX_BYTES = 256 << 10
-_REMEDY = "missions/README.md lists the keys of a vehicle profile."
+_REMEDY = "Start from one of fieldkit's own profiles: missions/README.md of its sources lists the keys."
 
 
 def missions_folder() -> Path:

@@ -33,6 +33,7 @@ from fieldkit.missions.routing.plot_tours import (
 )
 from fieldkit.missions.routing.splitting import Costs, Split, split
 from fieldkit.missions.routing.tour import EXACT_PLACES, grouped_routes, ordered, shortest_tour
+from fieldkit.results.plan import station_number
 
 ITEMS_A_STOP = 5
 ITEMS_A_FLIGHT = 10
@@ -68,7 +69,7 @@ class Flight:
         stops: indices of the stops in order.
         legs: one more than stops: from above the take-off place, between stops, and to above the landing place.
         plots: names in order.
-        length_m: of all legs; without the climb of the take-off and the landing's way down.
+        length_m: from the take-off's ground to the landing's.
         time: its parts and the share of a battery that it takes.
     """
 
@@ -117,7 +118,7 @@ def plan_flights(
     if not stops:
         raise MissionError("there are no stations to fly to", remedy="Give a plan with stations.")
     _check_heights(takeoff_m, transit_m, obstacles)
-    names = [stop.name or f"station {k} of {stop.plot}" for k, stop in enumerate(stops)]
+    names = [stop.name or f"station {station_number(k)} of {stop.plot}" for k, stop in enumerate(stops)]
     check_places(np.array([stop.position_m for stop in stops], dtype=np.float64), names, obstacles)
     start = np.array([*home[:2], home[2] + takeoff_m])
     finish = np.array([*landing[:2], max(transit_m, landing[2])])
@@ -285,7 +286,8 @@ def _flight(field: _Field, order: list[int], members: list[list[int]], stops: Se
     pauses = float(sum(stops[k].pause_s for k in visited))
     time = flight_time([leg.points for leg in legs], turns, pauses, field.vehicle)
     names = tuple(field.plots[plot].group.name for plot in order)
-    return Flight(tuple(visited), tuple(legs), names, float(sum(leg.length_m for leg in legs)), time)
+    upright = max(legs[0].points[0][2], 0.0) + max(legs[-1].points[-1][2], 0.0)
+    return Flight(tuple(visited), tuple(legs), names, float(upright + sum(leg.length_m for leg in legs)), time)
 
 
 def _group(plot: str, stops: Sequence[Stop], names: Sequence[str]) -> Group:

@@ -193,11 +193,11 @@ def run_schemas() -> dict[str, str]:
 
 
 def progress_table(entries: Sequence[LogEntry]) -> str:
-    """progress.csv: a row per trial with its value, the best so far (the regret curve) and the models' weights."""
+    """progress.csv: per trial, from 1, its value, the best so far (the regret curve) and the models' weights."""
     models = models_of(entries)
-    columns = ["number", "origin", "value_m", "best_m", "right", "finished_s", *(f"weight_{m}" for m in models)]
+    columns = ["trial", "origin", "value_m", "best_m", "right", "finished_s", *(f"weight_{m}" for m in models)]
     rows = (
-        [entry.number, entry.origin, entry.value_m, best, entry.right, round(entry.finished_s, 2)]
+        [entry.number + 1, entry.origin, entry.value_m, best, entry.right, round(entry.finished_s, 2)]
         + [weights_of(entry).get(model) for model in models]
         for entry, best in zip(entries, best_so_far(entries), strict=True)
     )

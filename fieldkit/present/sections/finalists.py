@@ -14,10 +14,10 @@ _NOTE = (
 
 
 def finalist_table(outcome: Outcome) -> Table:
-    """The finalists of a search, the plan first; trials are numbered as in evaluations.jsonl."""
+    """The finalists of a search, the plan first; trials count from 1, the `number` of evaluations.jsonl from 0."""
     best = outcome.finalists[0].number if outcome.finalists else -1
     return tabulated("Finalists", outcome.finalists, (
-        (Column("trial"), lambda found: f"{found.number}{', the plan' * (found.number == best)}"),
+        (Column("trial"), lambda found: f"{found.number + 1}{', the plan' * (found.number == best)}"),
         (Column("how it was proposed", short="from"), lambda found: found.origin),
         (Column("expected, mm", True), lambda found: millimetres(found.expected_m)),
         (Column("in the search, mm", True, short="search, mm"), lambda found: millimetres(found.search_value_m)),

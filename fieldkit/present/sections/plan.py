@@ -24,6 +24,7 @@ from fieldkit.present.sections.finalists import finalist_table
 from fieldkit.present.sections.loaded_results import MissionResult, PlanResult
 from fieldkit.present.style import decimal, format_length, format_nominal, format_seconds, metres
 from fieldkit.present.tables.tabulated import tabulated
+from fieldkit.results.plan import station_number
 
 _LATER = 0.97  # quantile of the values within the curve's axis; the first random sets are often much worse
 
@@ -55,6 +56,7 @@ def mission_section(result: MissionResult, anchor: str, view: View | None) -> Se
         KeyFigure("photographs", f"{len(stations)}"),
         KeyFigure("plots", f"{len(flight.plots)}"),
         KeyFigure("length of the way", format_length(flight.length_m), "from take-off to landing"),
+        KeyFigure("time in the air", format_seconds(flight.time_s), "from take-off to landing, estimated"),
     ]
     if stations:
         heights = [station.height_m for station in stations]
@@ -65,7 +67,7 @@ def mission_section(result: MissionResult, anchor: str, view: View | None) -> Se
     table = tabulated("Photographs in the order they are flown", flown, (
         (Column("photograph"), lambda row: f"{row[0]}"),
         (Column("plot"), lambda row: row[1].plot),
-        (Column("station", True), lambda row: f"{row[1].station}"),
+        (Column("station", True), lambda row: f"{station_number(row[1].index)}"),
         (Column("east of home, m", True), lambda row: metres(row[2][0])),
         (Column("north of home, m", True), lambda row: metres(row[2][1])),
         (Column("height above home, m", True), lambda row: metres(row[2][2])),
@@ -140,7 +142,7 @@ def _charts(result: PlanResult) -> Iterator[LineChart]:
 def _stations(result: PlanResult) -> Table:
     assert result.plan is not None
     return tabulated("Stations", list(enumerate(result.plan.stations)), (
-        (Column("station"), lambda row: f"{row[0]}"),
+        (Column("station"), lambda row: f"{station_number(row[0])}"),
         (Column("x, m", True), lambda row: metres(row[1].position_m[0])),
         (Column("y, m", True), lambda row: metres(row[1].position_m[1])),
         (Column("z, m", True), lambda row: metres(row[1].position_m[2])),

@@ -102,6 +102,6 @@ def mission_statement(result: MissionResult) -> Statement:
     return Statement(
         "note" if result.changed else "fact",
         f"The mission “{flight.name}” takes {count(len(flight.stations), 'photograph')} over {over} on a way of "
-        f"{flight.length_m:,.0f} m.",
+        f"{format_length(flight.length_m)} in {format_seconds(flight.time_s)}, from take-off to landing.",
         advice,
     )

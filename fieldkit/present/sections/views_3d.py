@@ -25,7 +25,7 @@ from fieldkit.present.sections.loaded_results import (
 )
 from fieldkit.present.style import format_length
 from fieldkit.results.evaluation import CameraEntry, EvaluationReport, ImageEntry, PlotEvaluation, ReferenceReport
-from fieldkit.results.plan import Plan
+from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.report_files import check_file
 
 MOST_VIEWS_OF_PLOTS = 4
@@ -175,7 +175,7 @@ def mission_view(result: MissionResult, results: Results) -> ViewerScene:
         Pose.from_yaw_pitch(position, s.yaw_deg, s.pitch_deg)
         for position, s in zip(positions, flight.stations, strict=True)
     ]
-    labels = [f"{s.plot}, station {s.station}" for s in flight.stations]
+    labels = [f"{s.plot}, station {station_number(s.index)}" for s in flight.stations]
     lines = [LineLayer("Way", (frame.points(way(record, flight)).astype(np.float32),), _WAY)]
     for name, rings, color in (("Fence", record.inside, _FENCE), ("No-fly zones", record.outside, _ZONE)):
         if rings:
@@ -314,7 +314,7 @@ def _planned_layer(result: PlanResult) -> FrustumLayer:
     assert plan is not None
     half = _HALF_VIEW if plan.camera is None else _half_view(plan.camera.intrinsics)
     poses = [station.pose for station in plan.stations]
-    labels = [f"station {number}" for number in range(len(poses))]
+    labels = [f"station {station_number(index)}" for index in range(len(poses))]
     return FrustumLayer("Cameras, planned", poses, labels, *half, _PLANNED)
 
 

@@ -88,7 +88,7 @@ def test_higher_plants_are_flown_clear_of_or_refused() -> None:
     assert findings(over, plant_height_m=1.1).keys() == {"plants-higher"}
     refused = findings(over, plant_height_m=1.4)["plants-too-high"]
     assert refused.severity == "error"
-    assert "station 7 would stand in them, or nearer to them than 0.5 m" in refused.message
+    assert "station 8 would stand in them, or nearer to them than 0.5 m" in refused.message
     with pytest.raises(
         MissionError, match=r"does not fit p1: plants of 1\.40 m.*\(1 more plot does not fit\)"
     ) as caught:
@@ -140,7 +140,7 @@ def test_stations_over_a_plot_that_is_larger_than_the_plans() -> None:
     larger = {"length_m": 6.0, "width_m": 3.0, "plant_height_m": 0.9}
     refused = findings(planned(height_m=1.2), **larger)["plot-larger"]
     assert refused.severity == "error"
-    assert "stations 0, 1, 2, 3 and 3 more would stand among its plants of 0.90 m" in refused.message
+    assert "stations 1, 2, 3, 4 and 3 more would stand among its plants of 0.90 m" in refused.message
     above = planned(height_m=2.0)
     assert findings(above, **larger).keys() == {"plot-size"}
     assert "plot-larger" not in findings(planned(height_m=1.2), length_m=6.0, width_m=3.0)

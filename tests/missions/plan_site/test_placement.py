@@ -184,7 +184,7 @@ def test_plots_in_their_order_with_their_names() -> None:
     assert [(shot.plot, shot.station) for shot in shots] == [(p, s) for p in "bac" for s in (0, 1)]
     assert [shot.place.height_m for shot in shots] == pytest.approx([2, 3, 3, 4, 4, 5], abs=1e-6)
     assert [shot.pitch_deg for shot in shots] == [-90, -60] * 3
-    assert shots[1].name == "station 1 of b"
+    assert shots[1].name == "station 2 of b"
     assert home_of(site).amsl_m == 90.0
 
 
@@ -206,7 +206,7 @@ def test_heights_need_a_common_datum() -> None:
 
 def test_what_no_flight_can_be() -> None:
     site = site_at(50.0, 6.0)
-    with pytest.raises(MissionError, match="station 1 of the plan is farther than 10 km"):
+    with pytest.raises(MissionError, match="station 2 of the plan is farther than 10 km"):
         place(plan_of((0, 0, 2, 0, -90), (0, 1e300, 2, 0, -90)), site)
     many = tuple(SitePlot(name=str(k), latitude_deg=50.0 + 1e-5 * k, longitude_deg=6.0) for k in range(1000))
     stations = ((0, 0, 2, 0, -90),) * (MAX_SHOTS // 1000 + 1)

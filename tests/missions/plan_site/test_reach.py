@@ -43,11 +43,11 @@ def test_a_pitch_beyond_the_mount() -> None:
     shots = shots_of((2.0, -30.0), (2.0, 41.0))
     found = unreachable(shots, SITE, load_vehicle("ardupilot-pitch"))
     assert [(each.shot.name, each.limits) for each in found] == [
-        ("station 1 of low", ("pitch",)), ("station 1 of high", ("pitch",)),
+        ("station 2 of low", ("pitch",)), ("station 2 of high", ("pitch",)),
     ]  # fmt: skip
     assert found[0].nearest == replace(shots[1], pitch_deg=30.0)
     assert str(found[0]) == (
-        "station 1 of low: pitch 41°, but the mount of ArduCopter quad with a pitch gimbal reaches -90° to 30°; "
+        "station 2 of low: pitch 41°, but the mount of ArduCopter quad with a pitch gimbal reaches -90° to 30°; "
         "the nearest pose is 2.00 m above the ground with pitch 30°"
     )
 
@@ -85,11 +85,11 @@ def test_stations_that_become_one_photograph_are_named() -> None:
         adjusted(plan(*at), SITE, vehicle)
     assert caught.value.exit_code == 5
     assert caught.value.message == (
-        "station 0 of low and station 2 become one photograph when they are adjusted to this vehicle: "
+        "station 1 of low and station 3 become one photograph when they are adjusted to this vehicle: "
         "0.04 m and 0.0° apart, 0.04 m and 60.0° as planned"
     )
     # One of them as planned; and by height alone.
-    with pytest.raises(MissionError, match="station 0 of low and station 1 become one photograph"):
+    with pytest.raises(MissionError, match="station 1 of low and station 2 become one photograph"):
         adjusted(plan(((0.0, 0.0, 2.0), -45.0), ((0.0, 0.02, 2.0), -60.0)), SITE, vehicle)
     low = (((0.0, 0.0, 0.2), -45.0), ((0.0, 0.0, 0.7), -45.0))
     with pytest.raises(MissionError, match=r"0.00 m and 0.0° apart, 0.50 m and 0.0° as planned"):
@@ -108,7 +108,7 @@ def test_the_error_names_the_first_and_counts_the_others() -> None:
     with pytest.raises(MissionError) as caught:
         require_reachable(shots_of((0.2, 50.0), (0.2, -30.0)), SITE, vehicle)
     assert caught.value.exit_code == 5
-    assert caught.value.message.startswith("station 0 of low: pitch 50°, but the mount")
+    assert caught.value.message.startswith("station 1 of low: pitch 50°, but the mount")
     assert "0.20 m above the ground, but" in caught.value.message
     assert caught.value.message.endswith("with pitch 30° (3 more stations are out of reach)")
     assert "--adjust" in caught.value.remedy

@@ -16,11 +16,11 @@ from pydantic import BaseModel
 
 from benchmarks.fuzzing import Target, fuzz
 from fieldkit.errors import MetadataError
-from fieldkit.missions.plan_site.geojson import read_features
 from fieldkit.missions.plan_site.placement import SiteFrame
 from fieldkit.missions.plan_site.plot_shapes import heading_near, plot_shape
 from fieldkit.missions.plan_site.site import NoFly, Obstacle, Site, SiteHome, SitePlot
 from fieldkit.missions.plan_site.site_file import load_plots, load_site, with_plots
+from fieldkit.missions.plan_site.vector_files import read_features
 
 ROOT = Path(__file__).parents[3]
 SITES = ROOT / "missions" / "sites"
@@ -278,7 +278,7 @@ def test_reference_systems(tmp_path: Path) -> None:
     good = geojson(tmp_path, point(row_heading_deg=0), crs=crs("urn:ogc:def:crs:OGC:1.3:CRS84"))
     assert len(read_features(good)) == 1
     bad = geojson(tmp_path, point(row_heading_deg=0), crs=crs("urn:ogc:def:crs:EPSG::25832"))
-    with pytest.raises(MetadataError, match="in urn:ogc:def:crs:EPSG::25832, not WGS 84"):
+    with pytest.raises(MetadataError, match=r"look like degrees, and says that they are in .*EPSG:25832"):
         read_features(bad)
 
 
@@ -316,7 +316,9 @@ def test_all_plots_of_a_field_lie_the_same_way_round(tmp_path: Path) -> None:
 
 def test_names(tmp_path: Path) -> None:
     path = geojson(tmp_path, point(row_heading_deg=0, name=None), point(row_heading_deg=0, name=17))
-    assert [plot.name for plot in load_plots(path)] == ["plot-1", "17"]
+    with pytest.raises(MetadataError, match='feature 1: has no "name", which others have'):
+        load_plots(path)
+    assert [plot.name for plot in load_plots(geojson(tmp_path, point(row_heading_deg=0, name=17)))] == ["17"]
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b"\xff", b"[" * 100_000, b"{}", b'{"type": "FeatureCollection"}'])

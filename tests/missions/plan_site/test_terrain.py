@@ -297,7 +297,7 @@ def test_a_station_too_low_above_the_local_ground_is_an_error() -> None:
     site = site_with(slope_percent=20.0, uphill_heading_deg=90.0)
     assert place(plan, site)[0].place.height_m == pytest.approx(1.4, abs=1e-5)
     assert place(plan, site)[1].place.height_m == pytest.approx(0.6, abs=1e-5)
-    with pytest.raises(MissionError, match=r"station 0 of plot: 0\.80 m above the ground.*the nearest pose is 1\.00 m"):
+    with pytest.raises(MissionError, match=r"station 1 of plot: 0\.80 m above the ground.*the nearest pose is 1\.00 m"):
         route_plan(plan, VEHICLE, site)
     routed = route_plan(plan, VEHICLE, site, adjust=True)
     assert len(routed.moved) == 1

@@ -66,3 +66,20 @@ def test_the_front_view_has_nothing_of_the_plots_behind() -> None:
     np.testing.assert_array_equal(both.images[0].get_array(), one.images[0].get_array())
     assert {text.get_text() for text in both.texts} >= {"1", "2", "3", "4"}
     assert "5" not in {text.get_text() for text in both.texts}
+
+
+def test_home_north_names_of_plots_and_the_plans_own_numbers() -> None:
+    """Numbers are those that are given, not the order of flight; a plot's name stands once, at its middle."""
+    ring = [Pose.look_at((1.3 * np.cos(a), 1.3 * np.sin(a), 1.2), (0, 0, 0)) for a in np.linspace(0, 5, 4)]
+    poses = ring + [Pose(pose.rotation, pose.center + np.array([6.0, 0.0, 0.0])) for pose in ring]
+    legs = [np.array([a.center, b.center]) for a, b in pairwise(poses)]
+    figure = draw_mission(
+        "two", legs, poses, CAMERA, Cloud(np.zeros((0, 3))), near=4, stations=list("31427856"),
+        plots=["A01"] * 4 + ["$b$"] * 4, home=np.array([0.0, -3.0]),
+    )  # fmt: skip
+    above, close, front = ([text.get_text() for text in axes.texts] for axes in figure.axes)
+    assert {"N", "home", "A01", "$b$"} <= set(above)
+    assert above.count("A01") == 1
+    assert {"N", "3", "1", "4", "2"} <= set(close)
+    assert {"N", "home", "A01"}.isdisjoint(front)
+    assert [axes.get_title(loc="left") for axes in figure.axes[1:]] == ["A01 from above", "A01 from the front"]

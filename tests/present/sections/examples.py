@@ -188,12 +188,12 @@ def write_everything(root: Path) -> None:
 def _adherence(plot: str) -> AdherenceEntry:
     stations = tuple(
         StationErrorEntry(
-            station=f"station {k}", image=f"IMG_{k + 1:04d}.jpg", east_m=0.1 * k - 0.2, north_m=0.05,
+            station=f"station {k + 1}", image=f"IMG_{k + 1:04d}.jpg", east_m=0.1 * k - 0.2, north_m=0.05,
             up_m=None if k else -0.1, yaw_deg=1.5, pitch_deg=-0.5, speed_mps=0.04, turning_dps=0.3,
         )
         for k in range(5)
     )  # fmt: skip
     return AdherenceEntry(
-        stations=stations, missing=("station 5", f"station {plot}"), extra=("IMG_0008.jpg",), horizontal_rms_m=0.21,
+        stations=stations, missing=("station 6", f"station {plot}"), extra=("IMG_0008.jpg",), horizontal_rms_m=0.21,
         yaw_rms_deg=1.5, pitch_rms_deg=0.5,
     )  # fmt: skip

@@ -22,6 +22,7 @@ from fieldkit.missions.files.limits import MOST_WAYPOINTS
 from fieldkit.missions.files.route import RoutePoint, route_points
 from fieldkit.missions.mission import Mission
 from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.results.plan import station_number
 
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
 _LEAST_TAKEOFF_M = 1.2
@@ -148,7 +149,7 @@ def _all_actions(mission: Mission, points: list[RoutePoint], model: DjiModel) ->
 def _actions(mission: Mission, index: int, group: int, point: RoutePoint, turn_deg: float, lens: str) -> str:
     if point.shot is None:
         return ""
-    suffix = re.sub(r"[^A-Za-z0-9_-]", "-", f"{point.shot.plot}_{point.shot.station}")
+    suffix = re.sub(r"[^A-Za-z0-9_-]", "-", f"{point.shot.plot}_{station_number(point.shot.station)}")
     # The waypoint's own heading is in whole degrees by the documentation, this one is not. It goes on the same way
     # round, so that a turn that is not over by then is not begun anew.
     way = "clockwise" if turn_deg >= 0.0 else "counterClockwise"
