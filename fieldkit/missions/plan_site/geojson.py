@@ -14,13 +14,14 @@ from fieldkit.documents.json_file import read_json_object
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import look_swapped, on_earth
 from fieldkit.missions.files.limits import json_number
+from fieldkit.runtime.shipped import shipped_page
 
 MAX_BYTES = 16 << 20
 MAX_FEATURES = 2000
 MAX_CORNERS = 20_000
 """Of all polygons of a file together."""
 
-_REMEDY = "Give a GeoJSON file in WGS 84 (EPSG:4326); missions/README.md says what it holds."
+_REMEDY = f"Give a GeoJSON file in WGS 84 (EPSG:4326); {shipped_page('missions/README.md')} says what it holds."
 _PROJECTED = "Export it in WGS 84 (EPSG:4326): in QGIS, Save Features As… with that CRS."
 _SWAPPED = "GeoJSON puts longitude first: swap the two."
 _WGS84 = ("crs84", "epsg::4326", "epsg:4326")

@@ -21,12 +21,13 @@ from fieldkit.geometry.geodesy import LocalFrame, great_circle_m, look_swapped
 from fieldkit.missions.plan_site.geojson import Feature, read_features
 from fieldkit.missions.plan_site.plot_shapes import heading_near, plot_shape
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
+from fieldkit.runtime.shipped import shipped_page
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
 _MAX_BYTES = 256 << 10
-_REMEDY = "missions/README.md lists the keys of a site file."
-_PLOTS_REMEDY = "missions/README.md says what a plots file holds."
+_REMEDY = f"{shipped_page('missions/README.md')} lists the keys of a site file."
+_PLOTS_REMEDY = f"{shipped_page('missions/README.md')} says what a plots file holds."
 _ORDER = "A site file gives the latitude first, GeoJSON the longitude."
 _AS_THEY_ARE = (
     "height_m", "datum", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m"
