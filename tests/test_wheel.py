@@ -18,7 +18,7 @@ import pytest
 from tests.cli.test_scene_commands import TINY
 
 ROOT = Path(__file__).parents[1]
-LIMIT_S = 1800
+LIMIT_S = 3600
 
 
 @dataclass(frozen=True)
