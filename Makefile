@@ -7,7 +7,7 @@ PAGE := fieldkit/present/html
 VIEWER := $(PAGE)/vendor/viewer.min.js
 PYTEST_ARGS ?=
 
-.PHONY: help setup browser demo test test-all check bench docs clean
+.PHONY: help setup browser demo test test-all check wheel bench docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,6 +39,9 @@ check: $(STAMP) ## lint, check the format, the types and which way imports run
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
+
+wheel: setup ## build the wheel, which holds everything, into dist/
+	$(BIN)/python -m hatchling build -t wheel
 
 bench: setup ## measure the engine's speed
 	$(BIN)/python -m benchmarks engine --overwrite

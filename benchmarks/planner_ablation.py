@@ -20,7 +20,8 @@ from fieldkit.planning.methods.random import Random
 from fieldkit.planning.problem import Judge, Method, PlanningProblem, Result, lowest
 from fieldkit.planning.score.geometric import GeometricScore, ScoreSettings
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.planning.surrogate.sets import FEATURES, SetEmbedding
+from fieldkit.planning.surrogate.set_process import FEATURES
+from fieldkit.planning.surrogate.sets import SetEmbedding
 
 NOISE = 0.05
 """Standard deviation of an evaluation as a share of its value, as measured for draft evaluations."""

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from botorch.models import SingleTaskGP
-from gpytorch.means import ConstantMean  # type: ignore[import-untyped]
 from scipy.stats import spearmanr
 
 from benchmarks.result import Cell, ResultTable
@@ -17,7 +15,7 @@ from fieldkit.planning.problem import PlanningProblem, Result
 from fieldkit.planning.space.cameras import Array
 from fieldkit.planning.surrogate.ensemble import fit_ensemble
 from fieldkit.planning.surrogate.fit import moments
-from fieldkit.planning.surrogate.sets import fit_sets
+from fieldkit.planning.surrogate.set_process import fit_sets
 
 _FIRST, _EVERY, _AHEAD = 20, 8, 12
 Fit = Callable[[Sequence[Result], Sequence[Result]], tuple[Array, Array]]
@@ -99,7 +97,8 @@ def surrogate_table(found: Mapping[str, Mapping[str, PredictionErrors]]) -> Resu
 
 def _field(field: Field) -> Fit:
     def fit(known: Sequence[Result], ahead: Sequence[Result]) -> tuple[Array, Array]:
-        return _foretold(field.learn(known).model, field.inputs([result.trial.cameras for result in ahead]))
+        inputs = field.inputs([result.trial.cameras for result in ahead])
+        return _foretold(field.learn(known).process.moments(inputs, noise=True))
 
     return fit
 
@@ -107,7 +106,9 @@ def _field(field: Field) -> Fit:
 def _without_score(field: Field) -> Fit:
     def fit(known: Sequence[Result], ahead: Sequence[Result]) -> tuple[Array, Array]:
         x, inputs = (field.inputs([r.trial.cameras for r in group]) for group in (known, ahead))
-        return _foretold(fit_sets(x, _logarithms(known), ConstantMean(), field.settings.noise), inputs)
+        y = _logarithms(known)
+        constant_m = float(np.exp(-y.mean()))  # the prior mean
+        return _foretold(fit_sets(x, y, np.zeros(3), constant_m, field.settings.noise).moments(inputs, noise=True))
 
     return fit
 
@@ -116,15 +117,17 @@ def _ensemble(space: EncodedSpace, noise: float) -> Fit:
     def fit(known: Sequence[Result], ahead: Sequence[Result]) -> tuple[Array, Array]:
         x, inputs = (np.array([space.encode(r.trial.cameras) for r in group]) for group in (known, ahead))
         ensemble = fit_ensemble(x, _logarithms(known), 0, least_noise=noise)
-        means, variances = np.array([_foretold(m, inputs) for m in ensemble.models.values()]).swapaxes(0, 1)
+        means, variances = np.array(
+            [_foretold(moments(m, inputs, noise=True)) for m in ensemble.models.values()]
+        ).swapaxes(0, 1)
         mean = ensemble.weights @ means
         return mean, ensemble.weights @ (variances + (means - mean) ** 2)  # eq. `EGP_post`
 
     return fit
 
 
-def _foretold(model: SingleTaskGP, inputs: Array) -> tuple[Array, Array]:
-    mean, deviation = moments(model, inputs, noise=True)
+def _foretold(moments: tuple[Array, Array]) -> tuple[Array, Array]:
+    mean, deviation = moments
     return mean, deviation**2
 
 

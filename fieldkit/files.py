@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import errno
-import fcntl
 import hashlib
 import os
 import secrets
@@ -15,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from fieldkit.errors import StorageError, UsageError
+from fieldkit.locks import lock, open_folder
 from fieldkit.regular_files import is_other_than_file
 
 _REMEDIES = {
@@ -143,9 +143,9 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
     with storage_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         _remove_abandoned(target)
-        partial, lock = _partial_name(target), None
+        partial, held = _partial_name(target), None
         try:
-            lock = _make_locked(partial)
+            held = _make_locked(partial)
             _check_alone(partial, target)
             yield partial
             _sync_tree(partial)
@@ -157,8 +157,8 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
                 error.path = target / error.path.relative_to(partial)  # the path that people know
             raise
         finally:
-            if lock is not None:
-                os.close(lock)
+            if held is not None:
+                os.close(held)
 
 
 def _absolute(path: Path) -> Path:
@@ -222,16 +222,18 @@ def _check_target(target: Path, overwrite: bool, marker: str | None) -> None:
         )
 
 
-def _make_locked(partial: Path) -> int:
-    """Make the folder; returns a descriptor whose lock shows that this process is alive."""
+def _make_locked(partial: Path) -> int | None:
+    """Make the folder; returns a descriptor whose lock shows that this process is alive, or None where none can."""
     while True:
         partial.mkdir()
-        lock = os.open(partial, os.O_RDONLY)
+        descriptor = open_folder(partial)
+        if descriptor is None:
+            return None
         with suppress(OSError):  # a file system without locks, where no folder counts as abandoned
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(descriptor)
         if partial.exists():
-            return lock
-        os.close(lock)  # another run removed it before it was locked
+            return descriptor
+        os.close(descriptor)  # another run removed it before it was locked
 
 
 def _check_alone(partial: Path, target: Path) -> None:
@@ -251,29 +253,33 @@ def _check_alone(partial: Path, target: Path) -> None:
 
 def _is_locked(place: Path) -> bool:
     try:
-        lock = os.open(place, os.O_RDONLY)
+        descriptor = open_folder(place)
     except OSError:
         return False  # it is gone
+    if descriptor is None:
+        return False
     try:
-        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        lock(descriptor, shared=True)
     except BlockingIOError:
         return True
     except OSError:
         return False  # a file system without locks
     finally:
-        os.close(lock)
+        os.close(descriptor)
     return False
 
 
 def remove_if_abandoned(place: Path) -> None:
     """Remove a hidden folder of `atomic_folder` whose maker no longer lives; one that is locked stays."""
     with suppress(OSError):
-        lock = os.open(place, os.O_RDONLY)
+        descriptor = open_folder(place)
+        if descriptor is None:
+            return
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(descriptor)
             shutil.rmtree(place, ignore_errors=True)
         finally:
-            os.close(lock)
+            os.close(descriptor)
 
 
 def _remove_abandoned(target: Path) -> None:
@@ -308,14 +314,16 @@ def _exchange(a: Path, b: Path) -> bool:
     """Swap two folders in one step (Linux renameat2); False if the system cannot."""
     try:
         renameat2 = ctypes.CDLL(None, use_errno=True).renameat2
-    except (OSError, AttributeError):
+    except (OSError, AttributeError, TypeError):  # macOS, Windows
         return False
     status = renameat2(_AT_FDCWD, os.fsencode(a), _AT_FDCWD, os.fsencode(b), ctypes.c_uint(_RENAME_EXCHANGE))
     return int(status) == 0
 
 
 def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
+    descriptor = open_folder(path)
+    if descriptor is None:
+        return
     try:
         with suppress(OSError):  # some network disks refuse to sync a folder
             os.fsync(descriptor)
@@ -328,7 +336,7 @@ def _sync_tree(folder: Path) -> None:
         for name in files:
             path = Path(root) / name
             if path.is_file() and not path.is_symlink():
-                descriptor = os.open(path, os.O_RDONLY)
+                descriptor = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
                 try:
                     os.fsync(descriptor)  # a full disk may show only here
                 finally:

@@ -16,6 +16,7 @@ from pathlib import Path
 from fieldkit.errors import UsageError
 
 _OTHER = "it is not a regular file"
+_READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # one is POSIX's, one Windows'
 
 
 def check_regular(path: Path) -> os.stat_result:
@@ -36,7 +37,7 @@ def open_regular(path: Path) -> Iterator[BufferedReader]:
     """
     check_regular(path)  # opening some devices does something already
     # What lies there may have been exchanged since: opening a FIFO must not wait.
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    descriptor = os.open(path, _READING)
     with open(descriptor, "rb") as file:  # noqa: PTH123
         _regular(os.fstat(descriptor), path)
         yield file

@@ -44,7 +44,7 @@ class TestAtomicFolder:
             assert len(names(tmp_path)) == 1  # the folder is there already
             raise KeyboardInterrupt
 
-        monkeypatch.setattr("fieldkit.files.fcntl.flock", interrupt)
+        monkeypatch.setattr("fieldkit.files.lock", interrupt)
         with pytest.raises(KeyboardInterrupt), atomic_folder(tmp_path / "reference"):
             raise AssertionError("the block was entered")
         assert names(tmp_path) == []

@@ -14,11 +14,12 @@ from fieldkit.documents.versioned_toml import read_versioned, validated_toml
 from fieldkit.missions.plan_site.site import Name
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.fields import Strict
+from fieldkit.runtime.shipped import shipped_page
 
 CAMPAIGN_FILE = "campaign.toml"
 DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 _MAX_BYTES = 1 << 20
-_REMEDY = "docs/campaigns.md lists the keys of campaign.toml."
+_REMEDY = f"{shipped_page('docs/campaigns.md')} lists the keys of campaign.toml."
 
 FileName = Annotated[str, Field(min_length=1, max_length=1000, pattern=r"^[^\x00]+$")]
 Distance = Annotated[float, Field(gt=0, le=10)]

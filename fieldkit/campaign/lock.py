@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from fieldkit.errors import UsageError
 from fieldkit.files import storage_errors
+from fieldkit.locks import lock
 
 LOCK_FILE = ".lock"
 _POLL_S = 0.5
@@ -36,7 +36,7 @@ def campaign_lock(folder: Path, *, wait: bool, note: Callable[[str], None]) -> I
     """
     file = folder / LOCK_FILE
     with storage_errors(folder):
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         _take(descriptor, folder, wait=wait, note=note)
         _write(descriptor, f"process {os.getpid()}, since {datetime.now():%Y-%m-%d %H:%M}\n")
@@ -52,11 +52,11 @@ def _take(descriptor: int, folder: Path, *, wait: bool, note: Callable[[str], No
     said = False
     while True:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(descriptor)
             return
         except OSError as error:
             if error.errno in _UNSUPPORTED:
-                note(f"{folder}: this disk has no locks; do not start a second run in this campaign")
+                note(f"{folder}: there are no locks here; do not start a second run in this campaign")
                 return
             if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
                 raise
@@ -75,12 +75,14 @@ def _take(descriptor: int, folder: Path, *, wait: bool, note: Callable[[str], No
 def _write(descriptor: int, text: str) -> None:
     with suppress(OSError):  # it only says who holds the lock
         os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, text.encode(), 0)
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        os.write(descriptor, text.encode())
 
 
 def _holder(descriptor: int) -> str:
     with suppress(OSError):
-        text = os.pread(descriptor, 200, 0).decode("utf-8", "replace").strip()
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        text = os.read(descriptor, 200).decode("utf-8", "replace").strip()
         if text and text.isprintable():
             return f" ({text})"
     return ""

@@ -28,7 +28,7 @@ def command(
 ) -> None:
     """Write a new scene file: maize plants of their own forms, soil and sun, all from the seed.
 
-    Edit it as you like; sim/README.md explains every key.
+    Edit it as you like; the command says which page explains every key.
 
     Examples:
         fieldkit scene new --plants 6 --seed 7 --layout rows -o plot.toml
@@ -64,4 +64,6 @@ def command(
     elif output is None:
         sys.stdout.write(text)
     else:
-        say(f"{plants} plants in {output}")
+        from fieldkit.runtime.shipped import shipped_page
+
+        say(f"{plants} plants in {output}; {shipped_page('sim/README.md')} explains its keys")

@@ -20,6 +20,7 @@ from fieldkit.cache import StageCache, default_cache_root
 from fieldkit.errors import StorageError
 from fieldkit.files import check_writable
 from fieldkit.runtime.machine import this_machine
+from fieldkit.runtime.shipped import shipped_page
 
 Status = Literal["ok", "warn", "fail"]
 
@@ -27,12 +28,14 @@ _GIB = 1 << 30
 _PROBE_TIMEOUT_S = 120.0
 _LOW_MEMORY_BYTES = 4 * _GIB
 _LOW_SPACE_BYTES = 2 * _GIB
-_INSTALL = "Run `make setup`, or: pip install -e . -c constraints.txt"
+_INSTALL = "In a checkout run `make setup`; elsewhere install fieldkit's wheel again."
+_INSTALL_PAGE = shipped_page("docs/install.md")
 _OPTIONAL = {
     "laspy": "LAS files: pip install 'fieldkit[geo]'",
     "lazrs": "LAZ files: pip install 'fieldkit[geo]'",
     "pyogrio": "GeoPackage files: pip install 'fieldkit[geo]'",
     "pyproj": "coordinate systems: pip install 'fieldkit[geo]'",
+    "botorch": "searches (fieldkit plan --method field, bosfm): pip install 'fieldkit[search]'",
     "distributed": "runs on a cluster: pip install 'fieldkit[cluster]'",
 }
 
@@ -78,7 +81,8 @@ def check_python() -> Check:
     values = {"fieldkit": __version__, "python": platform.python_version(), "system": platform.platform()}
     detail = f"fieldkit {__version__}, Python {values['python']}, {values['system']}"
     if sys.platform != "linux":
-        return Check("python", "warn", detail, "Only Linux is tested.", values)
+        remedy = f"Only Linux is tested; {_INSTALL_PAGE} says what is missing elsewhere."
+        return Check("python", "warn", detail, remedy, values)
     return Check("python", "ok", detail, values=values)
 
 
@@ -107,7 +111,10 @@ def check_renderer() -> Check:
     """Render a frame and check its pixels and depths."""
     lines, failure = _probe("renderer")
     values = lines[-1] if lines else {}
-    remedy = "Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri. Others: see docs/install.md."
+    remedy = f"Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri. Others: {_INSTALL_PAGE}."
+    if failure and sys.platform != "linux":
+        remedy = "Simulated scenes and the demo need Linux; all that works on photographs works without."
+        return Check("renderer", "warn", "nothing can be rendered on this system", remedy, values)
     if failure:
         return Check("renderer", "fail", f"nothing can be rendered: {failure}", remedy, values)
     wrong = values["wrong_pixels"] + values["wrong_depths"]
@@ -123,7 +130,7 @@ def check_pycolmap() -> Check:
     builds = [name for name in ("pycolmap", "pycolmap-cuda12") if _installed(name)]
     if len(builds) > 1:
         remedy = (
-            "pip uninstall -y pycolmap pycolmap-cuda12, then install the one you want (docs/install.md): "
+            f"pip uninstall -y pycolmap pycolmap-cuda12, then install the one you want ({_INSTALL_PAGE}): "
             "they overwrite each other."
         )
         return Check("pycolmap", "fail", "pycolmap and pycolmap-cuda12 are both installed", remedy, {"builds": builds})

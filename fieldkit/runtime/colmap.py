@@ -6,7 +6,8 @@ Importing it installs a handler of SIGTERM that prints stacks of C++ and ends th
 import signal
 from contextlib import suppress
 
-_held = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+_MASKS = hasattr(signal, "pthread_sigmask")  # not on Windows
+_held = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM}) if _MASKS else set()
 _handler = signal.getsignal(signal.SIGTERM)
 try:
     import pycolmap as pycolmap
@@ -14,7 +15,8 @@ finally:
     if _handler is not None:  # not one of C
         with suppress(ValueError):  # only the main thread may set handlers
             signal.signal(signal.SIGTERM, _handler)
-    signal.pthread_sigmask(signal.SIG_SETMASK, _held)
+    if _MASKS:
+        signal.pthread_sigmask(signal.SIG_SETMASK, _held)
 
 # COLMAP logs every step to stderr, which belongs to the person at the terminal; only fatal messages stay.
 pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value

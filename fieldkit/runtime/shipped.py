@@ -1,4 +1,4 @@
-"""Files that come with fieldkit beside its code: scenes, recorded flights, vehicle profiles, example sites."""
+"""Files that come with fieldkit beside its code: scenes, recorded flights, vehicle profiles, example sites, pages."""
 
 from __future__ import annotations
 
@@ -15,6 +15,19 @@ def shipped_folder(name: str) -> Path:
     Example:
         >>> shipped_folder("sim/scenes")
     """
+    return _shipped(name)
+
+
+def shipped_page(name: str) -> Path:
+    """A page of the documentation that messages point to, by its path in the repository; see `shipped_folder`.
+
+    Example:
+        >>> shipped_page("missions/README.md")
+    """
+    return _shipped(name)
+
+
+def _shipped(name: str) -> Path:
     package = Path(fieldkit.__file__).parent
     installed = package / _INSTALLED / name
-    return installed if installed.is_dir() else package.parent / name
+    return installed if installed.exists() else package.parent / name

@@ -29,6 +29,10 @@ _OSMESA_REMEDY = (
     "For OSMesa install its library (Debian and Ubuntu: apt-get install libosmesa6) and a PyOpenGL that knows it "
     '(pip install --no-deps "PyOpenGL>=3.1.7"), or leave PYOPENGL_PLATFORM unset for EGL.'
 )
+_ELSEWHERE_REMEDY = (
+    "Rendering needs Linux and EGL; on Windows use WSL. References, evaluations, checks, missions and reports of "
+    "photographs work without it."
+)
 
 _NEAR_M, _FAR_M = 0.05, 200.0
 """Clipping distances along the optical axis."""
@@ -57,8 +61,7 @@ class Renderer:
         try:
             self._pyrender, self._platform, self._gl = _start(scene)
         except Exception as error:  # PyOpenGL raises anything from AssertionError to AttributeError here
-            remedy = _OSMESA_REMEDY if os.environ.get("PYOPENGL_PLATFORM") == "osmesa" else _REMEDY
-            raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=remedy) from error
+            raise RenderingError(f"off-screen rendering cannot start: {error!r}", remedy=_remedy()) from error
         self._content = self._pyrender.Scene(bg_color=[*scene.background, 1.0], ambient_light=[0.0, 0.0, 0.0])
         self._meshes: dict[str, Any] = {}
         self._boxes: dict[str, NDArray[np.float64]] = {}
@@ -224,6 +227,12 @@ def _start(scene: Scene) -> tuple[Any, Any, Any]:
     from fieldkit.scenes._gl_renderer import GLRenderer
 
     return pyrender, platform, GLRenderer(scene.light, Path(__file__).parent / "shaders")
+
+
+def _remedy() -> str:
+    if sys.platform != "linux":
+        return _ELSEWHERE_REMEDY
+    return _OSMESA_REMEDY if os.environ.get("PYOPENGL_PLATFORM") == "osmesa" else _REMEDY
 
 
 def _end(platform: Any) -> None:

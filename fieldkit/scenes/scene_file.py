@@ -22,12 +22,13 @@ from fieldkit.documents.toml_text import toml_text
 from fieldkit.documents.validation_sentence import validation_sentence
 from fieldkit.errors import SceneError
 from fieldkit.files import file_beside, write_atomic
+from fieldkit.runtime.shipped import shipped_page
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.mesh_plant import MeshPlantDescription, check_mesh_file
 
 FORMAT = 1
 _MAX_BYTES = 16 << 20
-_REMEDY = "sim/README.md lists the keys of a scene file."
+_REMEDY = f"{shipped_page('sim/README.md')} lists the keys of a scene file."
 _MISSING = "`fieldkit scene new` makes a scene file; `fieldkit scene show` lists those that come with fieldkit."
 _ADAPTER = TypeAdapter(SceneDescription)
 _KINDS = {"maize": "MaizeDescription", "mesh": "MeshPlantDescription"}

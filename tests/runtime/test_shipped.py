@@ -10,7 +10,7 @@ import pytest
 
 import fieldkit
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle, vehicles_folder
-from fieldkit.runtime.shipped import shipped_folder
+from fieldkit.runtime.shipped import shipped_folder, shipped_page
 
 ROOT = Path(__file__).parents[2]
 
@@ -21,10 +21,14 @@ def test_the_wheel_puts_every_folder_where_an_installed_package_looks(
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
     included = settings["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
     for source, target in included.items():
-        assert shipped_folder(source) == ROOT / source
+        assert shipped_folder(source) == shipped_page(source) == ROOT / source
+        if (ROOT / source).is_file():
+            (tmp_path / target).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / source, tmp_path / target)
+            continue
         shutil.copytree(ROOT / source, tmp_path / target, ignore=shutil.ignore_patterns("*.tlog", "*.BIN", "*.bin"))
     monkeypatch.setattr(fieldkit, "__file__", str(tmp_path / "fieldkit" / "__init__.py"))
     for source, target in included.items():
-        assert shipped_folder(source) == tmp_path / target
+        assert shipped_folder(source) == shipped_page(source) == tmp_path / target
     assert vehicles_folder() == tmp_path / "fieldkit" / "shipped" / "missions" / "vehicles"
     assert load_vehicle("fixed-gimbal").mount.pitch_deg == (-45.0, -45.0)

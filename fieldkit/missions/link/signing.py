@@ -9,6 +9,7 @@ from __future__ import annotations
 import binascii
 import hashlib
 import hmac
+import os
 import stat
 import struct
 import time
@@ -36,7 +37,7 @@ def read_key(path: Path) -> bytes:
     path = Path(path)
     try:
         status = check_regular(path)
-        if stat.S_IMODE(status.st_mode) & 0o077:
+        if os.name == "posix" and stat.S_IMODE(status.st_mode) & 0o077:
             raise MetadataError("others may read this signing key", path=path, remedy=f"Run: chmod 600 {path}")
         if status.st_size > _MAX_FILE_BYTES:
             raise MetadataError("is not a signing key", path=path, remedy=_REMEDY)

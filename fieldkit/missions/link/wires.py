@@ -6,12 +6,19 @@ import os
 import re
 import select
 import socket
-import termios
-import tty
 from dataclasses import dataclass
 from typing import Protocol
 
 from fieldkit.errors import LinkError, UsageError
+
+_REFUSALS: tuple[type[Exception], ...] = (OSError,)
+try:
+    import termios
+    import tty
+except ImportError:  # Windows
+    _SERIAL = False
+else:
+    _SERIAL, _REFUSALS = True, (OSError, termios.error)
 
 _DATAGRAM = 65535
 _REMEDY = (
@@ -48,6 +55,11 @@ def parse_address(url: str) -> Address:
     scheme, place, number = match[1], match[2], int(match[3])
     scheme = {"udp": "udpin", "tcp": "tcpout"}.get(scheme, scheme)
     if scheme == "serial":
+        if not _SERIAL:
+            raise UsageError(
+                f"serial lines need Linux or macOS: {url}",
+                remedy="Let a router such as mavlink-router or MAVProxy bring the line to udpin://0.0.0.0:14550.",
+            )
         if not place.startswith("/") or not hasattr(termios, f"B{number}"):
             raise UsageError(f"not a serial line and its baud rate: {url}", remedy=_REMEDY)
         return Address(scheme, place, number)
@@ -91,7 +103,7 @@ def open_wire(url: str) -> Wire:
         if address.scheme == "tcpout":
             return _Tcp(address)
         return _Udp(address)
-    except (OSError, termios.error) as error:
+    except _REFUSALS as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise LinkError(
             f"cannot open {url}: {reason}", remedy="Check the address, the cable, and that no other program uses it."

@@ -26,13 +26,12 @@ from fieldkit.missions.plan_site.plot_shapes import heading_near, plot_shape
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.missions.plan_site.vector_files import VectorFile, read_features, read_wgs84
 from fieldkit.regular_files import open_regular
+from fieldkit.runtime.shipped import shipped_page
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
 _MAX_BYTES = 256 << 10
-_REMEDY = (
-    "A site file is TOML with format = 1, [home] and plots: missions/README.md of fieldkit's sources lists its keys."
-)
+_REMEDY = f"A site file is TOML with format = 1, [home] and plots: {shipped_page('missions/README.md')} lists its keys."
 _PLOTS_REMEDY = "Plots are polygons or points; height_m, row_heading_deg … are properties, in metres and degrees."
 _ORDER = "A site file gives the latitude first, GeoJSON the longitude."
 _AS_THEY_ARE = (

@@ -11,11 +11,11 @@ from pathlib import Path
 from fieldkit.documents.versioned_toml import read_versioned, validated_toml
 from fieldkit.errors import MetadataError
 from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.runtime.shipped import shipped_folder
+from fieldkit.runtime.shipped import shipped_folder, shipped_page
 
 _SUFFIX = ".toml"
 _MAX_BYTES = 256 << 10
-_REMEDY = "Start from one of fieldkit's own profiles: missions/README.md of its sources lists the keys."
+_REMEDY = f"{shipped_page('missions/README.md')} lists the keys of a vehicle profile."
 
 
 def missions_folder() -> Path:

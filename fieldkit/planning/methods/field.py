@@ -12,8 +12,8 @@ from fieldkit.planning.methods.field_candidates import Candidate, Candidates, Tu
 from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
 from fieldkit.planning.score.cost_model import CERTAINTY, DOUBT, LEAST_M, NOISE, WEIGHTS, CostModel, Weights, fit_slopes
 from fieldkit.planning.space.cameras import Array, Cameras
-from fieldkit.planning.surrogate.fit import moments
-from fieldkit.planning.surrogate.sets import FEATURES, NO_PLOT, TERMS, ScoreMean, SetEmbedding, SetSurrogate, fit_sets
+from fieldkit.planning.surrogate.set_process import FEATURES, NO_PLOT, TERMS, fit_sets
+from fieldkit.planning.surrogate.sets import SetEmbedding, SetSurrogate
 
 _STREAM = 44
 _EXACT, _ON_ANOTHER_PLOT = 0.01, 0.07
@@ -105,9 +105,10 @@ class Field:
         if number < self.settings.initial or len(measured) < 3:
             return self._trial(turn, self._candidates.first(turn), {})
         learnt = self.learn(measured)
-        notes = {"slopes": [float(s) for s in learnt.slopes], "rest_m": learnt.rest_m}
+        slopes = learnt.process.slopes
+        notes = {"slopes": [float(s) for s in slopes], "rest_m": learnt.process.rest_m}
         best = [learnt.trials[k] for k in learnt.order[:_CENTERS]]
-        candidates = self._candidates.pool(turn, best, learnt.slopes, self._embedding.distance_m)
+        candidates = self._candidates.pool(turn, best, slopes, self._embedding.distance_m)
         if not candidates:  # a small recorded set is soon exhausted
             return self._trial(turn, self._candidates.first(turn), notes)
         waiting = self.inputs([t.cameras for t in pending]) if pending else None
@@ -118,9 +119,11 @@ class Field:
         notes: dict[str, object],
     ) -> Trial | None:  # fmt: skip
         """The candidate of the largest expected improvement, times its chance of registering with blind mapping."""
+        from fieldkit.planning.surrogate.improvement import log_improvements  # brings PyTorch along
+
         sets = [c.cameras for c in candidates]
         inputs = self.inputs(sets)
-        values = learnt.log_improvements(inputs, pending, turn.number)
+        values = log_improvements(learnt.process, learnt.x, inputs, pending, turn.number)
         gain = None
         if turn.registration is not None:
             whole = self._cost_model.whole(sets, turn.registration)
@@ -163,7 +166,7 @@ class Field:
         if len(measured) < 3 or self.problem.exact:
             return lowest(results, count)
         learnt = self.learn(measured)
-        least_mean = learnt.mean.max() - _IN_REACH * learnt.noise
+        least_mean = learnt.mean.max() - _IN_REACH * learnt.process.noise
         return self._apart(learnt, [k for k in learnt.order if learnt.mean[k] >= least_mean], count)
 
     def _apart(self, learnt: SetSurrogate, order: Sequence[int], count: int) -> list[Trial]:
@@ -183,7 +186,7 @@ class Field:
         measured = self._usable(results, len(results))
         if not measured:
             return [self._cost_model.expected_m(cameras, self.weights, None) for cameras in sets]
-        mean, _ = moments(self.learn(measured).model, self.inputs(sets))
+        mean, _ = self.learn(measured).process.moments(self.inputs(sets))
         return [float(value) for value in np.exp(-mean)]
 
     def learn(self, measured: Sequence[Result]) -> SetSurrogate:
@@ -194,10 +197,10 @@ class Field:
         x = self.inputs(sets, plots)
         noise = _EXACT if self.problem.exact else self._noise
         slopes, rest_m = fit_slopes(x[:, TERMS], y, self.weights, doubt=DOUBT, noise=self._noise)
-        model = fit_sets(x, y, ScoreMean(slopes, rest_m), noise)
+        process = fit_sets(x, y, slopes, rest_m, noise)
         x = self.inputs(sets)
-        mean = y if self.problem.exact else moments(model, x)[0]
-        return SetSurrogate(trials, x, model, slopes, rest_m, mean)
+        mean = y if self.problem.exact else process.moments(x)[0]
+        return SetSurrogate(trials, x, process, mean)
 
     def inputs(self, sets: Sequence[Cameras], plots: Sequence[int] | None = None) -> Array:
         """(n, COLUMNS): the embedding, −ln of the geometric score's terms, and the plot's number.

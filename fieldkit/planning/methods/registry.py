@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.problem import Chooser, Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
+from fieldkit.runtime.shipped import shipped_page
 
 
 def make_method(problem: PlanningProblem, settings: SearchSettings) -> Method | Chooser:
@@ -18,6 +20,21 @@ def make_method(problem: PlanningProblem, settings: SearchSettings) -> Method | 
     if settings.method not in _MAKERS:
         raise UsageError(f"there is no method {settings.method!r}", remedy=f"Choose one of {', '.join(METHOD_NAMES)}.")
     return _MAKERS[settings.method](problem, settings)
+
+
+def check_installed(method: str) -> None:
+    """Refuse a method whose packages are not installed, before anything is rendered or reconstructed for it.
+
+    Raises:
+        UsageError: PyTorch, GPyTorch or BoTorch is missing.
+    """
+    if method in USING_TORCH and any(importlib.util.find_spec(name) is None for name in _TORCH):
+        raise UsageError(
+            f"the search {method!r} needs PyTorch and BoTorch, which are not installed",
+            remedy="Install the extra: pip install 'fieldkit[search]'. On Linux take PyTorch's CPU build first "
+            f"({shipped_page('docs/install.md')}): the usual one brings gigabytes for NVIDIA GPUs. Or plan without it: "
+            "--method score.",
+        )
 
 
 def _field(problem: PlanningProblem, settings: SearchSettings) -> Method:
@@ -111,6 +128,9 @@ _MAKERS: dict[str, Callable[[PlanningProblem, SearchSettings], Method | Chooser]
     "match-graph": _match_graph,
 }
 METHOD_NAMES = tuple(_MAKERS)
+USING_TORCH = frozenset({"field", "bosfm", "bosfm-tuned"})
+"""Methods that need the extra `search`."""
+_TORCH = ("torch", "gpytorch", "botorch")
 USING_MATCHES = frozenset({"field", "score", "match-graph"})
 """Methods that use a recorded set's counted matches (`Plot.matches`)."""
 USING_WEIGHTS = frozenset({"field", "score"})

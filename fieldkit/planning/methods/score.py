@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from fieldkit.planning.methods.field import Field
 from fieldkit.planning.methods.geometric import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel, Weights
@@ -48,8 +49,6 @@ class ScoreOptimum:
 
     def expect_m(self, sets: Sequence[Cameras], results: Sequence[Result]) -> list[float]:
         """See `Arbiter.expect_m`; the same as `Field`'s."""
-        from fieldkit.planning.methods.field import Field  # brings PyTorch along
-
         return Field(self._problem, seed=self._seed, weights=self._weights).expect_m(sets, results)
 
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import fcntl
 import pickle
 import shutil
 import tempfile
 import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from fieldkit.files import write_atomic
+from fieldkit.locks import lock
 from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
@@ -75,8 +76,9 @@ class PlotsObjective:
         if not self._shared.is_dir():  # on another machine
             return self._build(plot)
         file = self._shared / f"{plot}.pickle"
-        with (self._shared / f"{plot}.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # the second process waits for the first one's scene
+        with (self._shared / f"{plot}.lock").open("w") as held:
+            with suppress(OSError):  # without locks it is built twice
+                lock(held.fileno(), wait=True)  # the second process waits for the first one's scene
             if not file.is_file():
                 write_atomic(file, pickle.dumps(self._build(plot), pickle.HIGHEST_PROTOCOL))
             proxy: Proxy = pickle.loads(file.read_bytes())

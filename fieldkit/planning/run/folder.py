@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -16,6 +15,7 @@ from fieldkit.clouds.metrics import DISTANCES_M
 from fieldkit.documents.json_file import first_problem, read_json_object, validated
 from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.files import atomic_folder, storage_errors, write_atomic
+from fieldkit.locks import lock
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.problem import Result, Trial
@@ -224,7 +224,7 @@ def _parsed(log: Path, content: bytes) -> list[LogEntry]:
 
 def _lock(file: BinaryIO, path: Path) -> None:
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock(file.fileno())
     except BlockingIOError as error:
         raise UsageError(
             "another process is planning in this folder", path=path, remedy="Wait for it, or stop it."

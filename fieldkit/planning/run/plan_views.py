@@ -11,7 +11,7 @@ from typing import Any
 from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import ReconstructionError, UsageError
-from fieldkit.planning.methods.registry import USING_MATCHES, make_method
+from fieldkit.planning.methods.registry import USING_MATCHES, check_installed, make_method
 from fieldkit.planning.problem import Chooser, Limited, Trial
 from fieldkit.planning.run.executor import Evaluator, Executor, ProcessExecutor
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
@@ -54,11 +54,12 @@ def plan_views(
         known: evaluations of the same plot, mapping and noise by other runs, which are not repeated.
 
     Raises:
-        UsageError: ``output`` exists, or the settings contradict themselves.
+        UsageError: ``output`` exists, the settings contradict themselves, or the method's packages are not installed.
         InputError: the source cannot be used, or this machine cannot render.
         ReconstructionError: no set of cameras could be evaluated.
         StorageError: the disk is full; the run can be resumed.
     """
+    check_installed(settings.method)
     with create_run(output, settings, overwrite=overwrite) as run:
         return _planned(run, cache, workers, scheduler, progress or Silent(), watch or no_watch, expect, known)
 
@@ -87,6 +88,7 @@ def resume_plan(
         FieldkitError: as `plan_views`.
     """
     with open_run(output) as run:
+        check_installed(run.settings.method)
         if settings is not None and settings != run.settings:
             run.save_settings(settings)
         progress = progress or Silent()

@@ -26,6 +26,7 @@ from fieldkit.present.foreign_text import visible
 from fieldkit.present.html.packing import PackedPoints, pack_points, plain_floats
 from fieldkit.present.html.scene import FrustumLayer, LineLayer, ViewerScene
 from fieldkit.present.style import format_nominal
+from fieldkit.runtime.shipped import shipped_page
 
 BUNDLE, LICENSE = "viewer.min.js", "LICENSE.three.txt"
 # Viridis (Smith and van der Walt, CC0) without its darkest part, which is invisible on a dark page. Lightness rises
@@ -53,7 +54,8 @@ def viewer_script() -> str:
         raise InputError(
             "the 3D view's script is missing from this installation",
             path=str(bundle),
-            remedy="Run `make setup`, or `scripts/build_viewer.sh` alone; both need npm (docs/install.md).",
+            remedy="In a checkout run `make setup`, or `scripts/build_viewer.sh` alone; both need npm "
+            f"({shipped_page('docs/install.md')}). Wheels contain it: install fieldkit's again.",
         ) from None
     return re.sub(r"<(?=/script|!--)", r"\\x3c", text, flags=re.IGNORECASE)  # only in strings, where both mean the same
 

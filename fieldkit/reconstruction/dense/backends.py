@@ -6,6 +6,7 @@ from fieldkit.errors import UsageError
 from fieldkit.reconstruction.dense.cuda import Cuda, cuda_devices
 from fieldkit.reconstruction.dense.depth_maps import compute_depth_maps
 from fieldkit.reconstruction.dense.fusion import fuse
+from fieldkit.runtime.shipped import shipped_page
 
 
 class Cpu:
@@ -38,6 +39,7 @@ def select_backend(choice: str = "auto") -> Backend:
     if cuda_devices() == 0:
         raise UsageError(
             "the backend cuda needs an NVIDIA GPU and pycolmap built with CUDA, and one of them is missing",
-            remedy="Choose --backend cpu, or install pycolmap-cuda12 in pycolmap's place (docs/install.md).",
+            remedy="Choose --backend cpu, or install pycolmap-cuda12 in pycolmap's place: "
+            f"{shipped_page('docs/install.md')} says how.",
         )
     return Cuda()

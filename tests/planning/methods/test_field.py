@@ -21,7 +21,8 @@ from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.score.matchability import connectivity
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
-from fieldkit.planning.surrogate.sets import TERMS, SetEmbedding
+from fieldkit.planning.surrogate.set_process import TERMS
+from fieldkit.planning.surrogate.sets import SetEmbedding
 from tests.planning.bowl import Bowl, bowl_problem, bowl_settings
 from tests.planning.leafy import problem as leafy
 from tests.planning.leafy import recorded
@@ -108,7 +109,7 @@ def test_weights_of_the_scores_terms_are_learnt_where_results_tell_them_apart() 
         values = terms @ weights
         trials = [Trial(number, cameras, "given") for number, cameras in enumerate(sets)]
         results = [Result(trial, float(value)) for trial, value in zip(trials, values, strict=True)]
-        return method.learn(results[chosen]).slopes
+        return method.learn(results[chosen]).process.slopes
 
     assert np.allclose(learnt((0.5, 1.2, 0.1), slice(None)), (0.5, 1.2, 0.1))
     few, many = (np.abs(learnt((1.0, 0.4, 0.0), slice(n)) - (1.0, 0.4, 0.0)).sum() for n in (3, 12))

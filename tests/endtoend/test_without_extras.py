@@ -1,0 +1,92 @@
+"""Without the extra `search` everything works but the searches, which say what is missing."""
+
+from __future__ import annotations
+
+import json
+import os
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fieldkit
+from fieldkit.results.plan_file import load_plan
+from tests.cli.test_scene_commands import TINY
+from tests.endtoend.commands import DRAFT, CommandLine
+from tests.endtoend.conftest import Built
+
+ROOT = Path(__file__).parents[2]
+HIDE = """
+from importlib.machinery import PathFinder
+hidden = ("torch", "gpytorch", "botorch", "linear_operator")
+find = PathFinder.find_spec
+PathFinder.find_spec = lambda name, *more: None if name.partition(".")[0] in hidden else find(name, *more)
+"""
+IMPORT_ALL = """
+import importlib, json, sys
+failed = []
+for name in sys.argv[1:]:
+    try:
+        importlib.import_module(name)
+    except ModuleNotFoundError:
+        failed.append(name)
+print(json.dumps(failed))
+"""
+
+
+@pytest.fixture(autouse=True)
+def without_torch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes that are started, and those that they start, cannot import PyTorch."""
+    (tmp_path / "hide").mkdir()
+    (tmp_path / "hide" / "sitecustomize.py").write_text(HIDE)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path / "hide"), str(ROOT)]))
+
+
+def modules() -> list[str]:
+    found = pkgutil.walk_packages(fieldkit.__path__, "fieldkit.")
+    return [module.name for module in found if not module.name.endswith("__main__")]
+
+
+def test_only_searches_import_it() -> None:
+    done = subprocess.run([sys.executable, "-c", IMPORT_ALL, *modules()], capture_output=True, text=True, check=True)
+    assert set(json.loads(done.stdout)) == {
+        "fieldkit.planning.methods.bosfm",
+        *(f"fieldkit.planning.surrogate.{name}" for name in ("acquisition", "ensemble", "fit", "improvement")),
+    }
+
+
+@pytest.mark.parametrize("method", [["--method", "field"], ["--preset", "paper"], ["--for", "this-plot"]])
+def test_a_search_says_what_is_missing_before_it_begins(line: CommandLine, method: list[str]) -> None:
+    (line.folder / "tiny.toml").write_text(TINY)
+    done = line.run("plan", "--scene", "tiny.toml", *method, "-o", "plan", "--json")
+    assert done.code == 2
+    assert "needs PyTorch and BoTorch, which are not installed" in done.error["message"]
+    assert "pip install 'fieldkit[search]'" in done.error["remedy"]
+    assert not (line.folder / "plan").exists()
+
+
+def test_a_plan_by_the_score(line: CommandLine) -> None:
+    (line.folder / "tiny.toml").write_text(TINY)
+    options = ("--method", "score", "--for", "this-plot", "-n", "3", "--repeats", "0", "--workers", "1")
+    done = line.run("plan", "--scene", "tiny.toml", *options, "-o", "plan")
+    assert done.code == 0, done.err
+    assert len(load_plan(line.folder / "plan").stations) == 3
+
+
+@pytest.mark.slow
+def test_a_plan_for_a_kind_ranks_its_confirmations(line: CommandLine) -> None:
+    (line.folder / "tiny.toml").write_text(TINY)
+    options = ("-n", "4", "--vary", "2", "--finalists", "2", "--repeats", "1", "--confirm", "draft", "--workers", "1")
+    done = line.run("plan", "--scene", "tiny.toml", *options, "-o", "plan", "--json")
+    assert done.code == 0, done.err
+    assert done.json["method"] == "score"
+    assert all(finalist["kind_m"] is not None for finalist in done.json["finalists"])
+
+
+@pytest.mark.slow
+def test_references_evaluations_and_reports(warm: CommandLine, built: Built, small_plot: Path) -> None:
+    done = warm.run("evaluate", str(small_plot), "--reference", str(built.reference), "-o", "scores", *DRAFT, "--json")
+    assert done.code == 0, done.err
+    assert warm.run("report", "scores", "-o", "report.html").code == 0

@@ -1,0 +1,144 @@
+"""The wheel, built and installed as a person does: outside the checkout, in a path with umlauts, not as root."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_scene_commands import TINY
+
+ROOT = Path(__file__).parents[1]
+LIMIT_S = 3600
+
+
+@dataclass(frozen=True)
+class Installed:
+    """An environment that holds the wheel and sees the dependencies of this one.
+
+    Attributes:
+        folder: where commands run; theirs.
+        package: the installed package.
+        python: of the environment.
+        user: whom commands run as: nobody, where the tests run as root and nobody can start Python.
+    """
+
+    folder: Path
+    package: Path
+    python: Path
+    user: str | None
+
+    def run(self, *arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+        environment = {"PATH": os.environ["PATH"], "HOME": str(self.folder), "LANG": "C.UTF-8"}
+        done = subprocess.run(
+            [self.python.with_name("fieldkit"), *arguments], cwd=self.folder, env=environment, capture_output=True,
+            text=True, encoding="utf-8", check=False, timeout=LIMIT_S, user=self.user,
+        )  # fmt: skip
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr
+        return done
+
+
+@pytest.fixture(scope="module")
+def installed() -> Iterator[Installed]:
+    if not (ROOT / "fieldkit" / "present" / "html" / "vendor" / "viewer.min.js").is_file():
+        pytest.skip("the 3D view is not built (scripts/build_viewer.sh), without which there is no wheel")
+    # pytest's own folders are closed to other users.
+    with tempfile.TemporaryDirectory(prefix="fieldkit ") as place:
+        folder = Path(place) / "Prüfstand Süd"
+        folder.mkdir()
+        Path(place).chmod(0o755)
+        base, user = _base_python(folder)
+        _do(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder / "dist"))
+        _do(base, "-m", "venv", "--without-pip", str(folder / "venv"))
+        python = folder / "venv" / "bin" / "python"
+        (wheel,) = (folder / "dist").glob("*.whl")
+        options = ("--no-deps", "--no-index", "--no-compile", "--quiet", "--disable-pip-version-check")
+        _do(sys.executable, "-m", "pip", "--python", str(python), "install", *options, str(wheel))
+        (packages,) = (folder / "venv" / "lib").glob("python*/site-packages")
+        # Only now, or pip would take this environment's fieldkit for the installed one.
+        (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib"))
+        work = folder / "Weizen 2026"
+        work.mkdir(mode=0o777)
+        if user is not None:
+            shutil.chown(work, user)
+        yield Installed(work, packages / "fieldkit", python, user)
+
+
+def _base_python(place: Path) -> tuple[str, str | None]:
+    """A Python of this version, and who runs it: nobody, where they may see ``place`` and the dependencies."""
+    own = getattr(sys, "_base_executable", sys.executable)
+    if os.geteuid() != 0:
+        return own, None
+    system = f"/usr/bin/python{sys.version_info.major}.{sys.version_info.minor}"
+    for python in (own, system):
+        try:
+            looks = f"import os, venv; os.listdir({sysconfig.get_path('purelib')!r}); os.listdir({str(place)!r})"
+            seen = [python, "-c", looks]
+            if subprocess.run(seen, user="nobody", capture_output=True, check=False, cwd="/").returncode == 0:
+                return python, "nobody"
+        except (OSError, LookupError):
+            continue
+    return own, None
+
+
+def _do(*command: str) -> None:
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_it_holds_every_file_of_the_package(installed: Installed) -> None:
+    tracked = subprocess.run(
+        ["git", "ls-files", "fieldkit"], cwd=ROOT, capture_output=True, text=True, check=False
+    ).stdout.splitlines()
+    if not tracked:
+        pytest.skip("not a git checkout")
+    sources = ("fieldkit/present/html/web/",)  # of the 3D view, which is built of them
+    missing = [name for name in tracked if not (installed.package.parent / name).is_file()]
+    assert [name for name in missing if not name.startswith(sources)] == []
+
+
+def test_a_machine_is_looked_at(installed: Installed) -> None:
+    found = json.loads(installed.run("doctor", "--json").stdout)
+    versions = next(check for check in found["checks"] if check["name"] == "packages")["values"]["versions"]
+    assert "numpy" in versions
+    assert "torch" not in versions
+
+
+def test_messages_name_pages_that_are_there(installed: Installed) -> None:
+    shipped = installed.package / "shipped"
+    said = installed.run("scene", "new", "-o", "feld.toml", "--overwrite").stderr
+    assert f"{shipped / 'sim' / 'README.md'} explains its keys" in said
+    (installed.folder / "leer.toml").write_text("format = 1\n")
+    said = installed.run("plan", "--scene", "demo", "--vehicle", "leer.toml", "-o", "plan", code=3).stderr
+    assert str(shipped / "missions" / "README.md") in said
+    for page in ("sim/README.md", "missions/README.md", "docs/install.md", "docs/campaigns.md"):
+        assert (shipped / page).is_file()
+
+
+@pytest.mark.slow
+def test_a_plan_a_mission_and_a_report(installed: Installed) -> None:
+    (installed.folder / "tiny.toml").write_text(TINY)
+    options = ("--method", "score", "--for", "this-plot", "-n", "4", "--repeats", "0", "--workers", "1")
+    installed.run("plan", "--scene", "tiny.toml", "--vehicle", "ardupilot-pitch", *options, "-o", "Plan Süd")
+    site = installed.package / "shipped" / "missions" / "sites" / "example.toml"
+    mission = ("--vehicle", "ardupilot-pitch", "--site", str(site), "-o", "süd.plan")
+    installed.run("export-mission", "Plan Süd", *mission)
+    installed.run("report", "Plan Süd", "-o", "Bericht.html")
+    assert "WebGLRenderer" in (installed.folder / "Bericht.html").read_text("utf-8")
+
+
+@pytest.mark.slow
+def test_the_demo(installed: Installed) -> None:
+    installed.run("demo", "-o", "Vorführung")
+    assert (installed.folder / "Vorführung" / "report.html").is_file()
