@@ -95,8 +95,8 @@ def command(
     """Reconstruct new captures of one or many plots and score them against a reference.
 
     Each plot is reconstructed in the reference's frame by its own metric source, and compared with it. Without
-    --reference the figures that need none are reported. The result holds evaluation.json, plots.csv, and for each plot
-    its cloud and a picture. Plots that fail are listed; the exit code is 4 only where all of them do.
+    --reference the figures that need none are reported. The result holds evaluation.json, plots.csv, traits.csv (height,
+    cover and volume of the plants), and for each plot its cloud and a picture. Plots that fail are listed; the exit code is 4 only where all of them do.
 
     In a campaign's folder, or with --campaign, the photographs are sorted into its plots and dates by geotag and time,
     or by folders, and every visit that is new or changed is scored by the campaign's settings. A run that was stopped
@@ -108,7 +108,7 @@ def command(
         fieldkit evaluate card/DCIM --campaign season --workers 2
 
     Files:
-        OUTPUT/evaluation.json, plots.csv  the scores
+        OUTPUT/evaluation.json, plots.csv, traits.csv  scores, and traits of the plants
         OUTPUT/PLOT/cloud.ply, overview.png  each plot's cloud, and a picture
 
     Exit codes:

@@ -14,6 +14,12 @@ STRAY_M2 = (0.0005, 0.005)
 STRAY_SHARE = 0.05
 """A piece with less surface than 5 % of the largest one does not count, nor one below 5 cm²; one of 50 cm² does."""
 _REACH_VOXELS = 3
+VOXEL_M, VOXEL_GSD = 0.010, 10.0
+
+
+def voxel_edge_m(gsd_m: float) -> float:
+    """Edge of the voxels that plants are counted in: 10 mm, or 10 ground sampling distances where that is more."""
+    return max(VOXEL_M, VOXEL_GSD * gsd_m)
 
 
 def without_strays(points: NDArray[np.float64], voxel_m: float) -> NDArray[np.bool_]:

@@ -19,6 +19,7 @@ from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.present.spreadsheets.plots import write_plots_csv
+from fieldkit.present.spreadsheets.traits import TRAITS_FILE, plot_rows, write_traits_csv
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
 from fieldkit.results.plan_file import load_plan
@@ -51,9 +52,9 @@ def evaluate_captures(
 
     Args:
         captures: a folder of photographs, or a folder of such folders (one per plot); never written to.
-        output: folder of the result: evaluation.json, plots.csv and, per plot, a folder with cloud.ply, overview.png
-            and, with a reference, comparison.png. A plot that is named as one of these files gets a folder with a
-            number.
+        output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply,
+            overview.png and, with a reference, comparison.png. A plot that is named as one of these files gets
+            a folder with a number.
         settings: choices; None takes the defaults. Bounds default to the reference's volume.
         reference: folder that `build_reference` wrote; None gives the figures that need none.
         refine: align each plot's cloud to the reference by ICP before scoring; the correction is reported.
@@ -89,7 +90,7 @@ def evaluate_captures(
         flown = None if plan is None else _flown_plan(plan, mission, read, flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
         run = _Run(folder, settings, scoring, flight, flown, cache, progress, workers)
-        places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE))
+        places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE))
         results = [
             run.plot(name, path, place, alone=len(plots) == 1)
             for (name, path), place in zip(plots, places, strict=True)
@@ -105,7 +106,8 @@ def evaluate_captures(
             cpu_seconds=spent.cpu_seconds,
         )
         write_plots_csv(folder / PLOTS_FILE, report)
-        report = report.model_copy(update={"files": describe_files(folder, [PLOTS_FILE])})
+        write_traits_csv(folder / TRAITS_FILE, plot_rows(report.plots))
+        report = report.model_copy(update={"files": describe_files(folder, [PLOTS_FILE, TRAITS_FILE])})
         save_report(folder / EVALUATION_FILE, report)
     return report
 

@@ -18,6 +18,7 @@ from fieldkit.evaluation.georeferencing import write_georeferenced
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.present.pictures.overview import write_overview
+from fieldkit.present.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.reconstruction.colmap_model import color_points
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -54,7 +55,8 @@ def build_reference(
     Args:
         images: the folder; never written to.
         output: folder of the result: reference.json, cloud.ply (plants), scene.ply (with the ground), model/ (COLMAP's
-            binary format, plot frame), overview.png and, where it is georeferenced, cloud.laz and scene.laz in UTM.
+            binary format, plot frame), overview.png, traits.csv and, where it is georeferenced, cloud.laz and
+            scene.laz in UTM.
         settings: choices; None takes the defaults.
         cache: of stages.
         progress: told of stages and findings.
@@ -90,7 +92,8 @@ def build_reference(
             found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu
         )
         write_overview(folder / OVERVIEW_FILE, draft, found.plants)
-        report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE])})
+        write_traits_csv(folder / TRAITS_FILE, [trait_row(draft.source, draft.date, draft.traits)])
+        report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE, TRAITS_FILE])})
         save_report(folder / REFERENCE_FILE, report)
     return report
 

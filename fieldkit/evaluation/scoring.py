@@ -14,11 +14,12 @@ from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_clou
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
+from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
 from fieldkit.present.pictures.evaluation import write_comparison
 from fieldkit.present.pictures.overview import write_overview
 from fieldkit.present.style import format_length
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
-from fieldkit.reconstruction.result import Reconstruction, SparseResult
+from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import CorrectionEntry, PlotEvaluation
 from fieldkit.results.report_files import describe_files
@@ -27,7 +28,6 @@ from fieldkit.runtime.usage import processor_seconds
 
 COMPARISON_FILE = "comparison.png"
 _DOUBTS = 3.0
-_LEAST_POSITIONS, _NO_SPREAD_M = 3, 1e-9
 _OTHER_SHARE = 0.04
 """Chamfer distance of what is taken for other plants, as a share of the diagonal of the reference's box. Others, and
 the same ones turned, have 5 % and more on simulated plots, the reference's own 1 % even where a capture is poor.
@@ -90,6 +90,7 @@ def score_capture(
     progress: Progress,
     workers: int = 1,
     subfolder: str | None = None,
+    outline: PlotOutline | None = None,
 ) -> PlotEvaluation:
     """Reconstruct a capture, score its cloud and write both.
 
@@ -105,6 +106,7 @@ def score_capture(
         progress: told of stages.
         workers: processes.
         subfolder: of ``folder``, new, for the plot's files; ``name`` where not given.
+        outline: of the plot; None takes the bounds of the settings, else those of the reference.
 
     Raises:
         InputError, ReconstructionError: as `reconstruct`.
@@ -128,7 +130,8 @@ def score_capture(
         (folder / place).mkdir(parents=True)
         write_cloud(folder / place / CLOUD_FILE, plants)
         plot = plot_evaluation(
-            name, found, settings, score=result, correction=correction, findings=findings,
+            name, found, settings, score=result, correction=correction, findings=findings, plants=plants,
+            outline=outline or outline_of(settings, None if reference is None else reference.report.settings),
             seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
         names = [CLOUD_FILE, OVERVIEW_FILE]
@@ -172,13 +175,3 @@ def _other_plants(name: str, found: CloudScore, reference: Cloud) -> list[Findin
         "plot was photographed, and when; how good the reconstruction is cannot be told from this distance"
     )
     return [Finding(name, "other-plants", message)]
-
-
-def scale_doubt(sparse: SparseResult) -> float:
-    """By which share a model's scale may be off, for positions off by their residuals: RMS over the root of the summed
-    squares of the cameras' distances from their middle. 0 where no positions are known.
-    """
-    centers = np.array([pose.center for pose in sparse.poses.values()]).reshape(-1, 3)
-    if sparse.frame.rms_m is None or len(centers) < _LEAST_POSITIONS:
-        return 0.0
-    return sparse.frame.rms_m / max(float(np.linalg.norm(centers - centers.mean(axis=0))), _NO_SPREAD_M)

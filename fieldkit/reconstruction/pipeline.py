@@ -14,8 +14,7 @@ from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
-from fieldkit.clouds.plant_figures import voxel_edge_m
-from fieldkit.clouds.strays import without_strays
+from fieldkit.clouds.strays import voxel_edge_m, without_strays
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity

@@ -22,7 +22,7 @@ from fieldkit.present.content import (
 from fieldkit.present.html.charts import LineChart, Series
 from fieldkit.present.html.plot_map import MappedPlot, PlotMap
 from fieldkit.present.sections.loaded_results import CampaignResult
-from fieldkit.present.style import decimal, format_length, metres, millimetres, percent
+from fieldkit.present.style import decimal, format_length, metres, millimetres
 from fieldkit.present.tables.scores import distances_of, interval, score_columns
 from fieldkit.present.tables.tabulated import tabulated
 
@@ -42,7 +42,7 @@ def _scaled(value: float | None, factor: float) -> float | None:
 _CHARTS: tuple[tuple[str, str, Callable[[Visit], float | None]], ...] = (
     ("Distance to the reference over the dates", "chamfer, mm", lambda visit: _scaled(score_of(visit), 1000.0)),
     ("Plant height over the dates", "height, m", lambda visit: visit.height_m),
-    ("Cover over the dates", "cover, %", lambda visit: _scaled(visit.cover, 100.0)),
+    ("Cover over the dates", "cover, %", lambda visit: visit.cover_percent),
 )
 
 
@@ -116,8 +116,8 @@ def _table(date: str, visits: Sequence[Visit]) -> Table:
         (Column("predicted chamfer, mm", True), lambda v: millimetres(v.predicted_chamfer_m)),
         (Column("interval, mm", True), lambda v: interval(v.predicted_low_m, v.predicted_high_m)),
         (Column("height, m", True), lambda v: metres(v.height_m)),
-        (Column("cover, %", True), lambda v: percent(v.cover)),
-        (Column("hull volume, m³", True), lambda v: decimal(v.hull_m3, 3)),
+        (Column("cover, %", True), lambda v: decimal(v.cover_percent, 1)),
+        (Column("canopy volume, m³", True), lambda v: decimal(v.canopy_volume_m3, 3)),
         (Column("known positions RMS, mm", True), lambda v: millimetres(v.pose_rms_m)),
         (Column("notes"), lambda v: "; ".join([v.error, *v.notes] if v.error else v.notes) or None),
     ), "The greatest distance comes first.")  # fmt: skip
