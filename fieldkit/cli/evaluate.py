@@ -13,6 +13,7 @@ from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
     DistancesOption,
+    RasterOptions,
     ReconstructionOptions,
     RunOptions,
     parse_distances,
@@ -30,7 +31,7 @@ _OF_CAMPAIGN = {
     "refine",
     "distances",
     "seed",
-    *(each.name for each in fields(ReconstructionOptions)),
+    *(each.name for group in (ReconstructionOptions, RasterOptions) for each in fields(group)),
 }
 
 
@@ -85,6 +86,7 @@ def command(
     ] = False,
     distances: DistancesOption = DISTANCES,
     reconstruction: ReconstructionOptions,
+    rasters: RasterOptions,
     no_wait: Annotated[
         bool, Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
     ] = False,
@@ -95,8 +97,9 @@ def command(
     """Reconstruct new captures of one or many plots and score them against a reference.
 
     Each plot is reconstructed in the reference's frame by its own metric source, and compared with it. Without
-    --reference the figures that need none are reported. The result holds evaluation.json, plots.csv, traits.csv (height,
-    cover and volume of the plants), and for each plot its cloud and a picture. Plots that fail are listed; the exit code is 4 only where all of them do.
+    --reference the figures that need none are reported. The result holds evaluation.json, plots.csv, traits.csv with
+    plants' height, cover and volume, and for each plot its cloud and a picture. Plots that fail are listed; the exit
+    code is 4 only where all of them do.
 
     In a campaign's folder, or with --campaign, the photographs are sorted into its plots and dates by geotag and time,
     or by folders, and every visit that is new or changed is scored by the campaign's settings. A run that was stopped
@@ -127,12 +130,13 @@ def command(
     if campaign is not None:
         raise UsageError("a campaign's results go into its own folder", remedy="Leave -o out, or --campaign.")
     mission, distances_m, settings = flight.flown(), parse_distances(distances), reconstruction.settings(run.seed)
+    wanted = rasters.wanted()
     from fieldkit.evaluation.evaluate import evaluate_captures
 
     with run_context(as_json=as_json) as progress:
         report = evaluate_captures(
             captures, output, settings, reference=reference, refine=refine, distances_m=distances_m, log=flight.log,
-            plan=flight.plan, mission=mission, cache=cache, progress=progress, overwrite=run.overwrite,
+            plan=flight.plan, mission=mission, rasters=wanted, cache=cache, progress=progress, overwrite=run.overwrite,
             workers=run.workers,
         )  # fmt: skip
     if as_json:

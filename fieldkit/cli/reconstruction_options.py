@@ -16,6 +16,7 @@ from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
+    from fieldkit.evaluation.rasters import Rasters
     from fieldkit.reconstruction.settings import ReconstructionSettings
     from fieldkit.runtime.progress import Progress
 
@@ -103,6 +104,39 @@ class RunOptions:
     def cache(self) -> StageCache:
         """The stage cache, as `open_cache` gives it."""
         return open_cache(no_cache=self.no_cache, resume=self.resume)
+
+
+@dataclass(frozen=True)
+class RasterOptions:
+    """Height models."""
+
+    rasters: Annotated[
+        bool,
+        Option("--rasters", help="Also write canopy-height.tif and surface.tif (GeoTIFF in UTM, with QGIS styles)."),
+    ] = False
+    gsd: Annotated[
+        float | None,
+        Option(
+            "--gsd", metavar="M", help="With --rasters: edge of their cells, metres; 5 mm or the depth maps' pixel."
+        ),
+    ] = None
+
+    def wanted(self) -> Rasters | None:
+        """What is to be written; None without --rasters.
+
+        Raises:
+            UsageError: --gsd without --rasters or not positive, or an extra is missing.
+        """
+        if not self.rasters:
+            if self.gsd is not None:
+                raise UsageError("--gsd is the cells of --rasters", remedy="Give --rasters, too, or leave --gsd out.")
+            return None
+        if self.gsd is not None and not 0.0 < self.gsd < 10.0:
+            raise UsageError(f"--gsd: no edge of cells in metres: {self.gsd:g}", remedy="Write it like --gsd 0.01.")
+        from fieldkit.evaluation.rasters import Rasters, require_rasters
+
+        require_rasters()
+        return Rasters(self.gsd)
 
 
 def parse_bounds(text: str) -> Box:

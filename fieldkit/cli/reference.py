@@ -9,7 +9,8 @@ from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.option_groups import grouped
-from fieldkit.cli.reconstruction_options import ReconstructionOptions, RunOptions, run_context
+from fieldkit.cli.reconstruction_options import RasterOptions, ReconstructionOptions, RunOptions, run_context
+from fieldkit.errors import UsageError
 
 
 @grouped
@@ -17,6 +18,7 @@ def command(
     images: Annotated[Path, Argument(help="Folder of photographs of one plot, 45 or more for a good reference.")],
     output: OutputOption,
     reconstruction: ReconstructionOptions,
+    rasters: RasterOptions,
     run: RunOptions,
     no_scene: Annotated[bool, Option("--no-scene", help="Leave out scene.ply, which has the ground too.")] = False,
     as_json: JsonOption = False,
@@ -49,13 +51,15 @@ def command(
     See Also:
         fieldkit plan, fieldkit evaluate, fieldkit scene from-reference
     """
-    cache, settings = run.cache(), reconstruction.settings(run.seed)
+    cache, settings, wanted = run.cache(), reconstruction.settings(run.seed), rasters.wanted()
+    if wanted is not None and no_scene:
+        raise UsageError("--rasters need the scene", remedy="Leave --no-scene out.")
     from fieldkit.evaluation.reference import build_reference
 
     with run_context(as_json=as_json) as progress:
         report = build_reference(
             images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, workers=run.workers,
-            scene=not no_scene,
+            scene=not no_scene, rasters=wanted,
         )  # fmt: skip
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})

@@ -15,6 +15,7 @@ from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import find_plots, result_folders
+from fieldkit.evaluation.rasters import Rasters
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder, storage_errors
@@ -43,6 +44,7 @@ def evaluate_captures(
     log: Path | None = None,
     plan: Path | None = None,
     mission: tuple[Path, str] | None = None,
+    rasters: Rasters | None = None,
     cache: StageCache,
     progress: Progress,
     overwrite: bool = False,
@@ -63,6 +65,7 @@ def evaluate_captures(
             geo.txt or GPS.
         plan: that was flown, on the reference's plot: the report says how the photographs kept to it.
         mission: file of it that was uploaded, and the vehicle's profile: what the autopilot was told.
+        rasters: to be written into each plot's folder.
         cache: of stages.
         progress: told of stages and findings.
         overwrite: replace an earlier evaluation in ``output``.
@@ -89,7 +92,7 @@ def evaluate_captures(
         flight = None if log is None else Flight.read(log, plots)
         flown = None if plan is None else _flown_plan(plan, mission, read, flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
-        run = _Run(folder, settings, scoring, flight, flown, cache, progress, workers)
+        run = _Run(folder, settings, scoring, flight, flown, cache, progress, workers, rasters)
         places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE))
         results = [
             run.plot(name, path, place, alone=len(plots) == 1)
@@ -136,6 +139,7 @@ class _Run:
     cache: StageCache
     progress: Progress
     workers: int
+    rasters: Rasters | None
 
     def plot(self, name: str, path: Path, place: str, *, alone: bool) -> PlotEvaluation:
         """A plot's evaluation, with its error where it failed; its files are in the folder ``place`` of the result."""
@@ -165,6 +169,7 @@ class _Run:
         plot = score_capture(
             name, capture, known_plot, self.folder, self.settings, self.scoring,
             spent=spent, cache=self.cache, progress=self.progress, workers=self.workers, subfolder=place,
+            rasters=self.rasters,
         )  # fmt: skip
         if self.plan is None:
             return plot

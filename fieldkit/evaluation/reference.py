@@ -11,10 +11,11 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.clouds.ground import Plane
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.conversion import reference_report
 from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
+from fieldkit.evaluation.rasters import Rasters, write_rasters
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.present.pictures.overview import write_overview
@@ -49,6 +50,7 @@ def build_reference(
     overwrite: bool = False,
     workers: int = 1,
     scene: bool = True,
+    rasters: Rasters | None = None,
 ) -> ReferenceReport:
     """Build a reference from a folder of photographs.
 
@@ -63,6 +65,7 @@ def build_reference(
         overwrite: replace an earlier reference in ``output``.
         workers: processes; the result does not depend on it.
         scene: also reconstruct what is not plant.
+        rasters: to be written, too; they need the scene. A note says where they cannot be.
 
     Raises:
         UsageError: ``output`` exists.
@@ -88,6 +91,11 @@ def build_reference(
             laz = Path(name).with_suffix(".laz").name
             if cloud is not None and write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
                 names.append(laz)
+        if rasters is not None:
+            try:
+                names += write_rasters(folder, found, settings, rasters)
+            except UsageError as error:
+                progress.note(error.message)
         draft = reference_report(
             found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu
         )

@@ -12,7 +12,9 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, Finding
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
+from fieldkit.errors import UsageError
 from fieldkit.evaluation.conversion import plot_evaluation
+from fieldkit.evaluation.rasters import Rasters, write_rasters
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
 from fieldkit.present.pictures.evaluation import write_comparison
@@ -91,6 +93,7 @@ def score_capture(
     workers: int = 1,
     subfolder: str | None = None,
     outline: PlotOutline | None = None,
+    rasters: Rasters | None = None,
 ) -> PlotEvaluation:
     """Reconstruct a capture, score its cloud and write both.
 
@@ -107,6 +110,7 @@ def score_capture(
         workers: processes.
         subfolder: of ``folder``, new, for the plot's files; ``name`` where not given.
         outline: of the plot; None takes the bounds of the settings, else those of the reference.
+        rasters: to be written, too, of the clouds as reconstructed; a finding says where they cannot be.
 
     Raises:
         InputError, ReconstructionError: as `reconstruct`.
@@ -117,7 +121,7 @@ def score_capture(
     refine = scoring.refine and reference is not None
     found = reconstruct(
         capture, settings, cache=cache, progress=progress, workers=workers, known_plot=known_plot,
-        reach_m=REFERENCE_REACH_M if refine else 0.0,
+        reach_m=REFERENCE_REACH_M if refine else 0.0, with_scene=rasters is not None,
     )  # fmt: skip
     plants, correction, result = found.plants, None, None
     findings: list[Finding] = []
@@ -129,12 +133,18 @@ def score_capture(
             findings += _other_plants(name, result, reference.cloud)
         (folder / place).mkdir(parents=True)
         write_cloud(folder / place / CLOUD_FILE, plants)
+        names = [CLOUD_FILE, OVERVIEW_FILE]
+        if rasters is not None:
+            try:
+                names += write_rasters(folder / place, found, settings, rasters)
+            except UsageError as error:  # of this plot; the scores stay
+                findings.append(Finding(name, "no-rasters", error.message))
+                progress.note(f"{name}: {error.message}")
         plot = plot_evaluation(
             name, found, settings, score=result, correction=correction, findings=findings, plants=plants,
             outline=outline or outline_of(settings, None if reference is None else reference.report.settings),
             seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
-        names = [CLOUD_FILE, OVERVIEW_FILE]
         write_overview(folder / place / OVERVIEW_FILE, plot, plants)
         if scoring.index is not None:
             write_comparison(folder / place / COMPARISON_FILE, plot, plants, scoring.index)
