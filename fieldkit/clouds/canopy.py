@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+
+from fieldkit.clouds.strays import piece_surface_m2
 
 Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]
@@ -22,10 +23,8 @@ SEAM_PIXELS = 2.0
 """Width of the seam about leaves in pixels of the depth maps: 1 of the grown mask, ½ since a cell counts where any
 point lies in it, and ½ for pixels that leaf and soil share, fitted on scenes tuning-1 to 6 (docs/traits.md)."""
 MOST_CELLS = 50_000_000
-_NEIGHBOURS = 5
-_REACH_M, _REACH_PIXELS = 0.010, 3.0
-_CANDIDATES = 2000
-_SLAB_M = 0.25
+LEAF_M2 = 0.0010
+_GAP_PIXELS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,24 +102,20 @@ def canopy(points: Array, heights: Array, pixel_m: float) -> Canopy:
 
 
 def highest_leaf_m(points: Array, heights: Array, pixel_m: float) -> float:
-    """Height of the highest point that belongs to a leaf: it has five others within 10 mm, or three pixels.
+    """Height of the highest point of a leaf: of a piece without gaps of more than two to four pixels that has 10 cm².
 
-    A point or two in the air, which pass for a piece of a leaf near them, do not count. Where no point has so many
-    beside it the highest one counts.
+    What floats in the air near leaves, and so passes for a part of them, does not count. Where no piece is that large,
+    the largest ones count.
 
     Args:
         points: (n, 3) of plants; at least one.
         heights: (n,) above the ground.
         pixel_m: ground that a pixel of the depth maps covers.
     """
-    order = np.argsort(-heights, kind="stable")
-    slab = points[heights >= heights[order[0]] - _SLAB_M]
-    reach = max(_REACH_M, _REACH_PIXELS * pixel_m)
-    tree = cKDTree(slab)
-    for candidate in order[: min(_CANDIDATES, len(slab))]:
-        if len(tree.query_ball_point(points[candidate], reach)) > _NEIGHBOURS:
-            return float(heights[candidate])
-    return float(heights[order[0]])
+    upper = heights >= 0.5 * heights.max()
+    surface = piece_surface_m2(points[upper], _GAP_PIXELS * pixel_m)
+    leaf = surface >= min(LEAF_M2, float(surface.max()))
+    return float(heights[upper][leaf].max())
 
 
 def outline_area_m2(outline: Outline) -> float:

@@ -123,6 +123,7 @@ def reconstruct(
     doubted = doubts(
         capture.folder.name, plants, volume, gsd_m, sparse.frame, sparse.poses,
         own_ground=known_plot is None or known_plot.ground is None,
+        own_volume=known_plot is None and settings.bounds is None,
     )  # fmt: skip
     for doubt in doubted:
         progress.note(doubt.message)

@@ -121,14 +121,21 @@ class TestOutline:
 
 
 class TestHeight:
-    def test_stray_points_near_a_tip_do_not_count(self) -> None:
-        points = np.concatenate([box(0.1, 0.1, 0.5), [[0.0, 0.0, 0.56], [0.0, 0.001, 0.57]]])
+    def test_what_floats_above_a_leaf_does_not_count(self) -> None:
+        rng = np.random.default_rng(0)
+        clump = rng.normal((0.0, 0.0, 0.56), 0.006, (60, 3))  # near enough to pass for a part of the plant
+        points = np.concatenate([box(0.1, 0.1, 0.5), clump, [[0.0, 0.0, 0.52]]])
         assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.5, abs=1e-6)
 
     def test_a_thin_tip_counts(self) -> None:
         tip = np.column_stack([np.zeros(60), np.zeros(60), np.linspace(0.5, 0.62, 60)])
         points = np.concatenate([box(0.1, 0.1, 0.5), tip])
-        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.62, abs=0.012)
+        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.62, abs=1e-6)
+
+    def test_a_leaf_whose_stem_is_missing_counts(self) -> None:
+        leaf = np.random.default_rng(0).uniform((0.3, 0.3, 0.7), (0.4, 0.34, 0.7005), (4000, 3))
+        points = np.concatenate([box(0.1, 0.1, 0.5), leaf])
+        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.7, abs=0.001)
 
     def test_few_points(self) -> None:
         points = np.array([[0.0, 0.0, 0.3], [0.5, 0.0, 0.2]])
