@@ -31,8 +31,9 @@ PLOT = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)))
 
 @pytest.fixture(autouse=True)
 def six_suffice(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As many as count in the example."""
+    """As many as count in the example, at its 45° about the plot."""
     monkeypatch.setattr("fieldkit.evaluation.traits.LEAST_PHOTOGRAPHS", 6)
+    monkeypatch.setattr("fieldkit.evaluation.traits._MATCH_DEG", (3.0, 100.0))
 
 
 def leaf(z: float = 0.15, side: float = 0.1, count: int = 20_000) -> Cloud:
@@ -117,10 +118,10 @@ class TestRefusals:
         assert told.unknown["height_m"] == "only 5 photographs count, and traits need 6"
         assert set(told.unknown) == set(TRAITS)
 
-    def test_without_a_ground_there_are_areas(self) -> None:
+    def test_without_a_ground_there_is_nothing(self) -> None:
         told = traits(found(ground=None))
-        assert set(told.unknown) == {"height_m", "canopy_volume_m3"}
-        assert told.cover_percent is not None
+        assert set(told.unknown) == set(TRAITS)
+        assert "no ground" in told.unknown["covered_area_m2"]
 
     @pytest.mark.parametrize("code", ["height-undetermined", "volume-cuts-plants", "weak-ground", "steep-ground"])
     def test_findings_that_forbid_heights(self, code: str) -> None:
@@ -144,6 +145,14 @@ class TestRefusals:
         assert set(told.unknown) == {"cover_percent", "covered_area_m2", "canopy_volume_m3"}
         assert "% of the plot is in the picture" in told.unknown["cover_percent"]
         assert told.height_m is not None
+
+    def test_photographs_too_far_apart_to_be_matched(self) -> None:
+        result = found()
+        names = list(result.sparse.poses)
+        far = {name: result.sparse.poses[names[k % 2 * 3]] for k, name in enumerate(names)}  # 135° apart
+        told = traits(replace(result, sparse=replace(result.sparse, poses=far)))
+        assert set(told.unknown) == set(TRAITS)
+        assert "two others near enough" in told.unknown["cover_percent"]
 
     def test_plants_higher_than_the_pictures(self) -> None:
         """What was reconstructed ends where the pictures do: the plants may go on."""
