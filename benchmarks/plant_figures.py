@@ -1,4 +1,4 @@
-"""Errors of reconstructed plants' figures on simulated plots with few photographs."""
+"""Errors of reconstructed plants' traits on simulated plots with few photographs."""
 
 from __future__ import annotations
 
@@ -9,24 +9,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.result import Cell, ResultTable, StudyResult
-from benchmarks.scored_captures import designs, make_captures, read_captures, stored_cloud
-from benchmarks.true_plants import TrueFigures, kept_truth
-from fieldkit.clouds.ground import Plane
-from fieldkit.clouds.plant_figures import PlantFigures, plant_figures
-from fieldkit.clouds.volume import Volume
-from fieldkit.geometry import Similarity
+from benchmarks.scored_captures import FITTED, designs, make_captures, read_captures
+from benchmarks.true_plants import kept_truth
+from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, error_column
 from fieldkit.runtime.progress import Progress
 
-_LEVEL = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.0, 0.0, 0.01)
-GOOD_M = 0.015
-"""Chamfer distance up to which a reconstruction counts as good in the table."""
+_NAMES: dict[Trait, str] = {
+    "height_m": "height", "cover_percent": "cover", "covered_area_m2": "covered area",
+    "canopy_volume_m3": "canopy volume",
+}  # fmt: skip
 
 
 def run_plant_figures(folder: Path, *, fitted: int = 3, held_out: int = 2, progress: Progress) -> StudyResult:
-    """Compare the figures of captures with the truth.
+    """Compare the traits of captures with the truth.
 
     Args:
         folder: of captures; missing ones are made and kept, also for `score_prediction`.
@@ -41,13 +38,12 @@ def run_plant_figures(folder: Path, *, fitted: int = 3, held_out: int = 2, progr
     rows = compare(folder)
     return StudyResult(
         name="plant-figures",
-        title="Height, cover and hull of reconstructed plants against the true ones",
+        title="Traits of reconstructed plants against the true ones",
         tables=(error_table(rows),),
         notes=(
             "Plots of maize of V5 to V12, 6 to 13 photographs of very different quality, with noise of poses and wind.",
-            "Within the plants' true volume, as with --bounds or a reference. Truth: the plants' meshes.",
-            f"Good: chamfer distance to the true surface up to {1000 * GOOD_M:.0f} mm.",
-            "Height is above the ground that each capture found for itself; above the true one where it found none.",
+            "The plot's outline is the footprint of the plants' true volume. Truth: the plants' meshes.",
+            "Refused: traits that are not to be had from the photographs, as fieldkit says.",
         ),
         figures={"captures": rows},
         wall_s=time.perf_counter() - wall,
@@ -56,67 +52,54 @@ def run_plant_figures(folder: Path, *, fitted: int = 3, held_out: int = 2, progr
 
 
 def compare(folder: Path) -> list[dict[str, Any]]:
-    """Figures of every stored capture, with those of its scene's plants."""
+    """Traits of every stored capture, with those of its scene's plants; captures of earlier versions are left out."""
     rows: list[dict[str, Any]] = []
-    scenes: dict[str, tuple[Volume, TrueFigures]] = {}
-    for record, arrays in read_captures(folder):
-        if record["truth"] is None:
+    for record, _ in read_captures(folder):
+        traits = record["plot"].get("traits")
+        if record["truth"] is None or traits is None:
             continue
         name = record["design"]["scene"]
-        if name not in scenes:
-            scenes[name] = kept_truth(folder, name)
-        volume, truth = scenes[name]
-        found, own_ground = capture_figures(record, arrays, volume)
-        if found is None:
-            continue
+        truth = kept_truth(folder, name)[1]
         rows.append({
             "capture": record["plot"]["name"], "scene": name, "chamfer_m": record["truth"]["chamfer_m"],
-            "own_ground": own_ground, "found": asdict(found) | {"covered_m2": found.covered_m2}, "truth": asdict(truth),
+            "found": traits, "truth": asdict(truth) | {"cover_percent": truth.cover_percent},
         })  # fmt: skip
     return rows
 
 
-def capture_figures(
-    record: dict[str, Any], arrays: dict[str, NDArray[Any]], volume: Volume
-) -> tuple[PlantFigures | None, bool]:
-    """Figures of a stored capture within the scene's volume, and whether a ground was found in it."""
-    to_scene = Similarity.from_matrix(arrays["plot_from_source"]).inverse()
-    ground = record["plot"]["frame"]["ground"]
-    plane = _LEVEL
-    if ground is not None:
-        normal = np.array(ground["normal"])
-        turned = to_scene.rotation @ normal
-        offset = float(turned @ to_scene.apply(ground["offset_m"] * normal))
-        plane = Plane(turned, offset, ground["rms_m"], ground["inlier_share"], ground["tolerance_m"])
-    cloud = stored_cloud(arrays).transformed(to_scene)
-    return plant_figures(cloud, volume, plane, record["plot"]["gsd_m"]), ground is not None
-
-
 def error_table(rows: Sequence[dict[str, Any]]) -> ResultTable:
-    """Errors of each figure, as median and 90th percentile, of all captures and of good ones."""
+    """Errors of each trait on the scenes that the seam was fitted on, and on the others."""
     cells: list[tuple[Cell, ...]] = []
-    for label, chosen in (
-        ("all", list(rows)), ("good", [row for row in rows if row["chamfer_m"] <= GOOD_M]),
-    ):  # fmt: skip
-        for key, name, unit in (
-            ("height_m", "height (95 %)", "m"), ("height_max_m", "highest point", "m"),
-            ("covered_m2", "covered ground", "%"), ("hull_m3", "hull", "%"),
-        ):  # fmt: skip
-            errors = np.array([_error(row, key, relative=unit == "%") for row in chosen])
-            if not len(errors):
+    for label, tuning in (("tuning", True), ("others", False)):
+        chosen = [row for row in rows if (row["scene"] in FITTED) == tuning]
+        for trait in TRAITS:
+            known = [row for row in chosen if row["found"][trait] is not None]
+            if not known:
                 continue
-            scale, suffix = (100.0, " %") if unit == "%" else (1000.0, " mm")
+            errors = np.array([_error(row, trait) for row in known])
+            within = [_within(row, trait) for row in known]
+            unit, decimals = (" mm", 0) if trait == "height_m" else (" %", 1)
             size = np.abs(errors)
+            figures = (np.median(errors), np.sqrt(np.mean(errors**2)), np.quantile(size, 0.9))
             cells.append(
                 (
-                    label, len(chosen), name, f"{scale * np.median(errors):+.0f}{suffix}",
-                    f"{scale * np.median(size):.0f}{suffix}", f"{scale * np.quantile(size, 0.9):.0f}{suffix}",
+                    label, _NAMES[trait], len(known), len(chosen) - len(known),
+                    *(f"{v:{'+' if k == 0 else ''}.{decimals}f}{unit}" for k, v in enumerate(figures)),
+                    f"{sum(within)} of {len(within)}",
                 )
             )  # fmt: skip
-    columns = ("captures", "number>", "figure", "median error>", "median size>", "nine in ten within>")
-    return ResultTable("Errors of plants' figures", columns, tuple(cells))
+    columns = ("scenes", "trait", "captures>", "refused>", "median error>", "RMSE>", "nine in ten within>", "in ±>")
+    return ResultTable("Errors of plants' traits", columns, tuple(cells))
 
 
-def _error(row: dict[str, Any], key: str, *, relative: bool) -> float:
-    found, true = row["found"][key], row["truth"][key]
-    return float((found - true) / true if relative else found - true)
+def _error(row: dict[str, Any], trait: Trait) -> float:
+    """Millimetres of the height, else percent of the true value."""
+    found, true = row["found"][trait], row["truth"][trait]
+    return float(1000.0 * (found - true) if trait == "height_m" else 100.0 * (found - true) / true)
+
+
+def _within(row: dict[str, Any], trait: Trait) -> bool:
+    """Whether a trait's stated error holds."""
+    found = TraitsEntry.model_validate(row["found"])
+    stated = getattr(found, error_column(trait))
+    return bool(abs(row["found"][trait] - row["truth"][trait]) <= stated)

@@ -21,8 +21,10 @@ from benchmarks.true_plants import kept_truth
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, ReferenceIndex, crop, score
+from fieldkit.clouds.canopy import rectangle
 from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation
+from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.files import write_atomic
 from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.planning.problem import PlanningProblem
@@ -200,7 +202,7 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
     else:
         plot = plot_evaluation(
             name, found, settings, score=None, seconds=time.perf_counter() - wall,
-            cpu_seconds=processor_seconds() - cpu,
+            cpu_seconds=processor_seconds() - cpu, outline=_outline(found, proxy),
         )  # fmt: skip
         record["truth"] = truth_scores(found, proxy)
         arrays = _arrays(found)
@@ -208,6 +210,13 @@ def _evaluate(folder: Path, name: str, design: Design, capture: Path, proxy: Pro
     if arrays:
         np.savez(folder / f"{name}.npz", **arrays)  # type: ignore[arg-type]
     write_atomic(folder / f"{name}.json", json.dumps(record, ensure_ascii=False) + "\n")
+
+
+def _outline(found: Reconstruction, proxy: Proxy) -> PlotOutline:
+    """The footprint of the scene's volume, in the capture's plot frame."""
+    corners = np.array([(x, y, 0.0) for x, y in rectangle(proxy.volume.lower, proxy.volume.upper)])
+    moved = found.sparse.frame.plot_from_source.apply(corners)
+    return PlotOutline(tuple((float(x), float(y)) for x, y, _ in moved))
 
 
 def truth_scores(found: Reconstruction, proxy: Proxy) -> dict[str, Any] | None:

@@ -18,6 +18,7 @@ from fieldkit.documents.json_file import first_problem, read_json_object
 from fieldkit.errors import MetadataError, StorageError
 from fieldkit.regular_files import is_other_than_file
 from fieldkit.results.report_files import EVALUATION_FILE
+from fieldkit.results.traits import COLUMNS as TRAITS_COLUMNS
 from fieldkit.results.visit import ROW, Visit
 
 TABLE_FILE = "campaign.sqlite"
@@ -28,7 +29,7 @@ _BESIDE = ("-journal", "-wal", "-shm")
 _TIMEOUT_S = 30.0
 _MAX_BYTES = 256 << 20
 _REMEDY = "Move it away; visits that have a folder in visits/ are kept."
-_LATER = ("fieldkit", "doubts")
+_LATER = ("fieldkit", "doubts", *TRAITS_COLUMNS)
 _FIELDS = tuple(name for name in ROW if name not in _LATER)
 _COLUMNS = ", ".join(f'"{name}"' for name in (*_FIELDS, "inputs"))
 

@@ -158,7 +158,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
         notes += [*placed.notes, *_against_plan(capture, job.plan)]
         plot = score_capture(
             job.plot.id, capture, placed.plot, folder, settings, scoring,
-            spent=spent, cache=StageCache(job.cache), progress=Silent(), subfolder=name,
+            spent=spent, cache=StageCache(job.cache), progress=Silent(), subfolder=name, outline=placed.outline,
         )  # fmt: skip
         if placed.plot is not None:
             plot = FlownPlan.of(job.plan, placed.plot.source).compare(plot, name, Path(job.captures), capture)
@@ -189,7 +189,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
 def _remarks(job: VisitJob, plot: PlotEvaluation) -> Iterator[str]:
     """What else a person should know of an evaluation."""
     yield from (finding.message for finding in plot.findings if finding.code in TOLD)
-    top_m = None if plot.plants is None else plot.plants.height_max_m
+    top_m = None if plot.traits is None else plot.traits.height_m
     outgrown = None if top_m is None else plants_outgrown(job.plan, top_m)
     if outgrown is not None:
         yield f"{outgrown.message}. {outgrown.remedy}"

@@ -24,12 +24,14 @@ from fieldkit.errors import StorageError, UsageError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.regular_files import check_replaceable
 from fieldkit.results.evaluation import distance_key
+from fieldkit.results.traits import COLUMNS as TRAIT_COLUMNS
+from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import ROW, Visit
 
 Format = Literal["csv", "geojson", "gpkg"]
 SUFFIXES: Mapping[str, Format] = {".csv": "csv", ".geojson": "geojson", ".json": "geojson", ".gpkg": "gpkg"}
 VISITS_LAYER, PLOTS_LAYER = "visits", "plots"
-_LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m", "height_m", "cover", "hull_m3")
+_LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m")
 _TEXTS = ("captures", "folder", "error")
 _COUNTS = ("images", "registered", "right", "rank", "visits")
 
@@ -89,6 +91,8 @@ def plot_rows(campaign: Campaign) -> list[Values]:
         own = [visit for visit in campaign.visits if visit.plot == plot.id]
         last = max(own, key=lambda visit: visit.date, default=None)
         figures = {name: None if last is None else getattr(last, name) for name in _LATEST}
+        traits = ((None if last is None else last.traits) or TraitsEntry()).row()
+        figures |= {name: traits[name] for name in TRAIT_COLUMNS}
         result.append(
             {
                 "plot": plot.id, **_place(plot), "visits": len(own), "date": None if last is None else last.date,
@@ -185,7 +189,7 @@ def _column(name: str, values: Sequence[Any]) -> np.ndarray:
         return np.array([value or "NaT" for value in values], dtype="datetime64[D]")
     if name in _COUNTS:
         return np.array([0 if value is None else value for value in values], dtype=np.int32)
-    if name.endswith(("_m", "_deg", "_m3", "_s")) or name.startswith("f_score_") or name == "cover":
+    if name.endswith(("_m", "_deg", "_m2", "_m3", "_s", "_percent")) or name.startswith("f_score_"):
         return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
     return np.array(["" if value is None else _text(value) for value in values], dtype=object)
 

@@ -11,12 +11,12 @@ from fieldkit.campaign.engine import changed_stages, is_current
 from fieldkit.campaign.ranking import Drift, Ranked, Score, drift, measured_noise_m, ranking, score_of
 from fieldkit.campaign.reading import Campaign
 from fieldkit.present.content import Column, Table
-from fieldkit.present.style import format_length, percent, with_unit
+from fieldkit.present.style import decimal, format_length, with_unit
 from fieldkit.results.visit import Visit
 
 _FIGURES = {
-    "chamfer_m": "chamfer", "predicted_chamfer_m": "predicted chamfer", "height_m": "height", "cover": "cover",
-    "hull_m3": "hull",
+    "chamfer_m": "chamfer", "predicted_chamfer_m": "predicted chamfer", "height_m": "height",
+    "cover_percent": "cover", "canopy_volume_m3": "canopy volume",
 }  # fmt: skip
 _MANY_DATES = 12
 _NAMED = 5
@@ -133,7 +133,7 @@ def _ranking_table(campaign: Campaign, date: str) -> Table:
         (
             entry.score.visit.plot, f"{entry.rank}{'=' if entry.tied else ''}",
             f"{'≈ ' if entry.score.predicted else ''}{format_length(entry.score.value_m)}", _scatter(entry.score),
-            format_length(entry.score.visit.height_m), with_unit(percent(entry.score.visit.cover, 0), "%"),
+            format_length(entry.score.visit.height_m), with_unit(decimal(entry.score.visit.cover_percent, 0), "%"),
         )
         for entry in ranking(campaign.visits, campaign.plan, date)
     )  # fmt: skip
@@ -172,9 +172,9 @@ def _changed(change: Drift) -> str:
 
 def _amount(figure: str, value: float) -> str:
     match figure:
-        case "cover":
-            return f"{100 * value:.1f} %"
-        case "hull_m3":
+        case "cover_percent":
+            return f"{value:.1f} %"
+        case "canopy_volume_m3":
             return f"{value:.3f} m³"
         case _:
             return format_length(value)

@@ -2,7 +2,8 @@
 
 A figure's noise is half the interval that holds nine in ten repeats. Of a predicted chamfer distance the interval is
 the prediction's own. Of a measured one it is 1.645 standard deviations of the plan's repeats on what it was made on,
-where plan.json says them: the scatter of reconstruction, not of weather or of flights. Two figures differ beyond noise
+where plan.json says them: the scatter of reconstruction, not of weather or of flights. Of a trait it is the trait's
+error. Two figures differ beyond noise
 where they are farther apart than their half intervals, added in squares.
 """
 
@@ -11,13 +12,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
+from typing import cast
 
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.plan import Plan
+from fieldkit.results.traits import Trait, error_column
 from fieldkit.results.visit import Visit
 
 _NINE_IN_TEN = 1.645
-DRIFTING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover", "hull_m3")
+DRIFTING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover_percent", "canopy_volume_m3")
 
 
 @dataclass(frozen=True)
@@ -151,7 +154,8 @@ def _noise(figure: str, visit: Visit, plan: Plan) -> float | None:
         case "predicted_chamfer_m":
             return _predicted_noise(visit)
         case _:
-            return None
+            error = None if visit.traits is None else getattr(visit.traits, error_column(cast("Trait", figure)))
+            return cast("float | None", error)
 
 
 def _predicted_noise(visit: Visit) -> float | None:

@@ -41,6 +41,7 @@ class CampaignPlot:
         latitude_deg, longitude_deg: of the plot frame's origin, WGS 84.
         row_heading_deg: compass heading of the plot frame's x axis.
         shape: corners (latitude, longitude) where it is drawn as a polygon, the last not the first again; else None.
+        size_m: length along the plot frame's x and width, about its origin; None where nobody said.
         reference: folder of its dense reference, or None.
         reference_sha256: of the reference.json that campaign.toml names, or None.
     """
@@ -50,6 +51,7 @@ class CampaignPlot:
     longitude_deg: float
     row_heading_deg: float
     shape: tuple[tuple[float, float], ...] | None = None
+    size_m: tuple[float, float] | None = None
     reference: Path | None = None
     reference_sha256: str | None = None
 
@@ -245,6 +247,7 @@ def _plots(
             longitude_deg=plot.longitude_deg,
             row_heading_deg=plot.row_heading_deg,
             shape=shapes.get(place),
+            size_m=plot.size_m,
             reference=None if reference is None else file.parent / reference.path,
             reference_sha256=None if reference is None else reference.sha256,
         )

@@ -34,7 +34,7 @@ def visit_inputs(job: VisitJob) -> str:
         capture.groups, capture.metric_source, capture.origin, capture.markers,
         [None if mask is None else file_sha256(mask) for mask in masks],
         job.plan.model_dump_json(), job.evaluation.model_dump_json(),
-        (plot.latitude_deg, plot.longitude_deg, plot.row_heading_deg), plot.reference_sha256,
+        (plot.latitude_deg, plot.longitude_deg, plot.row_heading_deg, plot.shape, plot.size_m), plot.reference_sha256,
         plot.reference_sha256_now(),
     )  # fmt: skip
 

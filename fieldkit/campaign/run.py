@@ -20,6 +20,7 @@ from fieldkit.captures import Finding
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.files import check_writable
+from fieldkit.present.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.present.style import format_length
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.results.visit import VISITS_FOLDER, Visit
@@ -73,7 +74,7 @@ def evaluate_campaign(
     A visit is a plot on a date. Its photographs add up: those that an earlier run found, and that are still where they
     were, count together with new ones (a re-flight). It says what it was made from, so that nothing is computed twice,
     and what changed is computed again. A run that is killed leaves whole visits only. At its end the table
-    campaign.sqlite is made of all visits.
+    campaign.sqlite is made of all visits, and traits.csv.
 
     Args:
         folder: of the campaign.
@@ -111,6 +112,7 @@ def evaluate_campaign(
         finally:
             sweep(folder)  # of workers that were stopped in the middle
         campaign = read_campaign(folder)
+        write_traits_csv(folder / TRAITS_FILE, [trait_row(v.plot, v.date, v.traits, v.error) for v in campaign.visits])
         if adopted:  # else an earlier fieldkit's table is still the only place of a visit
             write_table(folder, campaign.visits)
     left_out = (*found.findings, *sorting.left_out)

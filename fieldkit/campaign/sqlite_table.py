@@ -11,6 +11,7 @@ from typing import Any
 
 from fieldkit.campaign.earlier_formats import APPLICATION_ID, TABLE_FILE, TABLE_VERSION
 from fieldkit.files import write_atomic
+from fieldkit.results.traits import REASONS, VALUES
 from fieldkit.results.visit import ROW, Visit
 
 
@@ -39,4 +40,6 @@ def _values(visit: Visit) -> list[Any]:
 def _kind(name: str) -> str:
     """SQLite's type for a field."""
     types: dict[Any, str] = {int: "INTEGER NOT NULL", float: "REAL NOT NULL", float | None: "REAL"}
-    return types.get(Visit.model_fields[name].annotation, "TEXT NOT NULL")
+    if name in VALUES:
+        return "REAL"
+    return "TEXT NOT NULL" if name == REASONS else types.get(Visit.model_fields[name].annotation, "TEXT NOT NULL")

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Capture
+from fieldkit.clouds.canopy import Outline
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
+from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.reconstruction.known_poses import SourceFrame
@@ -77,10 +79,12 @@ class PlacedVisit:
     Attributes:
         plot: what is known; None where nothing is, and the visit's own frame is found from its cameras.
         notes: what a person should know of it.
+        outline: of the plot; None takes the bounds that its reference was made with.
     """
 
     plot: KnownPlot | None
     notes: tuple[str, ...] = ()
+    outline: PlotOutline | None = None
 
 
 def wanted_sidecars(capture: Capture, plan: Plan, reference: KnownPlot | None) -> frozenset[str]:
@@ -123,18 +127,22 @@ def place_visit(
     if reference is not None:
         if not reference.source.georeferenced or capture.origin is None:
             return PlacedVisit(reference)
-        return PlacedVisit(replace(reference, settle=Settling(None, height, reference.ground, seed)))
-    volume = plan_volume(plan)
+        settled = replace(reference, settle=Settling(None, height, reference.ground, seed))
+        corners = drawn_outline(plot, reference.source)
+        return PlacedVisit(settled, outline=None if corners is None else PlotOutline(corners))
     if capture.metric_source is None:
         return PlacedVisit(None, ("no positions: reconstructed in a frame and at a scale of its own",))
     if capture.origin is None:
         if not on_stations(capture, plan):
             note = "poses.csv is not in the plan's frame, and there is no GPS: the plot's place in it is not known"
             return PlacedVisit(None, (note,))
+        own = SourceFrame(capture.metric_source, LocalFrame(plot.latitude_deg, plot.longitude_deg), _own_axes(plot))
+        corners = drawn_outline(plot, own)
         source = SourceFrame(capture.metric_source, None, Similarity.identity())
-        return PlacedVisit(KnownPlot(source, volume, None, settle=Settling(None, height, None, seed)))
+        known = KnownPlot(source, visit_volume(plan, corners), None, settle=Settling(None, height, None, seed))
+        return PlacedVisit(known, outline=_known_or_not(corners))
     origin = LocalFrame(plot.latitude_deg, plot.longitude_deg, capture.origin.altitude_m, capture.origin.datum)
-    source = SourceFrame(capture.metric_source, origin, Similarity(1.0, _plot_from_enu(plot), np.zeros(3)))
+    source = SourceFrame(capture.metric_source, origin, _own_axes(plot))
     accuracy = _accuracy_m(capture)
     coarse = accuracy > COARSE_M
     notes: tuple[str, ...] = ()
@@ -142,7 +150,45 @@ def place_visit(
         note = f"positions are good to {accuracy:.1f} m only: the plot is taken to lie where the cameras look"
         notes = (note,)
     settle = Settling(aim if coarse else None, height, None, seed)
-    return PlacedVisit(KnownPlot(source, volume, None, settle=settle), notes)
+    corners = None if coarse else drawn_outline(plot, source)
+    outline = _known_or_not(corners)
+    if coarse and (plot.shape is not None or plot.size_m is not None):
+        outline = PlotOutline(
+            None, f"positions are good to {accuracy:.1f} m only, so the plot's outline cannot be placed"
+        )
+    return PlacedVisit(KnownPlot(source, visit_volume(plan, corners), None, settle=settle), notes, outline)
+
+
+def drawn_outline(plot: CampaignPlot, source: SourceFrame) -> Outline | None:
+    """Corners (x, y) of a plot in the plot frame that a source frame leads into, from the polygon that it is drawn as,
+    or else its length and width; None where nobody said either, or the source lies nowhere on Earth.
+    """
+    if source.origin is None:
+        return None
+    own = LocalFrame(plot.latitude_deg, plot.longitude_deg, source.origin.altitude_m, source.origin.datum)
+    if plot.shape is not None:
+        latitude, longitude = np.array(plot.shape, dtype=np.float64).T
+    elif plot.size_m is not None:
+        x, y = 0.5 * plot.size_m[0], 0.5 * plot.size_m[1]
+        ring = np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]) @ _plot_from_enu(plot)
+        latitude, longitude, _ = own.to_geodetic(ring)
+    else:
+        return None
+    corners = source.from_source.apply(source.origin.to_local(latitude, longitude, source.origin.altitude_m))
+    return tuple((float(x), float(y)) for x, y, _ in corners)
+
+
+def visit_volume(plan: Plan, outline: Outline | None) -> Volume:
+    """The volume of interest of a visit: above the plot's outline where it is known, else `plan_volume`."""
+    volume = plan_volume(plan)
+    if outline is None:
+        return volume
+    low, high = np.min(outline, axis=0), np.max(outline, axis=0)
+    return Volume((*low.tolist(), volume.lower[2]), (*high.tolist(), volume.upper[2]))
+
+
+def _known_or_not(corners: Outline | None) -> PlotOutline:
+    return PlotOutline() if corners is None else PlotOutline(corners)
 
 
 def plan_aim(plan: Plan) -> tuple[tuple[float, float], float]:
@@ -174,6 +220,10 @@ def plan_volume(plan: Plan) -> Volume:
         top = max(float(np.median(heights)), 2 * _LEAST_GROWTH_M)
     bottom = min(float(lower[2]), 0.0) - _BELOW_M
     return Volume((*(lower[:2] - side), bottom), (*(upper[:2] + side), max(top, bottom + _LEAST_GROWTH_M)))
+
+
+def _own_axes(plot: CampaignPlot) -> Similarity:
+    return Similarity(1.0, _plot_from_enu(plot), np.zeros(3))
 
 
 def _plot_from_enu(plot: CampaignPlot) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from fieldkit.cli.reconstruction_options import (
     DISTANCES,
     DistancesOption,
     PosesOptions,
+    RasterOptions,
     ReconstructionOptions,
     RunOptions,
     parse_distances,
@@ -33,7 +34,7 @@ _OF_CAMPAIGN = {
     "refine",
     "distances",
     "seed",
-    *(each.name for each in fields(ReconstructionOptions)),
+    *(each.name for group in (ReconstructionOptions, RasterOptions) for each in fields(group)),
 }
 
 
@@ -96,6 +97,7 @@ def command(
     distances: DistancesOption = DISTANCES,
     reconstruction: ReconstructionOptions,
     poses: PosesOptions,
+    rasters: RasterOptions,
     no_wait: Annotated[
         bool, Option("--no-wait", help="In a campaign: do not wait for another run in it to end.")
     ] = False,
@@ -106,8 +108,9 @@ def command(
     """Reconstruct new captures of one or many plots and score them against a reference.
 
     Each plot is reconstructed in the reference's frame by its own metric source, and compared with it. Without
-    --reference the figures that need none are reported. The result holds evaluation.json, plots.csv, and for each plot
-    its cloud and a picture. Plots that fail are listed; the exit code is 4 only where all of them do.
+    --reference the figures that need none are reported. The result holds evaluation.json, plots.csv, traits.csv with
+    plants' height, cover and volume, and for each plot its cloud and a picture. Plots that fail are listed; the exit
+    code is 4 only where all of them do.
 
     In a campaign's folder, or with --campaign, the photographs are sorted into its plots and dates by geotag and time,
     or by folders, and every visit that is new or changed is scored by the campaign's settings. A run that was stopped
@@ -119,7 +122,7 @@ def command(
         fieldkit evaluate card/DCIM --campaign season --workers 2
 
     Files:
-        OUTPUT/evaluation.json, plots.csv  the scores
+        OUTPUT/evaluation.json, plots.csv, traits.csv  scores, and traits of the plants
         OUTPUT/PLOT/cloud.ply, overview.png  each plot's cloud, and a picture
 
     Exit codes:
@@ -141,14 +144,14 @@ def command(
     given, frame = poses.given(), parse_frame("--reference-frame", reference_frame)
     if frame and reference is None:
         raise UsageError("--reference-frame is that of --reference", remedy="Give --reference with it.")
+    wanted = rasters.wanted()
     from fieldkit.evaluation.evaluate import evaluate_captures
 
     with run_context(as_json=as_json) as progress:
         report = evaluate_captures(
             captures, output, settings, reference=reference, reference_frame=frame, refine=refine,
-            distances_m=distances_m, log=flight.log,
-            plan=flight.plan, mission=mission, poses=given, cache=cache, progress=progress, overwrite=run.overwrite,
-            workers=run.processes,
+            distances_m=distances_m, log=flight.log, plan=flight.plan, mission=mission, poses=given, rasters=wanted,
+            cache=cache, progress=progress, overwrite=run.overwrite, workers=run.processes,
         )  # fmt: skip
     if as_json:
         emit_json(

@@ -18,6 +18,7 @@ from fieldkit.errors import UsageError
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
     from fieldkit.captures.programs import PosesFile
+    from fieldkit.evaluation.rasters import Rasters
     from fieldkit.reconstruction.settings import ReconstructionSettings
     from fieldkit.runtime.progress import Progress
 
@@ -165,6 +166,39 @@ def parse_frame(option: str, text: str) -> str:
     if kind.upper() == "EPSG" and colon and code.replace("+", "").isdecimal() and 4 <= len(code) <= 12:
         return f"EPSG:{code}"
     raise UsageError(f"{option}: neither metres nor EPSG:CODE: {text}", remedy=f"Write it like {option} EPSG:32633.")
+
+
+@dataclass(frozen=True)
+class RasterOptions:
+    """Height models."""
+
+    rasters: Annotated[
+        bool,
+        Option("--rasters", help="Also write canopy-height.tif and surface.tif (GeoTIFF in UTM, with QGIS styles)."),
+    ] = False
+    gsd: Annotated[
+        float | None,
+        Option(
+            "--gsd", metavar="M", help="With --rasters: edge of their cells, metres; 5 mm or the depth maps' pixel."
+        ),
+    ] = None
+
+    def wanted(self) -> Rasters | None:
+        """What is to be written; None without --rasters.
+
+        Raises:
+            UsageError: --gsd without --rasters or not positive, or an extra is missing.
+        """
+        if not self.rasters:
+            if self.gsd is not None:
+                raise UsageError("--gsd is the cells of --rasters", remedy="Give --rasters, too, or leave --gsd out.")
+            return None
+        if self.gsd is not None and not 0.0 < self.gsd < 10.0:
+            raise UsageError(f"--gsd: no edge of cells in metres: {self.gsd:g}", remedy="Write it like --gsd 0.01.")
+        from fieldkit.evaluation.rasters import Rasters, require_rasters
+
+        require_rasters()
+        return Rasters(self.gsd)
 
 
 def parse_bounds(text: str) -> Box:

@@ -9,7 +9,14 @@ from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, emit_json, show
 from fieldkit.cli.option_groups import grouped
-from fieldkit.cli.reconstruction_options import PosesOptions, ReconstructionOptions, RunOptions, run_context
+from fieldkit.cli.reconstruction_options import (
+    PosesOptions,
+    RasterOptions,
+    ReconstructionOptions,
+    RunOptions,
+    run_context,
+)
+from fieldkit.errors import UsageError
 
 
 @grouped
@@ -18,6 +25,7 @@ def command(
     output: OutputOption,
     reconstruction: ReconstructionOptions,
     poses: PosesOptions,
+    rasters: RasterOptions,
     run: RunOptions,
     no_scene: Annotated[bool, Option("--no-scene", help="The plants alone, without scene.ply.")] = False,
     as_json: JsonOption = False,
@@ -56,12 +64,15 @@ def command(
         fieldkit plan, fieldkit evaluate, fieldkit scene from-reference
     """
     cache, settings, given = run.cache(), reconstruction.settings(run.seed), poses.given()
+    wanted = rasters.wanted()
+    if wanted is not None and no_scene:
+        raise UsageError("--rasters need the scene", remedy="Leave --no-scene out.")
     from fieldkit.evaluation.reference import build_reference
 
     with run_context(as_json=as_json) as progress:
         report = build_reference(
             images, output, settings, cache=cache, progress=progress, overwrite=run.overwrite, resume=run.resume,
-            workers=run.processes, scene=not no_scene, poses=given,
+            workers=run.processes, scene=not no_scene, poses=given, rasters=wanted,
         )  # fmt: skip
     if as_json:
         emit_json({"output": output, **report.model_dump(mode="json", exclude={"image_reports"})})

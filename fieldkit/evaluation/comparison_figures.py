@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import cast
 
 from fieldkit.results.evaluation import PlotEvaluation, distance_key
+from fieldkit.results.traits import TRAITS
 
 PREDICTED = "predicted_chamfer_m"
 DISTANCES = ("chamfer_m", "accuracy_m", "completeness_m")
@@ -14,7 +15,6 @@ _REFERENCE_FREE = (
     "right_share", "pose_rms_m", "reprojection_px", "track_length", "points", "points_per_plant_voxel", "gsd_m",
 )  # fmt: skip
 _LARGEST = 1e12
-_PLANTS = ("height_m", "cover", "hull_m3")
 
 
 def figure_names(distances_m: Sequence[float], *, scored: bool) -> list[str]:
@@ -25,7 +25,7 @@ def figure_names(distances_m: Sequence[float], *, scored: bool) -> list[str]:
         scored: whether all were scored against one reference.
     """
     against = [*DISTANCES, *(f"f_score_{distance_key(d)}" for d in distances_m)] if scored else [PREDICTED]
-    return [*against, *_PLANTS, *_REFERENCE_FREE]
+    return [*against, *TRAITS, *_REFERENCE_FREE]
 
 
 def figure_value(plot: PlotEvaluation, figure: str) -> float | None:
@@ -41,8 +41,8 @@ def _value(plot: PlotEvaluation, figure: str) -> float | None:
         return plot.right / plot.images if plot.images else None
     if figure == PREDICTED:
         return None if plot.prediction is None else plot.prediction.chamfer_m
-    if figure in _PLANTS:
-        return None if plot.plants is None else cast("float | None", getattr(plot.plants, figure))
+    if figure in TRAITS:
+        return None if plot.traits is None else cast("float | None", getattr(plot.traits, figure))
     # Without a scale lengths are in units of their own, which no two models share.
     known = plot.metric or not figure.endswith("_m")
     return cast("float | None", getattr(plot, figure)) if known else None

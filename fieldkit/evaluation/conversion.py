@@ -10,11 +10,11 @@ import numpy as np
 
 import fieldkit
 from fieldkit.captures.model import Finding
-from fieldkit.clouds import CloudScore
-from fieldkit.clouds.plant_figures import plant_figures
+from fieldkit.clouds import Cloud, CloudScore
 from fieldkit.errors import FieldkitError
 from fieldkit.evaluation.figures import clean_text, figures, findings_entries, image_entry, mean, reasons
 from fieldkit.evaluation.prediction import plot_features, predict
+from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits
 from fieldkit.reconstruction.colmap_model import model_points
 from fieldkit.reconstruction.evidence import evidence, shared_points
 from fieldkit.reconstruction.result import ImageReport, Reconstruction
@@ -24,7 +24,6 @@ from fieldkit.results.evaluation import (
     ErrorEntry,
     EvaluationReport,
     FileEntry,
-    PlantEntry,
     PlotEvaluation,
     PredictionEntry,
     ReferenceReport,
@@ -55,6 +54,7 @@ def reference_report(
         source=clean_text(reconstruction.sparse.capture.folder.name),
         scene_points=None if scene is None else len(scene),
         settings=settings_entry(settings),
+        traits=plot_traits(reconstruction, reconstruction.plants, settings, outline_of(settings)),
         **figures(reconstruction, settings, seconds, cpu_seconds, files),
     )
 
@@ -70,6 +70,8 @@ def plot_evaluation(
     cpu_seconds: float,
     files: Sequence[FileEntry] = (),
     findings: Sequence[Finding] = (),
+    plants: Cloud | None = None,
+    outline: PlotOutline | None = None,
 ) -> PlotEvaluation:
     """What evaluation.json says of a plot that was reconstructed.
 
@@ -83,6 +85,8 @@ def plot_evaluation(
         cpu_seconds: CPU time spent on it.
         files: of the result that belong to this plot.
         findings: of scoring, beside those of the reconstruction.
+        plants: that count, where they are others than the reconstruction's: moved onto the reference.
+        outline: of the plot; None takes the settings' bounds.
     """
     found = figures(reconstruction, settings, seconds, cpu_seconds, files)
     found["findings"] += findings_entries(findings)
@@ -91,22 +95,14 @@ def plot_evaluation(
         unregistered=reasons(reconstruction.sparse.images),
         **_score(score),
         correction=correction,
-        plants=plant_entry(reconstruction),
+        traits=plot_traits(
+            reconstruction, reconstruction.plants if plants is None else plants, settings,
+            outline_of(settings) if outline is None else outline,
+        ),
         prediction=None if score is not None else prediction_entry(reconstruction, found),
         error=None,
         **found,
-    )
-
-
-def plant_entry(reconstruction: Reconstruction) -> PlantEntry | None:
-    """Figures of the plants; None without a scale."""
-    frame = reconstruction.sparse.frame
-    if not frame.metric:
-        return None
-    found = plant_figures(reconstruction.plants, reconstruction.volume, frame.ground, reconstruction.gsd_m)
-    if found is None:
-        return None
-    return PlantEntry(covered_m2=found.covered_m2, stray=reconstruction.stray, **dataclasses.asdict(found))
+    )  # fmt: skip
 
 
 def prediction_entry(reconstruction: Reconstruction, figures_: Mapping[str, Any]) -> PredictionEntry:

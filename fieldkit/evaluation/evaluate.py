@@ -24,9 +24,11 @@ from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.figures import findings_entries
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import count_photographs, find_plots, result_folders
+from fieldkit.evaluation.rasters import Rasters
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.present.spreadsheets.plots import write_plots_csv
+from fieldkit.present.spreadsheets.traits import TRAITS_FILE, plot_rows, write_traits_csv
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
@@ -53,6 +55,7 @@ def evaluate_captures(
     plan: Path | None = None,
     mission: tuple[Path, str] | None = None,
     poses: PosesFile | None = None,
+    rasters: Rasters | None = None,
     cache: StageCache,
     progress: Progress,
     overwrite: bool = False,
@@ -62,9 +65,9 @@ def evaluate_captures(
 
     Args:
         captures: a folder of photographs, or a folder of such folders (one per plot); never written to.
-        output: folder of the result: evaluation.json, plots.csv and, per plot, a folder with cloud.ply, overview.png
-            and, with a reference, comparison.png. A plot that is named as one of these files gets a folder with a
-            number.
+        output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply,
+            overview.png and, with a reference, comparison.png. A plot that is named as one of these files gets
+            a folder with a number.
         settings: choices; None takes the defaults. Bounds default to the reference's volume.
         reference: folder that `build_reference` wrote, or a cloud (PLY, LAS, LAZ); None gives figures that need none.
         reference_frame: of a cloud, as `open_reference` takes it.
@@ -75,6 +78,7 @@ def evaluate_captures(
         plan: that was flown, on the reference's plot: the report says how the photographs kept to it.
         mission: file of it that was uploaded, and the vehicle's profile: what the autopilot was told.
         poses: that another program found, of all plots; None takes what lies beside each one's photographs.
+        rasters: to be written into each plot's folder.
         cache: of stages.
         progress: told of stages and findings.
         overwrite: replace an earlier evaluation in ``output``.
@@ -105,8 +109,8 @@ def evaluate_captures(
         flight = None if log is None else Flight.read(log, plots)
         flown = None if plan is None else _flown_plan(plan, mission, read, flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
-        run = _Run(folder, settings, scoring, flight, flown, poses, cache, progress, workers)
-        places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE))
+        run = _Run(folder, settings, scoring, flight, flown, poses, cache, progress, workers, rasters)
+        places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE))
         results = run.plots(plots, places)
         report = evaluation_report(
             Path(captures).absolute().name,
@@ -120,7 +124,8 @@ def evaluate_captures(
             cpu_seconds=spent.cpu_seconds,
         )
         write_plots_csv(folder / PLOTS_FILE, report)
-        report = report.model_copy(update={"files": describe_files(folder, [PLOTS_FILE])})
+        write_traits_csv(folder / TRAITS_FILE, plot_rows(report.plots))
+        report = report.model_copy(update={"files": describe_files(folder, [PLOTS_FILE, TRAITS_FILE])})
         save_report(folder / EVALUATION_FILE, report)
     return report
 
@@ -149,6 +154,7 @@ class _Run:
     cache: StageCache
     progress: Progress
     workers: int
+    rasters: Rasters | None
 
     def plots(self, plots: Sequence[tuple[str, Path]], places: Sequence[str]) -> list[PlotEvaluation]:
         """The evaluations of plots, names and folders, whose files are in the folders ``places`` of the result."""
@@ -191,6 +197,7 @@ class _Run:
         plot = score_capture(
             name, capture, known_plot, self.folder, self.settings, self.scoring,
             spent=spent, cache=self.cache, progress=self.progress, workers=self.workers, subfolder=place,
+            rasters=self.rasters,
         )  # fmt: skip
         if isinstance(reference, CloudReference):
             plot = plot.model_copy(update={"findings": plot.findings + findings_entries(reference.findings)})

@@ -9,8 +9,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures.model import Finding
-from fieldkit.clouds.plant_figures import voxel_edge_m
+from fieldkit.captures.model import Capture, Finding
+from fieldkit.clouds.strays import voxel_edge_m
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
 from fieldkit.reconstruction.colmap_model import model_poses
@@ -39,6 +39,12 @@ def findings_entries(findings: Sequence[Finding]) -> tuple[FindingEntry, ...]:
         FindingEntry(name=clean_text(f.name), code=f.code, message=clean_text(f.message), left_out=f.left_out)
         for f in findings
     )
+
+
+def capture_date(capture: Capture) -> str | None:
+    """Local date of the earliest photograph, ISO 8601; None where none says when it was taken."""
+    times = [photo.captured_at for photo in capture.photos if photo.captured_at is not None]
+    return min(times).date().isoformat() if times else None
 
 
 def points_per_voxel(points: NDArray[np.float64], edge_m: float) -> float | None:
@@ -73,6 +79,8 @@ def figures(
         "position_bound_m": number(frame.bound_m),
         "points": len(reconstruction.plants),
         "gsd_m": number(reconstruction.gsd_m),
+        "date": capture_date(sparse.capture),
+        "stray": float(reconstruction.stray),
         # Without a metric source the edge would be 10 mm of nothing.
         "points_per_plant_voxel": points_per_voxel(reconstruction.plants.points, voxel) if frame.metric else None,
         "plant_voxel_m": float(voxel) if frame.metric else None,

@@ -13,13 +13,15 @@ from fieldkit.captures import read_capture
 from fieldkit.captures.programs import PosesFile
 from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.clouds.ground import Plane
-from fieldkit.errors import MetadataError
+from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.conversion import reference_report, settings_entry
 from fieldkit.evaluation.figures import clean_text, source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
+from fieldkit.evaluation.rasters import Rasters, write_rasters
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.present.pictures.overview import write_overview
+from fieldkit.present.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.reconstruction.colmap_model import color_points
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
@@ -53,6 +55,7 @@ def build_reference(
     workers: int = 1,
     scene: bool = True,
     poses: PosesFile | None = None,
+    rasters: Rasters | None = None,
 ) -> ReferenceReport:
     """Build a reference from a folder of photographs.
 
@@ -61,7 +64,8 @@ def build_reference(
     Args:
         images: the folder; never written to.
         output: folder of the result: reference.json, cloud.ply (plants), scene.ply (with the ground), model/ (COLMAP's
-            binary format, plot frame), overview.png and, where it is georeferenced, cloud.laz and scene.laz in UTM.
+            binary format, plot frame), overview.png, traits.csv and, where it is georeferenced, cloud.laz and
+            scene.laz in UTM.
         settings: choices; None takes the defaults.
         cache: of stages.
         progress: told of stages and findings.
@@ -70,6 +74,7 @@ def build_reference(
         workers: processes; the result does not depend on it.
         scene: also reconstruct what is not plant.
         poses: that another program found; None takes what lies beside the photographs.
+        rasters: to be written, too; they need the scene. A note says where they cannot be.
 
     Raises:
         UsageError: ``output`` exists.
@@ -87,7 +92,7 @@ def build_reference(
             found = replace(found, scene=None)
         elif goes_on or _is_here(output):
             found = with_scene(found, settings, cache=cache, progress=progress, workers=workers)
-        report = _write(folder, found, settings, progress, begun)
+        report = _write(folder, found, settings, progress, begun, rasters)
     if not scene or found.scene is not None:
         return report
     progress.note(
@@ -96,7 +101,7 @@ def build_reference(
     )
     with atomic_folder(output, overwrite=True, marker=REFERENCE_FILE) as folder:
         found = with_scene(found, settings, cache=cache, progress=progress, workers=workers)
-        return _write(folder, found, settings, progress, begun)
+        return _write(folder, found, settings, progress, begun, rasters)
 
 
 def _lacks_scene(output: Path, images: Path, settings: ReconstructionSettings) -> bool:
@@ -122,8 +127,12 @@ def _write(
     settings: ReconstructionSettings,
     progress: Progress,
     begun: tuple[float, float],
+    rasters: Rasters | None,
 ) -> ReferenceReport:
-    """Write the files of a reference; ``begun`` are the clocks when work on it began, wall and CPU, seconds."""
+    """Write the files of a reference; ``begun`` are the clocks when work on it began, wall and CPU, seconds.
+
+    Rasters are written once there is a scene.
+    """
     clouds = {CLOUD_FILE: found.plants} | ({} if found.scene is None else {SCENE_FILE: found.scene})
     for name, cloud in clouds.items():
         write_cloud(folder / name, cloud)
@@ -134,10 +143,16 @@ def _write(
         laz = Path(name).with_suffix(".laz").name
         if write_georeferenced(folder / laz, cloud, found.sparse.frame, progress):
             names.append(laz)
+    if rasters is not None and found.scene is not None:
+        try:
+            names += write_rasters(folder, found, settings, rasters)
+        except UsageError as error:
+            progress.note(error.message)
     wall, cpu = begun
     draft = reference_report(found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu)
     write_overview(folder / OVERVIEW_FILE, draft, found.plants)
-    report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE])})
+    write_traits_csv(folder / TRAITS_FILE, [trait_row(draft.source, draft.date, draft.traits)])
+    report = draft.model_copy(update={"files": describe_files(folder, [*names, OVERVIEW_FILE, TRAITS_FILE])})
     save_report(folder / REFERENCE_FILE, report)
     return report
 

@@ -12,14 +12,17 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, Finding
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
+from fieldkit.errors import UsageError
 from fieldkit.evaluation.cloud_reference import AnyReference
 from fieldkit.evaluation.conversion import plot_evaluation
-from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE
+from fieldkit.evaluation.rasters import Rasters, write_rasters
+from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
+from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
 from fieldkit.present.pictures.evaluation import write_comparison
 from fieldkit.present.pictures.overview import write_overview
 from fieldkit.present.style import format_length
-from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
-from fieldkit.reconstruction.result import Reconstruction, SparseResult
+from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
+from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import CorrectionEntry, PlotEvaluation
@@ -29,7 +32,6 @@ from fieldkit.runtime.usage import processor_seconds
 
 COMPARISON_FILE = "comparison.png"
 _DOUBTS = 3.0
-_LEAST_POSITIONS, _NO_SPREAD_M = 3, 1e-9
 _OTHER_SHARE = 0.04
 """Chamfer distance of what is taken for other plants, as a share of the diagonal of the reference's box. Others, and
 the same ones turned, have 5 % and more on simulated plots, the reference's own 1 % even where a capture is poor.
@@ -92,6 +94,8 @@ def score_capture(
     progress: Progress,
     workers: int = 1,
     subfolder: str | None = None,
+    outline: PlotOutline | None = None,
+    rasters: Rasters | None = None,
 ) -> PlotEvaluation:
     """Reconstruct a capture, score its cloud and write both.
 
@@ -107,6 +111,8 @@ def score_capture(
         progress: told of stages.
         workers: processes.
         subfolder: of ``folder``, new, for the plot's files; ``name`` where not given.
+        outline: of the plot; None takes the bounds of the settings, else those of the reference.
+        rasters: to be written, too, of the clouds as reconstructed; a finding says where they cannot be.
 
     Raises:
         InputError, ReconstructionError: as `reconstruct`.
@@ -119,6 +125,8 @@ def score_capture(
         capture, settings, cache=cache, progress=progress, workers=workers, known_plot=known_plot,
         reach_m=REFERENCE_REACH_M if refine else 0.0,
     )  # fmt: skip
+    if rasters is not None:
+        found = with_scene(found, settings, cache=cache, progress=progress, workers=workers)
     plants, correction, result = found.plants, None, None
     findings: list[Finding] = []
     with progress.stage("Scoring"):
@@ -129,11 +137,18 @@ def score_capture(
             findings += _other_plants(name, result, reference.cloud)
         (folder / place).mkdir(parents=True)
         write_cloud(folder / place / CLOUD_FILE, plants)
+        names = [CLOUD_FILE, OVERVIEW_FILE]
+        if rasters is not None:
+            try:
+                names += write_rasters(folder / place, found, settings, rasters)
+            except UsageError as error:  # of this plot; the scores stay
+                findings.append(Finding(name, "no-rasters", error.message))
+                progress.note(f"{name}: {error.message}")
         plot = plot_evaluation(
-            name, found, settings, score=result, correction=correction, findings=findings,
+            name, found, settings, score=result, correction=correction, findings=findings, plants=plants,
+            outline=outline or outline_of(settings, reference.report.settings if isinstance(reference, Reference) else None),
             seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
-        names = [CLOUD_FILE, OVERVIEW_FILE]
         write_overview(folder / place / OVERVIEW_FILE, plot, plants)
         if scoring.index is not None:
             write_comparison(folder / place / COMPARISON_FILE, plot, plants, scoring.index)
@@ -176,13 +191,3 @@ def _other_plants(name: str, found: CloudScore, reference: Cloud) -> list[Findin
         "reconstruction is cannot be told; check which plot was photographed, and when"
     )
     return [Finding(name, OTHER_PLANTS, message)]
-
-
-def scale_doubt(sparse: SparseResult) -> float:
-    """By which share a model's scale may be off, for positions off by their residuals: RMS over the root of the summed
-    squares of the cameras' distances from their middle. 0 where no positions are known.
-    """
-    centers = np.array([pose.center for pose in sparse.poses.values()]).reshape(-1, 3)
-    if sparse.frame.rms_m is None or len(centers) < _LEAST_POSITIONS:
-        return 0.0
-    return sparse.frame.rms_m / max(float(np.linalg.norm(centers - centers.mean(axis=0))), _NO_SPREAD_M)

@@ -9,6 +9,7 @@ import numpy as np
 from fieldkit.captures import Finding
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
+from fieldkit.clouds.stand import Stand, find_stand
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.interest import cuts_plants
@@ -22,11 +23,12 @@ _WEAK_SHARE = 0.05
 _SIDEWAYS_DEG = 70.0
 """Pitch below which a camera's roll is hardly determined: it looks down."""
 _LEAST_CAMERAS = 3
+_AROUND_M = 0.10  # about the stand, in the bounds that are suggested
 
 
 def doubts(
     name: str, plants: Cloud, volume: Volume, gsd_m: float, frame: MetricFrame, poses: Mapping[str, Pose], *,
-    own_ground: bool,
+    own_ground: bool, own_volume: bool = False,
 ) -> list[Finding]:  # fmt: skip
     """What speaks against a result, with the remedy.
 
@@ -38,9 +40,12 @@ def doubts(
         frame: of the result.
         poses: of the photographs that count, plot frame.
         own_ground: whether the ground was found in these photographs.
+        own_volume: whether the volume was.
     """
     ground = frame.ground
     found = [_few(len(plants)), _cut(volume) if cuts_plants(plants.points, volume, gsd_m) else None]
+    if own_volume and frame.metric:
+        found.append(_apart(find_stand(plants.points), volume))
     if ground is not None:
         found.append(_below(ground, volume))
         if own_ground:
@@ -64,6 +69,19 @@ def _cut(volume: Volume) -> _Found:
     return "volume-cuts-plants", (
         f"the plants reach the top of the volume of interest (z = {volume.upper[2]:.2f} m) and are cut off there; "
         "give a higher one with --bounds"
+    )
+
+
+def _apart(stand: Stand | None, volume: Volume) -> _Found:
+    if stand is None or stand.apart == 0.0:
+        return None
+    (x0, y0), (x1, y1) = stand.low, stand.high
+    low = f"{x0 - _AROUND_M:.2f},{y0 - _AROUND_M:.2f},{volume.lower[2]:.2f}"
+    high = f"{x1 + _AROUND_M:.2f},{y1 + _AROUND_M:.2f},{volume.upper[2]:.2f}"
+    return "plants-apart", (
+        f"{100 * (1 - stand.apart):.1f} % of the plants stand on {x1 - x0:.1f} × {y1 - y0:.1f} m, the rest apart on "
+        f"{stand.reach[0]:.1f} × {stand.reach[1]:.1f} m: if those are weeds or neighbours, leave them out of the plot "
+        f"and of plans for it with --bounds {low},{high}"
     )
 
 

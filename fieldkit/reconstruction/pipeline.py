@@ -14,8 +14,7 @@ from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
-from fieldkit.clouds.plant_figures import voxel_edge_m
-from fieldkit.clouds.strays import without_strays
+from fieldkit.clouds.strays import voxel_edge_m, without_strays
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
@@ -119,6 +118,7 @@ def reconstruct(
     doubted = doubts(
         capture.folder.name, plants, volume, gsd_m, sparse.frame, sparse.poses,
         own_ground=known_plot is None or known_plot.ground is None,
+        own_volume=known_plot is None and settings.bounds is None,
     )  # fmt: skip
     for doubt in doubted:
         progress.note(doubt.message)

@@ -12,6 +12,7 @@ from pydantic import Field
 from fieldkit.geometry import Pose
 from fieldkit.results.doubtful import DOUBTFUL
 from fieldkit.results.fields import Count, Latitude, Length, Longitude, Sha256, Strict, Vector
+from fieldkit.results.traits import TraitsEntry
 
 Seconds = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -217,6 +218,12 @@ class ReconstructionEntry(Strict):
     """Wall time of the whole run, cached stages included."""
     cpu_seconds: Seconds
     files: tuple[FileEntry, ...]
+    date: str | None = None
+    """Local date of the earliest photograph, ISO 8601; null where none says it, and in older files."""
+    traits: TraitsEntry | None = None
+    """Of the plants (docs/traits.md); null where the plot failed, and in older files."""
+    stray: Share | None = None
+    """Share of the points that were left out of the cloud: clumps smaller than leaves that touch nothing."""
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -369,29 +376,6 @@ class AdherenceEntry(Strict):
     """Sources that say nothing of any photograph, and why."""
 
 
-class PlantEntry(Strict):
-    """Figures of the plants of a plot (docs/scores.md). Voxels count, not points."""
-
-    height_m: float | None
-    """Above the fitted ground: 95 % of the plants' voxels are lower; null where no ground was found."""
-    height_max_m: float | None
-    """Of the highest point."""
-    cover: Share
-    """Share of area_m2 below plants, seen from straight above."""
-    covered_m2: Length
-    """cover · area_m2."""
-    area_m2: Annotated[float, Field(gt=0)]
-    """Of the ground that cover refers to: the footprint of the volume of interest."""
-    hull_m3: Length
-    """Volume of the convex hull about all plants."""
-    voxel_m: Annotated[float, Field(gt=0)]
-    """Edge of the voxels."""
-    cell_m: Annotated[float, Field(gt=0)]
-    """Edge of the cells that cover is counted in."""
-    stray: Share
-    """Share of the points that were left out of the cloud: clumps smaller than leaves that touch nothing."""
-
-
 class PredictionEntry(Strict):
     """What the chamfer distance to the plot's true plants is likely to be, from figures that need no reference."""
 
@@ -429,8 +413,6 @@ class PlotEvaluation(ReconstructionEntry):
     """Null without --refine."""
     adherence: AdherenceEntry | None = None
     """Null without --plan, and where no photograph was taken near the plan's stations."""
-    plants: PlantEntry | None = None
-    """Null without a metric scale, where nothing as large as a leaf was reconstructed, and in older files."""
     prediction: PredictionEntry | None = None
     """Null with a reference, where the plot failed, and in older files."""
     error: ErrorEntry | None

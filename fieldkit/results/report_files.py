@@ -105,6 +105,9 @@ def _load(path: Path, name: str, model: type[_Report], kind: str) -> _Report:
     document = read_kind(file, kind, again, max_bytes=_MAX_BYTES)
     check_version(document, model.model_fields["version"].default, file, again)
     _count_from_1(document)
+    for plot in document["plots"] if isinstance(document.get("plots"), list) else ():
+        if isinstance(plot, dict):
+            plot.pop("plants", None)  # figures by definitions that were given up, before there were traits
     return validated(model, document, file, again)
 
 

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field
 
 from fieldkit.results.evaluation import ByDistance, PlotEvaluation
 from fieldkit.results.fields import Count, Strict
+from fieldkit.results.traits import TraitsEntry
 
 VISITS_FOLDER = "visits"
 
@@ -65,12 +66,8 @@ class Visit(Strict):
     """Where there is no reference; nine in ten plots lie between predicted_low_m and predicted_high_m."""
     predicted_low_m: float | None = None
     predicted_high_m: float | None = None
-    height_m: float | None = None
-    """Of the plants: 95 % of their points are lower."""
-    cover: float | None = None
-    """Share of the plot's ground that plants cover, seen from above."""
-    hull_m3: float | None = None
-    """Volume of the plants' hull."""
+    traits: TraitsEntry | None = None
+    """Of the plants; null where there is no result, and in visits of earlier versions."""
     cpu_s: float = 0.0
     """What the evaluation took."""
     error: str = ""
@@ -96,7 +93,7 @@ class Visit(Strict):
             evaluation: of the plot.
             own: the fields that no evaluation has.
         """
-        prediction, plants = evaluation.prediction, evaluation.plants
+        prediction = evaluation.prediction
         return cls(
             images=evaluation.images,
             registered=evaluation.registered,
@@ -109,13 +106,26 @@ class Visit(Strict):
             predicted_chamfer_m=None if prediction is None else prediction.chamfer_m,
             predicted_low_m=None if prediction is None else prediction.low_m,
             predicted_high_m=None if prediction is None else prediction.high_m,
-            height_m=None if plants is None else plants.height_m,
-            cover=None if plants is None else plants.cover,
-            hull_m3=None if plants is None else plants.hull_m3,
+            traits=evaluation.traits,
             error="" if evaluation.error is None else evaluation.error.message,
             doubts=evaluation.doubts,
             **own,
         )
+
+    @property
+    def height_m(self) -> float | None:
+        """Of the highest leaf."""
+        return None if self.traits is None else self.traits.height_m
+
+    @property
+    def cover_percent(self) -> float | None:
+        """Of the plot."""
+        return None if self.traits is None else self.traits.cover_percent
+
+    @property
+    def canopy_volume_m3(self) -> float | None:
+        """Below the canopy's surface."""
+        return None if self.traits is None else self.traits.canopy_volume_m3
 
     @property
     def key(self) -> tuple[str, str]:
@@ -124,9 +134,12 @@ class Visit(Strict):
 
     def row(self) -> dict[str, Any]:
         """What people see of it, as plain values by name."""
-        return self.model_dump(mode="json", exclude=_UNSEEN)
+        found: dict[str, Any] = {}
+        for name, value in self.model_dump(mode="json", exclude=_UNSEEN).items():
+            found |= (self.traits or TraitsEntry()).row() if name == "traits" else {name: value}
+        return found
 
 
 _UNSEEN = {"kind", "version", "stages", "inputs", "photographs"}
-ROW = tuple(name for name in Visit.model_fields if name not in _UNSEEN)
+ROW = tuple(Visit(plot="", date="0001-01-01").row())
 """The keys of `Visit.row`, in order."""

@@ -12,6 +12,8 @@ from fieldkit.results.visit import Visit
 VISIT_FILE = "visit.json"
 _VERSION = Visit.model_fields["version"].default
 _MAX_BYTES = 8 << 20
+EARLIER_FIGURES = ("height_m", "cover", "hull_m3")
+"""Of plants, by definitions that were given up: they are not comparable, and no longer read."""
 _REMEDY = "Move it away, and run `fieldkit evaluate` on the photographs again."
 
 
@@ -41,4 +43,5 @@ def visit_of_document(document: dict[str, Any], folder: Path) -> Visit:
     """
     file = folder / VISIT_FILE
     check_version(document, _VERSION, file, _REMEDY)
-    return validated(Visit, document, file, _REMEDY)
+    kept = {name: value for name, value in document.items() if name not in EARLIER_FIGURES}
+    return validated(Visit, kept, file, _REMEDY)

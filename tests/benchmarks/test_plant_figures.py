@@ -1,4 +1,4 @@
-"""True figures of plants' meshes, and the table of errors."""
+"""True traits of plants' meshes, and the table of errors."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.plant_figures import GOOD_M, error_table
-from benchmarks.true_plants import kept_truth, true_figures
+from benchmarks.plant_figures import error_table
+from benchmarks.true_plants import height_map, kept_truth, true_traits
 from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
+from fieldkit.results.traits import TRAITS, TraitsEntry
 from fieldkit.scenes.scene import Mesh
 
 
@@ -20,34 +21,48 @@ def square(size: float, z: float) -> Any:
     """A level leaf, as a scene with its truth."""
     corners = np.array([[0, 0, z], [size, 0, z], [size, size, z], [0, size, z]], dtype=np.float32)
     leaf = Mesh("plant-1", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), plant=True)
-    soil = Mesh("soil", 10 * corners, np.array([[0, 1, 2]], dtype=np.int32))
+    around = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], dtype=np.float32)
+    soil = Mesh("soil-0", around, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
     cloud = Cloud(np.random.default_rng(0).uniform((0, 0, z), (size, size, z), (2000, 3)))
     volume = Volume((-0.5, -0.5, 0.03), (1.0, 1.0, 1.0))
     return SimpleNamespace(scene=SimpleNamespace(meshes=(leaf, soil)), reference=cloud, volume=volume)
 
 
 def test_of_a_leaf() -> None:
-    found = true_figures(square(0.3, 0.5))
-    assert found.covered_m2 == pytest.approx(0.09, rel=0.02)
-    assert found.height_m == pytest.approx(0.5)
-    assert found.height_max_m == 0.5
-    assert found.hull_m3 == 0.0
+    found = true_traits(square(0.3, 0.5))
+    assert found.covered_area_m2 == pytest.approx(0.09, rel=0.01)
+    assert found.height_m == 0.5
+    assert found.canopy_volume_m3 == pytest.approx(0.045, rel=0.01)
+    assert found.cover_percent == pytest.approx(4.0, rel=0.01)
 
 
 def test_only_what_lies_within_the_volume_is_covered() -> None:
-    assert true_figures(square(1.5, 0.5)).covered_m2 == pytest.approx(1.0, rel=0.01)
+    assert true_traits(square(1.5, 0.5)).covered_area_m2 == pytest.approx(1.0, rel=0.01)
+
+
+def test_a_height_map_has_the_upper_surface() -> None:
+    low, high = square(0.3, 0.5).scene.meshes[0], square(0.1, 0.8).scene.meshes[0]
+    found = height_map([high, low], Volume((0.0, 0.0, 0.0), (0.4, 0.4, 1.0)), 0.01)
+    assert found[5, 5] == pytest.approx(0.8)
+    assert found[20, 20] == pytest.approx(0.5)
+    assert np.isnan(found[35, 35])
+    slope = SimpleNamespace(vertices=np.array([[0, 0, 0.0], [1, 0, 1.0], [0, 1, 0.0]]), faces=np.array([[0, 1, 2]]))
+    assert height_map([slope], Volume((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), 0.01)[10, 49] == pytest.approx(0.495)
 
 
 def test_truth_is_kept(tmp_path: Path) -> None:
-    volume, figures = kept_truth(tmp_path, "some", square(0.3, 0.5))
-    assert kept_truth(tmp_path, "some") == (volume, figures)
+    volume, traits = kept_truth(tmp_path, "some", square(0.3, 0.5))
+    assert kept_truth(tmp_path, "some") == (volume, traits)
 
 
 def test_errors() -> None:
-    truth = {"height_m": 0.8, "height_max_m": 1.0, "covered_m2": 0.2, "hull_m3": 0.5}
-    good = {"chamfer_m": GOOD_M, "truth": truth, "found": {k: 1.1 * v for k, v in truth.items()}}
-    bad = {"chamfer_m": 2 * GOOD_M, "truth": truth, "found": {k: 0.5 * v for k, v in truth.items()}}
-    rows = {(row[0], row[2]): row[3:] for row in error_table([good, bad]).rows}
-    assert rows["good", "hull"] == ("+10 %", "10 %", "10 %")
-    assert rows["good", "highest point"] == ("+100 mm", "100 mm", "100 mm")
-    assert rows["all", "covered ground"][0] == "-20 %"
+    truth = {"height_m": 0.8, "cover_percent": 20.0, "covered_area_m2": 0.2, "canopy_volume_m3": 0.5}
+    found = {k: 1.1 * v for k, v in truth.items()}
+    errors = {"height_error_m": 0.03, "cover_error_percent": 3.0}
+    stated = TraitsEntry(**found, covered_area_error_m2=0.01, canopy_volume_error_m3=0.06, **errors).model_dump()
+    none = TraitsEntry(unknown=dict.fromkeys(TRAITS, "dark")).model_dump()
+    rows = [{"scene": "case-1", "truth": truth, "found": each} for each in (stated, none)]
+    told = {row[1]: row[2:] for row in error_table(rows).rows}
+    assert told["height"] == (1, 1, "+80 mm", "80 mm", "80 mm", "0 of 1")
+    assert told["cover"] == (1, 1, "+10.0 %", "10.0 %", "10.0 %", "1 of 1")
+    assert told["covered area"][-1] == "0 of 1"

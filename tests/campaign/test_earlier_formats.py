@@ -17,6 +17,7 @@ from fieldkit.campaign.earlier_formats import read_earlier_table
 from fieldkit.campaign.sqlite_table import write_table
 from fieldkit.campaign.visit_folders import adopt_earlier_visits, read_visits
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
+from fieldkit.results.traits import COLUMNS
 from fieldkit.results.visit_file import visit_document, visit_of_document
 from tests.campaign.examples import campaign_folder, field
 
@@ -30,7 +31,7 @@ _COLUMNS = """
 FULL = Visit(
     plot="r1c1", date="2026-06-18", captures="flights/1", folder="visits/r1c1/2026-06-18", images=13, registered=12,
     right=11, pose_rms_m=0.02, chamfer_m=0.011, accuracy_m=0.006, completeness_m=0.005, f_score={"0.010": 0.9},
-    predicted_chamfer_m=0.012, predicted_low_m=0.01, predicted_high_m=0.015, height_m=0.7, cover=0.2, hull_m3=0.3,
+    predicted_chamfer_m=0.012, predicted_low_m=0.01, predicted_high_m=0.015,
     cpu_s=20.5, error="", notes=("one", "two ü"), inputs="abc",
 )  # fmt: skip
 FAILED = Visit(plot="r1c1", date="2026-06-25", error="it’s <b>broken</b>")
@@ -39,7 +40,8 @@ FIELD = field(1, 2)
 
 def earlier_row(visit: Visit) -> dict[str, Any]:
     """The columns of a visit in an earlier table."""
-    row = {name: value for name, value in visit.row().items() if name not in ("fieldkit", "doubts")}
+    row = {name: value for name, value in visit.row().items() if name not in ("fieldkit", "doubts", *COLUMNS)}
+    row |= {"height_m": 0.7, "cover": 0.2, "hull_m3": 0.3}  # by earlier definitions: they are not taken over
     return row | {"f_score": json.dumps(visit.f_score), "notes": json.dumps(visit.notes), "inputs": visit.inputs}
 
 

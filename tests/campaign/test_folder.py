@@ -29,6 +29,7 @@ from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.plan import PlanMethod
 from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.results.traits import TraitsEntry
 from tests.campaign.examples import PLAN, STATIONS, campaign_folder, field, plots_geojson
 
 FIELD = field(2, 2)
@@ -40,10 +41,10 @@ def visit(plot: str, date: str, chamfer: float | None = None, **more: object) ->
 
 
 VISITS = (
-    visit("r1c1", "2026-06-18", 0.010, f_score={"0.010": 0.8}, height_m=0.5),
+    visit("r1c1", "2026-06-18", 0.010, f_score={"0.010": 0.8}, traits=TraitsEntry(height_m=0.5, height_error_m=0.03)),
     visit("r1c2", "2026-06-18", 0.0105),
     visit("r2c1", "2026-06-18", None, predicted_chamfer_m=0.02, predicted_low_m=0.015, predicted_high_m=0.03),
-    visit("r1c1", "2026-06-25", 0.020, height_m=0.7),
+    visit("r1c1", "2026-06-25", 0.020, traits=TraitsEntry(height_m=0.7)),
     Visit(plot="r2c2", date="2026-06-25", error=EVIL, notes=(EVIL,), captures=EVIL),
 )
 

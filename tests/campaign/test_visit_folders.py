@@ -20,7 +20,8 @@ from fieldkit.campaign.sqlite_table import write_table
 from fieldkit.campaign.visit_folders import keep_visit, read_visits
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.conversion import failed_plot
-from fieldkit.results.evaluation import PlantEntry, PredictionEntry
+from fieldkit.results.evaluation import PredictionEntry
+from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import ROW
 from fieldkit.results.visit_file import visit_document, visit_of_document
 from tests.campaign.test_earlier_formats import FAILED, FULL
@@ -62,7 +63,7 @@ def test_somebodys_other_work_is_left_alone(tmp_path: Path) -> None:
 @given(st.text(max_size=20), st.floats(allow_nan=False, allow_infinity=False), st.lists(st.text(max_size=9)))
 def test_values_round_trip(text: str, number: float, notes: list[str]) -> None:
     visit = Visit(
-        plot="p", date="2026-01-01", captures=text, height_m=number, notes=tuple(notes), f_score={"0.010": 0.5}
+        plot="p", date="2026-01-01", captures=text, pose_rms_m=number, notes=tuple(notes), f_score={"0.010": 0.5}
     )
     assert visit_of_document(json.loads(visit.model_dump_json()), Path("x")) == visit
 
@@ -113,15 +114,15 @@ def test_a_visit_has_the_figures_of_its_evaluation() -> None:
         "images": 9, "registered": 8, "right": 7, "pose_rms_m": 0.1, "chamfer_m": 0.2, "accuracy_m": 0.3,
         "completeness_m": 0.4, "f_score": {"0.010": 0.5},
     }  # fmt: skip
-    plants = PlantEntry(height_m=0.6, height_max_m=0.7, cover=0.8, covered_m2=1, area_m2=2, hull_m3=0.9, voxel_m=0.01,
-                        cell_m=0.01, stray=0)  # fmt: skip
+    traits = TraitsEntry(height_m=0.6, cover_percent=8.0, canopy_volume_m3=0.9, unknown={"covered_area_m2": "why"})
     prediction = PredictionEntry(chamfer_m=0.11, low_m=0.12, high_m=0.13, reason="", model=1)
     failed = failed_plot("p", CaptureError("too dark", path=Path("x"), remedy=""), seconds=1, cpu_seconds=2)
-    plot = failed.model_copy(update={**figures, "metric": True, "plants": plants, "prediction": prediction})
+    plot = failed.model_copy(update={**figures, "metric": True, "traits": traits, "prediction": prediction})
     row = Visit.of_evaluation(plot, plot="p", date="2026-06-18").row()
     assert {name: row[name] for name in figures} == figures
     assert [row[f"predicted_{name}_m"] for name in ("chamfer", "low", "high")] == [0.11, 0.12, 0.13]
-    assert (row["height_m"], row["cover"], row["hull_m3"]) == (0.6, 0.8, 0.9)
+    assert (row["height_m"], row["cover_percent"], row["canopy_volume_m3"]) == (0.6, 8.0, 0.9)
+    assert row["no_trait"] == "covered_area_m2: why"
     assert "too dark" in row["error"]
     unscaled = Visit.of_evaluation(plot.model_copy(update={"metric": False}), plot="p", date="2026-06-18")
     assert unscaled.pose_rms_m is None
@@ -155,3 +156,12 @@ def test_killed_while_writing(tmp_path: Path) -> None:
         last = int(said.split()[-1])
         newest = max(visit.images for visit in read_visits(tmp_path) if visit.plot.startswith(f"{seconds}-"))
         assert newest in (last, last + 1)
+
+
+def test_plants_figures_of_earlier_definitions_are_not_taken_over(tmp_path: Path) -> None:
+    keep_visit(tmp_path, FULL)
+    file = tmp_path / FULL.folder / "visit.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"height_m": 0.7, "cover": 0.2, "hull_m3": 0.3}))
+    (visit,) = read_visits(tmp_path)
+    assert visit == FULL
+    assert visit.height_m is None

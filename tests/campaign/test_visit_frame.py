@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.campaign.visit_frame import (
     Settling,
+    drawn_outline,
     on_stations,
     place_visit,
     plan_aim,
@@ -152,3 +154,55 @@ def test_the_volume_holds_the_plants_and_leaves_room_to_grow() -> None:
     assert bare.contains(np.array([[0.0, 0.0, 0.0], [0.5, 0.5, 0.5]])).all()
     nadir = plan_volume(plan_from_poses([Pose.from_yaw_pitch((x, 0.0, 2.0), 0.0, -90.0) for x in (-1.0, 0.0, 1.0)]))
     assert nadir.contains(np.array([[0.0, 0.0, 0.5]])).all()
+
+
+class TestOutline:
+    """A plot's polygon, in the frame that a visit is reconstructed in."""
+
+    CORNERS = ((-1.5, -0.75), (1.5, -0.75), (1.5, 0.75), (-1.5, 0.75))
+
+    def drawn(self, heading_deg: float = 30.0) -> CampaignPlot:
+        """A plot of 3 by 1.5 m along its rows, drawn as a polygon."""
+        heading = np.radians(heading_deg)
+        along, left = np.array([np.sin(heading), np.cos(heading)]), np.array([-np.cos(heading), np.sin(heading)])
+        east_north = np.array([x * along + y * left for x, y in self.CORNERS])
+        own = LocalFrame(PLOT.latitude_deg, PLOT.longitude_deg)
+        latitude, longitude, _ = own.to_geodetic(np.column_stack([east_north, np.zeros(4)]))
+        shape = tuple(zip(latitude.tolist(), longitude.tolist(), strict=True))
+        return replace(PLOT, row_heading_deg=heading_deg, shape=shape)
+
+    def test_of_a_polygon_with_positions_by_gps(self) -> None:
+        placed = place_visit(tagged(), self.drawn(), PLAN, None)
+        assert placed.outline is not None
+        assert placed.outline.corners is not None
+        np.testing.assert_allclose(placed.outline.corners, self.CORNERS, atol=1e-4)
+        assert placed.plot is not None
+        np.testing.assert_allclose(placed.plot.volume.lower[:2], (-1.5, -0.75), atol=1e-4)
+        np.testing.assert_allclose(placed.plot.volume.upper[:2], (1.5, 0.75), atol=1e-4)
+        assert placed.plot.volume.upper[2] == plan_volume(PLAN).upper[2]
+
+    def test_of_a_length_and_a_width(self) -> None:
+        plot = replace(PLOT, row_heading_deg=200.0, shape=None, size_m=(3.0, 1.5))
+        placed = place_visit(listed(tags=False), plot, PLAN, None)
+        assert placed.outline is not None
+        np.testing.assert_allclose(placed.outline.corners, self.CORNERS, atol=1e-4)
+
+    def test_in_the_frame_of_a_reference(self) -> None:
+        """The reference's frame is east and north about a place of its own."""
+        place = LocalFrame(PLOT.latitude_deg + 1e-5, PLOT.longitude_deg, 80.0, "ellipsoid")
+        turned = SourceFrame("EXIF GPS", place, Similarity.identity())
+        corners = drawn_outline(self.drawn(90.0), turned)
+        np.testing.assert_allclose(corners, np.array(self.CORNERS) - (0.0, 1.113), atol=2e-3)
+
+    def test_is_not_known_of_a_point(self) -> None:
+        placed = place_visit(tagged(), replace(PLOT, shape=None), PLAN, None)
+        assert placed.outline is not None
+        assert placed.outline.corners is None
+        assert placed.plot is not None
+        assert placed.plot.volume == plan_volume(PLAN)
+
+    def test_cannot_be_placed_by_coarse_positions(self) -> None:
+        placed = place_visit(tagged(3.0), self.drawn(), PLAN, None)
+        assert placed.outline is not None
+        assert placed.outline.corners is None
+        assert "good to 3.0 m only" in placed.outline.reason

@@ -90,7 +90,7 @@ class TestPhotographs:
         assert code == 4
         assert [plot["error"]["type"] for plot in found["plots"]] == ["ReconstructionError", "CaptureError"]
         assert found["plots"][0]["chamfer_m"] is None
-        assert sorted(path.name for path in (place / "out").iterdir()) == ["evaluation.json", "plots.csv"]
+        assert sorted(path.name for path in (place / "out").iterdir()) == ["evaluation.json", "plots.csv", "traits.csv"]
         rows = (place / "out" / "plots.csv").read_text("utf-8").splitlines()
         assert rows[1].startswith("'=plot 1,")
         assert main(["evaluate", "field", "-o", "out", "--overwrite"]) == 4

@@ -64,6 +64,8 @@ class TestUsage:
             (["photos", "-o", "out", "--seed", "-1"], "invalid value for '--seed'"),
             (["photos", "-o", "out", "--bounds", "-1,0,0,1,1"], "--bounds: not six numbers: -1,0,0,1,1"),
             (["photos", "-o", "out", "--bounds", "0,0,0,1,1,0"], "--bounds: the lowest corner is not below"),
+            (["photos", "-o", "out", "--gsd", "0.01"], "--gsd is the cells of --rasters"),
+            (["photos", "-o", "out", "--rasters", "--gsd", "-1"], "--gsd: no edge of cells in metres: -1"),
             (["photos", "-o", "out", "--resume", "--no-cache"], "--resume goes on from what the cache holds"),
         ],
     )

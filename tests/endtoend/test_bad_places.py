@@ -205,7 +205,7 @@ class TestManyPlots:
             assert plot["error"]["remedy"]
             assert plot["chamfer_m"] is None
         assert sorted(path.name for path in (warm.folder / "out").iterdir()) == [
-            "evaluation.json", "plot 2", "plots.csv"
+            "evaluation.json", "plot 2", "plots.csv", "traits.csv"
         ]  # fmt: skip
         people = warm.run("evaluate", "field", "--reference", str(built.reference), "-o", "again", *DRAFT)
         assert people.code == 0

@@ -21,10 +21,11 @@ from fieldkit.present.spreadsheets.comparison import compare_csv
 from fieldkit.present.terminal.results import comparison_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
-from fieldkit.results.evaluation import PlantEntry, PlotEvaluation, PredictionEntry
+from fieldkit.results.evaluation import PlotEvaluation, PredictionEntry
 from fieldkit.results.plan import Plan, PlanMethod, Station
 from fieldkit.results.plan_file import save_plan
 from fieldkit.results.report_files import describe_files, file_sha256, save_report
+from fieldkit.results.traits import TraitsEntry
 from tests.evaluation.examples import reconstruction
 
 SETTINGS = ReconstructionSettings()
@@ -127,8 +128,8 @@ def test_by_blocks_the_same_surface_is_within_noise_and_a_shifted_one_beyond(
             shifted = difference(report, figure, "july", less)
             assert (shifted.noise, shifted.beyond) == ("blocks", True), figure
             assert (shifted.difference > 0) == (figure != "f_score_0.005")
-    assert difference(report, "hull_m3", "june").beyond is None
-    assert any("cannot be told without repeats" in note and "hull_m3" in note for note in report.notes)
+    assert difference(report, "canopy_volume_m3", "june").beyond is None
+    assert any("cannot be told without repeats" in note and "canopy_volume_m3" in note for note in report.notes)
     assert any("another flight" in note for note in report.notes)
     assert report.blocks is not None
     assert report.blocks.fewest >= 30
@@ -171,13 +172,10 @@ def test_repeats_tell_the_noise_of_every_figure(reference: Path, tmp_path: Path)
     heights = {"b1": 0.50, "b2": 0.52, "b3": 0.51, "c": 0.60}
     folders = []
     for k, (name, height) in enumerate(heights.items()):
-        plants = PlantEntry(
-            height_m=height, height_max_m=0.7, cover=0.4, covered_m2=0.4, area_m2=1.0, hull_m3=0.1, voxel_m=0.01,
-            cell_m=0.01, stray=0.0,
-        )  # fmt: skip
+        traits = TraitsEntry(height_m=height, cover_percent=40.0)
 
-        def change(plot: PlotEvaluation, plants: PlantEntry = plants) -> PlotEvaluation:
-            return plot.model_copy(update={"plants": plants})
+        def change(plot: PlotEvaluation, traits: TraitsEntry = traits) -> PlotEvaluation:
+            return plot.model_copy(update={"traits": traits})
 
         folders.append(evaluation_folder(tmp_path / name, {"a": leaves(k)}, reference, change))
     given = [*(f"before={folder}" for folder in folders[:3]), f"after={folders[3]}"]

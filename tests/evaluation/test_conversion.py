@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_
 from fieldkit.evaluation.figures import known_centers, points_per_voxel
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.evaluation import PlotEvaluation, distance_key
+from fieldkit.results.evaluation import distance_key
+from fieldkit.results.report_files import load_evaluation_report
+from fieldkit.results.traits import TRAITS
 from tests.evaluation.examples import INTRINSICS, ORIGIN, plant_cloud, reconstruction, ring
 
 SETTINGS = ReconstructionSettings()
@@ -177,20 +180,11 @@ def test_no_distance(distance: float) -> None:
 
 
 class TestPlants:
-    def test_figures(self) -> None:
-        plants = plot_evaluation("p", reconstruction(), SETTINGS, score=None, seconds=1, cpu_seconds=1).plants
-        assert plants is not None
-        assert plants.height_m is not None
-        assert plants.height_max_m is not None
-        assert plants.height_max_m == pytest.approx(0.4, abs=0.01)
-        assert 0.25 < plants.height_m < plants.height_max_m
-        assert plants.covered_m2 == pytest.approx(plants.cover * plants.area_m2)
-        assert 0.0 < plants.hull_m3 < 0.4 * 0.4 * 0.4
-        assert plants.voxel_m == 0.01
-
     def test_neither_without_a_scale(self) -> None:
         plot = plot_evaluation("p", reconstruction(metric=False), SETTINGS, score=None, seconds=1, cpu_seconds=1)
-        assert plot.plants is None
+        assert plot.traits is not None
+        assert set(plot.traits.unknown) == set(TRAITS)
+        assert "scale" in plot.traits.unknown["height_m"]
         assert plot.prediction is not None
         assert plot.prediction.chamfer_m is None
         assert "scale" in plot.prediction.reason
@@ -208,13 +202,18 @@ class TestPlants:
 
     def test_failed_plots_have_neither(self) -> None:
         plot = failed_plot("p", CaptureError("no photographs"), seconds=0, cpu_seconds=0)
-        assert (plot.plants, plot.prediction) == (None, None)
+        assert (plot.traits, plot.prediction) == (None, None)
 
-    def test_older_files_are_read(self) -> None:
-        """evaluation.json had neither."""
+    def test_older_files_are_read(self, tmp_path: Path) -> None:
+        """evaluation.json had neither, but plants' figures by other definitions."""
         plot = plot_evaluation("p", reconstruction(), SETTINGS, score=None, seconds=1, cpu_seconds=1)
         document = json.loads(plot.model_dump_json())
-        del document["plants"], document["prediction"]
-        read = PlotEvaluation.model_validate_json(json.dumps(document))
-        assert (read.plants, read.prediction) == (None, None)
+        del document["traits"], document["date"], document["stray"], document["prediction"]
+        report = evaluation_report(
+            "p", [plot], SETTINGS, reference_sha256=None, refine=False, distances_m=[], seconds=1, cpu_seconds=1
+        )
+        earlier = json.loads(report.model_dump_json()) | {"plots": [document | {"plants": {"height_m": 0.3}}]}
+        (tmp_path / "evaluation.json").write_text(json.dumps(earlier))
+        (read,) = load_evaluation_report(tmp_path).plots
+        assert (read.traits, read.prediction, read.date) == (None, None, None)
         assert read.points == plot.points

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fieldkit.cli.reconstruction_options import parse_bounds
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.clouds.ground import Plane
 from fieldkit.geometry import Pose
@@ -56,3 +57,15 @@ def test_what_is_hardly_the_plots_is_said(changed: dict[str, object], code: str)
 
 def test_a_references_ground_is_not_doubted() -> None:
     assert codes(ground=replace(GROUND, inlier_share=0.01), roll_deg=29.0, own=False) == set()
+
+
+def test_weeds_far_from_the_stand_are_said_with_the_bounds_without_them() -> None:
+    weed = Cloud(np.random.default_rng(1).uniform((0.9, 0.9, 0.0), (0.94, 0.94, 0.05), (50, 3)))
+    both = Cloud(np.concatenate([PLANTS.points, weed.points]))
+    found = doubts("plot", both, VOLUME, 0.001, frame(GROUND), {}, own_ground=False, own_volume=True)
+    assert [f.code for f in found] == ["plants-apart"]
+    bounds = parse_bounds(found[0].message.rpartition("--bounds ")[2])
+    assert Volume(bounds[:3], bounds[3:]).contains(PLANTS.points).all()
+    assert not Volume(bounds[:3], bounds[3:]).contains(weed.points).any()
+    assert not doubts("plot", PLANTS, VOLUME, 0.001, frame(GROUND), {}, own_ground=False, own_volume=True)
+    assert "plants-apart" not in codes(both)  # bounds were given

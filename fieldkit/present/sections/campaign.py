@@ -26,7 +26,7 @@ from fieldkit.present.content import (
 from fieldkit.present.html.charts import LineChart, Series
 from fieldkit.present.html.plot_map import GREENS, RAMP, MappedPlot, Measure, PlotMap
 from fieldkit.present.sections.loaded_results import CampaignResult
-from fieldkit.present.style import decimal, format_length, metres, millimetres, percent
+from fieldkit.present.style import decimal, format_length, metres, millimetres
 from fieldkit.present.tables.scores import distances_of, interval, score_columns
 from fieldkit.present.tables.tabulated import MOST_ROWS, tabulated
 from fieldkit.results.doubtful import OTHER_PLANTS
@@ -53,8 +53,7 @@ class _Shown:
 
 _SHOWN = (
     _Shown("height", "height of the plants", "m", lambda visit: visit.height_m, GREENS),
-    _Shown("cover", "ground that plants cover, seen from above", "%", lambda visit: _scaled(visit.cover, 100.0),
-           GREENS),
+    _Shown("cover", "ground that plants cover, seen from above", "%", lambda visit: visit.cover_percent, GREENS),
     _Shown("quality", "chamfer distance to the reference", "mm", lambda visit: _scaled(visit.chamfer_m, 1000.0)),
     _Shown("predicted quality", "predicted chamfer distance, without a reference", "mm",
            lambda visit: _scaled(visit.predicted_chamfer_m, 1000.0)),
@@ -181,8 +180,8 @@ def _columns(distances: Sequence[str]) -> tuple[tuple[Column, Callable[[Visit], 
         (Column("state"), _state),
         (Column("photographs used", True), lambda v: f"{v.right} of {v.images}"),
         (Column("height, m", True), lambda v: metres(v.height_m)),
-        (Column("cover, %", True), lambda v: percent(v.cover)),
-        (Column("hull volume, m³", True), lambda v: decimal(v.hull_m3, 3)),
+        (Column("cover, %", True), lambda v: decimal(v.cover_percent, 1)),
+        (Column("canopy volume, m³", True), lambda v: decimal(v.canopy_volume_m3, 3)),
         *score_columns(distances),
         (Column("predicted chamfer, mm", True), lambda v: millimetres(v.predicted_chamfer_m)),
         (Column("interval, mm", True), lambda v: interval(v.predicted_low_m, v.predicted_high_m)),

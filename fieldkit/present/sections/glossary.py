@@ -36,9 +36,9 @@ MEANINGS = {
     "adherence": "How a flight kept to its plan: where each photograph was taken, less where it should have been.",
     "predicted": "Where a plot has no reference: how far its cloud is likely to be from its true plants (chamfer "
     "distance), from figures that need none. Nine in ten plots like those it was made on lie in the interval.",
-    "cover": "Share of the plot's ground that plants cover, seen from above.",
+    "cover": "Share of the plot that lies below plants, seen from straight above.",
     "height": "95 % of what was reconstructed of the plants is lower.",
-    "hull volume": "Volume of the smallest convex body that holds all of the plants.",
+    "canopy volume": "Volume between the ground and the upper surface of the plants.",
 }
 """Meanings by term."""
 

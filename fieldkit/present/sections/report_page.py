@@ -236,8 +236,8 @@ def _used(results: Results) -> set[str]:
         used |= {"accuracy", "completeness", "chamfer distance", "precision, recall", "F-score"}
     if any(plot.adherence is not None for e in results.evaluations for plot in e.report.plots):
         used |= {"adherence", "station"}
-    if any(plot.plants is not None for e in results.evaluations for plot in e.report.plots):
-        used |= {"height", "cover", "hull volume"}
+    if any(plot.traits is not None for e in results.evaluations for plot in e.report.plots):
+        used |= {"height", "cover", "canopy volume"}
     if any(plot.prediction is not None for e in results.evaluations for plot in e.report.plots):
         used |= {"predicted", "chamfer distance"}
     if results.plans:
@@ -249,6 +249,6 @@ def _used(results: Results) -> set[str]:
     if results.campaigns:
         used |= {
             "used", "reference", "accuracy", "completeness", "chamfer distance", "F-score", "RMS", "predicted", "cover",
-            "height", "hull volume",
+            "height", "canopy volume",
         }  # fmt: skip
     return used

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.files import write_atomic
-from fieldkit.results.evaluation import EvaluationReport, PlantEntry, PlotEvaluation, PredictionEntry, distance_key
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, PredictionEntry, distance_key
 
 
 def write_plots_csv(path: Path, report: EvaluationReport) -> None:
@@ -33,7 +33,6 @@ def column_names(distances: Sequence[str]) -> list[str]:
         "chamfer_m", "accuracy_m", "completeness_m", *scores,
         "points", "gsd_m", "features_per_image", "reprojection_px", "track_length", "points_per_plant_voxel",
         "correction_m", "correction_deg", "correction_scale", "correction_rms_m", "seconds", "cpu_seconds", "error",
-        "height_m", "height_max_m", "cover", "covered_m2", "area_m2", "hull_m3",
         "predicted_chamfer_m", "predicted_low_m", "predicted_high_m", "no_prediction",
     ]  # fmt: skip
 
@@ -53,15 +52,7 @@ def _row(plot: PlotEvaluation, distances: Sequence[str]) -> list[object]:
         plot.metric, plot.pose_rms_m, plot.chamfer_m, plot.accuracy_m, plot.completeness_m, *scores,
         plot.points, plot.gsd_m, plot.features_per_image, plot.reprojection_px, plot.track_length,
         plot.points_per_plant_voxel, *correction, plot.seconds, plot.cpu_seconds,
-        None if plot.error is None else plot.error.message, *_plants(plot.plants), *_prediction(plot.prediction),
-    ]  # fmt: skip
-
-
-def _plants(plants: PlantEntry | None) -> list[object]:
-    if plants is None:
-        return [None] * 6
-    return [
-        plants.height_m, plants.height_max_m, plants.cover, plants.covered_m2, plants.area_m2, plants.hull_m3,
+        None if plot.error is None else plot.error.message, *_prediction(plot.prediction),
     ]  # fmt: skip
 
 

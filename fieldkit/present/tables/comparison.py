@@ -10,7 +10,7 @@ from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 
 ALL_PLOTS = "all plots"
-_LEADING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover")
+_LEADING = ("chamfer_m", "predicted_chamfer_m", "height_m", "cover_percent")
 _F_SCORE = "f_score_"
 _UNITS = {"_m": ("mm", 1000.0), "_m3": ("m³", 1.0), "_px": ("px", 1.0)}
 

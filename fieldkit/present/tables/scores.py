@@ -1,4 +1,4 @@
-"""Scores of captures against their reference, and figures of their plants."""
+"""Scores of captures against their reference, and traits of their plants."""
 
 from __future__ import annotations
 
@@ -9,15 +9,20 @@ from fieldkit.present.content import Cell, Column, KeyFigure, Mark, Table
 from fieldkit.present.style import decimal, format_length, format_nominal, metres, millimetres, percent, with_unit
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.results.traits import Trait, TraitsEntry, reasons_in_words
 
 if TYPE_CHECKING:
     from fieldkit.campaign import Visit
 
 Scored: TypeAlias = "PlotEvaluation | Visit"
+_TRAIT_NAMES: Mapping[str, Trait] = {
+    "plant height": "height_m", "cover": "cover_percent", "covered area": "covered_area_m2",
+    "canopy volume": "canopy_volume_m3",
+}  # fmt: skip
 
 
 def score_figures(plot: PlotEvaluation) -> Iterator[KeyFigure]:
-    """A plot's distances to its reference, measured or predicted, and the figures of its plants."""
+    """A plot's distances to its reference, measured or predicted, and the traits of its plants."""
     if plot.chamfer_m is not None:
         yield KeyFigure("chamfer distance", format_length(plot.chamfer_m), "accuracy + completeness")
         yield KeyFigure("accuracy", format_length(plot.accuracy_m), "how far its points are from the reference")
@@ -31,14 +36,29 @@ def score_figures(plot: PlotEvaluation) -> Iterator[KeyFigure]:
         yield KeyFigure("distance to its plants", format_length(predicted.chamfer_m), meaning)
     elif predicted is not None:
         yield KeyFigure("distance to its plants", "not predicted", predicted.reason)
-    plants = plot.plants
-    if plants is not None:
-        if plants.height_m is not None:
-            highest = "" if plants.height_max_m is None else f"; highest {format_length(plants.height_max_m)}"
-            yield KeyFigure("plant height", format_length(plants.height_m), f"95 % is lower{highest}")
-        covered = f"{plants.covered_m2:.3f} of {plants.area_m2:.2f} m², in cells of {format_length(plants.cell_m)}"
-        yield KeyFigure("cover", f"{percent(plants.cover)} %", f"of the ground, seen from above: {covered}")
-        yield KeyFigure("hull volume", f"{decimal(plants.hull_m3, 3)} m³", "convex, about all plants")
+    yield from trait_figures(plot.traits)
+
+
+def trait_figures(traits: TraitsEntry | None) -> Iterator[KeyFigure]:
+    """The traits of a plot with their errors, and why some cannot be had."""
+    if traits is None:
+        return
+    if traits.height_m is not None:
+        meaning = f"± {format_length(traits.height_error_m)}; of the highest leaf"
+        yield KeyFigure("plant height", format_length(traits.height_m), meaning)
+    if traits.cover_percent is not None:
+        of = f"of {decimal(traits.plot_area_m2, 2)} m², seen from above"
+        meaning = f"± {decimal(traits.cover_error_percent, 1)} %; {of}"
+        yield KeyFigure("cover", f"{decimal(traits.cover_percent, 1)} %", meaning)
+    if traits.covered_area_m2 is not None:
+        meaning = f"± {decimal(traits.covered_area_error_m2, 3)} m²; of ground below plants"
+        yield KeyFigure("covered area", f"{decimal(traits.covered_area_m2, 3)} m²", meaning)
+    if traits.canopy_volume_m3 is not None:
+        meaning = f"± {decimal(traits.canopy_volume_error_m3, 3)} m³; between the ground and the plants' upper surface"
+        yield KeyFigure("canopy volume", f"{decimal(traits.canopy_volume_m3, 3)} m³", meaning)
+    for name, trait in _TRAIT_NAMES.items():
+        if trait in traits.unknown:
+            yield KeyFigure(name, "not to be had", traits.unknown[trait])
 
 
 def score_rows(plot: PlotEvaluation) -> tuple[tuple[str, str], ...]:
@@ -126,20 +146,23 @@ def plot_table(plots: Sequence[PlotEvaluation]) -> Table:
 
 
 def plant_tables(plots: Sequence[PlotEvaluation]) -> Iterator[Table]:
-    """Plant figures, predicted distances and reasons for missing predictions by plot; empty if no plot has any."""
-    if any(plot.plants is not None or plot.prediction is not None for plot in plots):
-        yield tabulated("Plants", [(plot.name, plot.plants, plot.prediction) for plot in plots], (
+    """Traits and predicted distances by plot, and why some are missing; empty if no plot has any."""
+    if any(plot.traits is not None or plot.prediction is not None for plot in plots):
+        yield tabulated("Plants", [(plot.name, plot.traits or TraitsEntry(), plot.prediction) for plot in plots], (
             (Column("plot"), lambda row: row[0]),
-            (Column("height, m", True), lambda row: None if row[1] is None else metres(row[1].height_m)),
-            (Column("highest, m", True, detail=True),
-             lambda row: None if row[1] is None else metres(row[1].height_max_m)),
-            (Column("cover, %", True), lambda row: None if row[1] is None else percent(row[1].cover)),
-            (Column("hull volume, m³", True), lambda row: None if row[1] is None else decimal(row[1].hull_m3, 3)),
+            (Column("height, m", True), lambda row: metres(row[1].height_m)),
+            (Column("± height, m", True, detail=True), lambda row: metres(row[1].height_error_m)),
+            (Column("cover, %", True), lambda row: decimal(row[1].cover_percent, 1)),
+            (Column("covered, m²", True), lambda row: decimal(row[1].covered_area_m2, 3)),
+            (Column("canopy volume, m³", True), lambda row: decimal(row[1].canopy_volume_m3, 3)),
             (Column("predicted chamfer, mm", True, short="predicted, mm"),
              lambda row: None if row[2] is None else millimetres(row[2].chamfer_m)),
             (Column("nine in ten such plots, mm", True, short="nine in ten, mm"),
              lambda row: None if row[2] is None else interval(row[2].low_m, row[2].high_m)),
         ))  # fmt: skip
+    unknown = [(plot.name, reasons_in_words(plot.traits.unknown)) for plot in plots if plot.traits is not None]
+    if any(reason for _, reason in unknown):
+        yield _reasons("Traits not to be had from these photographs", [each for each in unknown if each[1]])
     why = [(plot.name, p.reason) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is None]
     if why:
         yield _reasons("No prediction", why)

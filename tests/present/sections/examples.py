@@ -23,6 +23,7 @@ from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, Refere
 from fieldkit.results.plan import Plan, PlanMethod, PlanSource
 from fieldkit.results.plan_file import save_plan
 from fieldkit.results.report_files import describe_files, file_sha256, save_report
+from fieldkit.results.traits import TraitsEntry
 from tests.evaluation.examples import plant_cloud, reconstruction
 from tests.missions.test_export import SITES, planned
 
@@ -147,7 +148,8 @@ def write_campaign(
                 plot=plot.id, date=date, captures="captures", folder=f"visits/{date}/{plot.id}", images=13,
                 registered=13, right=13 if k else 11, pose_rms_m=0.02, chamfer_m=value, accuracy_m=value / 3,
                 completeness_m=2 * value / 3, f_score={"0.005": 0.6, "0.010": 0.9 - 0.02 * k},
-                height_m=0.6 + 0.2 * day, cover=0.3 + 0.05 * day, hull_m3=0.2, cpu_s=20.0,
+                cpu_s=20.0,
+                traits=TraitsEntry(height_m=0.6 + 0.2 * day, cover_percent=30.0 + 5.0 * day, canopy_volume_m3=0.2),
                 notes=(HOSTILE,) if k == 2 else (),
             )  # fmt: skip
             if k == 7:
@@ -155,7 +157,8 @@ def write_campaign(
             elif k == 6:
                 visit = Visit(
                     plot=plot.id, date=date, images=13, registered=13, right=13, predicted_chamfer_m=0.011,
-                    predicted_low_m=0.008, predicted_high_m=0.016, height_m=0.7, cover=0.4, hull_m3=0.25,
+                    predicted_low_m=0.008, predicted_high_m=0.016,
+                    traits=TraitsEntry(height_m=0.7, cover_percent=40.0, canopy_volume_m3=0.25),
                 )  # fmt: skip
             keep_visit(folder, visit)
 

@@ -21,8 +21,9 @@ from fieldkit.present.sections.read_results import read_results
 from fieldkit.present.sections.summary import summarise
 from fieldkit.present.sections.views_3d import plan_view, plot_view, points_of, within_budget
 from fieldkit.results.doubtful import OTHER_PLANTS
-from fieldkit.results.evaluation import EvaluationReport, FindingEntry, PlantEntry, PlotEvaluation, PredictionEntry
+from fieldkit.results.evaluation import EvaluationReport, FindingEntry, PlotEvaluation, PredictionEntry
 from fieldkit.results.mission import MissionHome, MissionPlace
+from fieldkit.results.traits import TraitsEntry
 from tests.present.page_checks import checked
 from tests.present.sections.examples import (
     HOSTILE,
@@ -165,10 +166,7 @@ class TestSummary:
     def test_of_plants_and_predictions(self, tmp_path: Path) -> None:
         write_evaluation(tmp_path / "eval")
         results = read_results(tmp_path)
-        plants = PlantEntry(
-            height_m=0.42, height_max_m=0.5, cover=0.31, covered_m2=0.1, area_m2=0.36, hull_m3=0.012, voxel_m=0.01,
-            cell_m=0.01, stray=0.0,
-        )  # fmt: skip
+        traits = TraitsEntry(height_m=0.42, cover_percent=31.0, covered_area_m2=0.1, canopy_volume_m3=0.012)
         likely = PredictionEntry(chamfer_m=0.011, low_m=0.008, high_m=0.016, reason="", model=1)
         none = PredictionEntry(
             chamfer_m=None, low_m=None, high_m=None, reason="nothing like it was in the fit", model=1
@@ -178,7 +176,7 @@ class TestSummary:
         assert "is not known: nothing like it was in the fit." in _told(results, prediction=none)
         assert "is not known." in _told(results, prediction=None)
         part = results.evaluations[0]
-        plot = part.report.plots[0].model_copy(update={"plants": plants, "prediction": likely})
+        plot = part.report.plots[0].model_copy(update={"traits": traits, "prediction": likely})
         document = part.report.model_copy(update={"plots": (plot,)}).model_dump_json()
         (tmp_path / "eval" / "evaluation.json").write_text(document)
         write_report(tmp_path / "eval", tmp_path / "r.html")
@@ -186,7 +184,7 @@ class TestSummary:
         for told in (
             "plant height 0.42\u00a0m",
             "cover 31.0\u00a0%",
-            "hull volume 0.012\u00a0m³",
+            "canopy volume 0.012\u00a0m³",
             "8.00 to 16.0\u00a0mm",
         ):
             assert " ".join(told.split()) in text

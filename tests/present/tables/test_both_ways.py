@@ -16,7 +16,7 @@ from fieldkit.present.terminal.blocks import rendered
 from fieldkit.results.comparison import ComparedEvaluation, ComparisonReport, DifferenceEntry, ValueEntry
 from fieldkit.results.evaluation import AdherenceEntry, PoseDifferenceEntry, PredictionEntry, SpreadEntry
 from tests.present.page_checks import checked
-from tests.present.terminal.test_results import FAILED, PLANTS, scored
+from tests.present.terminal.test_results import FAILED, TRAITS, scored
 
 SPREAD = SpreadEntry(count=5, bias=-0.012, std_dev=0.034, rms=0.04, max=0.101)
 DIFFERENCE = PoseDifferenceEntry(
@@ -27,7 +27,7 @@ KEPT = AdherenceEntry(
     unknown={"commanded": "no mission was given"}, differences=(DIFFERENCE,),
 )  # fmt: skip
 PREDICTION = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
-PLOT = scored("plot 7").model_copy(update={"plants": PLANTS, "prediction": PREDICTION, "adherence": KEPT})
+PLOT = scored("plot 7").model_copy(update={"traits": TRAITS, "prediction": PREDICTION, "adherence": KEPT})
 GAPS = adherence.gaps(KEPT)
 EVALUATIONS = tuple(
     ComparedEvaluation(label=label, sources=(label,), reference_sha256=None, plots=("a",)) for label in ("may", "june")

@@ -14,7 +14,8 @@ from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_
 from fieldkit.present.style import table
 from fieldkit.present.terminal.results import evaluation_output, reference_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlantEntry, PlotEvaluation, PredictionEntry
+from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation, PredictionEntry
+from fieldkit.results.traits import TraitsEntry
 from tests.evaluation.examples import plant_cloud, reconstruction
 
 SETTINGS = ReconstructionSettings()
@@ -48,10 +49,17 @@ def report(*plots: PlotEvaluation, reference: bool = True) -> EvaluationReport:
 
 FAILED = failed_plot("[plot] 8", CaptureError("no photographs", remedy="Copy [them]."), seconds=0, cpu_seconds=0)
 
-PLANTS = PlantEntry(
-    height_m=0.81, height_max_m=0.97, cover=0.16, covered_m2=0.1936, area_m2=1.21, hull_m3=0.31, voxel_m=0.01,
-    cell_m=0.0075, stray=0.004,
-)  # fmt: skip
+TRAITS = TraitsEntry(
+    height_m=0.81,
+    height_error_m=0.03,
+    cover_percent=16.0,
+    cover_error_percent=1.2,
+    covered_area_m2=0.1936,
+    covered_area_error_m2=0.0155,
+    canopy_volume_m3=0.31,
+    canopy_volume_error_m3=0.031,
+    plot_area_m2=1.21,
+)
 
 
 class TestTables:
@@ -112,29 +120,29 @@ class TestTables:
 
     def test_plants_and_prediction_of_one_plot(self) -> None:
         told = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
-        plot = scored("a").model_copy(update={"plants": PLANTS, "prediction": told})
+        plot = scored("a").model_copy(update={"traits": TRAITS, "prediction": told})
         text = shown(evaluation_output(report(plot, reference=False)), 120)
-        assert "plant height 0.81 m 95 % is lower; highest 0.97 m" in text
-        assert "cover 16.0 % of the ground, seen from above: 0.194 of 1.21 m², in cells of 7.50 mm" in text
-        assert "hull volume 0.310 m³" in text
+        assert "plant height 0.81 m ± 30.0 mm; of the highest leaf" in text
+        assert "cover 16.0 % ± 1.2 %; of 1.21 m², seen from above" in text
+        assert "canopy volume 0.310 m³ ± 0.031 m³" in text
         assert "distance to its plants 12.0 mm predicted; nine in ten such plots: 6.00 to 24.0 mm" in text
 
     def test_plants_and_predictions_of_many(self) -> None:
         told = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
         none = PredictionEntry(chamfer_m=None, low_m=None, high_m=None, reason="[place] is too far", model=1)
         plots = [
-            scored(name).model_copy(update={"plants": plants, "prediction": prediction})
-            for name, plants, prediction in (("a", PLANTS, told), ("b", None, none), ("c", PLANTS, None))
+            scored(name).model_copy(update={"traits": traits, "prediction": prediction})
+            for name, traits, prediction in (("a", TRAITS, told), ("b", None, none), ("c", TRAITS, None))
         ]
         text = shown(evaluation_output(report(*plots, reference=False)))
-        assert "a 0.81 16.0 0.310 12.0 6.00 to 24.0" in text
-        assert "b – – – – –" in text
-        assert "c 0.81 16.0 0.310 – –" in text
+        assert "a 0.81 16.0 0.194 0.310 12.0 6.00 to 24.0" in text
+        assert "b – – – – – –" in text
+        assert "c 0.81 16.0 0.194 0.310 – –" in text
         assert "b [place] is too far" in text
         assert "…" not in text
 
     def test_plants_without_a_ground(self) -> None:
-        plot = scored("a").model_copy(update={"plants": PLANTS.model_copy(update={"height_m": None})})
+        plot = scored("a").model_copy(update={"traits": TRAITS.model_copy(update={"height_m": None})})
         assert "plant height" not in shown(evaluation_output(report(plot)))
 
     def test_one_failed_plot(self) -> None:

@@ -1,0 +1,135 @@
+"""The canopy of a plot as seen from straight above: which ground it covers, and how high it is. Pure functions.
+
+Dense stereo takes every pixel of a plant mask that is grown by a pixel, and pixels that leaf and soil share count as
+leaf. So leaves come out wider by a seam, the same on every edge when counted in pixels of the depth maps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from fieldkit.clouds.strays import piece_surface_m2
+
+Array = NDArray[np.float64]
+Outline = tuple[tuple[float, float], ...]
+"""Corners (x, y) of a plot in the plot frame, metres, the last not the first again."""
+
+SEAM_PIXELS = 2.0
+"""Width of the seam about leaves in pixels of the depth maps: 1 of the grown mask, ½ since a cell counts where any
+point lies in it, and ½ for pixels that leaf and soil share, fitted on scenes tuning-1 to 6 (docs/traits.md)."""
+MOST_CELLS = 50_000_000
+LEAF_M2 = 0.0010
+_GAP_PIXELS = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Canopy:
+    """Cells from above. Row 0 is the lowest y, column 0 the lowest x.
+
+    Attributes:
+        low: (x, y) of the outer corner of the first cell, plot frame, metres.
+        cell_m: edge of the cells.
+        tops: (rows, columns) height of the highest point above the ground; NaN where there is none.
+        cover: (rows, columns) share of each cell that lies below plants, without the seam about leaves.
+    """
+
+    low: tuple[float, float]
+    cell_m: float
+    tops: NDArray[np.float32]
+    cover: NDArray[np.float32]
+
+    def within(self, outline: Outline) -> Canopy:
+        """The same, with nothing covered beyond an outline; a cell counts where its middle does."""
+        rows, columns = self.cover.shape
+        x = self.low[0] + (np.arange(columns) + 0.5) * self.cell_m
+        y = self.low[1] + (np.arange(rows) + 0.5) * self.cell_m
+        inside = np.zeros((rows, columns), dtype=np.bool_)
+        row, column = np.nonzero(self.cover)
+        inside[row, column] = inside_outline(np.column_stack([x[column], y[row]]), outline)
+        return Canopy(self.low, self.cell_m, self.tops, np.where(inside, self.cover, np.float32(0.0)))
+
+    @property
+    def covered_m2(self) -> float:
+        """Ground below plants."""
+        return float(self.cover.sum(dtype=np.float64)) * self.cell_m**2
+
+    @property
+    def volume_m3(self) -> float:
+        """Between the ground and the tops of the covered cells."""
+        height = np.where(self.cover > 0, np.nan_to_num(self.tops), np.float32(0.0))
+        return float((self.cover * height).sum(dtype=np.float64)) * self.cell_m**2
+
+
+def canopy(points: Array, heights: Array, pixel_m: float) -> Canopy:
+    """The canopy of plants' points.
+
+    A cell is as large as a pixel of the depth maps. Gaps of up to two cells are closed: a point falls into a cell by
+    chance. What lies nearer than `SEAM_PIXELS` to an empty cell is seam.
+
+    Args:
+        points: (n, 3) of plants, plot frame, without strays; at least one.
+        heights: (n,) above the ground.
+        pixel_m: ground that a pixel of the depth maps covers.
+
+    Raises:
+        ValueError: no points, or ``pixel_m`` is not a positive number.
+    """
+    import cv2
+
+    if not len(points):
+        raise ValueError("a canopy needs points")
+    if not (np.isfinite(pixel_m) and pixel_m > 0):
+        raise ValueError(f"a pixel must cover a positive number of metres, not {pixel_m}")
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    cell = max(pixel_m, float(np.sqrt(np.prod(high - low + 6 * pixel_m) / MOST_CELLS)))
+    low = (np.floor(low / cell) - 3) * cell  # on a grid through the frame's origin, with empty cells all around
+    columns, rows = (np.ceil((high - low) / cell) + 4).astype(int)
+    column, row = np.floor((points[:, :2] - low) / cell).astype(int).T
+    tops = np.full((rows, columns), -np.inf, dtype=np.float32)
+    np.maximum.at(tops, (row, column), heights.astype(np.float32))
+    square = np.ones((3, 3), dtype=np.uint8)
+    closed = cv2.morphologyEx(np.isfinite(tops).astype(np.uint8), cv2.MORPH_CLOSE, square)
+    tops = np.where(np.isfinite(tops), tops, cv2.dilate(tops, square))
+    tops = np.where((closed > 0) & np.isfinite(tops), tops, np.float32(np.nan))
+    away = cv2.distanceTransform(closed, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)  # to the middle of the next empty cell
+    cover = np.where(closed > 0, np.clip(away - SEAM_PIXELS * pixel_m / cell, 0.0, 1.0), 0.0)
+    return Canopy((float(low[0]), float(low[1])), cell, tops, cover.astype(np.float32))
+
+
+def highest_leaf_m(points: Array, heights: Array, pixel_m: float) -> float:
+    """Height of the highest point of a leaf: of a piece without gaps of more than two to four pixels that has 10 cm².
+
+    What floats in the air near leaves, and so passes for a part of them, does not count. Where no piece is that large,
+    the largest ones count.
+
+    Args:
+        points: (n, 3) of plants; at least one.
+        heights: (n,) above the ground.
+        pixel_m: ground that a pixel of the depth maps covers.
+    """
+    upper = heights >= 0.5 * heights.max()
+    surface = piece_surface_m2(points[upper], _GAP_PIXELS * pixel_m)
+    leaf = surface >= min(LEAF_M2, float(surface.max()))
+    return float(heights[upper][leaf].max())
+
+
+def outline_area_m2(outline: Outline) -> float:
+    """Area of a plot."""
+    return float(shapely.Polygon(outline).area)
+
+
+def inside_outline(points: Array, outline: Outline) -> NDArray[np.bool_]:
+    """Mask (n,) of the points (n, 2 or more) whose x and y lie in a plot."""
+    polygon = shapely.Polygon(outline)
+    shapely.prepare(polygon)
+    return np.asarray(shapely.contains_xy(polygon, points[:, 0], points[:, 1]), dtype=np.bool_)
+
+
+def rectangle(low: Sequence[float], high: Sequence[float]) -> Outline:
+    """The outline between two corners (x, y)."""
+    return (low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])

@@ -1,0 +1,209 @@
+"""Height models of a plot as rasters in UTM: of the canopy above the ground, and of the whole surface."""
+
+from __future__ import annotations
+
+import importlib.util
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.errors import UsageError
+from fieldkit.evaluation.georeferencing import to_utm
+from fieldkit.evaluation.traits import depth_pixel_m
+from fieldkit.files import write_atomic
+from fieldkit.reconstruction.result import MetricFrame, Reconstruction
+from fieldkit.reconstruction.settings import ReconstructionSettings
+
+CANOPY_FILE, SURFACE_FILE = "canopy-height.tif", "surface.tif"
+Array = NDArray[np.float64]
+
+LEAST_SAMPLING_M = 0.005
+"""Edge of a cell where nobody gives one, or the depth maps' pixel where that is larger."""
+MOST_CELLS = 100_000_000
+NODATA = -9999.0
+_BLOCK = 256
+_CANOPY_COLORS = ("#f7fcb9", "#addd8e", "#41ab5d", "#006837", "#00331b")
+_SURFACE_COLORS = ("#543005", "#bf812d", "#f6e8c3", "#80cdc1", "#003c30")
+
+
+@dataclass(frozen=True)
+class Rasters:
+    """That rasters are to be written.
+
+    Attributes:
+        cell_m: edge of their cells; None takes `LEAST_SAMPLING_M`, or the depth maps' pixel where that is larger.
+    """
+
+    cell_m: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class HeightRaster:
+    """Heights on a grid of a map projection. Row 0 is the northern one.
+
+    Attributes:
+        west, north: easting and northing of the outer corner of the first cell, metres; multiples of ``cell_m``.
+        cell_m: edge of the cells.
+        heights: (rows, columns), metres; NaN where nothing was seen.
+        epsg: of the projection.
+    """
+
+    west: float
+    north: float
+    cell_m: float
+    heights: NDArray[np.float32]
+    epsg: int
+
+
+def sampling_m(pixel_m: float, given_m: float | None = None) -> float:
+    """Edge of a raster's cells: as given, else 5 mm, or what a pixel of the depth maps covers where that is more."""
+    return given_m if given_m is not None else max(LEAST_SAMPLING_M, round(pixel_m, 3))
+
+
+def require_rasters(frame: MetricFrame | None = None) -> None:
+    """Refuse rasters where they cannot be written.
+
+    Args:
+        frame: of the result; None where it is not known yet.
+
+    Raises:
+        UsageError: rasterio is not installed, or the plot has no place on Earth.
+    """
+    if any(importlib.util.find_spec(name) is None for name in ("rasterio", "pyproj")):
+        raise UsageError(
+            "--rasters needs the extra 'geo'", remedy="pip install 'fieldkit[geo]', or leave --rasters out."
+        )
+    if frame is not None and frame.origin is None:
+        raise UsageError(
+            "--rasters: the plot has no place on Earth, since its positions are not geographic",
+            remedy="Give photographs with GPS tags or a geo.txt, or leave --rasters out.",
+        )
+
+
+def canopy_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float) -> HeightRaster:
+    """Height of the plants above the ground: of the highest point in each cell; 0 where only ground was seen.
+
+    Args:
+        plants: above the ground, plot frame; not empty.
+        scene: with the ground, plot frame.
+        frame: georeferenced, with a ground.
+        cell_m: edge of the cells.
+
+    Raises:
+        UsageError: no ground was found, or the raster would be too large.
+        ValueError: the frame is not georeferenced, or lies where UTM is not defined.
+    """
+    if frame.ground is None:
+        raise UsageError("there is no canopy height: no ground was found", remedy="Leave --rasters out.")
+    above = frame.ground.heights(plants.points)
+    return _raster(plants, scene, frame, cell_m, (above, np.zeros(len(scene))))  # stones and dead leaves are no plants
+
+
+def surface_raster(plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float) -> HeightRaster:
+    """Height of plants and ground above the datum of the frame's origin.
+
+    Of plants it is that of the highest point in a cell, of the ground the median: a cloud of everything has points
+    that float above bare soil. Arguments and errors are those of `canopy_raster`.
+    """
+    return _raster(plants, scene, frame, cell_m, None)
+
+
+def _raster(
+    plants: Cloud, scene: Cloud, frame: MetricFrame, cell_m: float, heights: tuple[Array, Array] | None
+) -> HeightRaster:
+    parts = [to_utm(cloud, frame) for cloud in (plants, scene)]
+    cells = [np.floor(moved.points[:, :2] * (1.0, -1.0) / cell_m).astype(np.int64) for moved, _ in parts]
+    low, high = (edge(np.concatenate(cells), axis=0) for edge in (np.min, np.max))
+    columns, rows = (high - low + 1).tolist()
+    if rows * columns > MOST_CELLS:
+        raise UsageError(
+            f"a raster of {columns} × {rows} cells of {1000 * cell_m:g} mm is too large",
+            remedy="Give larger cells with --gsd.",
+        )
+    found = np.full(rows * columns, np.nan, dtype=np.float32)
+    for part, share in ((1, 0.5), (0, 1.0)):  # plants stand above the ground, so they are drawn last
+        place = (cells[part] - low) @ np.array([1, columns])
+        values = parts[part][0].points[:, 2] if heights is None else heights[part]
+        order = np.lexsort((values, place))
+        where, first, count = np.unique(place[order], return_index=True, return_counts=True)
+        found[where] = values[order][first + ((count - 1) * share).astype(int)]
+    grid = found.reshape(rows, columns)
+    return HeightRaster(float(low[0]) * cell_m, -float(low[1]) * cell_m, cell_m, grid, parts[0][1])
+
+
+def write_rasters(folder: Path, found: Reconstruction, settings: ReconstructionSettings, wanted: Rasters) -> list[str]:
+    """Write both rasters of a reconstruction with a scene, and their styles; returns the files' names.
+
+    Raises:
+        UsageError: rasterio is not installed, the plot has no place on Earth, no ground was found, or the rasters would
+            be too large.
+        StorageError: the place is full or not writable.
+    """
+    frame, scene = found.sparse.frame, found.scene
+    require_rasters(frame)
+    if scene is None:
+        raise ValueError("rasters need the scene")
+    cell_m = sampling_m(depth_pixel_m(found, found.plants.points, settings), wanted.cell_m)
+    canopy = canopy_raster(found.plants, scene, frame, cell_m)
+    surface = surface_raster(found.plants, scene, frame, cell_m)
+    write_raster(folder / CANOPY_FILE, canopy, canopy=True)
+    write_raster(folder / SURFACE_FILE, surface, canopy=False)
+    return [name for file in (CANOPY_FILE, SURFACE_FILE) for name in (file, Path(file).with_suffix(".qml").name)]
+
+
+def write_raster(path: Path, raster: HeightRaster, *, canopy: bool) -> None:
+    """Write a Cloud Optimized GeoTIFF, and beside it a QGIS style of the same name with the suffix .qml.
+
+    Float32 metres, nodata −9999, deflate, tiles and overviews (average) within the file.
+
+    Raises:
+        UsageError: rasterio is not installed.
+        StorageError: the place is full or not writable.
+    """
+    require_rasters()
+    import rasterio
+    import rasterio.shutil
+
+    values = np.where(np.isfinite(raster.heights), raster.heights, np.float32(NODATA))
+    profile: dict[str, Any] = {
+        "driver": "GTiff", "width": values.shape[1], "height": values.shape[0], "count": 1, "dtype": "float32",
+        "crs": f"EPSG:{raster.epsg}", "nodata": NODATA,
+        "transform": rasterio.Affine(raster.cell_m, 0.0, raster.west, 0.0, -raster.cell_m, raster.north),
+    }  # fmt: skip
+    with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
+        plain, optimized = str(Path(folder) / "plain.tif"), Path(folder) / path.name
+        with rasterio.open(plain, "w", **profile) as file:
+            file.write(values, 1)
+            file.set_band_description(1, "canopy height, m" if canopy else "surface height, m")
+            file.update_tags(units="metre")
+        rasterio.shutil.copy(
+            plain, str(optimized), driver="COG", COMPRESS="DEFLATE", PREDICTOR="FLOATING_POINT", BLOCKSIZE=str(_BLOCK),
+            OVERVIEWS="IGNORE_EXISTING", OVERVIEW_RESAMPLING="AVERAGE",
+        )  # fmt: skip
+        write_atomic(path, optimized.read_bytes())
+    known = raster.heights[np.isfinite(raster.heights)]
+    low, high = (0.0, float(known.max())) if canopy else (float(v) for v in np.quantile(known, [0.02, 0.98]))
+    colors = _CANOPY_COLORS if canopy else _SURFACE_COLORS
+    write_atomic(path.with_suffix(".qml"), style_text(low, max(high, low + 0.01), colors))
+
+
+def style_text(low: float, high: float, colors: tuple[str, ...]) -> str:
+    """A QGIS style: colours between two heights, with a legend in metres."""
+    root = Element("qgis", version="3.22")
+    renderer = SubElement(
+        SubElement(root, "pipe"), "rasterrenderer", type="singlebandpseudocolor", band="1", opacity="1",
+        alphaBand="-1", classificationMin=f"{low:.3f}", classificationMax=f"{high:.3f}",
+    )  # fmt: skip
+    shader = SubElement(
+        SubElement(renderer, "rastershader"), "colorrampshader", colorRampType="INTERPOLATED", classificationMode="1",
+        clip="0", minimumValue=f"{low:.3f}", maximumValue=f"{high:.3f}",
+    )  # fmt: skip
+    for value, color in zip(np.linspace(low, high, len(colors)), colors, strict=True):
+        SubElement(shader, "item", value=f"{value:.3f}", label=f"{value:.2f} m", color=color, alpha="255")
+    return "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n" + tostring(root, encoding="unicode") + "\n"

@@ -1,0 +1,237 @@
+"""Traits of a reconstructed plot with their errors, or why they cannot be had from its photographs. Pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds.canopy import Outline, canopy, highest_leaf_m, inside_outline, outline_area_m2, rectangle
+from fieldkit.clouds.cloud import Cloud
+from fieldkit.clouds.ground import Plane
+from fieldkit.reconstruction.dense.views import view_camera
+from fieldkit.reconstruction.result import Reconstruction, SparseResult
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, error_column
+
+HEIGHT_ERROR_M = 0.03
+AREA_ERROR, VOLUME_ERROR = 0.11, 0.14
+"""What nine in ten plots of the benchmark were within; of area and volume as shares (docs/traits.md)."""
+LEAST_PHOTOGRAPHS = 9
+"""With fewer the errors above do not hold: of a plot of seven photographs the height was off by 0.33 m."""
+MOST_SCALE_DOUBT = 0.10
+NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
+_NINE_IN_TEN = 1.645
+_SEEN_BY, _SEEN_SHARE = 2, 0.95
+_ABOVE_M, _ABOVE_SHARE = 0.03, 0.05
+_STEP_M, _MOST_STEPS = 0.05, 40
+_MATCH_DEG, _MATCH_FARTHER, _PARTNERS = (3.0, 36.0), 1.6, 2
+_MATCH_AT, _MATCH_SHARE = (0.3, 0.8), 0.9
+_LEAST_POSITIONS, _NO_SPREAD_M = 3, 1e-9
+_OF_HEIGHT: tuple[Trait, ...] = ("height_m", "canopy_volume_m3")
+_OF_AREA: tuple[Trait, ...] = ("cover_percent", "covered_area_m2", "canopy_volume_m3")
+_CODES: Mapping[str, tuple[Trait, ...]] = {
+    "few-plant-points": TRAITS,
+    "height-undetermined": _OF_HEIGHT,
+    "volume-cuts-plants": _OF_HEIGHT,
+    "volume-below-ground": _OF_HEIGHT,
+    "steep-ground": _OF_HEIGHT,
+    "weak-ground": _OF_HEIGHT,
+    "cameras-off-level": _OF_HEIGHT,
+}
+"""Traits that a finding of the reconstruction forbids."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PlotOutline:
+    """What is known of a plot's outline.
+
+    Attributes:
+        corners: plot frame, metres; None where it is not known.
+        reason: why it is not known.
+    """
+
+    corners: Outline | None = None
+    reason: str = NO_OUTLINE
+
+
+def outline_of(settings: ReconstructionSettings, reference: Mapping[str, Any] | None = None) -> PlotOutline:
+    """The footprint of --bounds: of this run, else of the reference.
+
+    Args:
+        settings: of the run.
+        reference: the ``settings`` of reference.json; None without a reference.
+    """
+    bounds = settings.bounds
+    if bounds is not None:
+        return PlotOutline(rectangle(bounds.lower, bounds.upper))
+    given = None if reference is None else reference.get("bounds")
+    if isinstance(given, Mapping):
+        return PlotOutline(rectangle(given["lower"], given["upper"]))
+    return PlotOutline()
+
+
+def plot_traits(
+    found: Reconstruction, plants: Cloud, settings: ReconstructionSettings, outline: PlotOutline
+) -> TraitsEntry:
+    """The traits of a plot.
+
+    Args:
+        found: the reconstruction.
+        plants: its plants, moved onto a reference where that was asked for.
+        settings: it was made with.
+        outline: of the plot; what lies beyond it is another plot's.
+    """
+    corners = outline.corners
+    points = plants.points if corners is None else plants.points[inside_outline(plants.points, corners)]
+    area = None if corners is None else outline_area_m2(corners)
+    unknown = _unknown(found, points, outline)
+    ground = found.sparse.frame.ground
+    if ground is None or len(unknown) == len(TRAITS):
+        return TraitsEntry(plot_area_m2=area, unknown=unknown)
+    pixel, doubt = depth_pixel_m(found, points, settings), scale_doubt(found.sparse)
+    heights = ground.heights(points)
+    seen = canopy(points, heights, pixel)
+    seen = seen if corners is None else seen.within(corners)
+    height, covered, volume = highest_leaf_m(points, heights, pixel), seen.covered_m2, seen.volume_m3
+    cover = None if area is None else min(100.0, 100.0 * covered / area)
+    area_error = float(np.hypot(AREA_ERROR, 2.0 * _NINE_IN_TEN * doubt))
+    values: dict[Trait, tuple[float | None, float]] = {
+        "height_m": (max(0.0, height), float(np.hypot(HEIGHT_ERROR_M, _NINE_IN_TEN * doubt * height))),
+        # The plot's area has the scale's error only where its outline is measured in the photographs, too.
+        "cover_percent": (cover, area_error * (cover or 0.0)),
+        "covered_area_m2": (covered, area_error * covered),
+        "canopy_volume_m3": (volume, float(np.hypot(VOLUME_ERROR, 3.0 * _NINE_IN_TEN * doubt)) * volume),
+    }
+    known: dict[str, float | None] = {}
+    for trait, (value, error) in values.items():
+        if trait not in unknown:
+            known |= {trait: value, error_column(trait): error}
+    return TraitsEntry(**known, plot_area_m2=area, unknown=unknown)
+
+
+def depth_pixel_m(found: Reconstruction, points: Array, settings: ReconstructionSettings) -> float:
+    """What a pixel of the depth maps covers at the middle of points (n, 3), metres: median over the photographs."""
+    middle = np.median(points, axis=0)
+    photos = {photo.name: photo for photo in found.sparse.capture.photos}
+    each = []
+    for name, pose in found.sparse.poses.items():
+        camera = found.sparse.intrinsics[name]
+        photo = photos.get(name)
+        size = (camera.width, camera.height) if photo is None else (photo.width, photo.height)
+        view = view_camera(camera, *size, settings.fidelity)
+        each.append(float(np.linalg.norm(pose.center - middle)) / view.fx)
+    return float(np.median(each))
+
+
+def scale_doubt(sparse: SparseResult) -> float:
+    """By which share a model's scale may be off, for positions off by their residuals: RMS over the root of the summed
+    squares of the cameras' distances from their middle. 0 where no positions are known.
+    """
+    centers = np.array([pose.center for pose in sparse.poses.values()]).reshape(-1, 3)
+    if sparse.frame.rms_m is None or len(centers) < _LEAST_POSITIONS:
+        return 0.0
+    return sparse.frame.rms_m / max(float(np.linalg.norm(centers - centers.mean(axis=0))), _NO_SPREAD_M)
+
+
+def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict[Trait, str]:
+    """Why traits cannot be had; the first reason of each counts."""
+    unknown: dict[Trait, str] = {}
+
+    def without(traits: tuple[Trait, ...], reason: str) -> None:
+        unknown.update({trait: reason for trait in traits if trait not in unknown})
+
+    sparse = found.sparse
+    frame, ground, right = sparse.frame, sparse.frame.ground, sparse.right
+    if not frame.metric:
+        without(TRAITS, "nothing gives the photographs' scale")
+    elif (doubt := scale_doubt(sparse)) > MOST_SCALE_DOUBT:
+        without(TRAITS, f"the scale is known to {100 * doubt:.0f} % only: the positions contradict one another")
+    if right < LEAST_PHOTOGRAPHS:
+        without(TRAITS, f"only {right} photographs count, and traits need {LEAST_PHOTOGRAPHS}")
+    if not len(points):
+        without(TRAITS, "no plant was reconstructed within the plot's outline")
+    if ground is None:
+        without(TRAITS, "no ground was found, so plants and soil cannot be told apart")
+    if unknown or ground is None:
+        return unknown
+    for finding in sparse.findings:
+        without(_CODES.get(finding.code, ()), finding.message)
+    seen = 1.0 if outline.corners is None else seen_share(sparse, _grid(outline.corners, ground))
+    if seen < _SEEN_SHARE:
+        reason = f"only {100 * seen:.0f} % of the plot is in the picture of {_SEEN_BY} photographs or more"
+        without(_OF_AREA, reason)
+    columns, top = _columns(points), float(ground.heights(points).max())
+    above = seen_share(sparse, _at_height(columns, ground, top + max(_ABOVE_M, _ABOVE_SHARE * top)))
+    if above < _SEEN_SHARE:
+        reason = f"above {100 * (1 - above):.0f} % of the plants the pictures end: higher leaves would not be seen"
+        without(_OF_HEIGHT, reason)
+    matched = matched_share(sparse, np.concatenate([_at_height(columns, ground, z * top) for z in _MATCH_AT]))
+    if matched < _MATCH_SHARE:
+        reason = (
+            f"over {100 * (1 - matched):.0f} % of the plants no photograph has two others near enough beside it "
+            f"(within {_MATCH_DEG[1]:.0f}°), so leaves are missed"
+        )
+        without(TRAITS, reason)
+    if outline.corners is None:
+        without(("cover_percent",), outline.reason)
+    return unknown
+
+
+def seen_share(sparse: SparseResult, points: Array) -> float:
+    """Share of points (n, 3), plot frame, that at least two photographs that count have in the picture."""
+    seen = np.stack([_in_picture(sparse, name, points) for name in sparse.poses], axis=1).sum(axis=1)
+    return float(np.mean(seen >= _SEEN_BY))
+
+
+def matched_share(sparse: SparseResult, points: Array) -> float:
+    """Share of points (n, 3), plot frame, that dense stereo can be right at: a photograph that has one in the picture
+    has two others from 3 to 36 degrees beside it, about as far away, that have it, too.
+    """
+    centers = np.array([pose.center for pose in sparse.poses.values()])
+    seen = np.stack([_in_picture(sparse, name, points) for name in sparse.poses], axis=1)
+    rays = points[:, None] - centers
+    away = np.linalg.norm(rays, axis=2)
+    rays /= away[:, :, None]
+    angles = np.degrees(np.arccos(np.clip(np.einsum("nid,njd->nij", rays, rays), -1.0, 1.0)))
+    farther = np.maximum(away[:, :, None] / away[:, None, :], away[:, None, :] / away[:, :, None])
+    partners = (angles >= _MATCH_DEG[0]) & (angles <= _MATCH_DEG[1]) & (farther <= _MATCH_FARTHER)
+    partners &= seen[:, :, None] & seen[:, None, :]
+    return float(np.mean((partners.sum(axis=2) >= _PARTNERS).any(axis=1)))
+
+
+def _in_picture(sparse: SparseResult, name: str, points: Array) -> NDArray[np.bool_]:
+    camera = sparse.intrinsics[name].without_distortion()
+    local = sparse.poses[name].to_camera(points)
+    pixels = camera.project(local)
+    with np.errstate(invalid="ignore"):
+        inside = (pixels >= 0).all(axis=1) & (pixels <= (camera.width, camera.height)).all(axis=1)
+    return np.asarray(inside & (local[:, 2] > 0))
+
+
+def _grid(outline: Outline, ground: Plane) -> Array:
+    """Places on the ground within an outline."""
+    ring = np.array(outline)
+    low, high = ring.min(axis=0), ring.max(axis=0)
+    steps = np.clip(np.ceil((high - low) / _STEP_M), 2, _MOST_STEPS).astype(int)
+    x, y = (a + (np.arange(n) + 0.5) / n * (b - a) for a, b, n in zip(low, high, steps, strict=True))
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    inside = places[inside_outline(places, outline)]
+    places = inside if len(inside) else ring.mean(axis=0, keepdims=True)
+    return _at_height(places, ground, 0.0)
+
+
+def _columns(points: Array) -> Array:
+    """Places (m, 2) of the columns that plants stand in."""
+    columns: Array = (np.unique(np.floor(points[:, :2] / _STEP_M), axis=0) + 0.5) * _STEP_M
+    return columns
+
+
+def _at_height(places: Array, ground: Plane, height: float) -> Array:
+    z = (ground.offset + height - places @ ground.normal[:2]) / ground.normal[2]
+    return np.column_stack([places, z])

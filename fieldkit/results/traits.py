@@ -1,0 +1,60 @@
+"""Traits of the plants of a plot on a date, as reference.json, evaluation.json and visit.json hold them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import Field
+
+from fieldkit.results.fields import Length, Strict
+
+Trait = Literal["height_m", "cover_percent", "covered_area_m2", "canopy_volume_m3"]
+TRAITS: tuple[Trait, ...] = get_args(Trait)
+Percent = Annotated[float, Field(ge=0, le=100)]
+
+
+class TraitsEntry(Strict):
+    """Traits of one plot on one date (docs/traits.md). Nine in ten plots like the benchmark's are within the errors."""
+
+    height_m: Length | None = None
+    """Of the highest leaf above the ground, as by a ruler; null where ``unknown`` says why. So are the others."""
+    height_error_m: Length | None = None
+    cover_percent: Percent | None = None
+    """Of the plot's outline, below plants as seen from straight above."""
+    cover_error_percent: Length | None = None
+    """Percent of the plot, as cover_percent."""
+    covered_area_m2: Length | None = None
+    """Ground below plants: within the plot's outline, where it is known."""
+    covered_area_error_m2: Length | None = None
+    canopy_volume_m3: Length | None = None
+    """Between the ground and the canopy's upper surface, over the covered area."""
+    canopy_volume_error_m3: Length | None = None
+    plot_area_m2: Annotated[float, Field(gt=0)] | None = None
+    """Of the plot's outline; null where it is not known."""
+    unknown: dict[Trait, str] = {}  # noqa: RUF012 - pydantic copies it
+    """Why a trait cannot be had from these photographs."""
+
+    def row(self) -> dict[str, Any]:
+        """Values by column, and the reasons in words as ``no_trait``."""
+        return {**{name: getattr(self, name) for name in VALUES}, REASONS: reasons_in_words(self.unknown)}
+
+
+VALUES = tuple(name for name in TraitsEntry.model_fields if name != "unknown")
+REASONS = "no_trait"
+COLUMNS = (*VALUES, REASONS)
+"""The keys of `TraitsEntry.row`, in order."""
+
+
+def error_column(trait: Trait) -> str:
+    """Of a trait's error: ``height_error_m`` of ``height_m``."""
+    name, _, unit = trait.rpartition("_")
+    return f"{name}_error_{unit}"
+
+
+def reasons_in_words(unknown: dict[Trait, str]) -> str:
+    """Each reason once, after the traits it is of: ``height_m, canopy_volume_m3: no ground was found``."""
+    by_reason: dict[str, list[str]] = {}
+    for trait in TRAITS:
+        if trait in unknown:
+            by_reason.setdefault(unknown[trait], []).append(trait)
+    return "; ".join(f"{', '.join(traits)}: {reason}" for reason, traits in by_reason.items())

@@ -1,0 +1,153 @@
+"""Cover, canopy volume and height of shapes whose figures are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from fieldkit.clouds.canopy import (
+    SEAM_PIXELS,
+    Canopy,
+    canopy,
+    highest_leaf_m,
+    inside_outline,
+    outline_area_m2,
+    rectangle,
+)
+from tests.clouds.examples import cone
+
+Array = NDArray[np.float64]
+PIXEL_M = 0.002
+SEAM_M = SEAM_PIXELS * PIXEL_M
+SLOW = settings(max_examples=12, deadline=None)
+
+
+def box(width: float, depth: float, height: float, step: float = 0.0015) -> Array:
+    """Points on the faces of a box that stands on the ground about the origin."""
+    x, y, z = (np.linspace(0.0, edge, max(2, round(edge / step) + 1)) for edge in (width, depth, height))
+    faces = []
+    for a, b, axis, ends in ((x, y, 2, z), (x, z, 1, y), (y, z, 0, x)):
+        u, v = (grid.ravel() for grid in np.meshgrid(a, b))
+        faces += [np.insert(np.column_stack([u, v]), axis, end, axis=1) for end in (ends[0], ends[-1])]
+    found: Array = np.concatenate(faces) - (width / 2, depth / 2, 0.0)
+    return found
+
+
+def seen(points: Array, pixel_m: float = PIXEL_M) -> Canopy:
+    return canopy(points, points[:, 2], pixel_m)
+
+
+class TestShapes:
+    @given(st.floats(0.08, 0.4), st.floats(0.08, 0.4), st.floats(0.1, 0.8))
+    @SLOW
+    def test_a_box_less_its_seam(self, width: float, depth: float, height: float) -> None:
+        """The seam is what leaves are widened by; half a cell of it is the grid's own."""
+        found = seen(box(width, depth, height))
+        seam = 2.0 * (SEAM_M - 0.5 * PIXEL_M)
+        assert found.covered_m2 == pytest.approx((width - seam) * (depth - seam), abs=(width + depth) * PIXEL_M)
+        assert found.volume_m3 == pytest.approx(found.covered_m2 * height, rel=1e-5)
+
+    def test_a_cone(self) -> None:
+        points = cone(0.25, 0.6, count=200_000)
+        found = seen(points)
+        inner = 0.25 - SEAM_M + 0.5 * PIXEL_M
+        assert found.covered_m2 == pytest.approx(np.pi * inner**2, rel=0.02)
+        assert found.volume_m3 == pytest.approx(np.pi * 0.25**2 * 0.6 / 3, rel=0.05)
+        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.6, abs=0.01)
+
+    def test_leaves_that_reconstruct_with_a_seam(self) -> None:
+        """A strip that is wider by what masks and pixels add comes out as it is."""
+        widened = np.random.default_rng(0).uniform((0, 0), (1.0, 0.05 + 2 * (SEAM_M - 0.5 * PIXEL_M)), (200_000, 2))
+        points = np.column_stack([widened, np.full(len(widened), 0.5)])
+        assert seen(points).covered_m2 == pytest.approx(0.05, rel=0.05)
+
+    def test_gaps_between_points_are_covered(self) -> None:
+        rng = np.random.default_rng(1)
+        dense = np.column_stack([rng.uniform(0, 0.2, (60_000, 2)), np.full(60_000, 0.4)])
+        sparse = dense[rng.uniform(size=len(dense)) < 0.3]
+        assert seen(sparse).covered_m2 == pytest.approx(seen(dense).covered_m2, rel=0.04)
+
+    def test_one_point(self) -> None:
+        found = seen(np.array([[0.1, 0.2, 0.3]]))
+        assert found.covered_m2 == 0.0
+        assert found.volume_m3 == 0.0
+
+
+class TestInvariance:
+    @given(st.floats(-5, 5), st.floats(-5, 5))
+    @SLOW
+    def test_a_place_changes_nothing(self, x: float, y: float) -> None:
+        points = box(0.2, 0.3, 0.4)
+        moved = points + np.array([x, y, 0.0])
+        assert seen(moved).covered_m2 == pytest.approx(seen(points).covered_m2, rel=0.04)
+
+    def test_the_order_of_points_changes_nothing(self) -> None:
+        points = cone(0.2, 0.5)
+        other = points[np.random.default_rng(0).permutation(len(points))]
+        first, second = seen(points), seen(other)
+        assert np.array_equal(first.cover, second.cover)
+        assert np.array_equal(first.tops, second.tops, equal_nan=True)
+
+    def test_more_plants_never_cover_less(self) -> None:
+        one = box(0.1, 0.1, 0.3)
+        assert seen(np.concatenate([one, one + np.array([0.5, 0, 0])])).covered_m2 == pytest.approx(
+            2 * seen(one).covered_m2, rel=0.02
+        )
+
+    def test_a_large_plot_takes_coarser_cells(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("fieldkit.clouds.canopy.MOST_CELLS", 10_000)
+        found = seen(box(0.4, 0.4, 0.5))
+        assert found.cover.size < 15_000
+        assert found.covered_m2 == pytest.approx(0.4**2, rel=0.06)
+
+
+class TestOutline:
+    def test_half_a_box(self) -> None:
+        found = seen(box(0.2, 0.2, 0.5))
+        half = found.within(rectangle((-1.0, -1.0), (0.0, 1.0)))
+        assert half.covered_m2 == pytest.approx(0.5 * found.covered_m2, rel=0.03)
+        assert half.volume_m3 == pytest.approx(0.5 * found.volume_m3, rel=0.03)
+        assert found.within(rectangle((1.0, 1.0), (2.0, 2.0))).covered_m2 == 0.0
+
+    def test_turned(self) -> None:
+        """A plot's sides need not be those of the frame."""
+        diamond = ((0.0, -0.1), (0.1, 0.0), (0.0, 0.1), (-0.1, 0.0))
+        assert outline_area_m2(diamond) == pytest.approx(0.02)
+        assert seen(box(0.4, 0.4, 0.5)).within(diamond).covered_m2 == pytest.approx(0.02, rel=0.03)
+        assert inside_outline(np.array([[0.0, 0.0], [0.09, 0.09]]), diamond).tolist() == [True, False]
+
+
+class TestHeight:
+    def test_what_floats_above_a_leaf_does_not_count(self) -> None:
+        rng = np.random.default_rng(0)
+        clump = rng.normal((0.0, 0.0, 0.56), 0.006, (60, 3))  # near enough to pass for a part of the plant
+        points = np.concatenate([box(0.1, 0.1, 0.5), clump, [[0.0, 0.0, 0.52]]])
+        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.5, abs=1e-6)
+
+    def test_a_thin_tip_counts(self) -> None:
+        tip = np.column_stack([np.zeros(60), np.zeros(60), np.linspace(0.5, 0.62, 60)])
+        points = np.concatenate([box(0.1, 0.1, 0.5), tip])
+        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.62, abs=1e-6)
+
+    def test_a_leaf_whose_stem_is_missing_counts(self) -> None:
+        leaf = np.random.default_rng(0).uniform((0.3, 0.3, 0.7), (0.4, 0.34, 0.7005), (4000, 3))
+        points = np.concatenate([box(0.1, 0.1, 0.5), leaf])
+        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == pytest.approx(0.7, abs=0.001)
+
+    def test_few_points(self) -> None:
+        points = np.array([[0.0, 0.0, 0.3], [0.5, 0.0, 0.2]])
+        assert highest_leaf_m(points, points[:, 2], PIXEL_M) == 0.3
+
+
+@pytest.mark.parametrize("pixel_m", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_pixel_that_is_none(pixel_m: float) -> None:
+    with pytest.raises(ValueError, match="positive"):
+        seen(cone(0.3, 0.8), pixel_m)
+
+
+def test_no_points() -> None:
+    with pytest.raises(ValueError, match="needs points"):
+        canopy(np.zeros((0, 3)), np.zeros(0), PIXEL_M)

@@ -1,0 +1,121 @@
+"""Height models: where their cells lie, what they hold, and the files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from fieldkit.clouds import Cloud
+from fieldkit.errors import UsageError
+from fieldkit.evaluation.georeferencing import to_utm
+from fieldkit.evaluation.rasters import (
+    CANOPY_FILE,
+    HeightRaster,
+    Rasters,
+    canopy_raster,
+    require_rasters,
+    sampling_m,
+    style_text,
+    surface_raster,
+    write_raster,
+    write_rasters,
+)
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from tests.evaluation.examples import reconstruction
+
+pytest.importorskip("pyproj")
+CELL_M = 0.02
+FOUND = reconstruction()
+FRAME = FOUND.sparse.frame
+
+
+def plate(low: tuple[float, float], high: tuple[float, float], z: float, count: int = 20_000) -> Cloud:
+    xy = np.random.default_rng(0).uniform(low, high, (count, 2))
+    return Cloud(np.column_stack([xy, np.full(count, z)]))
+
+
+LEAF, SOIL = plate((0.0, 0.0), (0.2, 0.1), 0.3), plate((-0.3, -0.3), (0.3, 0.3), 0.004, 60_000)
+
+
+def at(raster: HeightRaster, x: float, y: float) -> float:
+    """The height at a place of the plot frame."""
+    moved, epsg = to_utm(Cloud(np.array([[x, y, 0.0]])), FRAME)
+    assert epsg == raster.epsg
+    east, north, _ = moved.points[0]
+    return float(raster.heights[int((raster.north - north) / CELL_M), int((east - raster.west) / CELL_M)])
+
+
+def test_the_canopy_is_where_the_leaf_is() -> None:
+    raster = canopy_raster(LEAF, SOIL, FRAME, CELL_M)
+    assert at(raster, 0.1, 0.05) == pytest.approx(0.3, abs=1e-6)
+    assert at(raster, -0.1, 0.05) == 0.0
+    assert at(raster, 0.1, -0.05) == 0.0
+    assert np.isnan(raster.heights).any()  # UTM's north is not the plot's: the corners were not seen
+    covered = np.count_nonzero(raster.heights > 0.2) * CELL_M**2
+    assert covered == pytest.approx(0.02, abs=0.5 * 0.6 * CELL_M + 0.002)  # cells that the edge runs through count
+    assert raster.west / CELL_M == pytest.approx(round(raster.west / CELL_M), abs=1e-4)
+
+
+def test_nothing_is_made_up_where_nothing_was_seen() -> None:
+    raster = canopy_raster(LEAF, plate((0.5, 0.5), (0.6, 0.6), 0.0), FRAME, CELL_M)
+    assert np.isnan(at(raster, 0.4, 0.4))
+
+
+def test_the_surface_is_above_the_datum() -> None:
+    raster = surface_raster(LEAF, SOIL, FRAME, CELL_M)
+    assert FRAME.origin is not None
+    ground = FRAME.origin.altitude_m + 1.2  # the example's source frame lies 1.2 m below the ground
+    assert at(raster, 0.1, 0.05) == pytest.approx(ground + 0.3, abs=1e-3)
+    assert at(raster, -0.1, 0.05) == pytest.approx(ground + 0.004, abs=1e-3)
+
+
+def test_cells_follow_the_pixels() -> None:
+    assert sampling_m(0.002) == 0.005
+    assert sampling_m(0.008) == 0.008
+    assert sampling_m(0.008, 0.1) == 0.1
+
+
+def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(UsageError, match="no ground"):
+        canopy_raster(LEAF, SOIL, replace(FRAME, ground=None), CELL_M)
+    with pytest.raises(UsageError, match="too large"):
+        canopy_raster(LEAF, SOIL, FRAME, 1e-5)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
+    with pytest.raises(UsageError, match="no place on Earth"):
+        require_rasters(replace(FRAME, origin=None))
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(UsageError, match="extra 'geo'"):
+        require_rasters()
+
+
+def test_a_style_has_its_colours_in_order() -> None:
+    text = style_text(0.0, 1.2, ("#ffffff", "#888888", "#000000"))
+    shader = ElementTree.fromstring(text.partition("\n")[2]).find("pipe/rasterrenderer/rastershader/colorrampshader")
+    assert shader is not None
+    assert [(item.get("value"), item.get("color")) for item in shader] == [
+        ("0.000", "#ffffff"), ("0.600", "#888888"), ("1.200", "#000000"),
+    ]  # fmt: skip
+
+
+def test_files(tmp_path: Path) -> None:
+    """Opened as any program would: the place, the datum, no data, overviews and the layout for the web."""
+    rasterio = pytest.importorskip("rasterio")
+    raster = canopy_raster(LEAF, plate((-3.0, -3.0), (3.0, 3.0), 0.0, 400_000), FRAME, CELL_M)
+    write_raster(tmp_path / CANOPY_FILE, raster, canopy=True)
+    with rasterio.open(tmp_path / CANOPY_FILE) as file:
+        assert file.crs.to_epsg() == raster.epsg
+        assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+        assert file.overviews(1)
+        assert file.nodata == -9999.0
+        assert file.res == (CELL_M, CELL_M)
+        assert (file.bounds.left, file.bounds.top) == pytest.approx((raster.west, raster.north))
+        np.testing.assert_array_equal(file.read(1, masked=True).filled(np.nan), raster.heights)
+        east, north, _ = to_utm(Cloud(np.array([[0.1, 0.05, 0.0]])), FRAME)[0].points[0]
+        assert next(file.sample([(east, north)]))[0] == pytest.approx(0.3, abs=1e-6)
+    assert (tmp_path / "canopy-height.qml").is_file()
+    names = write_rasters(tmp_path / "both", FOUND, ReconstructionSettings(), Rasters(CELL_M))
+    assert sorted(path.name for path in (tmp_path / "both").iterdir()) == sorted(names)

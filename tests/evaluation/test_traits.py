@@ -1,0 +1,175 @@
+"""Traits of a plot, and why they cannot be had."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fieldkit.captures import Finding
+from fieldkit.clouds import Cloud, Volume
+from fieldkit.clouds.canopy import rectangle
+from fieldkit.evaluation.traits import (
+    AREA_ERROR,
+    HEIGHT_ERROR_M,
+    PlotOutline,
+    depth_pixel_m,
+    outline_of,
+    plot_traits,
+    seen_share,
+)
+from fieldkit.reconstruction.result import Reconstruction
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.traits import TRAITS, TraitsEntry
+from tests.evaluation.examples import reconstruction
+
+SETTINGS = ReconstructionSettings()
+PLOT = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)))
+
+
+@pytest.fixture(autouse=True)
+def six_suffice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many as count in the example, at its 45° about the plot."""
+    monkeypatch.setattr("fieldkit.evaluation.traits.LEAST_PHOTOGRAPHS", 6)
+    monkeypatch.setattr("fieldkit.evaluation.traits._MATCH_DEG", (3.0, 100.0))
+
+
+def leaf(z: float = 0.15, side: float = 0.1, count: int = 20_000) -> Cloud:
+    """A level square leaf about the origin."""
+    rng = np.random.default_rng(0)
+    xy = rng.uniform(-side / 2, side / 2, (count, 2))
+    return Cloud(np.column_stack([xy, np.full(count, z)]))
+
+
+def found(cloud: Cloud | None = None, **frame: Any) -> Reconstruction:
+    example = reconstruction(cloud=leaf() if cloud is None else cloud)
+    return replace(example, sparse=replace(example.sparse, frame=replace(example.sparse.frame, **frame)))
+
+
+def traits(result: Reconstruction, outline: PlotOutline = PLOT) -> TraitsEntry:
+    return plot_traits(result, result.plants, SETTINGS, outline)
+
+
+class TestValues:
+    def test_of_a_leaf(self) -> None:
+        result = found()
+        told = traits(result)
+        pixel = depth_pixel_m(result, result.plants.points, SETTINGS)
+        assert told.unknown == {}
+        assert told.plot_area_m2 == pytest.approx(0.16)
+        assert told.height_m == pytest.approx(0.15, abs=1e-6)
+        inner = 0.1 - 3.0 * pixel  # less the seam, but for the half cell that the grid adds
+        assert told.covered_area_m2 == pytest.approx(inner**2, rel=0.03)
+        assert told.cover_percent == pytest.approx(100 * told.covered_area_m2 / 0.16)
+        assert told.canopy_volume_m3 == pytest.approx(0.15 * told.covered_area_m2, rel=1e-4)
+        assert told.height_error_m == pytest.approx(HEIGHT_ERROR_M, rel=0.01)
+        assert told.cover_error_percent is not None
+        assert told.cover_error_percent == pytest.approx(AREA_ERROR * told.cover_percent, rel=0.1)
+
+    def test_what_lies_beyond_the_outline_is_another_plots(self) -> None:
+        weed = leaf(0.2, 0.05).points + np.array([0.25, 0.0, 0.0])
+        alone, both = traits(found()), traits(found(Cloud(np.concatenate([leaf().points, weed]))))
+        assert both.height_m == alone.height_m
+        assert both.covered_area_m2 == pytest.approx(alone.covered_area_m2, rel=0.02)
+
+    def test_moved_plants_count(self) -> None:
+        """A cloud that is moved onto a reference has its traits where it lies then."""
+        result = found()
+        moved = plot_traits(result, Cloud(result.plants.points + np.array([0.0, 0.0, 0.02])), SETTINGS, PLOT)
+        assert moved.height_m == pytest.approx(0.17, abs=1e-6)
+
+    def test_a_doubtful_scale_is_in_the_errors(self) -> None:
+        sure, doubtful = traits(found()), traits(found(rms_m=0.08))
+        assert sure.height_error_m is not None
+        assert doubtful.height_error_m is not None
+        assert doubtful.height_error_m > 1.005 * sure.height_error_m
+        assert doubtful.canopy_volume_error_m3 / sure.canopy_volume_error_m3 > 2  # type: ignore[operator]
+
+    def test_a_pixel_of_the_depth_maps(self) -> None:
+        result = found()
+        fine = depth_pixel_m(result, result.plants.points, ReconstructionSettings(fidelity="fine"))
+        assert depth_pixel_m(result, result.plants.points, SETTINGS) == pytest.approx(fine * 1000 / 750, rel=0.01)
+
+
+class TestRefusals:
+    def test_without_an_outline_there_is_no_cover_but_an_area(self) -> None:
+        told = traits(found(), PlotOutline())
+        assert set(told.unknown) == {"cover_percent"}
+        assert "--bounds" in told.unknown["cover_percent"]
+        assert told.cover_percent is None
+        assert told.covered_area_m2 is not None
+        assert told.plot_area_m2 is None
+
+    def test_without_a_scale_there_is_nothing(self) -> None:
+        result = reconstruction(metric=False)
+        assert set(traits(result).unknown) == set(TRAITS)
+
+    def test_a_scale_that_positions_contradict(self) -> None:
+        told = traits(found(rms_m=0.5))
+        assert set(told.unknown) == set(TRAITS)
+        assert "the scale is known to" in told.unknown["height_m"]
+
+    def test_too_few_photographs(self) -> None:
+        result = found()
+        images = tuple(replace(i, right=False) if k == 0 else i for k, i in enumerate(result.sparse.images))
+        told = traits(replace(result, sparse=replace(result.sparse, images=images)))
+        assert told.unknown["height_m"] == "only 5 photographs count, and traits need 6"
+        assert set(told.unknown) == set(TRAITS)
+
+    def test_without_a_ground_there_is_nothing(self) -> None:
+        told = traits(found(ground=None))
+        assert set(told.unknown) == set(TRAITS)
+        assert "no ground" in told.unknown["covered_area_m2"]
+
+    @pytest.mark.parametrize("code", ["height-undetermined", "volume-cuts-plants", "weak-ground", "steep-ground"])
+    def test_findings_that_forbid_heights(self, code: str) -> None:
+        result = found()
+        result = replace(result, sparse=replace(result.sparse, findings=(Finding("p", code, "what is wrong"),)))
+        told = traits(result)
+        assert told.unknown == {"height_m": "what is wrong", "canopy_volume_m3": "what is wrong"}
+        assert told.covered_area_m2 is not None
+
+    def test_hardly_any_points(self) -> None:
+        result = found()
+        result = replace(result, sparse=replace(result.sparse, findings=(Finding("p", "few-plant-points", "few"),)))
+        assert set(traits(result).unknown) == set(TRAITS)
+
+    def test_no_plant_within_the_outline(self) -> None:
+        told = traits(found(), PlotOutline(rectangle((0.5, 0.5), (1.0, 1.0))))
+        assert "no plant" in told.unknown["covered_area_m2"]
+
+    def test_a_plot_that_is_not_wholly_in_the_pictures(self) -> None:
+        told = traits(found(), PlotOutline(rectangle((-4.0, -4.0), (4.0, 4.0))))
+        assert set(told.unknown) == {"cover_percent", "covered_area_m2", "canopy_volume_m3"}
+        assert "% of the plot is in the picture" in told.unknown["cover_percent"]
+        assert told.height_m is not None
+
+    def test_photographs_too_far_apart_to_be_matched(self) -> None:
+        result = found()
+        names = list(result.sparse.poses)
+        far = {name: result.sparse.poses[names[k % 2 * 3]] for k, name in enumerate(names)}  # 135° apart
+        told = traits(replace(result, sparse=replace(result.sparse, poses=far)))
+        assert set(told.unknown) == set(TRAITS)
+        assert "two others near enough" in told.unknown["cover_percent"]
+
+    def test_plants_higher_than_the_pictures(self) -> None:
+        """What was reconstructed ends where the pictures do: the plants may go on."""
+        told = traits(found(leaf(0.85, 0.6)), PlotOutline(rectangle((-0.3, -0.3), (0.3, 0.3))))
+        assert set(told.unknown) >= {"height_m", "canopy_volume_m3"}
+        assert "the pictures end" in told.unknown["height_m"]
+
+
+def test_seen_by_two() -> None:
+    sparse = reconstruction().sparse
+    assert seen_share(sparse, np.zeros((1, 3))) == 1.0
+    assert seen_share(sparse, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 50.0]])) == 0.5
+
+
+def test_the_outline_is_that_of_the_bounds() -> None:
+    bounds = Volume((-1.0, -2.0, 0.0), (1.0, 2.0, 1.0))
+    given = {"bounds": {"lower": [0.0, 0.0, 0.0], "upper": [3.0, 1.0, 2.0]}}
+    assert outline_of(ReconstructionSettings(bounds=bounds), given).corners == rectangle((-1.0, -2.0), (1.0, 2.0))
+    assert outline_of(SETTINGS, given).corners == rectangle((0.0, 0.0), (3.0, 1.0))
+    assert outline_of(SETTINGS, {"bounds": None}).corners is None
