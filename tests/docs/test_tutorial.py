@@ -1,0 +1,71 @@
+"""The tutorial's commands run as they stand, one after the other, and say what the page shows."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from fieldkit.scenes.description import build
+from fieldkit.scenes.renderer import Renderer, RenderingError
+from fieldkit.scenes.scene_file import read_scene
+
+pytestmark = pytest.mark.slow
+ROOT = Path(__file__).parents[2]
+FIELD = ROOT / "docs" / "tutorial"
+FIGURE = re.compile(r"[-−]?\d[\d.,]*")
+
+
+def commands() -> Iterator[tuple[list[str], list[str]]]:
+    """The page's commands of fieldkit, each with the lines that it is shown to print."""
+    found: list[tuple[list[str], list[str]]] = []
+    for line in (ROOT / "docs" / "getting-started.md").read_text("utf-8").splitlines():
+        if line.startswith("    $ "):
+            found.append((shlex.split(line[6:]), []))
+        elif line.startswith("    ") and found:
+            found[-1][1].append(line.strip())
+    return ((words, lines) for words, lines in found if words[0] == "fieldkit")
+
+
+def words_of(text: str) -> str:
+    """Text without its figures, which differ from machine to machine, and without how it is broken into lines."""
+    return " ".join(FIGURE.sub("#", text).split())
+
+
+@pytest.fixture
+def trial(tmp_path: Path) -> Path:
+    folder = tmp_path / "my-trial"
+    shutil.copytree(FIELD, folder)
+    try:
+        Renderer(build(read_scene(folder / "field" / "A1.toml"))).close()
+    except RenderingError as error:
+        pytest.skip(f"no picture can be rendered here: {error}")
+    return folder
+
+
+def test_every_command_runs_and_says_what_the_page_shows(trial: Path) -> None:
+    script = "import sys; from fieldkit.cli.main import main; sys.exit(main())"
+    environment = {**os.environ, "FIELDKIT_CACHE": str(trial / "cache"), "PYTHONPATH": str(ROOT), "COLUMNS": "200"}
+    ran = 0
+    for words, shown in commands():
+        done = subprocess.run(
+            [sys.executable, "-c", script, *words[1:]], cwd=trial, env=environment, capture_output=True, text=True,
+            timeout=1800, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, (words, done.stderr)
+        said = words_of(done.stdout + done.stderr)
+        for line in shown:
+            for part in filter(None, (words_of(part) for part in line.split("…"))):
+                assert part in said, (words, line, done.stdout + done.stderr)
+        ran += 1
+    assert ran == 15
+    assert {"A1", "A2", "B1", "B2"} <= set(
+        re.findall(r"^(?:\"?)(\w\d)", (trial / "season.csv").read_text(), re.MULTILINE)
+    )
