@@ -120,6 +120,7 @@ def score_capture(
     """
     place = name if subfolder is None else subfolder
     reference = scoring.reference
+    settings_of_reference = reference.report.settings if isinstance(reference, Reference) else None
     refine = scoring.refine and reference is not None
     found = reconstruct(
         capture, settings, cache=cache, progress=progress, workers=workers, known_plot=known_plot,
@@ -146,7 +147,7 @@ def score_capture(
                 progress.note(f"{name}: {error.message}")
         plot = plot_evaluation(
             name, found, settings, score=result, correction=correction, findings=findings, plants=plants,
-            outline=outline or outline_of(settings, reference.report.settings if isinstance(reference, Reference) else None),
+            outline=outline or outline_of(settings, settings_of_reference),
             seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
         write_overview(folder / place / OVERVIEW_FILE, plot, plants)

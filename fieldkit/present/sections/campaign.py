@@ -30,6 +30,7 @@ from fieldkit.present.style import decimal, format_length, metres, millimetres
 from fieldkit.present.tables.scores import distances_of, interval, score_columns
 from fieldkit.present.tables.tabulated import MOST_ROWS, tabulated
 from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.traits import TraitsEntry, reasons_in_words
 
 _MOST_LINES = 200
 _MOST_TICKS = 5
@@ -113,6 +114,22 @@ def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
     return PlotMap(
         f"The plots of {campaign.name}", tuple(plots), tuple(measures), plot_anchors(campaign, anchor), anchor
     )
+
+
+def traits_table(campaign: Campaign) -> Table:
+    """What grows on the plots on the last date: traits and their errors."""
+    date = campaign.dates[-1] if campaign.visits else ""
+    visits = [visit for visit in campaign.visits if visit.date == date]
+    found = [(visit, visit.traits or TraitsEntry()) for visit in visits]
+    return tabulated(f"What grows there, {date}", found, (
+        (Column("plot"), lambda row: row[0].plot),
+        (Column("height, m", True), lambda row: metres(row[1].height_m)),
+        (Column("± height, m", True), lambda row: metres(row[1].height_error_m)),
+        (Column("cover, %", True), lambda row: decimal(row[1].cover_percent, 1)),
+        (Column("covered, m²", True), lambda row: decimal(row[1].covered_area_m2, 3)),
+        (Column("canopy volume, m³", True), lambda row: decimal(row[1].canopy_volume_m3, 3)),
+        (Column("why not"), lambda row: row[0].error or reasons_in_words(row[1].unknown) or None),
+    ))  # fmt: skip
 
 
 def _measure(campaign: Campaign, shown: _Shown) -> Measure | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fieldkit.present.content import Block, Details, Map, Picture, Section, Statement, Statements, Still
-from fieldkit.present.sections.campaign import campaign_anchor, plot_map
+from fieldkit.present.sections.campaign import campaign_anchor, plot_map, traits_table
 from fieldkit.present.sections.demo import demo_blocks
 from fieldkit.present.sections.loaded_results import Results
 from fieldkit.present.style import count, listed
@@ -33,6 +33,7 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
     ]  # fmt: skip
     blocks += [Map(shown) for shown in maps]
     blocks += [Still(picture, caption) for caption, picture in ([] if maps else pictures)]
+    blocks += [table for result in results.campaigns if (table := traits_table(result.campaign)).rows]
     for evaluation in results.evaluations:
         blocks += plant_tables([plot for plot in evaluation.report.plots if plot.error is None])
     if to_do:
