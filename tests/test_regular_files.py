@@ -127,6 +127,7 @@ def test_no_module_opens_a_foreign_file_by_itself() -> None:
     }
     assert found == {
         "campaign/export.py",  # what pyogrio wrote just before
+        "evaluation/rasters.py",  # what rasterio wrote just before
         "captures/capture.py",  # candidates, which list_folder looked at
         "cli/completion.py", "evaluation/prediction.py", "present/html/document.py", "present/html/viewer.py",
         "demo/flight.py",  # the package's own

@@ -26,6 +26,10 @@ class StationOptions:
     """Where photographs are taken from."""
 
     plan: Annotated[Path | None, Option("--plan", help="plan.json: photograph from its stations.")] = None
+    plant_height: Annotated[
+        float | None,
+        Option("--plant-height", metavar="M", help="Fit a plan for plots of a kind to plants of this height first."),
+    ] = None
     poses: Annotated[Path | None, Option("--poses", help="poses.csv with yaw_deg and pitch_deg, plot frame.")] = None
     ring: Annotated[
         str, Option("--ring", metavar="N[,RADIUS,HEIGHT]", help="N stations on a circle about the plants.")
@@ -42,6 +46,11 @@ class StationOptions:
         """
         if sum([self.plan is not None, self.poses is not None, bool(self.ring), self.dense > 0]) != 1:
             raise UsageError("which stations?", remedy="Give one of --plan, --poses, --ring and --dense.")
+        if self.plant_height is not None and (self.plan is None or not 0.0 < self.plant_height < 10.0):
+            raise UsageError(
+                f"--plant-height {self.plant_height:g}: fits a --plan to plants of a height in metres",
+                remedy="Write it like --plan plan --plant-height 1.2.",
+            )
         numbers = read_numbers("--ring", self.ring, (1, 3)) if self.ring else ()
         if numbers and not (numbers[0].is_integer() and 1 <= numbers[0] <= 1000 and min(numbers) > 0):
             remedy = "Write it like --ring 10 or --ring 10,1.5,1.2 (metres)."
@@ -49,7 +58,11 @@ class StationOptions:
         return numbers
 
     def read(self) -> tuple[Stations | Sequence[Pose], Intrinsics | None]:
-        """The stations; and the camera that a plan is for."""
+        """The stations; and the camera that a plan is for.
+
+        Raises:
+            MissionError: the plants are too different for the plan.
+        """
         circle = self.circle()
         from fieldkit.scenes.simulation import dense_about, poses_from_csv, ring_about
 
@@ -57,6 +70,10 @@ class StationOptions:
             from fieldkit.results.plan_file import load_plan
 
             loaded = load_plan(self.plan)
+            if self.plant_height is not None:
+                from fieldkit.missions.plan_site.fitted import fitted_to_height
+
+                loaded = fitted_to_height(loaded, self.plant_height)
             return [s.pose for s in loaded.stations], None if loaded.camera is None else loaded.camera.intrinsics
         if self.poses is not None:
             return poses_from_csv(self.poses), None

@@ -110,7 +110,12 @@ def three(reference: Path, tmp_path_factory: pytest.TempPathFactory) -> Sequence
     """Two evaluations of the same surface, and one that lies 5 mm higher."""
     folder = tmp_path_factory.mktemp("three")
     clouds = {"may": leaves(1), "june": leaves(2), "july": leaves(3, lift_m=0.005)}
-    return [evaluation_folder(folder / name, {"a": cloud}, reference) for name, cloud in clouds.items()]
+    traits = {"traits": TraitsEntry(canopy_volume_m3=0.01)}
+
+    def grown(plot: PlotEvaluation) -> PlotEvaluation:
+        return plot.model_copy(update=traits)
+
+    return [evaluation_folder(folder / name, {"a": cloud}, reference, grown) for name, cloud in clouds.items()]
 
 
 def test_by_blocks_the_same_surface_is_within_noise_and_a_shifted_one_beyond(
