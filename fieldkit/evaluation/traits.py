@@ -26,7 +26,7 @@ MOST_SCALE_DOUBT = 0.10
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _NINE_IN_TEN = 1.645
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
-_ABOVE_M, _ABOVE_SHARE = 0.03, 0.05
+_ABOVE_M, _ABOVE_SHARE = 0.06, 0.10
 _STEP_M, _MOST_STEPS = 0.05, 40
 _MATCH_DEG, _MATCH_FARTHER, _PARTNERS = (3.0, 36.0), 1.6, 2
 _MATCH_AT, _MATCH_SHARE = (0.3, 0.8), 0.9
@@ -170,6 +170,13 @@ def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict
     above = seen_share(sparse, _at_height(columns, ground, top + max(_ABOVE_M, _ABOVE_SHARE * top)))
     if above < _SEEN_SHARE:
         reason = f"above {100 * (1 - above):.0f} % of the plants the pictures end: higher leaves would not be seen"
+        without(_OF_HEIGHT, reason)
+    matched_top = matched_share(sparse, _at_height(columns, ground, top))
+    if matched_top < _MATCH_SHARE:
+        reason = (
+            f"at the height of the highest leaf, over {100 * (1 - matched_top):.0f} % of the plants, no photograph has "
+            f"two others near enough beside it (within {_MATCH_DEG[1]:.0f}°), so tips are missed"
+        )
         without(_OF_HEIGHT, reason)
     matched = matched_share(sparse, np.concatenate([_at_height(columns, ground, z * top) for z in _MATCH_AT]))
     if matched < _MATCH_SHARE:
