@@ -64,7 +64,8 @@ if __name__ == "__main__":
     run = evaluate_campaign(folder / "season", folder / "captures", cache=cache, progress=progress)
     print(f"then: {len(run.evaluated)} evaluated, {len(run.kept)} there already")
     for visit in run.campaign.visits:
-        print(f"{visit.plot} {visit.date}: {visit.right} of {visit.images} photographs, plants {visit.height_m:.2f} m")
+        height = "of unknown height" if visit.height_m is None else f"{visit.height_m:.2f} m high"
+        print(f"{visit.plot} {visit.date}: {visit.right} of {visit.images} photographs, plants {height}")
 
 # %% [markdown]
 # The table for a spreadsheet or QGIS, and everything as one HTML file.
