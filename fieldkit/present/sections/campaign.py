@@ -111,6 +111,7 @@ def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
     measures = [measure for shown in _SHOWN if (measure := _measure(campaign, shown)) is not None]
     if not measures:
         return None
+    measures.sort(key=lambda measure: -sum(map(len, measure.values.values())))  # the one with most values comes first
     return PlotMap(
         f"The plots of {campaign.name}", tuple(plots), tuple(measures), plot_anchors(campaign, anchor), anchor
     )

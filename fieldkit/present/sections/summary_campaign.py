@@ -9,6 +9,7 @@ from statistics import median
 from fieldkit.campaign import Visit
 from fieldkit.present.content import Statement
 from fieldkit.present.sections.loaded_results import CampaignResult
+from fieldkit.present.sections.summary_captures import without_height
 from fieldkit.present.style import count, format_length, listed
 from fieldkit.results.doubtful import OTHER_PLANTS
 
@@ -50,6 +51,7 @@ def campaign_statements(result: CampaignResult) -> Iterator[Statement]:
         yield Statement("problem", f"{visit.plot}, {visit.date}: {_sentence(told)}", "Its notes in the table say more.")
     if len(doubtful) > _NAMED:
         yield Statement("problem", f"{count(len(doubtful) - _NAMED, 'more capture')} doubtful; the table says why.")
+    yield from without_height([(v.plot, v.traits) for v in done if v.date == dates[-1]])
     failed = [visit for visit in visits if visit.error]
     for visit in failed[:_NAMED]:
         told = f"{visit.plot}, {visit.date}: no score. {_sentence(visit.error)}"

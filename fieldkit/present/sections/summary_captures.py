@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from statistics import median
 
 from fieldkit.present.content import Statement
@@ -11,6 +11,7 @@ from fieldkit.present.style import count, decimal, format_length, listed, percen
 from fieldkit.present.tables.adherence import ACHIEVED_BY
 from fieldkit.results.doubtful import DOUBTFUL, OTHER_PLANTS
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, ReconstructionEntry
+from fieldkit.results.traits import TraitsEntry
 
 _LOP_SIDED = 1.5  # ratio of the directed terms that is worth mentioning
 _SHOWN_M = "0.010"
@@ -53,6 +54,7 @@ def evaluation_statements(result: EvaluationResult, *, spread: bool = True) -> I
         yield Statement(
             "problem", f"{len(failed) - _NAMED} more plots of {result.name} have no result; the table says why."
         )
+    yield from without_height((plot.name, plot.traits) for plot in plots)
     for plot in plots:
         if plot.adherence is not None:
             yield from _adherence(plot.name, plot.adherence)
@@ -163,6 +165,17 @@ def _plots(result: EvaluationResult, plots: Sequence[PlotEvaluation], *, spread:
             f"Distance to the reference (chamfer): {format_length(middle)} in the middle (median), from "
             f"{format_length(chamfers[0][0])} ({chamfers[0][1]}) to {format_length(chamfers[-1][0])} "
             f"({chamfers[-1][1]}).",
+        )
+
+
+def without_height(plots: Iterable[tuple[str, TraitsEntry | None]]) -> Iterator[Statement]:
+    """Plots whose plants' height cannot be had."""
+    names = [name for name, traits in plots if traits is not None and "height_m" in traits.unknown]
+    if names:
+        yield Statement(
+            "note",
+            f"These photographs do not give the height of the plants of {listed(names, 8)}; the table says why.",
+            "For heights leave room above the plants: fly a ring from farther away, or give larger plant heights.",
         )
 
 
