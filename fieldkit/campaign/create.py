@@ -21,6 +21,7 @@ from fieldkit.campaign.reading import Campaign, plots_file_of, read_campaign
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.versioned_toml import read_versioned, sentence
 from fieldkit.errors import MetadataError, UsageError
+from fieldkit.evaluation.cloud_reference import is_cloud
 from fieldkit.files import atomic_folder, file_beside, write_atomic
 from fieldkit.missions.plan_site.site_file import Tell, load_site, plots_file_beside, read_plots
 from fieldkit.missions.plan_site.swapped import check_order
@@ -182,7 +183,7 @@ def split_references(given: Sequence[str], plots: Sequence[str]) -> dict[str, Pa
     """PLOT=REF as people give it. Plots' names and paths may hold "=", so the longest plot that fits counts.
 
     Raises:
-        UsageError: one names no plot, or a plot has two.
+        UsageError: one names no plot or a bare cloud, or a plot has two.
     """
     found: dict[str, Path] = {}
     for text in given:
@@ -196,4 +197,9 @@ def split_references(given: Sequence[str], plots: Sequence[str]) -> dict[str, Pa
         if plot in found:
             raise UsageError(f"--reference: {plot} has two", remedy="Give one reference for each plot.")
         found[plot] = Path(text[len(plot) + 1 :])
+        if is_cloud(found[plot]):
+            raise UsageError(
+                f"--reference: {plot}: a campaign takes what `fieldkit reference` made, not a cloud", path=found[plot],
+                remedy="Give a reference's folder; `fieldkit evaluate --reference CLOUD` compares a single capture.",
+            )  # fmt: skip
     return found

@@ -124,6 +124,11 @@ class TestInit:
         with pytest.raises(UsageError, match="a has two"):
             split_references(["a=x", "a=y"], ["a"])
 
+    def test_a_bare_cloud_is_no_reference_of_a_campaign(self, tmp_path: Path) -> None:
+        (tmp_path / "scan").write_bytes(b"LASF")
+        with pytest.raises(UsageError, match="not a cloud"):
+            split_references([f"a={tmp_path / 'scan'}"], ["a"])
+
 
 class TestReading:
     def test_the_file_round_trips(self, tmp_path: Path) -> None:
