@@ -65,6 +65,9 @@ def write_tlog(path: Path, capture: Path, poses: Path) -> None:
             if k == 0:
                 tell(utc, link.home_position_encode(lat, lon, 81_000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0))
             tell(utc, link.system_time_encode(round(utc * 1e6), round(boot * 1e3)))
+            # RTK fixed, 2 cm: the ring is 1.6 m wide, which positions good to 3 m give no scale.
+            raw = (round(boot * 1e6), 6, *place, 81_000, 50, 80, 0, 0, 20, 0, 20, 20)
+            tell(utc, link.gps_raw_int_encode(*raw))
             for dt in (-0.1, 0.0, 0.1):
                 ms = round((boot + dt) * 1e3)
                 tell(utc + dt, link.attitude_encode(ms, 0.0, 0.0, yaw, 0.0, 0.0, 0.0))
