@@ -192,8 +192,7 @@ def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict
 
 def seen_share(sparse: SparseResult, points: Array) -> float:
     """Share of points (n, 3), plot frame, that at least two photographs that count have in the picture."""
-    seen = np.stack([_in_picture(sparse, name, points) for name in sparse.poses], axis=1).sum(axis=1)
-    return float(np.mean(seen >= _SEEN_BY))
+    return float(np.mean(_in_pictures(sparse, points).sum(axis=1) >= _SEEN_BY))
 
 
 def matched_share(sparse: SparseResult, points: Array) -> float:
@@ -201,7 +200,7 @@ def matched_share(sparse: SparseResult, points: Array) -> float:
     has two others from 3 to 36 degrees beside it, about as far away, that have it, too.
     """
     centers = np.array([pose.center for pose in sparse.poses.values()])
-    seen = np.stack([_in_picture(sparse, name, points) for name in sparse.poses], axis=1)
+    seen = _in_pictures(sparse, points)
     rays = points[:, None] - centers
     away = np.linalg.norm(rays, axis=2)
     rays /= away[:, :, None]
@@ -210,6 +209,11 @@ def matched_share(sparse: SparseResult, points: Array) -> float:
     partners = (angles >= _MATCH_DEG[0]) & (angles <= _MATCH_DEG[1]) & (farther <= _MATCH_FARTHER)
     partners &= seen[:, :, None] & seen[:, None, :]
     return float(np.mean((partners.sum(axis=2) >= _PARTNERS).any(axis=1)))
+
+
+def _in_pictures(sparse: SparseResult, points: Array) -> NDArray[np.bool_]:
+    """Which of the photographs that count has a point in the picture: (n, photographs), in the order of the poses."""
+    return np.stack([_in_picture(sparse, name, points) for name in sparse.poses], axis=1)
 
 
 def _in_picture(sparse: SparseResult, name: str, points: Array) -> NDArray[np.bool_]:

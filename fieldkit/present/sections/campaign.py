@@ -27,7 +27,7 @@ from fieldkit.present.html.charts import LineChart, Series
 from fieldkit.present.html.plot_map import GREENS, RAMP, MappedPlot, Measure, PlotMap
 from fieldkit.present.sections.loaded_results import CampaignResult
 from fieldkit.present.style import decimal, format_length, metres, millimetres
-from fieldkit.present.tables.scores import distances_of, interval, score_columns
+from fieldkit.present.tables.scores import distances_of, interval, score_columns, trait_columns
 from fieldkit.present.tables.tabulated import MOST_ROWS, tabulated
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.traits import TraitsEntry, reasons_in_words
@@ -124,11 +124,7 @@ def traits_table(campaign: Campaign) -> Table:
     found = [(visit, visit.traits or TraitsEntry()) for visit in visits]
     return tabulated(f"What grows there, {date}", found, (
         (Column("plot"), lambda row: row[0].plot),
-        (Column("height, m", True), lambda row: metres(row[1].height_m)),
-        (Column("± height, m", True), lambda row: metres(row[1].height_error_m)),
-        (Column("cover, %", True), lambda row: decimal(row[1].cover_percent, 1)),
-        (Column("covered, m²", True), lambda row: decimal(row[1].covered_area_m2, 3)),
-        (Column("canopy volume, m³", True), lambda row: decimal(row[1].canopy_volume_m3, 3)),
+        *((column, lambda row, of=cell: of(row[1])) for column, cell in trait_columns()),
         (Column("why not"), lambda row: row[0].error or reasons_in_words(row[1].unknown) or None),
     ))  # fmt: skip
 

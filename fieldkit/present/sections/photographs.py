@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from fieldkit.captures.decode import read_image
 from fieldkit.errors import FieldkitError
@@ -65,11 +67,17 @@ def thumbnail(file: Path, name: str) -> Picture | None:
         pixels = read_image(file, max_side=SIDE)
     except (FieldkitError, OSError, MemoryError):
         return None
-    done, jpeg = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    if not done:
+    jpeg = as_jpeg(pixels, _QUALITY)
+    if jpeg is None:
         return None
     height, width = pixels.shape[:2]
-    return Picture(jpeg.tobytes(), max(1, width // 2), max(1, height // 2), f"photograph {name}")
+    return Picture(jpeg, max(1, width // 2), max(1, height // 2), f"photograph {name}")
+
+
+def as_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes | None:
+    """RGB pixels (h, w, 3) as a JPEG file; None where they cannot be written as one."""
+    done, jpeg = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return jpeg.tobytes() if done else None
 
 
 def _places(near: Path, root: Path) -> Iterator[Path]:

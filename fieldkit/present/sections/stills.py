@@ -12,6 +12,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.present.content import Picture
 from fieldkit.present.html.scene import PointLayer, ViewerScene
 from fieldkit.present.pictures.projection import FRONT, TOP, Direction, Window, draw_points
+from fieldkit.present.sections.photographs import as_jpeg
 
 _HEIGHT, _SMALL, _GAP = 420, 120, 16  # pixels
 _WIDEST = 720
@@ -49,10 +50,10 @@ def still(scene: ViewerScene, *, height: int = _HEIGHT) -> Picture | None:
         _panel(points, colors, cameras, direction, lower - room, upper + room, height) for direction in (FRONT, TOP)
     ]  # fmt: skip
     picture = _beside(panels)
-    done, jpeg = cv2.imencode(".jpg", picture[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    if not done:
+    jpeg = as_jpeg(picture, _QUALITY)
+    if jpeg is None:
         return None
-    return Picture(jpeg.tobytes(), picture.shape[1], picture.shape[0], f"{scene.title}: from the front and from above")
+    return Picture(jpeg, picture.shape[1], picture.shape[0], f"{scene.title}: from the front and from above")
 
 
 def cloud_still(cloud: Cloud, name: str) -> Picture | None:

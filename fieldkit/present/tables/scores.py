@@ -145,16 +145,23 @@ def plot_table(plots: Sequence[PlotEvaluation]) -> Table:
     return tabulated("Scores against the reference" if scored else "Plots", plots, columns)
 
 
+def trait_columns() -> tuple[tuple[Column, Callable[[TraitsEntry], Cell]], ...]:
+    """Height with its error, cover, covered area and canopy volume."""
+    return (
+        (Column("height, m", True), lambda traits: metres(traits.height_m)),
+        (Column("± height, m", True, detail=True), lambda traits: metres(traits.height_error_m)),
+        (Column("cover, %", True), lambda traits: decimal(traits.cover_percent, 1)),
+        (Column("covered, m²", True), lambda traits: decimal(traits.covered_area_m2, 3)),
+        (Column("canopy volume, m³", True), lambda traits: decimal(traits.canopy_volume_m3, 3)),
+    )
+
+
 def plant_tables(plots: Sequence[PlotEvaluation]) -> Iterator[Table]:
     """Traits and predicted distances by plot, and why some are missing; empty if no plot has any."""
     if any(plot.traits is not None or plot.prediction is not None for plot in plots):
         yield tabulated("Plants", [(plot.name, plot.traits or TraitsEntry(), plot.prediction) for plot in plots], (
             (Column("plot"), lambda row: row[0]),
-            (Column("height, m", True), lambda row: metres(row[1].height_m)),
-            (Column("± height, m", True, detail=True), lambda row: metres(row[1].height_error_m)),
-            (Column("cover, %", True), lambda row: decimal(row[1].cover_percent, 1)),
-            (Column("covered, m²", True), lambda row: decimal(row[1].covered_area_m2, 3)),
-            (Column("canopy volume, m³", True), lambda row: decimal(row[1].canopy_volume_m3, 3)),
+            *((column, lambda row, of=cell: of(row[1])) for column, cell in trait_columns()),
             (Column("predicted chamfer, mm", True, short="predicted, mm"),
              lambda row: None if row[2] is None else millimetres(row[2].chamfer_m)),
             (Column("nine in ten such plots, mm", True, short="nine in ten, mm"),
