@@ -96,9 +96,13 @@ def test_a_style_has_its_colours_in_order() -> None:
     text = style_text(0.0, 1.2, ("#ffffff", "#888888", "#000000"))
     shader = ElementTree.fromstring(text.partition("\n")[2]).find("pipe/rasterrenderer/rastershader/colorrampshader")
     assert shader is not None
-    assert [(item.get("value"), item.get("color")) for item in shader] == [
+    assert [(item.get("value"), item.get("color")) for item in shader.findall("item")] == [
         ("0.000", "#ffffff"), ("0.600", "#888888"), ("1.200", "#000000"),
     ]  # fmt: skip
+    ramp = {prop.get("k"): prop.get("v") for prop in shader.findall("colorramp/prop")}
+    assert (ramp["color1"], ramp["color2"]) == ("255,255,255,255", "0,0,0,255")
+    assert ramp["stops"] == "0.5;136,136,136,255"
+    assert {o.get("name"): o.get("value") for o in shader.findall("colorramp/Option/Option")} == ramp
 
 
 def test_files(tmp_path: Path) -> None:
