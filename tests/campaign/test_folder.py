@@ -301,6 +301,7 @@ class TestExport:
         database = sqlite3.connect(file)
         try:
             assert database.execute("PRAGMA application_id").fetchone()[0] == 0x47504B47  # "GPKG"
+            assert database.execute("PRAGMA user_version").fetchone()[0] == 10200  # read by every QGIS in use
             assert database.execute("SELECT count(*), min(rank) FROM visits WHERE f_score_0_010 > 0").fetchone() == (
                 1,
                 1,
