@@ -17,7 +17,6 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.fields import Strict
 from fieldkit.runtime.shipped import shipped_page
 
-CAMPAIGN_FILE = "campaign.toml"
 DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 _MAX_BYTES = 1 << 20
 _REMEDY = f"{shipped_page('docs/campaigns.md')} lists the keys of campaign.toml."

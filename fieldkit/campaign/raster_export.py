@@ -20,7 +20,7 @@ from fieldkit.evaluation.rasters import CANOPY_FILE, SURFACE_FILE, color_span, r
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.present.style import count, listed
 from fieldkit.results.report_files import load_evaluation_report
-from fieldkit.results.visit import Visit
+from fieldkit.results.visit import CAMPAIGN_FILE, Visit
 
 RASTERS_FILE, GEOPACKAGE_FILE = "rasters.csv", "campaign.gpkg"
 _FILES = (CANOPY_FILE, SURFACE_FILE)
@@ -138,7 +138,7 @@ def _nothing(campaign: Campaign, rows: Sequence[RasterRow]) -> UsageError:
     remedy = "Correct what it says, and evaluate the photographs again."
     if any(row.no_rasters == _NOT_MADE for row in rows):
         remedy = (
-            f"Write rasters = true under [evaluation] in {campaign.folder / 'campaign.toml'}, and give the same "
+            f"Write rasters = true under [evaluation] in {campaign.folder / CAMPAIGN_FILE}, and give the same "
             "photographs to `fieldkit evaluate` again."
         )
     return UsageError(f"no visit has rasters: {reasons[0]}{more}", remedy=remedy)
