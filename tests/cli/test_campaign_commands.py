@@ -28,7 +28,9 @@ def answer(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -
     return json.loads(capsys.readouterr().out)
 
 
-def test_init_takes_the_settings(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_init_takes_the_settings(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     campaign_folder(place, FIELD)
     arguments = ("--plan", "sources/plan.json", "--site", "sources/site.toml", "--fidelity", "fine", "--mask", "none",
                  "--bounds", "-1,-1,0,1,1,2", "--distances", "0.01,0.005", "--seed", "7", "--refine",
@@ -46,6 +48,10 @@ def test_init_takes_the_settings(place: Path, capsys: pytest.CaptureFixture[str]
     assert not found.evaluation.rasters
     answer(capsys, "campaign", "init", "maps", *arguments, "--rasters", "--gsd", "0.01")
     assert read_campaign(place / "maps").evaluation.wanted_rasters == Rasters(0.01)
+    with monkeypatch.context() as without:  # found out before anything is computed
+        without.setattr("importlib.util.find_spec", lambda name: None)
+        error = answer(capsys, "evaluate", ".", "--campaign", "maps", code=2)["error"]
+        assert error["message"] == "rasters need the extra 'geo'"
     error = answer(capsys, "campaign", "init", "x", *arguments, "--gsd", "0.01", code=2)["error"]
     assert "--rasters" in error["message"]
     error = answer(capsys, "campaign", "init", "x", *arguments, "--reference", "nowhere=x", code=2)["error"]
