@@ -33,7 +33,7 @@ SUFFIXES: Mapping[str, Format] = {".csv": "csv", ".geojson": "geojson", ".json":
 VISITS_LAYER, PLOTS_LAYER = "visits", "plots"
 _LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m")
 _TEXTS = ("captures", "folder", "error")
-_GEOPACKAGE = "1.2"  # GDAL writes 1.4 today, of which QGIS before 3.28 warns
+_GEOPACKAGE = "1.2"  # GDAL 3.12 writes 1.4 by itself, of which that of QGIS 3.22 warns
 _COUNTS = ("images", "registered", "right", "rank", "visits")
 
 Values = dict[str, Any]

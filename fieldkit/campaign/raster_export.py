@@ -114,7 +114,8 @@ def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, 
             with rasterio.open(files[file]) as raster:
                 heights = raster.read(1, masked=True).filled(np.nan)
                 spans.append(color_span(heights, canopy=file == CANOPY_FILE))
-                epsg, cell_m = raster.crs.to_epsg(), float(raster.res[0])
+                epsg = None if raster.crs is None else raster.crs.to_epsg()
+                cell_m = float(raster.res[0])
             shutil.copyfile(files[file], folder / name)
         frame = load_evaluation_report(campaign.folder / visit.folder).plots[0].frame
     except (MetadataError, RasterioError) as error:
