@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.campaign.campaign_file import CAMPAIGN_FILE, read_campaign_file
+from fieldkit.campaign.campaign_file import read_campaign_file
 from fieldkit.campaign.earlier_formats import TABLE_FILE, read_earlier_table
 from fieldkit.captures import read_capture
 from fieldkit.captures.camera_file import read_camera_file
@@ -40,6 +40,7 @@ from fieldkit.regular_files import check_replaceable, open_regular, read_regular
 from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import file_sha256, load_evaluation_report, load_reference_report
+from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.results.visit_file import VISIT_FILE, visit_document
 from fieldkit.scenes.mesh_plant import check_mesh_file
 from fieldkit.scenes.scene_file import read_scene

@@ -17,12 +17,12 @@ beside its evaluation; tables, ranks and exports are made of these files.
 | Which fieldkit computed a visit? | engine.py; versions of its stages: fieldkit/reconstruction/versions.py |
 | Which plot is better, and what changed? | ranking.py; as `campaign show` says it: overview.py |
 | How does it leave for other programs? | export.py (CSV, GeoJSON, GeoPackage); sqlite_table.py (campaign.sqlite) |
+| How do height models leave for QGIS? | raster_export.py |
 | What is flown next? | next_visit.py |
 | How are campaigns of an earlier fieldkit read? | earlier_formats.py |
 """
 
-from fieldkit.campaign.campaign_file import CAMPAIGN_FILE
 from fieldkit.campaign.reading import Campaign, CampaignPlot, find_campaign, read_campaign, visit_plots
-from fieldkit.results.visit import Visit
+from fieldkit.results.visit import CAMPAIGN_FILE, Visit
 
 __all__ = ["CAMPAIGN_FILE", "Campaign", "CampaignPlot", "Visit", "find_campaign", "read_campaign", "visit_plots"]

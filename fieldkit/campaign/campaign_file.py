@@ -11,12 +11,12 @@ from pydantic import Field, model_validator
 from fieldkit.clouds.volume import Volume
 from fieldkit.documents.toml_text import toml_text
 from fieldkit.documents.versioned_toml import read_versioned, validated_toml
+from fieldkit.evaluation.rasters import Rasters
 from fieldkit.missions.plan_site.site import Name
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.fields import Strict
 from fieldkit.runtime.shipped import shipped_page
 
-CAMPAIGN_FILE = "campaign.toml"
 DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 _MAX_BYTES = 1 << 20
 _REMEDY = f"{shipped_page('docs/campaigns.md')} lists the keys of campaign.toml."
@@ -39,6 +39,10 @@ class EvaluationTable(Strict):
     distances_m: Annotated[tuple[Distance, ...], Field(min_length=1, max_length=20)] = DISTANCES_M
     """Of precision, recall and F-score."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    rasters: bool = False
+    """Write height models of every visit, too."""
+    gsd_m: Annotated[float | None, Field(gt=0, lt=10)] = None
+    """Edge of their cells; None takes 5 mm or the depth maps' pixel."""
 
     @model_validator(mode="after")
     def _bounds_are_a_box(self) -> Self:
@@ -47,6 +51,8 @@ class EvaluationTable(Strict):
             raise ValueError("bounds_m: the lowest corner is not below the highest")
         if tuple(sorted(set(self.distances_m))) != self.distances_m:
             raise ValueError("distances_m: they are not ascending")
+        if self.gsd_m is not None and not self.rasters:
+            raise ValueError("gsd_m: it is the cells of rasters, which are not asked for (rasters = true)")
         return self
 
     @property
@@ -57,6 +63,11 @@ class EvaluationTable(Strict):
             mapping=self.mapping, fidelity=self.fidelity, mask=self.mask, backend=self.backend,
             bounds=None if b is None else Volume(b[:3], b[3:]), seed=self.seed,
         )  # fmt: skip
+
+    @property
+    def wanted_rasters(self) -> Rasters | None:
+        """The height models to write; None for none."""
+        return Rasters(self.gsd_m) if self.rasters else None
 
 
 class ReferenceTable(Strict):

@@ -11,7 +11,6 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from fieldkit.campaign.campaign_file import (
-    CAMPAIGN_FILE,
     CampaignTable,
     EvaluationTable,
     ReferenceTable,
@@ -31,6 +30,7 @@ from fieldkit.present.style import listed
 from fieldkit.regular_files import check_regular
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
+from fieldkit.results.visit import CAMPAIGN_FILE
 
 SITE_FILE, PLOTS_FILE, VEHICLE_FILE, CAMERA_FILE = "site.toml", "plots.geojson", "vehicle.toml", "camera.toml"
 _SITE_BYTES = 256 << 10

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from fieldkit.evaluation.evaluate import PLOTS_FILE
 from fieldkit.evaluation.figures import clean_text
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import result_folders
+from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import Scoring, Spent, score_capture
 from fieldkit.files import atomic_folder
@@ -35,6 +36,9 @@ from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, descr
 from fieldkit.results.visit import Visit
 from fieldkit.results.visit_file import VISIT_FILE, save_visit
 from fieldkit.runtime.progress import Silent
+
+WITHOUT_RASTERS = "no rasters: "
+"""How a visit's note begins that says why it has none."""
 
 
 @dataclass(frozen=True)
@@ -156,9 +160,11 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
             capture = capture_of(job.photos, camera=job.camera, without=without)
         placed = place_visit(capture, job.plot, job.plan, known, seed=settings.seed)
         notes += [*placed.notes, *_against_plan(capture, job.plan)]
+        rasters = job.evaluation.wanted_rasters
         plot = score_capture(
             job.plot.id, capture, placed.plot, folder, settings, scoring,
             spent=spent, cache=StageCache(job.cache), progress=Silent(), subfolder=name, outline=placed.outline,
+            rasters=None if rasters is None else replace(rasters, at_origin=placed.at_origin),
         )  # fmt: skip
         if placed.plot is not None:
             plot = FlownPlan.of(job.plan, placed.plot.source).compare(plot, name, Path(job.captures), capture)
@@ -188,7 +194,8 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
 
 def _remarks(job: VisitJob, plot: PlotEvaluation) -> Iterator[str]:
     """What else a person should know of an evaluation."""
-    yield from (finding.message for finding in plot.findings if finding.code in TOLD)
+    yield from (finding.message for finding in plot.findings if finding.code in (*TOLD, COARSE_RASTERS))
+    yield from (f"{WITHOUT_RASTERS}{finding.message}" for finding in plot.findings if finding.code == NO_RASTERS)
     top_m = None if plot.traits is None else plot.traits.height_m
     outgrown = None if top_m is None else plants_outgrown(job.plan, top_m)
     if outgrown is not None:

@@ -33,6 +33,7 @@ SUFFIXES: Mapping[str, Format] = {".csv": "csv", ".geojson": "geojson", ".json":
 VISITS_LAYER, PLOTS_LAYER = "visits", "plots"
 _LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m")
 _TEXTS = ("captures", "folder", "error")
+_GEOPACKAGE = "1.2"  # GDAL 3.12 writes 1.4 by itself, of which that of QGIS 3.22 warns
 _COUNTS = ("images", "registered", "right", "rank", "visits")
 
 Values = dict[str, Any]
@@ -177,6 +178,7 @@ def _write_layer(
             geometry_type=kinds.pop() if len(kinds) == 1 else "Unknown",
             crs="EPSG:4326",
             append=append,
+            dataset_options={"VERSION": _GEOPACKAGE},
         )
     except (DataSourceError, FieldError, OSError) as error:
         raise StorageError(

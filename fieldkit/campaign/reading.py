@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.campaign.campaign_file import (
-    CAMPAIGN_FILE,
     CampaignTable,
     EvaluationTable,
     read_campaign_file,
@@ -25,7 +24,7 @@ from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan, plan_on
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_evaluation_report
-from fieldkit.results.visit import Visit
+from fieldkit.results.visit import CAMPAIGN_FILE, Visit
 
 PLANS_FOLDER = "plans"
 _REMEDY = "Make a campaign with `fieldkit campaign init`."

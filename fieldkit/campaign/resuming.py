@@ -28,14 +28,16 @@ def visit_inputs(job: VisitJob) -> str:
     """
     capture = capture_of(job.photos, camera=job.camera)
     masks = [find_mask(photo.path) for photo in capture.photos] if job.evaluation.mask == "file" else []
-    plot = job.plot
+    plot, rasters = job.plot, job.evaluation.wanted_rasters
+    # Digests of visits without rasters are as they were before there were any.
+    evaluation = job.evaluation.model_dump_json(exclude={"rasters", "gsd_m"})
     return digest(
         "visit", stage_versions(), [(photo.name, photo.sha256) for photo in capture.photos], dict(capture.priors),
         capture.groups, capture.metric_source, capture.origin, capture.markers,
         [None if mask is None else file_sha256(mask) for mask in masks],
-        job.plan.model_dump_json(), job.evaluation.model_dump_json(),
+        job.plan.model_dump_json(), evaluation,
         (plot.latitude_deg, plot.longitude_deg, plot.row_heading_deg, plot.shape, plot.size_m), plot.reference_sha256,
-        plot.reference_sha256_now(),
+        plot.reference_sha256_now(), *(() if rasters is None else (rasters,)),
     )  # fmt: skip
 
 

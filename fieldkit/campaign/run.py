@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fieldkit.cache import StageCache
-from fieldkit.campaign.evaluate_visit import VisitJob, VisitResult, evaluate_visit, failed_visit
+from fieldkit.campaign.evaluate_visit import WITHOUT_RASTERS, VisitJob, VisitResult, evaluate_visit, failed_visit
 from fieldkit.campaign.lock import campaign_lock
 from fieldkit.campaign.reading import Campaign, read_campaign
 from fieldkit.campaign.resuming import earlier_photographs, sweep, unchanged, visit_inputs
@@ -19,6 +19,7 @@ from fieldkit.campaign.visit_folders import Visits, adopt_earlier_visits, keep_v
 from fieldkit.captures import Finding
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs
 from fieldkit.errors import CaptureError, MetadataError, StorageError
+from fieldkit.evaluation.rasters import require_rasters
 from fieldkit.files import check_writable
 from fieldkit.present.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.present.style import format_length
@@ -86,13 +87,17 @@ def evaluate_campaign(
         overwrite: evaluate also what is there already.
 
     Raises:
-        UsageError: another run works in the campaign, and ``wait`` is off.
+        UsageError: another run works in the campaign, and ``wait`` is off; or it makes rasters, and rasterio is not
+            installed.
         MetadataError: a file of the campaign is missing or malformed.
         CaptureError: there are no photographs, or none belongs to any plot.
         StorageError: the disk is full or not writable.
     """
-    folder = read_campaign(folder).folder
+    campaign = read_campaign(folder)
+    folder = campaign.folder
     check_writable(folder)
+    if campaign.evaluation.rasters:
+        require_rasters()
     with campaign_lock(folder, wait=wait, note=progress.note):
         sweep(folder)
         adopted = adopt_earlier_visits(folder)
@@ -242,7 +247,8 @@ def _say(campaign: Campaign, sorting: Sorting, found: FoundPhotos, progress: Pro
 def _sentence(visit: Visit) -> str:
     if visit.error:
         return visit.error
-    counts = f"{visit.right} of {visit.images} photographs used"
+    without = [note for note in visit.notes if note.startswith(WITHOUT_RASTERS)]
+    counts = "; ".join([f"{visit.right} of {visit.images} photographs used", *without])
     if visit.chamfer_m is not None:
         return f"chamfer {format_length(visit.chamfer_m)}, {counts}"
     if visit.predicted_chamfer_m is not None:

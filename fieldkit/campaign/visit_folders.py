@@ -27,11 +27,20 @@ def visit_cloud(campaign: Path, visit: Visit) -> Path | None:
     Raises:
         MetadataError: its evaluation.json is missing or damaged.
     """
-    if not visit.folder or visit.error:
-        return None
+    return None if visit.error else visit_files(campaign, visit).get(CLOUD_FILE)
+
+
+def visit_files(campaign: Path, visit: Visit) -> dict[str, Path]:
+    """The files of a visit's evaluation that are still there, by their own name without folders.
+
+    Raises:
+        MetadataError: its evaluation.json is missing or damaged.
+    """
+    if not visit.folder:
+        return {}
     folder = campaign / visit.folder
-    files = (folder / found.name / CLOUD_FILE for found in load_evaluation_report(folder).plots)
-    return next((file for file in files if file.is_file()), None)
+    listed = [file.name for plot in load_evaluation_report(folder).plots for file in plot.files]
+    return {Path(name).name: folder / name for name in listed if (folder / name).is_file()}
 
 
 def read_visits(campaign: Path) -> list[Visit]:

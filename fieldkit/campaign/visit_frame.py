@@ -19,6 +19,7 @@ from fieldkit.captures.model import Capture
 from fieldkit.clouds.canopy import Outline
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
+from fieldkit.evaluation.georeferencing import COARSE_M
 from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
@@ -28,8 +29,6 @@ from fieldkit.reconstruction.plot_frame import find_ground, moved_plane
 from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.results.plan import Plan
 
-COARSE_M = 0.3
-"""Standard deviation of a visit's place from which its cameras' aim says better where the plot lies."""
 ON_STATION_M = 0.5
 """poses.csv is in the plot frame where its positions are this near to the plan's stations (median)."""
 _MARGIN = 0.15  # of the plants' width, on every side
@@ -80,11 +79,14 @@ class PlacedVisit:
         plot: what is known; None where nothing is, and the visit's own frame is found from its cameras.
         notes: what a person should know of it.
         outline: of the plot; None takes the bounds that its reference was made with.
+        at_origin: the plot's place on Earth is that of the site, not that of the visit's positions, which are too
+            coarse for it.
     """
 
     plot: KnownPlot | None
     notes: tuple[str, ...] = ()
     outline: PlotOutline | None = None
+    at_origin: bool = False
 
 
 def wanted_sidecars(capture: Capture, plan: Plan, reference: KnownPlot | None) -> frozenset[str]:
@@ -156,7 +158,8 @@ def place_visit(
         outline = PlotOutline(
             None, f"positions are good to {accuracy:.1f} m only, so the plot's outline cannot be placed"
         )
-    return PlacedVisit(KnownPlot(source, visit_volume(plan, corners), None, settle=settle), notes, outline)
+    known = KnownPlot(source, visit_volume(plan, corners), None, settle=settle)
+    return PlacedVisit(known, notes, outline, at_origin=coarse)
 
 
 def drawn_outline(plot: CampaignPlot, source: SourceFrame) -> Outline | None:

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
 from typer import Option
 
 from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, OverwriteOption, emit_json, say
+from fieldkit.errors import UsageError
 
 Format = Literal["csv", "geojson", "gpkg"]
 
 
 def command(
-    output: Annotated[Path, Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg.")],
+    output: Annotated[
+        Path, Option("--output", "-o", help="File to write: .csv, .geojson or .gpkg; with --rasters a folder.")
+    ],
     folder: CampaignArgument = None,
     format_: Annotated[Format | None, Option("--format", help="Where the file's name does not say it.")] = None,
+    rasters: Annotated[
+        bool, Option("--rasters", help="Canopy height and surface models of all plots and dates, in a folder for QGIS.")
+    ] = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -25,9 +32,18 @@ def command(
     One row or feature per plot and date, at the plot's polygon or point, with rank, scores, plant figures, errors and
     notes. The GeoPackage has a second layer, plots, with each plot's latest figures.
 
+    With --rasters, OUTPUT is a folder with the height models of all visits of a campaign that makes them (campaign init
+    --rasters, or rasters = true in campaign.toml), in the same colours, and the GeoPackage. rasters.csv has a row per
+    visit, and says why one has none.
+
     Examples:
         fieldkit campaign export season -o season.gpkg
         fieldkit campaign export -o season.csv --overwrite
+        fieldkit campaign export season -o season-maps --rasters
+
+    Files:
+        OUTPUT/PLOT_DATE_canopy-height.tif, PLOT_DATE_surface.tif  with --rasters, each with a QGIS style (.qml)
+        OUTPUT/rasters.csv, campaign.gpkg  with --rasters: what there is of each visit; plots with their figures
 
     Exit codes:
         0  done
@@ -37,12 +53,27 @@ def command(
     See Also:
         fieldkit campaign show, fieldkit report
     """
-    from fieldkit.campaign.export import export_campaign
     from fieldkit.campaign.reading import campaign_folder, read_campaign
 
+    if rasters and format_ is not None:
+        raise UsageError("--format is that of a table", remedy="Leave --format out, or --rasters.")
     campaign = read_campaign(campaign_folder(folder))
+    counts = {"visits": len(campaign.visits), "plots": len(campaign.plots)}
+    if rasters:
+        from fieldkit.campaign.raster_export import export_rasters, without_rasters
+
+        rows = export_rasters(campaign, output, overwrite=overwrite)
+        if as_json:
+            emit_json({"output": output, "format": "rasters", **counts, "rasters": [asdict(row) for row in rows]})
+            return
+        for sentence in without_rasters(rows):
+            say(sentence)
+        say(f"{output}: rasters of {sum(not row.no_rasters for row in rows)} of {len(rows)} visits")
+        return
+    from fieldkit.campaign.export import export_campaign
+
     written = export_campaign(campaign, output, format_=format_, overwrite=overwrite)
     if as_json:
-        emit_json({"output": output, "format": written, "visits": len(campaign.visits), "plots": len(campaign.plots)})
+        emit_json({"output": output, "format": written, **counts})
     else:
-        say(f"{output}: {len(campaign.visits)} visits of {len(campaign.plots)} plots")
+        say(f"{output}: {counts['visits']} visits of {counts['plots']} plots")

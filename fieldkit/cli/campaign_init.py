@@ -9,7 +9,13 @@ from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, SeedOption, emit_json, say
 from fieldkit.cli.option_groups import grouped
-from fieldkit.cli.reconstruction_options import DISTANCES, DistancesOption, ReconstructionOptions, parse_distances
+from fieldkit.cli.reconstruction_options import (
+    DISTANCES,
+    DistancesOption,
+    RasterOptions,
+    ReconstructionOptions,
+    parse_distances,
+)
 from fieldkit.errors import UsageError
 
 
@@ -35,6 +41,7 @@ def command(
     ] = False,
     distances: DistancesOption = DISTANCES,
     reconstruction: ReconstructionOptions,
+    rasters: RasterOptions,
     seed: SeedOption = 0,
     as_json: JsonOption = False,
     debug: DebugOption = False,
@@ -47,7 +54,7 @@ def command(
 
     Examples:
         fieldkit campaign init season --plan plan/plan.json --site field.toml --plots plots.gpkg
-        fieldkit campaign init season --plan plan --site field.toml --vehicle px4-gimbal --reference r3c2=reference
+        fieldkit campaign init season --plan plan --site field.toml --vehicle px4-gimbal --rasters
 
     Exit codes:
         0  done
@@ -58,6 +65,7 @@ def command(
         fieldkit evaluate, fieldkit campaign show
     """
     corners, distances_m = reconstruction.corners, parse_distances(distances)
+    wanted = rasters.wanted()
     from pydantic import ValidationError
 
     from fieldkit.campaign.campaign_file import EvaluationTable
@@ -70,6 +78,7 @@ def command(
         evaluation = EvaluationTable(
             mapping=reconstruction.mapping, fidelity=reconstruction.fidelity, mask=reconstruction.mask,
             backend=reconstruction.backend, bounds_m=corners, refine=refine, distances_m=distances_m, seed=seed,
+            rasters=wanted is not None, gsd_m=None if wanted is None else wanted.cell_m,
         )  # fmt: skip
     except ValidationError as error:
         raise UsageError(sentence(error), remedy="'fieldkit campaign init --help' explains the options.") from error

@@ -19,7 +19,7 @@ from fieldkit.cli.common import (
     show,
     table,
 )
-from fieldkit.cli.reconstruction_options import WorkersOption, run_context
+from fieldkit.cli.reconstruction_options import WorkersOption, processes, run_context
 from fieldkit.errors import UsageError
 
 
@@ -65,7 +65,6 @@ def command(
     day = _day(date)
     from fieldkit.campaign.next_visit import plan_next_visit
     from fieldkit.campaign.reading import campaign_folder, read_campaign
-    from fieldkit.runtime.machine import usual_workers
     from fieldkit.runtime.threads import limit_threads
 
     limit_threads(1)
@@ -73,8 +72,7 @@ def command(
     with run_context(as_json=as_json) as progress:
         made = plan_next_visit(
             campaign, day, output, vehicle=vehicle, growth=growth, format=format, seed=seed,
-            workers=workers or usual_workers(),
-            overwrite=overwrite, progress=progress,
+            workers=processes(workers), overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if as_json:
         plots = [

@@ -15,6 +15,7 @@ from fieldkit.cli.common import (
     MissionFormatOption,
     OverwriteOption,
     SeedOption,
+    SitePlotOptions,
     emit_json,
     say,
     show,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from fieldkit.evaluation.field_check import CheckReport
+    from fieldkit.missions.plan_site.site import Site
     from fieldkit.present.content import Block, Level
 
 _LEVELS: Mapping[str, Level] = {"fine": "good", "fix tags": "note", "fly again": "problem"}
@@ -60,12 +62,7 @@ def command(
     captures: Annotated[Path, Argument(help="Folder of photographs of one plot, or a folder of such folders.")],
     plan: Annotated[Path, Option("--plan", help="plan.json that was flown, or the folder that holds it.")],
     *,
-    site: Annotated[
-        Path | None, Option("--site", help="Site file: where the plots lie, so that places can be checked.")
-    ] = None,
-    plot: Annotated[
-        str | None, Option("--plot", metavar="NAME", help="Of the site; else the one called as the folder is.")
-    ] = None,
+    place: SitePlotOptions,
     log: Annotated[
         Path | None, Option("--log", help="Flight log (.tlog, .BIN, .ulg): its poses instead of EXIF's.")
     ] = None,
@@ -91,6 +88,7 @@ def command(
 
     Examples:
         fieldkit check flight_7/ --plan plan.json
+        fieldkit check card/ --plan plan.json --site field.toml --plots plots.gpkg
         fieldkit check flight_7/ --plan plan.json --site field.toml --vehicle ardupilot-pitch -o again.plan
 
     Exit codes:
@@ -102,14 +100,15 @@ def command(
     See Also:
         fieldkit evaluate, fieldkit upload
     """
-    again.check(site)
+    again.check(place.site)
+    site = place.load(tell=None if as_json else say)
     cache = open_cache(no_cache=no_cache, resume=False)
     from fieldkit.evaluation.field_check import CheckSettings, check_captures
 
     settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
     with run_context(as_json=as_json) as progress:
         reports = check_captures(
-            captures, plan, site=site, plot=plot, log=log, settings=settings, cache=cache, progress=progress
+            captures, plan, site=site, plot=place.plot, log=log, settings=settings, cache=cache, progress=progress
         )
     files = list(_missions(reports, plan, site, again, overwrite=overwrite, seed=seed))
     if as_json:
@@ -124,7 +123,7 @@ def command(
 
 
 def _missions(
-    reports: Sequence[CheckReport], plan: Path, site: Path | None, again: AgainOptions, *, overwrite: bool, seed: int
+    reports: Sequence[CheckReport], plan: Path, site: Site | None, again: AgainOptions, *, overwrite: bool, seed: int
 ) -> Iterator[Path]:
     """Write the missions that are asked for, one for each plot with stations to fly again."""
     from fieldkit.evaluation.field_check import write_refly

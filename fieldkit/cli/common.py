@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -9,18 +10,21 @@ from typer import Argument, Option
 
 from fieldkit.cli.boundary import emit_json, say
 from fieldkit.cli.help_page import OUTPUT, RUN
+from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from rich.console import RenderableType
 
+    from fieldkit.missions.plan_site.site import Site
+    from fieldkit.missions.plan_site.site_file import Tell
     from fieldkit.present.content import Cell
 
 __all__ = [
     "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "JsonOption", "MissionFormatOption",
     "MissionOutputOption", "OutputOption", "OverwriteOption", "PlotIdOption", "PlotsOption", "ResumeOption",
-    "SeedOption", "emit_json", "say", "show", "table",
+    "SeedOption", "SitePlotOptions", "emit_json", "say", "show", "table",
 ]  # fmt: skip
 
 JsonOption = Annotated[
@@ -62,6 +66,34 @@ PlotIdOption = Annotated[
         help="Field of the plots file that holds the plots' ids. Without: plot_id, id, name or fid.",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class SitePlotOptions:
+    """A plot of a site."""
+
+    site: Annotated[Path | None, Option("--site", help="Site file: where the plots lie.")] = None
+    plots: PlotsOption = None
+    plot_id: PlotIdOption = None
+    plot: Annotated[str | None, Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = None
+
+    def load(self, *, tell: Tell | None = None) -> Site | None:
+        """The site with its plots; None without --site.
+
+        Raises:
+            UsageError: the other options are given without --site.
+            MetadataError: a file cannot be used.
+        """
+        if self.site is None:
+            for option, given in (("--plots", self.plots), ("--plot-id", self.plot_id), ("--plot", self.plot)):
+                if given is not None:
+                    raise UsageError(f"{option} goes with a site file", remedy="Give --site, too.")
+            return None
+        from fieldkit.missions.plan_site.site_file import load_site
+
+        return load_site(self.site, self.plots, self.plot_id, tell=tell)
+
+
 AdjustOption = Annotated[
     bool, Option("--adjust", help="Fly the nearest poses where the vehicle cannot take the plan's.")
 ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say
+from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SitePlotOptions, emit_json, say
 from fieldkit.cli.numbers import read_numbers
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import UsageError
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from fieldkit.captures.flight_logs import FixedMount
     from fieldkit.captures.geotag import GeotagReport
     from fieldkit.geometry.geodesy import LocalFrame
+    from fieldkit.missions.plan_site.site import Site
+    from fieldkit.missions.plan_site.site_file import Tell
 
 
 @dataclass(frozen=True)
@@ -29,22 +31,23 @@ class FrameOptions:
             "--origin", metavar="LAT,LON,ALT", help="Of the local frame, altitude above sea level. Without: the home."
         ),
     ] = ""
-    site: Annotated[Path | None, Option("--site", help="Site file: its plot is the origin.")] = None
-    plot: Annotated[str, Option("--plot", metavar="NAME", help="Of the site, where it has several.")] = ""
 
-    def frame(self) -> LocalFrame | None:
+    def frame(self, place: SitePlotOptions, *, tell: Tell | None) -> LocalFrame | None:
         """East-north-up; None for the log's home.
+
+        Args:
+            place: the plot whose origin it is.
+            tell: is told where plots have their ids from.
 
         Raises:
             UsageError: the options contradict each other or say no place.
             MetadataError: the site file cannot be used.
         """
-        if self.origin and self.site is not None:
+        if self.origin and place.site is not None:
             raise UsageError("--origin and --site both say where the frame lies", remedy="Give one of them.")
-        if self.plot and self.site is None:
-            raise UsageError("--plot names a plot of a site file", remedy="Give --site, too.")
-        if self.site is not None:
-            return _of_site(self.site, self.plot)
+        site = place.load(tell=tell)
+        if site is not None:
+            return _of_site(site, place)
         if not self.origin:
             return None
         latitude, longitude, altitude = read_numbers("--origin", self.origin, (3,), least=-1000.0)
@@ -63,6 +66,7 @@ def command(
     output: Annotated[Path, Option("--output", "-o", help="poses.csv to write.")] = Path("poses.csv"),
     *,
     frame: FrameOptions,
+    place: SitePlotOptions,
     mount: Annotated[
         str, Option("--mount", metavar="PITCH[,YAW]", help="Of a camera without a gimbal, against the vehicle.")
     ] = "",
@@ -83,7 +87,7 @@ def command(
 
     Examples:
         fieldkit geotag flight_7/ --log 00000042.BIN -o flight_7/poses.csv
-        fieldkit geotag flight_7/ --log flight_7.ulg --site field.toml --plot r3c2 -o flight_7/poses.csv
+        fieldkit geotag flight_7/ --log flight_7.ulg --site field.toml --plots plots.gpkg --plot r3c2 -o p.csv
         fieldkit geotag flight_7/ --log flight_7.tlog --mount -90 --camera-offset 7200 -o poses.csv
 
     Exit codes:
@@ -94,7 +98,7 @@ def command(
     See Also:
         fieldkit evaluate --log
     """
-    origin, fixed = frame.frame(), _mount(mount)
+    origin, fixed = frame.frame(place, tell=None if as_json else say), _mount(mount)
     from fieldkit.captures.geotag import geotag
 
     report = geotag(
@@ -137,12 +141,11 @@ def _tell(report: GeotagReport, output: Path) -> None:
         say(remark)
 
 
-def _of_site(path: Path, name: str) -> LocalFrame:
+def _of_site(site: Site, place: SitePlotOptions) -> LocalFrame:
     """East-north-up at a plot's origin; the row heading does not turn it."""
     from fieldkit.geometry.geodesy import LocalFrame
-    from fieldkit.missions.plan_site.site_file import load_site
 
-    site = load_site(path)
+    path, name = place.site, place.plot
     plot = next((p for p in site.plots if p.name == name or (not name and len(site.plots) == 1)), None)
     if plot is None:
         names = ", ".join(p.name for p in site.plots[:10])

@@ -15,6 +15,7 @@ from fieldkit.cli.plan_options import (
     SearchOptions,
     plan_request,
 )
+from fieldkit.cli.reconstruction_options import processes
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -83,12 +84,11 @@ def _planned(
     from fieldkit.planning.run.folder import read_log, read_settings
     from fieldkit.planning.run.plan_views import plan_views, resume_plan
     from fieldkit.planning.run.request import new_settings, resumed_settings
-    from fieldkit.runtime.machine import usual_workers
     from fieldkit.runtime.progress import Silent
     from fieldkit.runtime.threads import limit_threads
 
     limit_threads(1)
-    workers = options.workers or usual_workers()
+    workers = processes(options.workers)
     cache = StageCache(default_cache_root())
     progress = Silent() if as_json else Lines()  # bars of their own would quarrel with the live view
     if options.resume:

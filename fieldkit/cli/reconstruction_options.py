@@ -145,13 +145,18 @@ class RunOptions:
     @property
     def processes(self) -> int:
         """The number of --workers, or the usual one."""
-        from fieldkit.runtime.machine import usual_workers
-
-        return self.workers or usual_workers()
+        return processes(self.workers)
 
     def cache(self) -> StageCache:
         """The stage cache, as `open_cache` gives it."""
         return open_cache(no_cache=self.no_cache, resume=self.resume)
+
+
+def processes(workers: int | None) -> int:
+    """The number of --workers, or the usual one."""
+    from fieldkit.runtime.machine import usual_workers
+
+    return workers or usual_workers()
 
 
 def parse_frame(option: str, text: str) -> str:

@@ -14,6 +14,7 @@ from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import file_sha256, load_evaluation_report
+from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.runtime.progress import Progress, Silent
 
 COMPARE_FILE = "compare.json"
@@ -97,7 +98,7 @@ def _read(evaluations: Sequence[Path | str]) -> list[Run]:
     taken: set[str] = set()
     for each in evaluations:
         label, path = _labelled(each)
-        if (path / "campaign.toml").is_file():
+        if (path / CAMPAIGN_FILE).is_file():
             raise UsageError(
                 "is a campaign: its dates are compared within it", path=path,
                 remedy=f"Use `fieldkit campaign show {path.name}`, or give evaluations within it.",

@@ -11,6 +11,9 @@ from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.reconstruction.result import MetricFrame
 from fieldkit.runtime.progress import Progress
 
+COARSE_M = 0.3
+"""Standard deviation of positions from which they do not say on which plot something lies."""
+
 
 def to_utm(cloud: Cloud, frame: MetricFrame) -> tuple[Cloud, int]:
     """A cloud of the plot frame in WGS 84 / UTM, and the zone's EPSG code.

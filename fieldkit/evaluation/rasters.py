@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -14,13 +14,17 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
-from fieldkit.evaluation.georeferencing import to_utm
+from fieldkit.evaluation.georeferencing import COARSE_M, to_utm
 from fieldkit.evaluation.traits import depth_pixel_m
 from fieldkit.files import write_atomic
+from fieldkit.geometry import Similarity
+from fieldkit.reconstruction.agreement import POSITION_SIGMAS
 from fieldkit.reconstruction.result import MetricFrame, Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 
 CANOPY_FILE, SURFACE_FILE = "canopy-height.tif", "surface.tif"
+NO_RASTERS, COARSE_RASTERS = "no-rasters", "coarse-rasters"
+"""Codes of findings: why there are none; that they may lie metres off."""
 Array = NDArray[np.float64]
 
 LEAST_SAMPLING_M = 0.005
@@ -38,9 +42,12 @@ class Rasters:
 
     Attributes:
         cell_m: edge of their cells; None takes `LEAST_SAMPLING_M`, or the depth maps' pixel where that is larger.
+        at_origin: put the plot frame's origin at that of the positions' frame, sideways, since the positions are too
+            coarse to say where it lies.
     """
 
     cell_m: float | None = None
+    at_origin: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +83,11 @@ def require_rasters(frame: MetricFrame | None = None) -> None:
         UsageError: rasterio is not installed, or the plot has no place on Earth.
     """
     if any(importlib.util.find_spec(name) is None for name in ("rasterio", "pyproj")):
-        raise UsageError(
-            "--rasters needs the extra 'geo'", remedy="pip install 'fieldkit[geo]', or leave --rasters out."
-        )
+        raise UsageError("rasters need the extra 'geo'", remedy="pip install 'fieldkit[geo]', or do without rasters.")
     if frame is not None and frame.origin is None:
         raise UsageError(
-            "--rasters: the plot has no place on Earth, since its positions are not geographic",
-            remedy="Give photographs with GPS tags or a geo.txt, or leave --rasters out.",
+            "the plot has no place on Earth, since its positions are not geographic",
+            remedy="Give photographs with GPS tags or a geo.txt, or do without rasters.",
         )
 
 
@@ -147,6 +152,7 @@ def write_rasters(folder: Path, found: Reconstruction, settings: ReconstructionS
     """
     frame, scene = found.sparse.frame, found.scene
     require_rasters(frame)
+    frame = _at_origin(frame) if wanted.at_origin else frame
     if scene is None:
         raise ValueError("rasters need the scene")
     cell_m = sampling_m(depth_pixel_m(found, found.plants.points, settings), wanted.cell_m)
@@ -155,6 +161,19 @@ def write_rasters(folder: Path, found: Reconstruction, settings: ReconstructionS
     write_raster(folder / CANOPY_FILE, canopy, canopy=True)
     write_raster(folder / SURFACE_FILE, surface, canopy=False)
     return [name for file in (CANOPY_FILE, SURFACE_FILE) for name in (file, Path(file).with_suffix(".qml").name)]
+
+
+def coarse_place(frame: MetricFrame) -> str:
+    """That rasters may lie metres off, since the positions do; empty where they do not."""
+    sigma_m = (frame.bound_m or 0.0) / POSITION_SIGMAS
+    if sigma_m <= COARSE_M:
+        return ""
+    return f"positions are good to {sigma_m:.1f} m only: the rasters may lie that far off, the surface's heights too"
+
+
+def _at_origin(frame: MetricFrame) -> MetricFrame:
+    motion = frame.plot_from_source
+    return replace(frame, plot_from_source=Similarity(motion.scale, motion.rotation, motion.translation * (0, 0, 1)))
 
 
 def write_raster(path: Path, raster: HeightRaster, *, canopy: bool) -> None:
@@ -187,14 +206,33 @@ def write_raster(path: Path, raster: HeightRaster, *, canopy: bool) -> None:
             OVERVIEWS="IGNORE_EXISTING", OVERVIEW_RESAMPLING="AVERAGE",
         )  # fmt: skip
         write_atomic(path, optimized.read_bytes())
-    known = raster.heights[np.isfinite(raster.heights)]
-    low, high = (0.0, float(known.max())) if canopy else (float(v) for v in np.quantile(known, [0.02, 0.98]))
+    write_style(path, color_span(raster.heights, canopy=canopy), canopy=canopy)
+
+
+def color_span(heights: NDArray[np.float32], *, canopy: bool) -> tuple[float, float]:
+    """Heights between which a raster's colours lie, metres: from 0 to the highest of a canopy, 96 % of a surface's."""
+    known = heights[np.isfinite(heights)]
+    low, high = (0.0, known.max()) if canopy else np.quantile(known, [0.02, 0.98])
+    return float(low), float(high)
+
+
+def write_style(path: Path, span: tuple[float, float], *, canopy: bool) -> None:
+    """Write the QGIS style of a raster beside it.
+
+    Raises:
+        StorageError: the place is full or not writable.
+    """
+    low, high = span
     colors = _CANOPY_COLORS if canopy else _SURFACE_COLORS
     write_atomic(path.with_suffix(".qml"), style_text(low, max(high, low + 0.01), colors))
 
 
 def style_text(low: float, high: float, colors: tuple[str, ...]) -> str:
-    """A QGIS style: colours between two heights, with a legend in metres."""
+    """A QGIS style: colours between two heights, with a legend in metres.
+
+    Without its colour ramp the style would be lost at the first change in QGIS. Older QGIS reads the ramp's
+    properties from ``prop`` elements, newer from ``Option`` elements.
+    """
     root = Element("qgis", version="3.22")
     renderer = SubElement(
         SubElement(root, "pipe"), "rasterrenderer", type="singlebandpseudocolor", band="1", opacity="1",
@@ -204,6 +242,15 @@ def style_text(low: float, high: float, colors: tuple[str, ...]) -> str:
         SubElement(renderer, "rastershader"), "colorrampshader", colorRampType="INTERPOLATED", classificationMode="1",
         clip="0", minimumValue=f"{low:.3f}", maximumValue=f"{high:.3f}",
     )  # fmt: skip
-    for value, color in zip(np.linspace(low, high, len(colors)), colors, strict=True):
+    shares = np.linspace(0.0, 1.0, len(colors))
+    channels = [",".join(str(v) for v in (*bytes.fromhex(color[1:]), 255)) for color in colors]
+    stops = ":".join(f"{share:g};{each}" for share, each in list(zip(shares, channels, strict=True))[1:-1])
+    ramp = SubElement(shader, "colorramp", type="gradient", name="[source]")
+    options = SubElement(ramp, "Option", type="Map")
+    for name, text in (("color1", channels[0]), ("color2", channels[-1]), ("discrete", "0"), ("stops", stops)):
+        SubElement(options, "Option", type="QString", name=name, value=text)
+        SubElement(ramp, "prop", k=name, v=text)
+    for value, color in zip(low + shares * (high - low), colors, strict=True):
         SubElement(shader, "item", value=f"{value:.3f}", label=f"{value:.2f} m", color=color, alpha="255")
+    SubElement(shader, "rampLegendSettings", useContinuousLegend="1", suffix=" m", orientation="2", direction="0")
     return "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n" + tostring(root, encoding="unicode") + "\n"

@@ -17,7 +17,7 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.conversion import reference_report, settings_entry
 from fieldkit.evaluation.figures import clean_text, source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
-from fieldkit.evaluation.rasters import Rasters, write_rasters
+from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.present.pictures.overview import write_overview
@@ -146,8 +146,11 @@ def _write(
     if rasters is not None and found.scene is not None:
         try:
             names += write_rasters(folder, found, settings, rasters)
+            told = coarse_place(found.sparse.frame)
         except UsageError as error:
-            progress.note(error.message)
+            told = error.message
+        if told:
+            progress.note(told)
     wall, cpu = begun
     draft = reference_report(found, settings, seconds=time.perf_counter() - wall, cpu_seconds=processor_seconds() - cpu)
     write_overview(folder / OVERVIEW_FILE, draft, found.plants)

@@ -15,7 +15,7 @@ from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.cloud_reference import AnyReference
 from fieldkit.evaluation.conversion import plot_evaluation
-from fieldkit.evaluation.rasters import Rasters, write_rasters
+from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS, Rasters, coarse_place, write_rasters
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
 from fieldkit.present.pictures.evaluation import write_comparison
@@ -142,9 +142,12 @@ def score_capture(
         if rasters is not None:
             try:
                 names += write_rasters(folder / place, found, settings, rasters)
+                told = Finding(name, COARSE_RASTERS, coarse_place(found.sparse.frame))
             except UsageError as error:  # of this plot; the scores stay
-                findings.append(Finding(name, "no-rasters", error.message))
-                progress.note(f"{name}: {error.message}")
+                told = Finding(name, NO_RASTERS, error.message)
+            if told.message:
+                findings.append(told)
+                progress.note(f"{name}: {told.message}")
         plot = plot_evaluation(
             name, found, settings, score=result, correction=correction, findings=findings, plants=plants,
             outline=outline or outline_of(settings, settings_of_reference),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from fieldkit.clouds.canopy import Outline, canopy, highest_leaf_m, inside_outline, outline_area_m2, rectangle
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
+from fieldkit.reconstruction.agreement import scale_error
 from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -30,7 +31,7 @@ _ABOVE_M, _ABOVE_SHARE = 0.06, 0.10
 _STEP_M, _MOST_STEPS = 0.05, 40
 _MATCH_DEG, _MATCH_FARTHER, _PARTNERS = (3.0, 36.0), 1.6, 2
 _MATCH_AT, _MATCH_SHARE = (0.3, 0.8), 0.9
-_LEAST_POSITIONS, _NO_SPREAD_M = 3, 1e-9
+_LEAST_POSITIONS = 3
 _OF_HEIGHT: tuple[Trait, ...] = ("height_m", "canopy_volume_m3")
 _OF_AREA: tuple[Trait, ...] = ("cover_percent", "covered_area_m2", "canopy_volume_m3")
 _CODES: Mapping[str, tuple[Trait, ...]] = {
@@ -130,13 +131,16 @@ def depth_pixel_m(found: Reconstruction, points: Array, settings: Reconstruction
 
 
 def scale_doubt(sparse: SparseResult) -> float:
-    """By which share a model's scale may be off, for positions off by their residuals: RMS over the root of the summed
-    squares of the cameras' distances from their middle. 0 where no positions are known.
+    """By which share a model's scale may be off: `scale_error` of the cameras' places, with the RMS of the positions'
+    residuals. 0 where no positions are known.
+
+    Residuals are distances, so it is up to √3 times a standard error, which is per axis. That is on the safe side, and
+    what the limits and the errors of traits were set by.
     """
     centers = np.array([pose.center for pose in sparse.poses.values()]).reshape(-1, 3)
     if sparse.frame.rms_m is None or len(centers) < _LEAST_POSITIONS:
         return 0.0
-    return sparse.frame.rms_m / max(float(np.linalg.norm(centers - centers.mean(axis=0))), _NO_SPREAD_M)
+    return scale_error(centers, sparse.frame.rms_m, with_errors=False)
 
 
 def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict[Trait, str]:

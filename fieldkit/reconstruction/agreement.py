@@ -39,7 +39,7 @@ class KnownPose:
         return POSITION_SIGMAS * self.position_sigma_m
 
 
-def scale_error(positions: NDArray[np.float64], sigma_m: float) -> float:
+def scale_error(positions: NDArray[np.float64], sigma_m: float, *, with_errors: bool = True) -> float:
     """Relative standard error of the scale that positions (n, 3) give a model: σ / √Σ|x − x̄|².
 
     The sum is without what errors alone add to it, 3 (n − 1) σ²: where nothing is left, there is no scale (infinite).
@@ -47,10 +47,13 @@ def scale_error(positions: NDArray[np.float64], sigma_m: float) -> float:
     Args:
         positions: metres.
         sigma_m: standard deviation per axis of what differs between them.
+        with_errors: whether the positions are the measured ones; False for those that a model puts in their place,
+            whose spread holds no such errors.
     """
     if len(positions) < _LEAST_POSITIONS:
         return float("inf")
-    squares = ((positions - positions.mean(axis=0)) ** 2).sum() - 3.0 * (len(positions) - 1) * sigma_m**2
+    own = 3.0 * (len(positions) - 1) * sigma_m**2 if with_errors else 0.0
+    squares = ((positions - positions.mean(axis=0)) ** 2).sum() - own
     return sigma_m / float(np.sqrt(squares)) if squares > 0.0 else float("inf")
 
 

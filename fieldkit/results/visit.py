@@ -11,6 +11,8 @@ from fieldkit.results.evaluation import ByDistance, PlotEvaluation
 from fieldkit.results.fields import Count, Strict
 from fieldkit.results.traits import TraitsEntry
 
+CAMPAIGN_FILE = "campaign.toml"
+"""What makes a folder a campaign's."""
 VISITS_FOLDER = "visits"
 
 

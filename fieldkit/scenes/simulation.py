@@ -14,6 +14,7 @@ from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.clouds import write_ply
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.regular_files import check_replaceable
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
@@ -69,13 +70,13 @@ def simulate(
         gps: whether EXIF and XMP have positions and angles.
         truth: CSV of the true poses, outside ``output``; ``output``.truth.csv where not given.
         truth_cloud: PLY for the plants' true surfaces; not written where not given.
-        overwrite: replace an existing capture.
+        overwrite: replace an existing capture, and its truth.
         progress: told about the scene and each photograph.
 
     Raises:
         SceneError: a file of the scene cannot be used.
         RenderingError: this machine cannot render.
-        UsageError: ``output`` exists, or a truth file lies in it.
+        UsageError: ``output`` or a truth file exists, or a truth file lies in ``output``.
         StorageError: the disk is full or not writable.
     """
     progress = progress or Silent()
@@ -86,6 +87,8 @@ def simulate(
     for file in (truth, truth_cloud):
         if file is not None and file.absolute().is_relative_to(output.absolute()):
             raise UsageError("the truth must not lie in the capture's folder", path=file)
+        if file is not None and not output.exists():  # else it is the folder that is spoken of
+            check_replaceable(file, overwrite=overwrite)
     with progress.stage("scene") as advance:
         scene = build(description)
         poses = list(stations(scene, camera) if callable(stations) else stations)

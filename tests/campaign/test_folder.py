@@ -134,7 +134,7 @@ class TestReading:
     def test_the_file_round_trips(self, tmp_path: Path) -> None:
         table = CampaignTable(
             name='say "ü"', plots="p.geojson", vehicle="v.toml",
-            evaluation=EvaluationTable(bounds_m=(-1, -1, 0, 1, 1, 1.5), seed=3),
+            evaluation=EvaluationTable(bounds_m=(-1, -1, 0, 1, 1, 1.5), seed=3, rasters=True, gsd_m=0.01),
             references=(),
         )  # fmt: skip
         (tmp_path / "campaign.toml").write_text(campaign_text(table))
@@ -147,6 +147,8 @@ class TestReading:
             ("format = 1\n[evaluation]\nfidelity = 'best'", "evaluation.fidelity"),
             ("format = 1\n[evaluation]\nbounds_m = [1, 0, 0, 0, 1, 1]", "the lowest corner is not below"),
             ("format = 1\n[evaluation]\ndistances_m = [0.01, 0.002]", "ascending"),
+            ("format = 1\n[evaluation]\ngsd_m = 0.01", "rasters = true"),
+            ("format = 1\n[evaluation]\nrasters = true\ngsd_m = 0", "evaluation.gsd_m"),
             ("format = 1\nplan = '../plan.json'", "leads out of the campaign's folder"),
             ("format = 1\nplan = 'gone.json'", "no such file"),
             ("format = 1\n[[references]]\nplot = 'a'\npath = 'x'\nsha256 = 'short'", "references 1.sha256"),
@@ -301,6 +303,7 @@ class TestExport:
         database = sqlite3.connect(file)
         try:
             assert database.execute("PRAGMA application_id").fetchone()[0] == 0x47504B47  # "GPKG"
+            assert database.execute("PRAGMA user_version").fetchone()[0] == 10200  # read by every QGIS in use
             assert database.execute("SELECT count(*), min(rank) FROM visits WHERE f_score_0_010 > 0").fetchone() == (
                 1,
                 1,

@@ -64,7 +64,8 @@ def test_another_fit_of_the_prediction_is_another_visit(tmp_path: Path, monkeypa
     "change",
     [
         {"date": "2026-06-19"}, {"captures": "elsewhere"}, {"notes": ("x",)}, {"cache": Path("cache")},
-        {"evaluation": EvaluationTable(seed=1)}, {"plan": PLAN.model_copy(update={"row_heading_deg": 3.0})},
+        {"evaluation": EvaluationTable(seed=1)}, {"evaluation": EvaluationTable(rasters=True)},
+        {"plan": PLAN.model_copy(update={"row_heading_deg": 3.0})},
         {"plot": replace(FIELD[0], row_heading_deg=1.0)}, {"plot": replace(FIELD[0], reference_sha256="0" * 64)},
     ],
 )  # fmt: skip
@@ -74,6 +75,15 @@ def test_what_a_result_depends_on(change: dict[str, object], tmp_path: Path) -> 
     assert same == (not change.keys() & {"evaluation", "plan", "plot"})
     fewer = visit_inputs(replace(made, photos=made.photos[1:]))
     assert fewer != made.inputs
+
+
+def test_the_rasters_cells_count_and_no_rasters_leave_digests_as_they_were(tmp_path: Path) -> None:
+    made = job(tmp_path)
+    tables = (EvaluationTable(), EvaluationTable(rasters=True), EvaluationTable(rasters=True, gsd_m=0.01))
+    assert len({visit_inputs(replace(made, evaluation=table)) for table in tables}) == 3
+    assert set(EvaluationTable().model_dump(exclude={"rasters", "gsd_m"})) == {
+        "mapping", "fidelity", "mask", "backend", "bounds_m", "refine", "distances_m", "seed",
+    }  # fmt: skip
 
 
 def test_a_visit_without_inputs_or_evaluation_is_tried_again(tmp_path: Path) -> None:

@@ -97,6 +97,8 @@ def test_coarse_positions_are_put_where_the_plan_looks() -> None:
     np.testing.assert_allclose(motion.translation, -off, atol=0.005)
     placed = place_visit(tagged(3.0), PLOT, PLAN, None)
     assert "positions are good to 3.0 m only" in placed.notes[0]
+    assert placed.at_origin
+    assert not place_visit(tagged(0.015), PLOT, PLAN, None).at_origin
 
 
 def test_a_references_ground_is_met() -> None:

@@ -10,6 +10,7 @@ import pytest
 from fieldkit.campaign import Visit, read_campaign
 from fieldkit.campaign.visit_folders import keep_visit
 from fieldkit.cli.main import main
+from fieldkit.evaluation.rasters import Rasters
 from tests.campaign.examples import campaign_folder, field
 
 FIELD = field(1, 2)
@@ -27,7 +28,9 @@ def answer(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -
     return json.loads(capsys.readouterr().out)
 
 
-def test_init_takes_the_settings(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_init_takes_the_settings(
+    place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     campaign_folder(place, FIELD)
     arguments = ("--plan", "sources/plan.json", "--site", "sources/site.toml", "--fidelity", "fine", "--mask", "none",
                  "--bounds", "-1,-1,0,1,1,2", "--distances", "0.01,0.005", "--seed", "7", "--refine",
@@ -42,6 +45,15 @@ def test_init_takes_the_settings(place: Path, capsys: pytest.CaptureFixture[str]
     assert found.evaluation.distances_m == (0.005, 0.01)
     assert found.evaluation.refine
     assert answer(capsys, "campaign", "init", "new", *arguments, code=2)["error"]["type"] == "UsageError"
+    assert not found.evaluation.rasters
+    answer(capsys, "campaign", "init", "maps", *arguments, "--rasters", "--gsd", "0.01")
+    assert read_campaign(place / "maps").evaluation.wanted_rasters == Rasters(0.01)
+    with monkeypatch.context() as without:  # found out before anything is computed
+        without.setattr("importlib.util.find_spec", lambda name: None)
+        error = answer(capsys, "evaluate", ".", "--campaign", "maps", code=2)["error"]
+        assert error["message"] == "rasters need the extra 'geo'"
+    error = answer(capsys, "campaign", "init", "x", *arguments, "--gsd", "0.01", code=2)["error"]
+    assert "--rasters" in error["message"]
     error = answer(capsys, "campaign", "init", "x", *arguments, "--reference", "nowhere=x", code=2)["error"]
     assert "names no plot" in error["message"]
     error = answer(capsys, "campaign", "init", "x", *arguments, "--reference", "r1c1=x", code=3)["error"]
@@ -55,7 +67,7 @@ def test_show_and_export_find_the_campaign_about_the_folder(
     place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = campaign_folder(place, FIELD)
-    keep_visit(folder, Visit(plot="r1c1", date="2026-06-18", chamfer_m=0.01, notes=("[bold]",)))
+    keep_visit(folder, Visit(plot="r1c1", date="2026-06-18", chamfer_m=0.01, notes=("[bold]", "no rasters: [bold]")))
     for arguments in (["show"], ["export", "-o", "out.csv"]):
         assert answer(capsys, "campaign", *arguments, code=2)["error"]["message"] == "which campaign?"
     (folder / "deep").mkdir()
@@ -71,6 +83,10 @@ def test_show_and_export_find_the_campaign_about_the_folder(
     assert written == {"output": "out.gpkg", "format": "gpkg", "visits": 1, "plots": 2}
     assert Path("out.gpkg").is_file()
     assert answer(capsys, "campaign", "export", "-o", "out.gpkg", code=2)["error"]["path"] == "out.gpkg"
+    error = answer(capsys, "campaign", "export", "-o", "maps", "--rasters", code=2)["error"]
+    assert error["message"] == "no visit has rasters: no rasters of r1c1 2026-06-18: [bold]"
+    assert answer(capsys, "campaign", "export", "-o", "maps", "--rasters", "--format", "csv", code=2)
+    assert not Path("maps").exists()
 
 
 def test_where_evaluate_puts_its_results(
@@ -83,7 +99,15 @@ def test_where_evaluate_puts_its_results(
     error = answer(capsys, "evaluate", "photos", "-o", "out", "--campaign", "season", code=2)["error"]
     assert "its own folder" in error["message"]
     # Also a value that is the default is one that campaign.toml has to say.
-    for option in (["--fidelity", "standard"], ["--refine"], ["--seed", "0"], ["--reference", "x"], ["--plan", "x"]):
+    for option in (
+        ["--fidelity", "standard"],
+        ["--refine"],
+        ["--seed", "0"],
+        ["--reference", "x"],
+        ["--plan", "x"],
+        ["--rasters"],
+        ["--gsd", "0.01"],
+    ):
         error = answer(capsys, "evaluate", "photos", "--campaign", "season", *option, code=2)["error"]
         assert error["message"].startswith(option[0])
         assert "campaign.toml" in error["remedy"]

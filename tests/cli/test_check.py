@@ -18,6 +18,7 @@ from fieldkit.geometry import Pose
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.present.terminal.blocks import rendered
 from fieldkit.results.plan_file import plan_from_poses, save_plan
+from tests.campaign.examples import field, plots_geojson
 
 
 @pytest.fixture
@@ -78,6 +79,34 @@ def test_a_mission_needs_vehicle_and_site(capture: tuple[Path, Path], capsys: py
     assert main([*words, "-o", "again.plan"]) == 2
     assert "--vehicle and --site" in capsys.readouterr().err
     assert main([*words, "--vehicle", "px4-gimbal"]) == 2
+
+
+def test_plots_of_a_file_of_their_own(
+    capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Whoever exports with --site and --plots checks with both, and flies again with them."""
+    field_of_two = field(1, 2)
+    (tmp_path / "plots.geojson").write_text(plots_geojson(field_of_two))
+    (tmp_path / "site.toml").write_text(
+        "format = 1\n[home]\nlatitude_deg = 52.296\nlongitude_deg = 10.437\namsl_m = 40.0\n"
+    )
+    words = ["check", str(capture[0]), "--plan", str(capture[1])]
+    site = ["--site", str(tmp_path / "site.toml")]
+    plots = ["--plots", str(tmp_path / "plots.geojson"), "--plot-id", "name"]
+    assert main([*words, *site]) == 3
+    assert "--plots takes such a file" in capsys.readouterr().err
+    assert main([*words, *site, *plots, "--plot", "r9c9"]) == 2
+    assert "Its plots are r1c1, r1c2" in capsys.readouterr().err
+    again = ["--vehicle", "px4-gimbal", "-o", str(tmp_path / "again.plan"), "--adjust"]
+    assert main([*words, *site, *plots, "--plot", "r1c2", *again]) == 0
+    assert 'ids from "name"' in capsys.readouterr().err
+    assert json.loads((tmp_path / "again.mission.json").read_text("utf-8"))["plots"][0]["name"] == "r1c2"
+
+
+@pytest.mark.parametrize("option", ["--plots", "--plot-id", "--plot"])
+def test_plots_belong_to_a_site(option: str, capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(capture[0]), "--plan", str(capture[1]), option, "x"]) == 2
+    assert f"{option} goes with a site file" in capsys.readouterr().err
 
 
 def test_a_plan_that_is_none(capture: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:

@@ -107,6 +107,16 @@ class TestSimulate:
         centers = [capture.priors[p.name].position for p in capture.photos]
         np.testing.assert_allclose(np.array(centers), [p.center for p in ring(3, 1.2, 0.9)], atol=1e-5)
         assert main(arguments) == 2  # exists
+        assert "flight: the result exists already" in capsys.readouterr().err
+        # The truth of a capture that was moved away is kept as well.
+        truth = (tmp_path / "flight.truth.csv").read_bytes()
+        (tmp_path / "flight").rename(tmp_path / "moved")
+        assert main([*arguments, "--seed", "5"]) == 2
+        assert "flight.truth.csv: exists already" in capsys.readouterr().err
+        assert (tmp_path / "flight.truth.csv").read_bytes() == truth
+        assert not (tmp_path / "flight").exists()
+        assert main([*arguments, "--seed", "5", "--overwrite"]) == 0
+        assert (tmp_path / "flight.truth.csv").read_bytes() != truth
 
     def test_other_stations_and_sizes(self, tiny: Path, tmp_path: Path) -> None:
         (tmp_path / "poses.csv").write_text("image,x_m,y_m,z_m,yaw_deg,pitch_deg\na.jpg,0,-1.5,1,0,-30\n")

@@ -8,6 +8,7 @@ import shutil
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fieldkit.campaign import read_campaign, visit_plots
@@ -127,6 +128,43 @@ def test_ground_far_from_level(line: CommandLine, season: Path, small_plot: Path
     assert evaluate(line)[0] == ["B 2026-06-18"]
     (visit,) = read_campaign(season).visits
     assert any("° from level" in note for note in visit.notes), visit.notes
+
+
+@pytest.mark.slow
+def test_height_models(line: CommandLine, season: Path, small_plot: Path) -> None:
+    """The heights are those that evaluating the same photographs alone gives, and the plot is where the site has it."""
+    rasterio = pytest.importorskip("rasterio")
+    pyproj = pytest.importorskip("pyproj")
+    init(line, "--rasters", "--gsd", "0.01")
+    photographs = capture(line, small_plot, "B", "2026-06-18", tilt_deg=1e-6)
+    capture(line, small_plot, "C", "2026-06-18")  # poses.csv in the plan's frame: nowhere on Earth
+    assert evaluate(line)[2]["failed"] == 0
+    assert evaluate(line)[0] == []
+    alone = line.run("evaluate", str(photographs), "-o", "alone", "--rasters", "--gsd", "0.01", *DRAFT)
+    assert alone.code == 0, alone.err
+    done = line.run("campaign", "export", "season", "-o", "maps", "--rasters", "--json")
+    assert done.code == 0, done.err
+    made, refused = done.json["rasters"]
+    assert (refused["plot"], refused["canopy_height"]) == ("C", "")
+    assert "no place on Earth" in refused["no_rasters"]
+    for key, source in (("canopy_height", "canopy-height.tif"), ("surface", "surface.tif")):
+        (own,) = line.folder.joinpath("alone").glob(f"*/{source}")
+        with rasterio.open(line.folder / "maps" / made[key]) as file, rasterio.open(own) as other:
+            assert made[key] == f"B_2026-06-18_{source}"
+            assert file.crs.to_epsg() == made["crs_epsg"] == 32632
+            assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+            heights, expected = file.read(1, masked=True).compressed(), other.read(1, masked=True).compressed()
+            assert np.quantile(heights, 0.99) == pytest.approx(np.quantile(expected, 0.99), abs=0.02)
+            assert np.quantile(heights, 0.05) == pytest.approx(np.quantile(expected, 0.05), abs=0.02)
+            places = []
+            for each in (file, other):
+                rows, columns = np.nonzero(each.read(1, masked=True).filled(-1e9) > np.quantile(expected, 0.9))
+                places.append(each.xy(rows.mean(), columns.mean()))
+            np.testing.assert_allclose(places[0], places[1], atol=0.03)
+            latitude, longitude = (float(v[0]) for v in FIELD.to_geodetic((6.0, 0.0, 0.0))[:2])
+            east, north = pyproj.Transformer.from_crs(4326, 32632, always_xy=True).transform(longitude, latitude)
+            assert file.bounds.left < east < file.bounds.right
+            assert file.bounds.bottom < north < file.bounds.top
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from fieldkit.evaluation.rasters import (
     HeightRaster,
     Rasters,
     canopy_raster,
+    coarse_place,
     require_rasters,
     sampling_m,
     style_text,
@@ -24,6 +25,7 @@ from fieldkit.evaluation.rasters import (
     write_raster,
     write_rasters,
 )
+from fieldkit.geometry import Similarity
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from tests.evaluation.examples import reconstruction
 
@@ -73,6 +75,25 @@ def test_the_surface_is_above_the_datum() -> None:
     assert at(raster, -0.1, 0.05) == pytest.approx(ground + 0.004, abs=1e-3)
 
 
+def test_positions_of_metres_leave_the_plot_where_its_site_has_it(tmp_path: Path) -> None:
+    """A visit's own frame is then moved to where its cameras look; its rasters stay on the plot."""
+    rasterio = pytest.importorskip("rasterio")
+    moved = replace(FRAME, plot_from_source=Similarity(1.0, np.eye(3), np.array([7.0, -4.0, -1.2])))
+    found = replace(FOUND, sparse=replace(FOUND.sparse, frame=moved))
+    for name, at_origin in (("gps", False), ("site", True)):
+        write_rasters(tmp_path / name, found, ReconstructionSettings(), Rasters(CELL_M, at_origin))
+    write_rasters(tmp_path / "right", FOUND, ReconstructionSettings(), Rasters(CELL_M))
+    places = {}
+    for name in ("gps", "site", "right"):
+        with rasterio.open(tmp_path / name / "surface.tif") as file:
+            places[name] = np.array([file.bounds.left, file.bounds.top, file.read(1, masked=True).max()])
+    np.testing.assert_allclose(places["site"], places["right"], atol=1e-6)
+    assert np.hypot(*(places["gps"] - places["right"])[:2]) == pytest.approx(np.hypot(7.0, 4.0), abs=0.05)
+    assert coarse_place(FRAME) == ""
+    assert coarse_place(replace(FRAME, bound_m=None)) == ""
+    assert "good to 3.0 m only" in coarse_place(replace(FRAME, bound_m=4.03 * 3.0))
+
+
 def test_cells_follow_the_pixels() -> None:
     assert sampling_m(0.002) == 0.005
     assert sampling_m(0.008) == 0.008
@@ -96,9 +117,13 @@ def test_a_style_has_its_colours_in_order() -> None:
     text = style_text(0.0, 1.2, ("#ffffff", "#888888", "#000000"))
     shader = ElementTree.fromstring(text.partition("\n")[2]).find("pipe/rasterrenderer/rastershader/colorrampshader")
     assert shader is not None
-    assert [(item.get("value"), item.get("color")) for item in shader] == [
+    assert [(item.get("value"), item.get("color")) for item in shader.findall("item")] == [
         ("0.000", "#ffffff"), ("0.600", "#888888"), ("1.200", "#000000"),
     ]  # fmt: skip
+    ramp = {prop.get("k"): prop.get("v") for prop in shader.findall("colorramp/prop")}
+    assert (ramp["color1"], ramp["color2"]) == ("255,255,255,255", "0,0,0,255")
+    assert ramp["stops"] == "0.5;136,136,136,255"
+    assert {o.get("name"): o.get("value") for o in shader.findall("colorramp/Option/Option")} == ramp
 
 
 def test_files(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import json
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -195,6 +196,19 @@ def test_files_are_kept_and_wrong_names_are_refused(tmp_path: Path) -> None:
 )  # fmt: skip
 def test_a_files_suffix_says_its_format(name: str, asked: str | None, form: str) -> None:
     assert mission_format(Path(name), asked) == form
+
+
+@pytest.mark.parametrize("fenced", [False, True])
+def test_kml_has_no_empty_layer(fenced: bool, tmp_path: Path) -> None:
+    place = site() if fenced else site().model_copy(update={"fence": (), "no_fly": (), "ceiling_m": 30.0})
+    export_mission(planned(), VEHICLE, place, tmp_path / "m.kml", picture=False)
+    space = "{http://www.opengis.net/kml/2.2}"
+    folders = {
+        folder.findtext(f"{space}name"): len(folder.findall(f"{space}Placemark"))
+        for folder in ElementTree.fromstring((tmp_path / "m.kml").read_bytes()).iter(f"{space}Folder")
+    }
+    assert set(folders) == {"Home", "Stations", "Views", "Legs", *(["Fence"] if fenced else [])}
+    assert all(folders.values())
 
 
 def test_one_number_for_a_station_wherever_it_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

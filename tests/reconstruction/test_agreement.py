@@ -97,6 +97,14 @@ def test_the_scale_s_error_is_that_of_positions_over_their_spread(count: int, sp
     assert scale_error(found, sigma_m) == pytest.approx(float(np.std(errors)), rel=0.15)
 
 
+def test_reconstructed_positions_have_none_of_the_errors_in_their_spread() -> None:
+    positions = np.random.default_rng(3).normal(0.0, 1.0, (10, 3))
+    spread = float(np.linalg.norm(positions - positions.mean(axis=0)))
+    assert scale_error(positions, 0.3, with_errors=False) == pytest.approx(0.3 / spread)
+    assert scale_error(positions, 0.3) == pytest.approx(0.3 / np.sqrt(spread**2 - 27 * 0.3**2))
+    assert scale_error(np.zeros((5, 3)), 0.3, with_errors=False) == float("inf")
+
+
 def test_positions_give_no_scale_where_their_errors_are_their_spread() -> None:
     rng = np.random.default_rng(4)
     told = []

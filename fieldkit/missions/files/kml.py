@@ -54,7 +54,8 @@ def kml_bytes(mission: Mission) -> bytes:
     body += _folder("Legs", "".join(line(f"leg {k}", [a, b]) for k, (a, b) in enumerate(pairwise(way))))
     if mission.fence is not None:
         rings = [("inside", p) for p in mission.fence.inside] + [("outside", p) for p in mission.fence.outside]
-        body += _folder("Fence", "".join(_ring(name, corners) for name, corners in rings))
+        if rings:  # an empty folder is an empty layer in QGIS
+            body += _folder("Fence", "".join(_ring(name, corners) for name, corners in rings))
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2">\n'
         f"<Document>\n<name>{escaped(mission.name)}</name>\n{body}</Document>\n</kml>\n"

@@ -33,8 +33,8 @@ from fieldkit.results.report_files import (
     load_evaluation_report,
     load_reference_report,
 )
+from fieldkit.results.visit import CAMPAIGN_FILE
 
-CAMPAIGN_FILE = "campaign.toml"
 DEPTH = 2
 """Levels below the folder that are searched."""
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from fieldkit.present.content import Cell, Column, Mark, Table, Terms
 from fieldkit.present.style import decimal, listed, metres
-from fieldkit.present.tables.tabulated import MOST_ROWS, tabulated
+from fieldkit.present.tables.tabulated import MOST_ROWS, cut_note, tabulated
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation
 
 ACHIEVED_BY = {
@@ -43,11 +43,11 @@ def station_table(found: AdherenceEntry) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (s.station, s.image, metres(s.east_m), metres(s.north_m), metres(s.up_m), decimal(s.yaw_deg, 1),
          decimal(s.pitch_deg, 1), decimal(s.speed_mps), decimal(s.turning_dps, 1))
-        for s in found.stations[:MOST_ROWS]
+        for s in found.stations
     ]  # fmt: skip
-    rows += [(name, Mark("problem", "no photograph"), *(None,) * 7) for name in found.missing[:MOST_ROWS]]
-    note = f"Achieved less planned, by {ACHIEVED_BY[found.achieved_by]}."
-    return Table("How the flight kept to its plan", columns, tuple(rows), note)
+    rows += [(name, Mark("problem", "no photograph"), *(None,) * 7) for name in found.missing]
+    note = f"Achieved less planned, by {ACHIEVED_BY[found.achieved_by]}. {cut_note(len(rows))}".strip()
+    return Table("How the flight kept to its plan", columns, tuple(rows[:MOST_ROWS]), note)
 
 
 def difference_table(found: AdherenceEntry) -> Table:

@@ -27,6 +27,10 @@ def tabulated(
     shown = things[:MOST_ROWS]
     filled = [(column, [cell(thing) for thing in shown]) for column, cell in columns]
     kept = [(column, cells) for column, cells in filled if not shown or any(cell is not None for cell in cells)]
-    cut = f"The first {MOST_ROWS} of {len(things)}." if len(things) > MOST_ROWS else ""
     rows = tuple(zip(*(cells for _, cells in kept), strict=True))
-    return Table(caption, tuple(column for column, _ in kept), rows, f"{note} {cut}".strip())
+    return Table(caption, tuple(column for column, _ in kept), rows, f"{note} {cut_note(len(things))}".strip())
+
+
+def cut_note(rows: int) -> str:
+    """That a table shows the first of so many rows only; empty where it has them all."""
+    return f"The first {MOST_ROWS} of {rows}." if rows > MOST_ROWS else ""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from fieldkit.present.content import Column
+from fieldkit.present.tables.adherence import station_table
 from fieldkit.present.tables.tabulated import MOST_ROWS, tabulated
+from fieldkit.results.evaluation import AdherenceEntry
 
 
 def test_columns_that_say_nothing_are_left_out() -> None:
@@ -27,3 +29,14 @@ def test_long_tables_are_cut_and_say_so() -> None:
     table = tabulated("t", range(MOST_ROWS + 1), ((Column("k"), str),))
     assert len(table.rows) == MOST_ROWS
     assert table.note == f"The first {MOST_ROWS} of {MOST_ROWS + 1}."
+
+
+def test_stations_beyond_the_most_are_counted() -> None:
+    for count, said in ((MOST_ROWS, ""), (MOST_ROWS + 3, f" The first {MOST_ROWS} of {MOST_ROWS + 3}.")):
+        missing = tuple(f"station {k + 1}" for k in range(count))
+        found = AdherenceEntry(
+            stations=(), missing=missing, extra=(), horizontal_rms_m=None, yaw_rms_deg=None, pitch_rms_deg=None
+        )
+        table = station_table(found)
+        assert len(table.rows) == MOST_ROWS
+        assert table.note == f"Achieved less planned, by the autopilot's own estimate.{said}"

@@ -1,0 +1,145 @@
+"""A campaign's height models in one folder, to be opened in QGIS: named by plot and date, in the same colours."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.campaign.evaluate_visit import WITHOUT_RASTERS
+from fieldkit.campaign.export import campaign_geopackage
+from fieldkit.campaign.folder_names import folder_name
+from fieldkit.campaign.reading import Campaign
+from fieldkit.campaign.visit_folders import visit_files
+from fieldkit.documents.csv_text import csv_text
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.evaluation.rasters import CANOPY_FILE, SURFACE_FILE, color_span, require_rasters, write_style
+from fieldkit.files import atomic_folder, write_atomic
+from fieldkit.present.style import count, listed
+from fieldkit.results.report_files import load_evaluation_report
+from fieldkit.results.visit import CAMPAIGN_FILE, Visit
+
+RASTERS_FILE, GEOPACKAGE_FILE = "rasters.csv", "campaign.gpkg"
+_FILES = (CANOPY_FILE, SURFACE_FILE)
+_NOT_MADE = "evaluated without rasters"
+
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class RasterRow:
+    """A visit's height models.
+
+    Attributes:
+        plot, date: of the visit.
+        canopy_height, surface: files; "" where there are none.
+        crs_epsg, cell_m: of both.
+        height_datum: that the surface's heights are above: ellipsoid, sea level or unknown.
+        no_rasters: why there are none.
+        notes: of the visit.
+    """
+
+    plot: str
+    date: str
+    canopy_height: str = ""
+    surface: str = ""
+    crs_epsg: int | None = None
+    cell_m: float | None = None
+    height_datum: str = ""
+    no_rasters: str = ""
+    notes: str = ""
+
+
+def export_rasters(campaign: Campaign, output: Path, *, overwrite: bool = False) -> tuple[RasterRow, ...]:
+    """Write all visits' height models into a folder, with rasters.csv and the GeoPackage of `campaign_geopackage`.
+
+    The rasters are the visits' own, byte for byte. Their styles are made anew: all canopy heights have the same
+    colours, and so have all surfaces, so that plots and dates can be compared by eye.
+
+    Args:
+        campaign: as read.
+        output: folder.
+        overwrite: replace an earlier one.
+
+    Returns:
+        A row per visit, as rasters.csv has them.
+
+    Raises:
+        UsageError: no visit has rasters, the folder exists, or the extra is not installed.
+        StorageError: it cannot be written.
+    """
+    require_rasters()
+    with atomic_folder(Path(output), overwrite=overwrite, marker=RASTERS_FILE) as folder:
+        made = [_copied(campaign, visit, folder) for visit in campaign.visits]
+        rows = tuple(row for row, _ in made)
+        spans = np.array([found for _, found in made if found])  # (visits, canopy and surface, low and high)
+        if not len(spans):
+            raise _nothing(campaign, rows)
+        canopy, surface = zip(spans[:, :, 0].min(axis=0).tolist(), spans[:, :, 1].max(axis=0).tolist(), strict=True)
+        for row in rows:
+            if not row.no_rasters:
+                write_style(folder / row.canopy_height, canopy, canopy=True)
+                write_style(folder / row.surface, surface, canopy=False)
+        columns = [field.name for field in fields(RasterRow)]
+        write_atomic(folder / RASTERS_FILE, csv_text(columns, (astuple(row) for row in rows)))
+        write_atomic(folder / GEOPACKAGE_FILE, campaign_geopackage(campaign))
+    return rows
+
+
+def without_rasters(rows: Iterable[RasterRow]) -> list[str]:
+    """Which visits have no rasters, and why: a sentence for each reason."""
+    reasons: dict[str, list[str]] = {}
+    for row in rows:
+        if row.no_rasters:
+            reasons.setdefault(row.no_rasters, []).append(f"{row.plot} {row.date}")
+    return [f"no rasters of {listed(visits)}: {reason}" for reason, visits in reasons.items()]
+
+
+def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, tuple[Span, ...]]:
+    """A visit's rasters copied into a folder: its row, and the spans of their colours."""
+    import rasterio
+    from rasterio.errors import RasterioError
+
+    notes = "; ".join(visit.notes)
+    canopy, surface = names = [f"{folder_name(visit.plot)}_{visit.date}_{name}" for name in _FILES]
+    try:
+        files = visit_files(campaign.folder, visit)
+        if any(name not in files for name in _FILES):
+            return RasterRow(visit.plot, visit.date, no_rasters=_reason(visit), notes=notes), ()
+        spans = []
+        for name, file in zip(names, _FILES, strict=True):
+            with rasterio.open(files[file]) as raster:
+                heights = raster.read(1, masked=True).filled(np.nan)
+                spans.append(color_span(heights, canopy=file == CANOPY_FILE))
+                epsg = None if raster.crs is None else raster.crs.to_epsg()
+                cell_m = float(raster.res[0])
+            shutil.copyfile(files[file], folder / name)
+        frame = load_evaluation_report(campaign.folder / visit.folder).plots[0].frame
+    except (MetadataError, RasterioError) as error:
+        for name in names:
+            (folder / name).unlink(missing_ok=True)
+        return RasterRow(visit.plot, visit.date, no_rasters=f"cannot be read: {error}", notes=notes), ()
+    datum = "" if frame is None or frame.origin is None else frame.origin.datum
+    return RasterRow(visit.plot, visit.date, canopy, surface, epsg, cell_m, datum, notes=notes), tuple(spans)
+
+
+def _reason(visit: Visit) -> str:
+    said = [note.removeprefix(WITHOUT_RASTERS) for note in visit.notes if note.startswith(WITHOUT_RASTERS)]
+    return visit.error or "; ".join(said) or _NOT_MADE
+
+
+def _nothing(campaign: Campaign, rows: Sequence[RasterRow]) -> UsageError:
+    if not rows:
+        return UsageError("there are no visits yet", remedy="Evaluate photographs with `fieldkit evaluate` first.")
+    reasons = without_rasters(rows)
+    more = f" ({count(len(reasons) - 1, 'more reason')})" if len(reasons) > 1 else ""
+    remedy = "Correct what it says, and evaluate the photographs again."
+    if any(row.no_rasters == _NOT_MADE for row in rows):
+        remedy = (
+            f"Write rasters = true under [evaluation] in {campaign.folder / CAMPAIGN_FILE}, and give the same "
+            "photographs to `fieldkit evaluate` again."
+        )
+    return UsageError(f"no visit has rasters: {reasons[0]}{more}", remedy=remedy)
