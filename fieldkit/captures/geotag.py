@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from fieldkit.captures.model import Photo
 from fieldkit.documents.csv_text import on_one_line
 from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame
 from fieldkit.regular_files import check_replaceable
 
 _HEADER = ("image", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "accuracy_m")
@@ -32,8 +33,8 @@ class PhotoPose:
 
     Attributes:
         image: file name.
-        position: east, north, up, metres.
-        yaw_deg: of the optical axis, clockwise from north; None where the log does not say.
+        position: metres: x east, or along the rows in a plot's frame, z up.
+        yaw_deg: of the optical axis, clockwise from the y axis; None where the log does not say.
         pitch_deg: 0 at the horizon; None where the log does not say.
         accuracy_m: one standard deviation.
         trigger: index in the log.
@@ -57,7 +58,7 @@ class GeotagReport:
         images: photographs read.
         poses: of those that were matched, in the order of the photographs.
         matches: how photographs and triggers belong together.
-        origin: of the frame of the poses (x east, y north, z up; z = 0 at its altitude above mean sea level).
+        origin: of the frame of the poses (z up; z = 0 at its altitude above mean sea level).
         origin_source: where that is from: "home of the log", "given", "first trigger".
         triggers: in the log.
         remarks: of the log and of the matching.
@@ -78,6 +79,7 @@ def geotag(
     output: Path,
     *,
     origin: LocalFrame | None = None,
+    heading_deg: float = EAST_DEG,
     mount: FixedMount | None = None,
     accuracy_m: float | None = None,
     offset_s: float | None = None,
@@ -85,13 +87,14 @@ def geotag(
 ) -> GeotagReport:
     """Write a poses.csv for the photographs of a flight.
 
-    Positions are the autopilot's estimate of the vehicle's place, in one east-north-up frame.
+    Positions are the autopilot's estimate of the vehicle's place, in one frame.
 
     Args:
         images: folder of photographs; nothing in it is changed, but for ``output`` where that lies in it.
         log: flight log.
         output: poses.csv to write.
         origin: of the frame, its altitude above mean sea level; None takes the log's home.
+        heading_deg: compass heading of the frame's x axis: of a plot's rows, so that it is the plan's frame.
         mount: of a camera without a gimbal.
         accuracy_m: of the positions; None takes what the log's GNSS receiver states.
         offset_s: camera's clock less UTC, where it is known.
@@ -119,6 +122,7 @@ def geotag(
             path=log,
             remedy="Check that log and photographs are of one flight; --camera-offset gives the camera's clock error.",
         )
+    poses = [turned(pose, heading_deg) for pose in poses]
     write_atomic(output, poses_table(poses))
     others = (f"{f.name}: left out: {f.message}" for f in capture.findings if f.code == "other-camera")
     remarks = (*flight.remarks, *matches.remarks, *others)
@@ -173,6 +177,16 @@ def local_poses(
             accuracy = _accuracy(trigger) if accuracy_m is None else accuracy_m
             poses.append(PhotoPose(name, position, pose.yaw_deg, pose.pitch_deg, accuracy, by_name[name], pose.source))
     return poses
+
+
+def turned(pose: PhotoPose, heading_deg: float) -> PhotoPose:
+    """A pose of an east-north-up frame in the frame about the same origin whose x axis has a compass heading."""
+    if heading_deg == EAST_DEG:
+        return pose
+    s, c = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
+    east, north, up = pose.position
+    yaw = None if pose.yaw_deg is None else (pose.yaw_deg - heading_deg + EAST_DEG) % 360.0
+    return replace(pose, position=(s * east + c * north, s * north - c * east, up), yaw_deg=yaw)
 
 
 def poses_table(poses: Sequence[PhotoPose]) -> str:

@@ -32,8 +32,8 @@ class FrameOptions:
         ),
     ] = ""
 
-    def frame(self, place: SitePlotOptions, *, tell: Tell | None) -> LocalFrame | None:
-        """East-north-up; None for the log's home.
+    def frame(self, place: SitePlotOptions, *, tell: Tell | None) -> tuple[LocalFrame | None, float]:
+        """The origin, None for the log's home, and the compass heading of the x axis: a plot's rows, else east.
 
         Args:
             place: the plot whose origin it is.
@@ -43,20 +43,20 @@ class FrameOptions:
             UsageError: the options contradict each other or say no place.
             MetadataError: the site file cannot be used.
         """
+        from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, on_earth
+
         if self.origin and place.site is not None:
             raise UsageError("--origin and --site both say where the frame lies", remedy="Give one of them.")
         site = place.load(tell=tell)
         if site is not None:
             return _of_site(site, place)
         if not self.origin:
-            return None
+            return None, EAST_DEG
         latitude, longitude, altitude = read_numbers("--origin", self.origin, (3,), least=-1000.0)
-        from fieldkit.geometry.geodesy import LocalFrame, on_earth
-
         if not on_earth(latitude, longitude) or altitude > 10_000.0:
             remedy = "Write it like --origin 50.865,6.4473,92 (latitude first)."
             raise UsageError(f"--origin: not on Earth: {self.origin}", remedy=remedy)
-        return LocalFrame(latitude, longitude, altitude, "sea level")
+        return LocalFrame(latitude, longitude, altitude, "sea level"), EAST_DEG
 
 
 @grouped
@@ -98,15 +98,15 @@ def command(
     See Also:
         fieldkit evaluate --log
     """
-    origin, fixed = frame.frame(place, tell=None if as_json else say), _mount(mount)
+    (origin, heading_deg), fixed = frame.frame(place, tell=None if as_json else say), _mount(mount)
     from fieldkit.captures.geotag import geotag
 
     report = geotag(
-        images, log, output, origin=origin, mount=fixed, accuracy_m=accuracy, offset_s=camera_offset,
+        images, log, output, origin=origin, heading_deg=heading_deg, mount=fixed, accuracy_m=accuracy, offset_s=camera_offset,
         overwrite=overwrite,
     )  # fmt: skip
     if as_json:
-        emit_json({"output": output, **_facts(report)})
+        emit_json({"output": output, **_facts(report), "x_heading_deg": heading_deg})
     else:
         _tell(report, output)
 
@@ -141,8 +141,8 @@ def _tell(report: GeotagReport, output: Path) -> None:
         say(remark)
 
 
-def _of_site(site: Site, place: SitePlotOptions) -> LocalFrame:
-    """East-north-up at a plot's origin; the row heading does not turn it."""
+def _of_site(site: Site, place: SitePlotOptions) -> tuple[LocalFrame, float]:
+    """A plot's origin and the heading of its rows: the plan's frame there."""
     from fieldkit.geometry.geodesy import LocalFrame
 
     path, name = place.site, place.plot
@@ -157,7 +157,8 @@ def _of_site(site: Site, place: SitePlotOptions) -> LocalFrame:
             path=path,
             remedy="Give the home's amsl_m and the plot's height above home, or --origin LAT,LON,ALT.",
         )
-    return LocalFrame(plot.latitude_deg, plot.longitude_deg, zero + plot.height_m, "sea level")
+    origin = LocalFrame(plot.latitude_deg, plot.longitude_deg, zero + plot.height_m, "sea level")
+    return origin, plot.row_heading_deg
 
 
 def _mount(text: str) -> FixedMount | None:

@@ -20,6 +20,8 @@ _SEMI_MINOR_M = SEMI_MAJOR_M * (1.0 - FLATTENING)
 _E2 = FLATTENING * (2.0 - FLATTENING)
 _EP2 = _E2 / (1.0 - _E2)
 
+EAST_DEG = 90.0
+"""Compass heading of east."""
 DATUMS = ("ellipsoid", "sea level", "unknown")
 """What an altitude is measured from."""
 

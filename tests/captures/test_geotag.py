@@ -9,14 +9,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fieldkit.captures import read_capture
 from fieldkit.captures.flight_logs import FixedMount, read_flight_log
-from fieldkit.captures.geotag import geotag, poses_table
+from fieldkit.captures.geotag import PhotoPose, geotag, poses_table, turned
 from fieldkit.captures.poses_csv import parse_poses_csv
 from fieldkit.cli import geotag as geotag_command
 from fieldkit.errors import CaptureError, MetadataError, UsageError
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.plan_site.placement import PlotFrame
 from tests.captures.flight_logs.recordings import description, recording
 from tests.captures.photographs import MakePhoto, exif_block, gps_tags
 
@@ -92,6 +95,20 @@ def test_another_origin_and_a_fixed_camera(photographs: Path, tmp_path: Path) ->
         assert (pose.position[0] ** 2 + pose.position[1] ** 2) ** 0.5 == pytest.approx(2.5, abs=0.1)
         assert pose.pitch_deg == pytest.approx(-45.0, abs=0.3)
         assert pose.source == "fixed mount"
+
+
+@given(st.floats(0.0, 360.0, exclude_max=True), st.floats(0.0, 359.0), st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
+def test_a_plots_frame_is_the_plans(heading_deg: float, yaw_deg: float, x: float, y: float) -> None:
+    origin = LocalFrame(50.865, 6.4473, 92.06, "sea level")
+    plot = PlotFrame(origin, 0.0, heading_deg)
+    latitude, longitude, height = plot.to_geodetic((x, y, 1.5))
+    compass = float(plot.headings((x, y, 1.5), yaw_deg)[0])
+    east, north, up = origin.to_local(latitude, longitude, height + origin.altitude_m)[0]
+    found = turned(PhotoPose("a.jpg", (east, north, up), compass, -45.0, 0.02, 0, "gimbal"), heading_deg)
+    assert found.position == pytest.approx((x, y, 1.5), abs=1e-6)
+    assert found.yaw_deg is not None
+    assert abs((found.yaw_deg - yaw_deg + 180.0) % 360.0 - 180.0) < 1e-3
+    assert found.pitch_deg == -45.0
 
 
 def test_whole_seconds_with_gps(photo_file: MakePhoto, tmp_path: Path) -> None:

@@ -19,8 +19,11 @@ def test_the_frame_is_a_plots(tmp_path: Path) -> None:
     site = tmp_path / "site.toml"
     site.write_text("format = 1\n[home]\nlatitude_deg = 52.296\nlongitude_deg = 10.437\namsl_m = 40.0\n")
     told: list[str] = []
-    frame = FrameOptions().frame(SitePlotOptions(site, tmp_path / "plots.geojson", None, "r1c2"), tell=told.append)
+    frame, heading_deg = FrameOptions().frame(
+        SitePlotOptions(site, tmp_path / "plots.geojson", None, "r1c2"), tell=told.append
+    )
     assert frame is not None
+    assert heading_deg == FIELD[1].row_heading_deg
     expected = (FIELD[1].latitude_deg, FIELD[1].longitude_deg)
     assert (frame.latitude_deg, frame.longitude_deg) == pytest.approx(expected, abs=1e-7)
     assert (frame.altitude_m, frame.datum) == (40.0, "sea level")
@@ -30,7 +33,7 @@ def test_the_frame_is_a_plots(tmp_path: Path) -> None:
 
 
 def test_contradictions() -> None:
-    assert FrameOptions().frame(SitePlotOptions(), tell=None) is None
+    assert FrameOptions().frame(SitePlotOptions(), tell=None) == (None, 90.0)
     with pytest.raises(UsageError, match="--plots goes with a site file"):
         FrameOptions("50.8,6.4,90").frame(SitePlotOptions(plots=Path("x")), tell=None)
     with pytest.raises(UsageError, match="both say where"):
