@@ -102,8 +102,8 @@ def command(
     from fieldkit.captures.geotag import geotag
 
     report = geotag(
-        images, log, output, origin=origin, heading_deg=heading_deg, mount=fixed, accuracy_m=accuracy, offset_s=camera_offset,
-        overwrite=overwrite,
+        images, log, output, origin=origin, heading_deg=heading_deg, mount=fixed, accuracy_m=accuracy,
+        offset_s=camera_offset, overwrite=overwrite,
     )  # fmt: skip
     if as_json:
         emit_json({"output": output, **_facts(report), "x_heading_deg": heading_deg})
