@@ -11,6 +11,10 @@ if TYPE_CHECKING:
 DASH = "–"
 """Stands for missing values."""
 
+DISTANCE_RAMP = ("#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a")
+"""Colours of distances to a reference in every picture, map and view, from none to large: blue through light yellow to
+red, safe for colour-blind eyes."""
+
 _FIRST_METRE = 0.0995  # longer lengths are written in metres
 
 

@@ -6,15 +6,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from fieldkit.present.style import DISTANCE_RAMP
+
 WIDTH = 640.0
 _MARGIN, _LEGEND = 26.0, 44.0
 _MOST_HEIGHT, _LEAST_HEIGHT = 560.0, 180.0
 _MOST_LABELS_BELOW, _LONGEST_BELOW = 24, 12
 _LIGHT = 0.18  # relative luminance above which black reads better than white (WCAG 2.2)
 _POINT_M = 1.0  # half the side of a plot known only as a point
-
-RAMP = ("#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a")
-"""Blue through light yellow to red, safe for colour-blind eyes; as in comparison.png. For what is worse where more."""
 
 GREENS = ("#eef8c4", "#b3dd8b", "#5fb96a", "#1f8a50", "#00582f")
 """Light to dark: for what is only more or less."""
@@ -54,7 +53,7 @@ class Measure:
     unit: str
     values: Mapping[str, Mapping[str, float]]
     notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    ramp: tuple[str, ...] = RAMP
+    ramp: tuple[str, ...] = DISTANCE_RAMP
 
 
 @dataclass(frozen=True)
@@ -193,7 +192,7 @@ def _drawn(plots: PlotMap, measure: Measure, place: Callable[[Corner], Corner]) 
     return DrawnMeasure(measure, tuple(dates), f"{low:.3g}", f"{high:.3g}", stops)
 
 
-def ramp_color(share: float, ramp: Sequence[str] = RAMP) -> str:
+def ramp_color(share: float, ramp: Sequence[str] = DISTANCE_RAMP) -> str:
     """A ramp's colour at 0 (low) to 1 (high), as "#rrggbb"."""
     at = min(max(share, 0.0), 1.0) * (len(ramp) - 1)
     first = min(int(at), len(ramp) - 2)

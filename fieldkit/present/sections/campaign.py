@@ -24,9 +24,9 @@ from fieldkit.present.content import (
     Table,
 )
 from fieldkit.present.html.charts import LineChart, Series
-from fieldkit.present.html.plot_map import GREENS, RAMP, MappedPlot, Measure, PlotMap
+from fieldkit.present.html.plot_map import GREENS, MappedPlot, Measure, PlotMap
 from fieldkit.present.sections.loaded_results import CampaignResult
-from fieldkit.present.style import decimal, format_length, metres, millimetres
+from fieldkit.present.style import DISTANCE_RAMP, decimal, format_length, metres, millimetres
 from fieldkit.present.tables.scores import distances_of, interval, score_columns, trait_columns
 from fieldkit.present.tables.tabulated import MOST_ROWS, tabulated
 from fieldkit.results.doubtful import OTHER_PLANTS
@@ -49,7 +49,7 @@ class _Shown:
     name: str
     unit: str
     value: Callable[[Visit], float | None]
-    ramp: tuple[str, ...] = RAMP
+    ramp: tuple[str, ...] = DISTANCE_RAMP
 
 
 _SHOWN = (
