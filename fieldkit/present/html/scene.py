@@ -96,6 +96,7 @@ class ViewerScene:
         points, frusta, lines: its layers, in the order of their switches.
         places: names of places; where two would cover each other, the first is shown.
         north: (x, y) of true north in the frame, of length 1; None where it is not known.
+        metric: whether lengths are metres; else they are units of the reconstruction's own.
         subject: what a still picture must hold: the clouds, or the cameras too.
     """
 
@@ -105,4 +106,5 @@ class ViewerScene:
     lines: Sequence[LineLayer] = field(default=())
     places: Sequence[PlaceName] = field(default=())
     north: tuple[float, float] | None = None
+    metric: bool = True
     subject: Literal["clouds", "cameras"] = "clouds"

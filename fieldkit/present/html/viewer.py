@@ -57,7 +57,8 @@ def viewer_script() -> str:
 def viewer_style() -> str:
     """The content of the page's one ``<style>`` for all views."""
     style = (_folder() / "web" / "viewer.css").read_text(encoding="utf-8")
-    return f"{style}.fk-view-bar, .fk-view-mark-scale {{ background: linear-gradient(90deg, {', '.join(DISTANCE_RAMP)}); }}\n"
+    ramp = f"linear-gradient(90deg, {', '.join(DISTANCE_RAMP)})"
+    return f"{style}.fk-view-bar, .fk-view-mark-scale {{ background: {ramp}; }}\n"
 
 
 def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
@@ -76,6 +77,7 @@ def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
         "frusta": [_frustum_data(layer) for layer in scene.frusta],
         "lines": [_line_data(layer) for layer in scene.lines],
         "places": [{"text": visible(place.text), "at": plain_floats(np.array(place.at))} for place in scene.places],
+        "metric": scene.metric,
         "north": None if scene.north is None else plain_floats(np.array(scene.north), 6),
         "palette": list(DISTANCE_RAMP),
         "focus": _focus(scene),

@@ -66,7 +66,7 @@ def reference_view(result: ReferenceResult) -> tuple[ViewerScene | None, str]:
     layer = PointLayer("Reference", *_drawn(cloud))
     frusta = _camera_layers(report.image_reports, report.cameras, "Cameras")
     title = f"{report.source}: the reference and its {report.right} cameras"
-    return ViewerScene(title, (layer,), frusta, north=_north_of(report)), ""
+    return ViewerScene(title, (layer,), frusta, north=_north_of(report), metric=report.metric), ""
 
 
 def plot_view(
@@ -122,7 +122,7 @@ def plot_view(
     if shifts:
         lines.append(LineLayer("From known to achieved position", shifts, _FENCE, shown=False))
     title = f"{plot.name}: the capture{' against its reference' * (distances is not None)}"
-    return ViewerScene(title, layers, frusta, lines, north=_north_of(plot)), note
+    return ViewerScene(title, layers, frusta, lines, north=_north_of(plot), metric=plot.metric), note
 
 
 def plan_view(result: PlanResult, results: Results) -> tuple[ViewerScene | None, str]:
@@ -350,7 +350,7 @@ def _number(station: str) -> str:
 
 def _north_of(report: ReconstructionEntry) -> tuple[float, float] | None:
     """True north in a plot frame; None where it is not georeferenced."""
-    if report.frame is None or report.frame.origin is None:
+    if report.metric_source is None or report.frame is None or report.frame.origin is None:
         return None
     x, y, _ = source_frame(report.metric_source, report.frame).from_source.rotation[:, 1]
     return float(x / np.hypot(x, y)), float(y / np.hypot(x, y))

@@ -205,7 +205,7 @@ class TestSummary:
         (part,) = read_results(tmp_path / "run").plans
         first, circles = summarise(Results(tmp_path, plans=(part,)))[:2]
         assert "7 camera poses" in first.text
-        assert "4.10 mm ± 0.20 mm (standard deviation of 3 confirmations)" in first.text
+        assert "4.10 ± 0.20 mm (standard deviation of 3 confirmations)" in first.text
         best = min(t.value_m for t in part.trials if t.origin.startswith("circle"))
         assert f"{100 * (1 - 0.0051 / best):.0f} % lower than the best of 3 circles" in circles.text
         assert circles.level == "good"

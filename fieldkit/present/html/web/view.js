@@ -8,7 +8,7 @@ import { ASIDE, above, frustumDepth, placeToSeeAll } from "./framing.js";
 import { Labels } from "./labels.js";
 import { frusta, grid, niceStep, polylines } from "./marks.js";
 import { Names, pixelsPerMetre } from "./names.js";
-import { ScaleBar, metres } from "./scale_bar.js";
+import { ScaleBar, lengthWords } from "./scale_bar.js";
 import { Triad } from "./triad.js";
 import { paint, rgb, unpack } from "./unpack.js";
 
@@ -120,8 +120,9 @@ export class View {
     this.target = this.controls.target;
     this.use(this.camera);
     this.controls.update();
-    this.triad ??= new Triad(this.stage, `Grid ${metres(this.step)}`, this.data.north);
-    this.scaleBar ??= new ScaleBar(this.stage);
+    const words = (length) => lengthWords(length, this.data.metric);
+    this.triad ??= new Triad(this.stage, `Grid ${words(this.step)}`, this.data.north);
+    this.scaleBar ??= new ScaleBar(this.stage, words);
     this.off = new AbortController();
     const { signal } = this.off;
     const on = (target, name, act) => target.addEventListener(name, act, { signal });
