@@ -5,7 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fieldkit.campaign import Visit
-from fieldkit.present.content import Block, Details, Map, Paragraph, Picture, Section, Statement, Statements, Still
+from fieldkit.present.content import (
+    Block,
+    Details,
+    Map,
+    Paragraph,
+    Picture,
+    Section,
+    Statement,
+    Statements,
+    Still,
+    Table,
+)
 from fieldkit.present.sections.campaign import campaign_anchor, plot_map, traits_table
 from fieldkit.present.sections.demo import demo_blocks
 from fieldkit.present.sections.loaded_results import PlanResult, Results
@@ -15,6 +26,7 @@ from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import PlotEvaluation
 
 HEADING = "In short"
+_LONG = 24  # rows of tables
 _AFTER_REFERENCE = "Plan few views on it: fieldkit plan with this folder, and -o for the plan's."
 _AFTER_PLAN = (
     "Put the plan on your plots: fieldkit export-mission with --plan, --site and --vehicle writes the file to fly."
@@ -45,22 +57,29 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
     ]  # fmt: skip
     blocks += [Map(shown) for shown in maps]
     blocks += [Still(picture, caption) for caption, picture in ([] if maps else pictures)]
-    for result in results.campaigns:
-        dates = result.campaign.dates
-        blocks += [traits_table(result.campaign, dates[-1])] if dates else []
-    several = len(results.evaluations) > 1
-    for evaluation in results.evaluations:
-        plots = [plot for plot in evaluation.report.plots if plot.error is None]
-        blocks += plant_tables(plots, evaluation.report.source if several else "")
+    tables = list(_plants(results))
     ordered = sorted(to_do, key=lambda each: each.level != "problem")
     todo: list[Block] = [Statements(tuple(ordered))] if ordered else []
     if step := next_step(results):
         todo.append(Paragraph(step))
-    if todo:
-        blocks.append(Details("What to do next", tuple(todo), is_open=True))
+    next_block = [Details("What to do next", tuple(todo), is_open=True)] if todo else []
+    # Nobody looks for it below long tables.
+    long = sum(len(table.rows) for table in tables) > _LONG
+    blocks += [*next_block, *tables] if long else [*tables, *next_block]
     if rest:
         blocks.append(Details("Everything that was found", (Statements(rest),)))
     return Section("summary", HEADING, tuple(blocks))
+
+
+def _plants(results: Results) -> Iterator[Table]:
+    """What grows on the plots: of each campaign's last date, and of each evaluation."""
+    for result in results.campaigns:
+        if dates := result.campaign.dates:
+            yield traits_table(result.campaign, dates[-1])
+    several = len(results.evaluations) > 1
+    for evaluation in results.evaluations:
+        plots = [plot for plot in evaluation.report.plots if plot.error is None]
+        yield from plant_tables(plots, evaluation.report.source if several else "")
 
 
 def verdict(results: Results, statements: Sequence[Statement]) -> Statement:
@@ -122,8 +141,8 @@ def _distances(plots: Sequence[PlotEvaluation]) -> str:
     measured = [plot.chamfer_m for plot in same if plot.chamfer_m is not None]
     predicted = [p.chamfer_m for plot in same if plot.chamfer_m is None and (p := plot.prediction) is not None]
     parts = [
-        f"{format_range(known)} {said}"
-        for values, said in ((measured, "from the reference"), (predicted, "from the plants as predicted"))
+        f"{said} {format_range(known)}"
+        for values, said in ((measured, "chamfer distance"), (predicted, "predicted chamfer distance"))
         if (known := [value for value in values if value is not None])
     ]
     return f" ({listed(parts)})" if parts else ""

@@ -23,6 +23,7 @@ _HEIGHT, _SMALL, _GAP = 420, 90, 16  # pixels
 _WIDEST = 720
 _QUALITY = 80
 _MARGIN = 0.04
+_STRAY, _BEYOND = 0.01, 0.2  # share of points on each side that may lie outside; room beyond the others, as a share
 _PAPER = 255
 _MOST_POINTS = 400_000
 _GREY = np.array([[120, 140, 125]], dtype=np.uint8)
@@ -55,10 +56,13 @@ def still(scene: ViewerScene, *, height: int = _HEIGHT, marked: bool = True) -> 
     filling = np.concatenate([points, marks]) if about_cameras else points
     if not len(filling):
         return None
-    share = 0.0 if about_cameras else 0.001
-    lower, upper = np.quantile(filling, share, axis=0), np.quantile(filling, 1.0 - share, axis=0)
-    room = (2 if about_cameras else 1) * _MARGIN * float(max((upper - lower).max(), 1e-3))
-    lower, upper = lower - room, upper + room
+    lower, upper = filling.min(axis=0), filling.max(axis=0)
+    if not about_cameras:  # single points far out, such as weeds, would make the plants small
+        inner = np.quantile(filling, (_STRAY, 1.0 - _STRAY), axis=0)
+        room = _BEYOND * (inner[1] - inner[0])
+        lower, upper = np.maximum(lower, inner[0] - room), np.minimum(upper, inner[1] + room)
+    margin = _MARGIN * float(max((upper - lower).max(), 1e-3))
+    lower, upper = lower - margin, upper + margin
     directions = (TOP,) if scene.places else (FRONT, TOP)
     most = round(_ALONE * height) if scene.places else height
     scale = min(_scale(direction, upper - lower, most) for direction in directions)
