@@ -10,7 +10,7 @@ from fieldkit.present.style import DISTANCE_RAMP
 
 WIDTH = 640.0
 _MARGIN, _LEGEND = 26.0, 44.0
-_MOST_HEIGHT, _LEAST_HEIGHT = 560.0, 180.0
+_MOST_HEIGHT, _FEW_HEIGHT, _LEAST_HEIGHT = 560.0, 360.0, 180.0  # few plots leave room for their figures below
 _MOST_LABELS_BELOW, _LONGEST_BELOW = 24, 12
 _LETTER, _NARROW_LETTER = 12.0, 22.0  # of the plots' names; drawings are shown smaller on a narrow screen
 _LIGHT = 0.18  # relative luminance above which black reads better than white (WCAG 2.2)
@@ -153,7 +153,8 @@ def draw_map(plots: PlotMap) -> DrawnMap:
         raise ValueError("a map needs plots with finite coordinates")
     west, east = min(x for x, _ in corners), max(x for x, _ in corners)
     south, north = min(y for _, y in corners), max(y for _, y in corners)
-    scale = min((WIDTH - 2 * _MARGIN) / (east - west), (_MOST_HEIGHT - 2 * _MARGIN) / (north - south))
+    most = _MOST_HEIGHT if len(plots.plots) > _MOST_LABELS_BELOW else _FEW_HEIGHT
+    scale = min((WIDTH - 2 * _MARGIN) / (east - west), (most - 2 * _MARGIN) / (north - south))
     drawn_height = max(_LEAST_HEIGHT, (north - south) * scale + 2 * _MARGIN)
     left = 0.5 * (WIDTH - (east - west) * scale)
     top = 0.5 * (drawn_height - (north - south) * scale)

@@ -11,8 +11,13 @@ export function above(north) {
   return [-UPRIGHT * x, -UPRIGHT * y, 1];
 }
 
-// The eye's place and its target, from which the points' box and the cameras, or all, are just seen, and half the height
-// that an orthographic picture needs for it. All are relative to `center`; the eye looks along −direction.
+function range(values) {
+  const low = Math.min(...values), high = Math.max(...values);
+  return { middle: 0.5 * (low + high), half: 0.5 * (high - low) };
+}
+
+// The eye's place and its target, from which the points' box and the cameras, or all, are just seen; and the middle and
+// half the height that an orthographic picture has for it. All are relative to `center`; the eye looks along −direction.
 export function placeToSeeAll(direction, { inner, outer }, cameras, center, camera) {
   const back = new Vector3(...direction).normalize();
   const right = new Vector3(0, 0, 1).cross(back).normalize();
@@ -38,10 +43,10 @@ export function placeToSeeAll(direction, { inner, outer }, cameras, center, came
       distance = Math.max(distance, toward + Math.abs(p.dot(right)) / wide, toward + Math.abs(p.dot(up)) / high);
     }
   }
-  const sizes = seen.map((at) => at.clone().sub(target)).flatMap((p) => {
-    return [Math.abs(p.dot(right)) / (0.9 * camera.aspect), Math.abs(p.dot(up)) / 0.9];
-  });
-  return { target, position: back.multiplyScalar(distance).add(target), half: Math.max(1e-3, ...sizes) };
+  const [x, y] = [right, up].map((axis) => range(seen.map((at) => at.dot(axis))));
+  const half = Math.max(1e-3, x.half / (0.9 * camera.aspect), y.half / 0.9);
+  const middle = right.clone().multiplyScalar(x.middle).addScaledVector(up, y.middle);
+  return { target, position: back.clone().multiplyScalar(distance).add(target), middle, half };
 }
 
 // How deep the cameras' pyramids are: so that those of neighbours rarely overlap.

@@ -225,13 +225,13 @@ export class View {
   }
 
   goAbove() {
-    const home = this.home(above(this.data.north));
+    const home = this.home(above(this.data.north), this.data.places.map(({ at }) => at));
     const flatten = () => {
       this.half = home.half;
       this.flat.zoom = 1;
-      this.controls.target.copy(home.target);
+      this.controls.target.copy(home.middle);
       const back = home.position.clone().sub(home.target).normalize();
-      this.flat.position.copy(home.target).addScaledVector(back, HIGH * this.radius);
+      this.flat.position.copy(home.middle).addScaledVector(back, HIGH * this.radius);
       this.use(this.flat);
       this.shape();
       this.controls.update();
@@ -241,9 +241,9 @@ export class View {
     else this.goTo(home, flatten);
   }
 
-  home(direction) {
+  home(direction, places = []) {
     const cameras = this.data.frusta.flatMap((layer) => layer.centers);
-    return placeToSeeAll(direction, this.data.focus, cameras, this.center, this.aside);
+    return placeToSeeAll(direction, this.data.focus, [...cameras, ...places], this.center, this.aside);
   }
 
   goTo({ target, position }, then = () => {}) {
