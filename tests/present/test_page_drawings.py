@@ -115,6 +115,15 @@ def test_a_map_keeps_shape_direction_and_scale() -> None:
     assert (measure.low, measure.high) == ("5", "9")
 
 
+@pytest.mark.parametrize(("name", "narrow"), [("A1", True), ("a-plot-of-a-long-name", False)])
+def test_a_map_on_a_phone_keeps_the_plots_names(name: str, narrow: bool) -> None:
+    rings = [((x, 0.0), (x + 2.0, 0.0), (x + 2.0, 1.5), (x, 1.5)) for x in (0.0, 3.0, 6.0)]
+    plots = tuple(MappedPlot(f"{name}{k}", (ring,)) for k, ring in enumerate(rings))
+    drawn = draw_map(PlotMap("t", plots, (Measure("height", "of plants", "m", {"d": {}}),)))
+    assert all(shape.label for shape in drawn.measures[0].dates[0][1]) or not narrow
+    assert drawn.narrow is narrow
+
+
 def test_plots_without_a_value_say_why() -> None:
     plot = MappedPlot("a", (((0.0, 0.0),),))
     drawn = draw_map(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.present.report import write_report
 from fieldkit.present.sections.glossary import MEANINGS, meanings
-from fieldkit.present.sections.in_short import verdict
+from fieldkit.present.sections.in_short import next_step, verdict
 from fieldkit.present.sections.loaded_results import PlanResult, Results
 from fieldkit.present.sections.read_results import read_results
 from fieldkit.present.sections.summary import summarise
@@ -314,6 +315,29 @@ def test_other_plants_than_the_references_are_no_success(scored: Results) -> Non
     assert ("problem", "plot 7: far off.", "Check the plot.") in [(s.level, s.text, s.advice) for s in said]
     assert not any("on average its points lie" in each.text for each in said)
     assert verdict(scored, said).level == "problem"
+
+
+def test_a_report_begins_with_its_figures_and_ends_with_the_next_step(tmp_path: Path) -> None:
+    write_reference(tmp_path / "ref")
+    write_evaluation(tmp_path / "eval", tmp_path / "ref", plots=("a", "b"))
+    write_run(tmp_path / "plan")
+    write_mission(tmp_path / "mission")
+    said = {}
+    for name in ("ref", "eval", "plan", "mission"):
+        results = read_results(tmp_path / name)
+        said[name] = verdict(results, ()).text, next_step(results)
+    assert "1 reference from 6 of 8 photographs" in said["ref"][0]
+    assert re.search(r"2 of 2 captures reconstructed \(chamfer distance [\d.]+ to [\d.]+ mm\)", said["eval"][0])
+    assert "a plan of 7 views (4.10 ± 0.20 mm from its reference)" in said["plan"][0]
+    assert re.search(r"1 mission of \d+ photographs \(\d+ plots?, [\d.]+ m, \d+:\d\d min\)", said["mission"][0])
+    for name, command in (
+        ("ref", "plan"),
+        ("plan", "export-mission"),
+        ("mission", "check-mission"),
+        ("eval", "campaign"),
+    ):
+        assert f"fieldkit {command}" in said[name][1]
+    assert next_step(read_results(tmp_path)) == ""
 
 
 @pytest.mark.parametrize("name", ["r.pdf", "r.zip", "r.html.gz"])
