@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 SECTIONS = (
-    "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "campaign-1", "glossary", "provenance",
+    "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "comparison-1", "campaign-1", "glossary",
+    "provenance",
 )  # fmt: skip
 
 

@@ -18,9 +18,11 @@ from fieldkit.present.content import (
     Table,
 )
 from fieldkit.present.sections.campaign import campaign_anchor, plot_map, traits_table
+from fieldkit.present.sections.comparison import noise_counts
 from fieldkit.present.sections.demo import demo_blocks
 from fieldkit.present.sections.loaded_results import PlanResult, Results
 from fieldkit.present.style import count, format_length, format_range, format_seconds, format_with_error, listed
+from fieldkit.present.tables.comparison import difference_table, leading_figures
 from fieldkit.present.tables.scores import plant_tables
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import PlotEvaluation
@@ -72,10 +74,14 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
 
 
 def _plants(results: Results) -> Iterator[Table]:
-    """What grows on the plots: of each campaign's last date, and of each evaluation."""
+    """What grows on the plots: of each campaign's last date and of each evaluation; leading figures of comparisons."""
     for result in results.campaigns:
         if dates := result.campaign.dates:
             yield traits_table(result.campaign, dates[-1])
+    for comparison in results.comparisons:
+        for figure in leading_figures(comparison.report):
+            if (table := difference_table(comparison.report, figure)).rows:
+                yield table
     several = len(results.evaluations) > 1
     for evaluation in results.evaluations:
         plots = [plot for plot in evaluation.report.plots if plot.error is None]
@@ -117,6 +123,10 @@ def _made(results: Results) -> Iterator[str]:
         # The demo's plots are methods, whose range says nothing.
         figures = "" if results.demos else _distances(done)
         yield f"{len(done)} of {count(len(plots), 'capture')} reconstructed{figures}"
+    for comparison in results.comparisons:
+        beyond, within, _ = noise_counts(comparison)
+        said = f" ({beyond} of {count(beyond + within, 'difference')} beyond noise)" if beyond + within else ""
+        yield f"a comparison of {count(len(comparison.report.evaluations), 'evaluation')}{said}"
     for result in results.campaigns:
         visits = result.campaign.visits
         last = result.campaign.dates[-1] if visits else ""

@@ -29,6 +29,7 @@ from tests.present.page_checks import checked
 from tests.present.sections.examples import (
     HOSTILE,
     SHOWN,
+    write_comparison,
     write_evaluation,
     write_everything,
     write_mission,
@@ -56,13 +57,15 @@ class TestFile:
     def test_it_shows_every_part_in_order_and_hostile_names_stay_text(self, season: Path, tmp_path: Path) -> None:
         done = write_report(season, tmp_path / "report.html")
         assert (done.references, done.plans, done.missions, done.evaluations, done.campaigns) == (1, 1, 1, 1, 1)
+        assert done.comparisons == 1
         assert done.unreadable == ("broken/evaluation.json",)
         assert (done.views, done.thumbnails) == (5, 8)
         assert done.bytes == (tmp_path / "report.html").stat().st_size
         parsed = checked((tmp_path / "report.html").read_text(encoding="utf-8"))
         ids = [a["id"] for a in parsed.all("section")]
         assert ids == [
-            "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "campaign-1", "glossary", "provenance",
+            "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "comparison-1", "campaign-1",
+            "glossary", "provenance",
         ]  # fmt: skip
         assert SHOWN in parsed.text
         assert "\u202e" not in (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -315,6 +318,18 @@ def test_other_plants_than_the_references_are_no_success(scored: Results) -> Non
     assert ("problem", "plot 7: far off.", "Check the plot.") in [(s.level, s.text, s.advice) for s in said]
     assert not any("on average its points lie" in each.text for each in said)
     assert verdict(scored, said).level == "problem"
+
+
+def test_a_comparison_says_what_is_more_than_noise(tmp_path: Path) -> None:
+    write_comparison(tmp_path / "cmp")
+    write_report(tmp_path / "cmp")
+    text = checked((tmp_path / "cmp" / "report.html").read_text()).text
+    assert "a comparison of 2 evaluations (1 of 2 differences beyond noise)" in text
+    assert "1 difference to “may” may be noise" in text
+    assert re.search(r"a june 13\.2 −3\.4 ±0\.2 yes", text)
+    (tmp_path / "cmp" / "compare.json").write_text('{"kind": "comparison", "version": 1}')
+    with pytest.raises(MetadataError, match="fieldkit"):
+        read_results(tmp_path / "cmp")
 
 
 def test_a_report_begins_with_its_figures_and_ends_with_the_next_step(tmp_path: Path) -> None:
