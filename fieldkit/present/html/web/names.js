@@ -48,12 +48,14 @@ export class Names {
   put(item, eye, width, height, taken) {
     const p = item.at.clone().project(eye);
     if (p.z > 1 || Math.abs(p.x) > 1 || Math.abs(p.y) > 1) return; // behind the eye, or beside the picture
-    const x = 0.5 * (p.x + 1) * width, y = 0.5 * (1 - p.y) * height;
+    let x = 0.5 * (p.x + 1) * width;
+    const y = 0.5 * (1 - p.y) * height;
     item.element ??= this.make(item);
     const { element } = item;
     element.hidden = false;
     item.size ??= [element.offsetWidth, element.offsetHeight];
     const [w, h] = item.size.map((size) => 0.5 * size + GAP_PX);
+    if (item.style === "fk-view-place") x = Math.max(w, Math.min(width - w, x)); // whole at the picture's edge
     const middle = item.style === "fk-view-number" ? y - h - 3 : y; // a number stands above its camera
     if (taken.some((other) => Math.abs(other.x - x) < other.w + w && Math.abs(other.y - middle) < other.h + h)) {
       element.hidden = true;
