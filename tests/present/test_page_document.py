@@ -158,5 +158,5 @@ def test_a_row_has_a_cell_for_every_column() -> None:
 def test_the_style_prints_as_many_rows_as_the_note_says() -> None:
     table = Table("Long", (Column("plot"),), tuple((f"{k}",) for k in range(60)))
     html = render(Page("t", "s", (Section("a", "A", (table,)),)))
-    assert "On paper the first 50 of 60 rows." in html
-    assert "tbody tr:nth-child(n + 51) { display: none; }" in html
+    assert "On paper the first 40 of 60 rows." in html
+    assert "tbody tr:nth-child(n + 41) { display: none; }" in html

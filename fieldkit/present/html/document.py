@@ -26,7 +26,7 @@ from fieldkit.present.html.plot_map import draw_map
 from fieldkit.present.html.viewer import viewer_html, viewer_script, viewer_style
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_PRINTED_ROWS = 50
+_PRINTED_ROWS = 40
 """Rows of a table on paper, as page.css has them: a report is printed on ten pages at most."""
 _PATH = re.compile(r"[MLHVZ0-9. -]*")
 _ANCHOR = re.compile(r"[a-z][a-z0-9-]*")

@@ -29,6 +29,7 @@ from fieldkit.results.evaluation import PlotEvaluation
 
 HEADING = "In short"
 _LONG = 24  # rows of tables
+_ALIKE = 4  # statements with one advice
 _AFTER_REFERENCE = "Plan few views on it: fieldkit plan with this folder, and -o for the plan's."
 _AFTER_PLAN = (
     "Put the plan on your plots: fieldkit export-mission with --plan, --site and --vehicle writes the file to fly."
@@ -49,7 +50,8 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
         pictures: stills of plots with their captions; maps of campaigns come before them.
     """
     to_do = tuple(each for each in statements if each.level in ("problem", "note") and each.advice)
-    rest = tuple(each for each in statements if each not in to_do)
+    grouped = tuple(_grouped(to_do))
+    rest = tuple(each for each in statements if each not in grouped)
     blocks: list[Block] = [Statements((verdict(results, statements),))]
     for demo in results.demos:
         blocks += demo_blocks(demo)
@@ -60,7 +62,7 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
     blocks += [Map(shown) for shown in maps]
     blocks += [Still(picture, caption) for caption, picture in ([] if maps else pictures)]
     tables = list(_plants(results))
-    ordered = sorted(to_do, key=lambda each: each.level != "problem")
+    ordered = sorted(grouped, key=lambda each: each.level != "problem")
     todo: list[Block] = [Statements(tuple(ordered))] if ordered else []
     if step := next_step(results):
         todo.append(Paragraph(step))
@@ -86,6 +88,18 @@ def _plants(results: Results) -> Iterator[Table]:
     for evaluation in results.evaluations:
         plots = [plot for plot in evaluation.report.plots if plot.error is None]
         yield from plant_tables(plots, evaluation.report.source if several else "")
+
+
+def _grouped(statements: Sequence[Statement]) -> Iterator[Statement]:
+    """The first statements of every level and advice, and one with the number of the others."""
+    groups: dict[tuple[str, str], list[Statement]] = {}
+    for each in statements:
+        groups.setdefault((each.level, each.advice), []).append(each)
+    for alike in groups.values():
+        yield from alike[:_ALIKE]
+        if len(alike) > _ALIKE:
+            more = f"The same of {len(alike) - _ALIKE} more; “Everything that was found” names them."
+            yield Statement(alike[0].level, more, alike[0].advice)
 
 
 def verdict(results: Results, statements: Sequence[Statement]) -> Statement:

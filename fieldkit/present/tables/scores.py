@@ -6,15 +6,25 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 from fieldkit.present.content import Cell, Column, KeyFigure, Mark, Table
-from fieldkit.present.style import decimal, format_length, format_with_error, metres, millimetres, percent, with_unit
+from fieldkit.present.style import (
+    decimal,
+    format_length,
+    format_with_error,
+    listed,
+    metres,
+    millimetres,
+    percent,
+    with_unit,
+)
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.evaluation import PlotEvaluation
-from fieldkit.results.traits import Trait, TraitsEntry, reasons_in_words
+from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, reasons_in_words
 
 if TYPE_CHECKING:
     from fieldkit.campaign import Visit
 
 Scored: TypeAlias = "PlotEvaluation | Visit"
+_MOST_NAMES = 12  # plots of one reason
 TRAIT_NAMES: Mapping[Trait, str] = {
     "height_m": "plant height", "cover_percent": "cover", "covered_area_m2": "covered area",
     "canopy_volume_m3": "canopy volume",
@@ -163,7 +173,7 @@ def plant_tables(plots: Sequence[PlotEvaluation], of: str = "") -> Iterator[Tabl
         of: what they are the plots of, for the captions; empty where that is plain.
     """
     more = f" of {of}" if of else ""
-    if any(plot.traits is not None for plot in plots):
+    if any(getattr(plot.traits, trait) is not None for plot in plots if plot.traits is not None for trait in TRAITS):
         yield tabulated(f"Plants{more}", [(plot.name, plot.traits or TraitsEntry()) for plot in plots], (
             (Column("plot"), lambda row: row[0]),
             *((column, lambda row, of=cell: of(row[1])) for column, cell in trait_columns()),
@@ -207,7 +217,13 @@ def _nominal(distance: str) -> str:
 
 
 def _reasons(caption: str, reasons: list[tuple[str, str]]) -> Table:
-    return tabulated(caption, reasons, ((Column("plot"), lambda row: row[0]), (Column("why"), lambda row: row[1])))
+    """A row per reason, with the plots that have it."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in reasons:
+        by_reason.setdefault(why, []).append(name)
+    return tabulated(caption, list(by_reason.items()), (
+        (Column("plot"), lambda row: listed(row[1], _MOST_NAMES)), (Column("why"), lambda row: row[0]),
+    ))  # fmt: skip
 
 
 def _state(plot: PlotEvaluation) -> Mark:

@@ -320,6 +320,15 @@ def test_other_plants_than_the_references_are_no_success(scored: Results) -> Non
     assert verdict(scored, said).level == "problem"
 
 
+def test_what_is_the_same_of_many_plots_is_said_once(tmp_path: Path) -> None:
+    write_reference(tmp_path / "ref")
+    write_evaluation(tmp_path / "eval", tmp_path / "ref", plots=tuple(f"p{k}" for k in range(30)), adherence=True)
+    write_report(tmp_path)
+    text = checked((tmp_path / "report.html").read_text()).text
+    assert text.count("Fly these stations again.") == 5 + 26  # the others are folded
+    assert "The same of 26 more" in text
+
+
 def test_a_comparison_says_what_is_more_than_noise(tmp_path: Path) -> None:
     write_comparison(tmp_path / "cmp")
     write_report(tmp_path / "cmp")
