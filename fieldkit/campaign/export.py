@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 import shapely
 
-from fieldkit.campaign.ranking import ranking
+from fieldkit.campaign.ranking import Ranked, ranking
 from fieldkit.campaign.reading import Campaign, CampaignPlot
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.errors import StorageError, UsageError
@@ -34,7 +34,7 @@ VISITS_LAYER, PLOTS_LAYER = "visits", "plots"
 _LATEST = ("chamfer_m", "predicted_chamfer_m", "predicted_low_m", "predicted_high_m")
 _TEXTS = ("captures", "folder", "error")
 _GEOPACKAGE = "1.2"  # GDAL 3.12 writes 1.4 by itself, of which that of QGIS 3.22 warns
-_COUNTS = ("images", "registered", "right", "rank", "visits")
+_COUNTS = ("images", "registered", "right", "rank", "predicted_rank", "visits")
 
 Values = dict[str, Any]
 
@@ -77,7 +77,7 @@ def visit_rows(campaign: Campaign) -> list[Values]:
     """A row of plain values per visit, in the table's order; every row has the same keys."""
     distances = [distance_key(d) for d in campaign.evaluation.distances_m]
     ranks = {
-        (entry.score.visit.plot, date): entry.rank
+        (entry.score.visit.plot, date): entry
         for date in campaign.dates
         for entry in ranking(campaign.visits, campaign.plan, date)
     }
@@ -201,14 +201,16 @@ def _text(value: str) -> str:
     return value.encode("utf-8", "replace").decode().replace("\0", "")
 
 
-def _row(visit: Visit, plot: CampaignPlot | None, rank: int | None, distances: Sequence[str]) -> Values:
+def _row(visit: Visit, plot: CampaignPlot | None, ranked: Ranked | None, distances: Sequence[str]) -> Values:
     """The visit's own row with its plot's place and rank, F-scores a column each, and texts last."""
     row = visit.row()
     texts = {name: _text(row[name]) for name in _TEXTS} | {
         name: _text("; ".join(said)) for name, said in (("notes", visit.notes), ("doubts", visit.doubts))
     }
     scores = {f"f_score_{distance}": visit.f_score.get(distance) for distance in distances}
-    result: Values = {"plot": visit.plot, "date": visit.date, **_place(plot), "rank": rank}
+    result: Values = {"plot": visit.plot, "date": visit.date, **_place(plot)}
+    for name, predicted in (("rank", False), ("predicted_rank", True)):
+        result[name] = None if ranked is None or ranked.score.predicted is not predicted else ranked.rank
     for name in ROW:
         if name == "f_score":
             result |= scores

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -11,13 +11,18 @@ from fieldkit.campaign.engine import changed_stages, is_current
 from fieldkit.campaign.ranking import Drift, Ranked, Score, drift, measured_noise_m, ranking, score_of
 from fieldkit.campaign.reading import Campaign
 from fieldkit.present.content import Column, Table
-from fieldkit.present.style import decimal, format_length, with_unit
+from fieldkit.present.style import metres, millimetres
+from fieldkit.present.tables.scores import interval, trait_columns
+from fieldkit.present.tables.tabulated import tabulated
+from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import Visit
 
 _FIGURES = {
     "chamfer_m": "chamfer", "predicted_chamfer_m": "predicted chamfer", "height_m": "height",
     "cover_percent": "cover", "canopy_volume_m3": "canopy volume",
 }  # fmt: skip
+_DISTANCES = ("chamfer_m", "predicted_chamfer_m")
+_TRAITS = tuple(figure for figure in _FIGURES if figure not in _DISTANCES)
 _MANY_DATES = 12
 _NAMED = 5
 
@@ -48,14 +53,27 @@ def campaign_object(campaign: Campaign) -> dict[str, Any]:
 
 
 def campaign_tables(campaign: Campaign) -> Iterator[Table]:
-    """Plots × dates, the ranking of the last date, and what changed over the dates."""
+    """Plots × dates, the rankings and the plants of the last date, and what changed over the dates."""
     yield _grid(campaign)
     ranked = [date for date in campaign.dates if ranking(campaign.visits, campaign.plan, date)]
     if ranked:
-        yield _ranking_table(campaign, ranked[-1])
+        entries = ranking(campaign.visits, campaign.plan, ranked[-1])
+        for predicted, of in ((False, "measured"), (True, "predicted")):
+            own = [entry for entry in entries if entry.score.predicted is predicted]
+            if own:
+                yield _ranking_table(own, f"Ranking on {ranked[-1]} by {of} distances, the best first")
+    last = [visit for visit in campaign.visits if visit.date == campaign.dates[-1]]
+    if any(visit.traits is not None for visit in last):
+        grown = [(visit.plot, visit.traits or TraitsEntry()) for visit in last]
+        yield tabulated(f"Plants on {campaign.dates[-1]}", grown, (
+            (Column("plot"), lambda row: row[0]),
+            *((column, lambda row, of=cell: of(row[1])) for column, cell in trait_columns()),
+        ))  # fmt: skip
     changes = drift(campaign.visits, campaign.plan)
-    if changes:
-        yield _drift_table(changes)
+    for figures in (_DISTANCES, _TRAITS):
+        own_changes = [change for change in changes if change.figure in figures]
+        if own_changes:
+            yield _drift_table(own_changes)
 
 
 def missing(campaign: Campaign, date: str) -> list[str]:
@@ -121,31 +139,24 @@ def _cell(visit: Visit | None, campaign: Campaign) -> str | None:
     counts = f"{visit.right}/{visit.images}"
     if score is None:
         return counts + mark
-    return f"{'≈ ' if score.predicted else ''}{format_length(score.value_m)} ({counts}){mark}"
+    return f"{'≈ ' if score.predicted else ''}{millimetres(score.value_m)} mm ({counts}){mark}"
 
 
-def _ranking_table(campaign: Campaign, date: str) -> Table:
-    columns = (
-        Column("plot"), Column("rank", True), Column("chamfer", True), Column("nine in ten", True),
-        Column("height", True), Column("cover", True),
-    )  # fmt: skip
-    rows = tuple(
-        (
-            entry.score.visit.plot, f"{entry.rank}{'=' if entry.tied else ''}",
-            f"{'≈ ' if entry.score.predicted else ''}{format_length(entry.score.value_m)}", _scatter(entry.score),
-            format_length(entry.score.visit.height_m), with_unit(decimal(entry.score.visit.cover_percent, 0), "%"),
-        )
-        for entry in ranking(campaign.visits, campaign.plan, date)
-    )  # fmt: skip
-    return Table(f"Ranking on {date}, the best first", columns, rows)
+def _ranking_table(entries: Sequence[Ranked], caption: str) -> Table:
+    return tabulated(caption, entries, (
+        (Column("plot"), lambda entry: entry.score.visit.plot),
+        (Column("rank", True), lambda entry: f"{entry.rank}{'=' if entry.tied else ''}"),
+        (Column("chamfer, mm", True),
+         lambda entry: f"{'≈ ' if entry.score.predicted else ''}{millimetres(entry.score.value_m)}"),
+        (Column("nine in ten, mm", True), lambda entry: _scatter(entry.score)),
+    ))  # fmt: skip
 
 
 def _scatter(score: Score) -> str | None:
-    """The interval of a prediction, or the noise of a measured distance."""
+    """The interval of a prediction, or the noise of a measured distance, in millimetres."""
     if not score.predicted:
-        return None if score.noise_m is None else f"± {format_length(score.noise_m)}"
-    low, high = score.visit.predicted_low_m, score.visit.predicted_high_m
-    return None if low is None or high is None else f"{format_length(low)} to {format_length(high)}"
+        return None if score.noise_m is None else f"± {millimetres(score.noise_m)}"
+    return interval(score.visit.predicted_low_m, score.visit.predicted_high_m)
 
 
 def _drift_table(changes: list[Drift]) -> Table:
@@ -176,8 +187,10 @@ def _amount(figure: str, value: float) -> str:
             return f"{value:.1f} %"
         case "canopy_volume_m3":
             return f"{value:.3f} m³"
+        case "height_m":
+            return f"{metres(value)} m"
         case _:
-            return format_length(value)
+            return f"{millimetres(value)} mm"
 
 
 def _ranked(entry: Ranked) -> dict[str, Any]:

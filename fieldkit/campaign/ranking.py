@@ -45,7 +45,8 @@ class Ranked:
     """A place in a ranking.
 
     Attributes:
-        rank: from 1, the lowest chamfer distance first; plots that cannot be told from a group's first share its rank.
+        rank: from 1, the lowest chamfer distance of its kind first; plots that cannot be told from a group's first
+            share its rank.
         tied: whether others share it.
         score: of the visit.
     """
@@ -99,12 +100,21 @@ def measured_noise_m(plan: Plan) -> float | None:
 
 
 def ranking(visits: Sequence[Visit], plan: Plan, date: str) -> list[Ranked]:
-    """The plots of a date, the best first. Measured and predicted distances stand in one row: both are estimates of it.
+    """The plots of a date, the best first: those with measured distances, then those with predicted ones.
 
-    Plots whose score is not beyond noise of the first of their group share its rank; with unknown noise none do.
+    Each kind has ranks of its own: a distance to a reference and one to the true plants are not compared. Plots whose
+    score is not beyond noise of the first of their group share its rank; with unknown noise none do.
     """
     scores = [score_of(visit, plan) for visit in visits if visit.date == date]
     ordered = sorted((score for score in scores if score is not None), key=lambda s: (s.value_m, s.visit.plot))
+    return [
+        ranked
+        for predicted in (False, True)
+        for ranked in _ranked([score for score in ordered if score.predicted is predicted])
+    ]
+
+
+def _ranked(ordered: Sequence[Score]) -> list[Ranked]:
     groups: list[list[Score]] = []
     for score in ordered:
         if groups and beyond(groups[-1][0], score) is False:

@@ -11,13 +11,12 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.cloud_reference import AnyReference, open_reference, reference_file
 from fieldkit.evaluation.comparing import Comparer, Run
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.results.comparison import ComparisonReport
+from fieldkit.results.comparison import COMPARE_FILE, ComparisonReport
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import file_sha256, load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.runtime.progress import Progress, Silent
 
-COMPARE_FILE = "compare.json"
 TABLE_FILE = "compare.csv"
 PICTURE_FILE = "compare.png"
 MOST_EVALUATIONS = 100

@@ -28,7 +28,7 @@ class ReportSummary:
     Attributes:
         output: the file.
         bytes: its size.
-        references, plans, missions, evaluations, campaigns: how many of each it shows.
+        references, plans, missions, evaluations, campaigns, comparisons: how many of each it shows.
         unreadable: names of damaged results.
         views: number of 3D views.
         points: of all views together.
@@ -48,6 +48,7 @@ class ReportSummary:
     points: int
     points_found: int
     thumbnails: int
+    comparisons: int = 0
 
 
 def write_report(
@@ -64,8 +65,8 @@ def write_report(
     The same results give the same file, byte for byte.
 
     Args:
-        folder: a result of fieldkit (a reference, a plan, a mission, an evaluation, a campaign), or a folder that holds
-            results up to two levels below. Only the report is written to it, if ``output`` is None.
+        folder: a result of fieldkit (a reference, a plan, a mission, an evaluation, a comparison, a campaign), or a
+            folder that holds results up to two levels below. Only the report is written to it, if ``output`` is None.
         output: the file; None takes report.html in the folder.
         points: largest number in all 3D views together; more are thinned at random from a fixed seed.
         title: of the report; empty takes the folder's name.
@@ -101,5 +102,5 @@ def write_report(
     return ReportSummary(
         output, len(data), len(results.references), len(results.plans), len(results.missions), len(results.evaluations),
         len(results.campaigns), tuple(each.name for each in results.unreadable), built.views, built.points,
-        built.points_found, built.thumbnails,
+        built.points_found, built.thumbnails, len(results.comparisons),
     )  # fmt: skip

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
 
+from fieldkit.documents.json_file import check_version, read_kind, validated
 from fieldkit.results.fields import Count, Length, Sha256, Strict
+
+COMPARE_FILE = "compare.json"
+_MAX_BYTES = 1 << 26
+_AGAIN = "Run `fieldkit compare` again."
 
 NoiseSource = Literal["repeats", "plan", "blocks", "plan and blocks", "prediction", "plots"]
 
@@ -74,7 +80,7 @@ class ComparisonReport(Strict):
     version: Literal[1] = 1
     fieldkit: str
     """Version that wrote it."""
-    evaluations: tuple[ComparedEvaluation, ...]
+    evaluations: Annotated[tuple[ComparedEvaluation, ...], Field(min_length=1)]
     """In the order given."""
     figures: tuple[str, ...]
     """Those that were compared."""
@@ -84,3 +90,15 @@ class ComparisonReport(Strict):
     """Null where no clouds were drawn from."""
     notes: tuple[str, ...]
     """What could not be compared or told, and why."""
+
+
+def load_comparison(path: Path) -> ComparisonReport:
+    """Read compare.json; ``path`` is the file or the folder that holds it.
+
+    Raises:
+        MetadataError: it is missing, not JSON, of another kind or version, or a field is wrong.
+    """
+    file = path / COMPARE_FILE if path.is_dir() else path
+    document = read_kind(file, "comparison", _AGAIN, max_bytes=_MAX_BYTES)
+    check_version(document, ComparisonReport.model_fields["version"].default, file, _AGAIN)
+    return validated(ComparisonReport, document, file, _AGAIN)

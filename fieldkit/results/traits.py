@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
@@ -51,10 +52,15 @@ def error_column(trait: Trait) -> str:
     return f"{name}_error_{unit}"
 
 
-def reasons_in_words(unknown: dict[Trait, str]) -> str:
-    """Each reason once, after the traits it is of: ``height_m, canopy_volume_m3: no ground was found``."""
+def reasons_in_words(unknown: dict[Trait, str], names: Mapping[Trait, str] | None = None) -> str:
+    """Each reason once, after the traits it is of: ``height_m, canopy_volume_m3: no ground was found``.
+
+    Args:
+        unknown: reasons by trait.
+        names: of the traits for people; None takes the columns' names.
+    """
     by_reason: dict[str, list[str]] = {}
     for trait in TRAITS:
         if trait in unknown:
-            by_reason.setdefault(unknown[trait], []).append(trait)
+            by_reason.setdefault(unknown[trait], []).append(names[trait] if names else trait)
     return "; ".join(f"{', '.join(traits)}: {reason}" for reason, traits in by_reason.items())

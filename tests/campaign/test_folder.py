@@ -207,7 +207,7 @@ class TestRanking:
     def test_plots_within_noise_share_a_rank(self) -> None:
         found = ranking(VISITS, PLAN, "2026-06-18")
         assert [(e.rank, e.tied, e.score.visit.plot) for e in found] == [
-            (1, True, "r1c1"), (1, True, "r1c2"), (3, False, "r2c1")
+            (1, True, "r1c1"), (1, True, "r1c2"), (1, False, "r2c1")  # predicted: ranked on its own
         ]  # fmt: skip
         assert found[2].score.predicted
         assert found[0].score.noise_m == pytest.approx(0.001645)
@@ -216,7 +216,7 @@ class TestRanking:
         single = PlanMethod(name="ring", chamfer_m=0.01, chamfer_spread_m=0.0, repeats=1)
         for plan in (plan_from_poses(STATIONS), plan_from_poses(STATIONS, method=single)):
             found = ranking(VISITS, plan, "2026-06-18")
-            assert [(e.rank, e.tied) for e in found] == [(1, False), (2, False), (3, False)]
+            assert [(e.rank, e.tied) for e in found] == [(1, False), (2, False), (1, False)]
             assert found[0].score.noise_m is None
 
     def test_groups_do_not_chain(self) -> None:
@@ -245,10 +245,27 @@ class TestShow:
         assert found["missing"] == {"2026-06-18": ["r2c2"], "2026-06-25": ["r1c2", "r2c1"]}
         assert [entry["plot"] for entry in found["ranking"]["2026-06-18"]] == ["r1c1", "r1c2", "r2c1"]
         assert len(found["visits"]) == 5
-        _, _, changes = campaign_tables(made)
-        assert changes.caption == "Change from 2026-06-18 to 2026-06-25"
-        assert [column.label for column in changes.columns] == ["plot", "chamfer", "height"]
-        assert changes.rows == (("r1c1", "+10.0 mm, beyond noise", "+0.20 m"),)
+        _, *tables = campaign_tables(made)
+        captions = [table.caption for table in tables]
+        assert captions[-2:] == ["Change from 2026-06-18 to 2026-06-25"] * 2
+        assert [[column.label for column in table.columns] for table in tables[-2:]] == [
+            ["plot", "chamfer"], ["plot", "height"]
+        ]  # fmt: skip
+        assert [table.rows for table in tables[-2:]] == [
+            (("r1c1", "+10.0 mm, beyond noise"),), (("r1c1", "+0.20 m"),)
+        ]  # fmt: skip
+
+    def test_measured_and_predicted_distances_are_never_ranked_together(self, tmp_path: Path) -> None:
+        made = campaign(tmp_path, tuple(visit for visit in VISITS if visit.date == "2026-06-18"))
+        rankings = [table for table in campaign_tables(made) if table.caption.startswith("Ranking")]
+        assert [[row[:2] for row in table.rows] for table in rankings] == [
+            [("r1c1", "1="), ("r1c2", "1=")], [("r2c1", "1")]
+        ]  # fmt: skip
+        rows = {(row["plot"], row["date"]): row for row in csv.DictReader(campaign_csv(made).splitlines())}
+        ranks = [
+            (rows[plot, "2026-06-18"]["rank"], rows[plot, "2026-06-18"]["predicted_rank"]) for plot in ("r1c1", "r2c1")
+        ]
+        assert ranks == [("1", ""), ("", "1")]
 
     def test_an_empty_campaign(self, tmp_path: Path) -> None:
         made = campaign(tmp_path, ())

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.slow
 
 SECTIONS = (
-    "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "campaign-1", "glossary", "provenance",
+    "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "comparison-1", "campaign-1", "glossary",
+    "provenance",
 )  # fmt: skip
 
 
@@ -104,6 +105,13 @@ def test_figure_and_date_of_the_map_can_be_chosen(page: Page) -> None:
     assert shown() == ["maize-1, 2026-06-30, quality: 8 mm"]
     page.get_by_role("radio", name="2026-07-14").check()
     assert shown() == ["maize-1, 2026-07-14, quality: 10 mm"]
+
+
+def test_plots_bear_their_names_on_the_map(page: Page) -> None:
+    names = page.locator("figure.map g.choice:not(.hidden) .plot text")
+    assert names.count() == 8
+    heights = [names.nth(k).evaluate("(e) => e.getBoundingClientRect().height") for k in range(8)]
+    assert min(heights) > 11  # CSS pixels
 
 
 def test_a_plot_of_the_map_leads_to_its_own_part(page: Page) -> None:

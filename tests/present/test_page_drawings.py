@@ -10,7 +10,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fieldkit.present.html.charts import HEIGHT, WIDTH, LineChart, Series, draw, number_text, round_ticks
-from fieldkit.present.html.plot_map import RAMP, MappedPlot, Measure, PlotMap, draw_map, ramp_color
+from fieldkit.present.html.plot_map import MappedPlot, Measure, PlotMap, draw_map, ramp_color
+from fieldkit.present.style import DISTANCE_RAMP
 
 FINITE = st.floats(-1e9, 1e9)
 
@@ -109,9 +110,18 @@ def test_a_map_keeps_shape_direction_and_scale() -> None:
     assert width == pytest.approx(4 * tall, abs=0.5)
     assert max(b[1::2]) < min(a[1::2])  # north is up
     assert float(drawn.bar[0]) == pytest.approx(width / 40 * float(drawn.bar[1].removesuffix(" m")), abs=0.2)
-    assert (first.fill, second.fill) == (RAMP[0], RAMP[-1])
+    assert (first.fill, second.fill) == (DISTANCE_RAMP[0], DISTANCE_RAMP[-1])
     assert first.text == "wide, d1, quality: 5 mm"
     assert (measure.low, measure.high) == ("5", "9")
+
+
+@pytest.mark.parametrize(("name", "narrow"), [("A1", True), ("a-plot-of-a-long-name", False)])
+def test_a_map_on_a_phone_keeps_the_plots_names(name: str, narrow: bool) -> None:
+    rings = [((x, 0.0), (x + 2.0, 0.0), (x + 2.0, 1.5), (x, 1.5)) for x in (0.0, 3.0, 6.0)]
+    plots = tuple(MappedPlot(f"{name}{k}", (ring,)) for k, ring in enumerate(rings))
+    drawn = draw_map(PlotMap("t", plots, (Measure("height", "of plants", "m", {"d": {}}),)))
+    assert all(shape.label for shape in drawn.measures[0].dates[0][1]) or not narrow
+    assert drawn.narrow is narrow
 
 
 def test_plots_without_a_value_say_why() -> None:
@@ -126,4 +136,4 @@ def test_plots_without_a_value_say_why() -> None:
 @given(st.floats(0, 1))
 def test_ramp(share: float) -> None:
     assert re.fullmatch(r"#[0-9a-f]{6}", ramp_color(share))
-    assert [ramp_color(k / 4) for k in range(5)] == list(RAMP)
+    assert [ramp_color(k / 4) for k in range(5)] == list(DISTANCE_RAMP)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -12,11 +13,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from fieldkit.errors import InputError
 from fieldkit.present.foreign_text import visible
 from fieldkit.present.html import viewer
 from fieldkit.present.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
+from fieldkit.present.style import DISTANCE_RAMP
 from tests.present.views import HOSTILE, cameras, hostile_scene, leaves, small_scene
 
 
@@ -70,8 +73,9 @@ def test_every_layer_has_its_switch() -> None:
     switches = [a for tag, a in page.elements if tag == "input" and a["type"] == "checkbox"]
     assert [(a["data-group"], a["data-number"]) for a in switches] == [
         ("points", "0"), ("points", "1"), ("points", "2"), ("frusta", "0"), ("frusta", "1"), ("lines", "0"),
+        ("names", "0"),
     ]  # fmt: skip
-    assert ["checked" in a for a in switches] == [True, True, False, True, True, True]
+    assert ["checked" in a for a in switches] == [True, True, False, True, True, True, True]
     words = "".join(text for _, text in page.text)
     for name in ("Capture", "6,000 points", "Reference", "Planned", "6 cameras", "Legs", "≥ 20 mm"):
         assert name in words
@@ -159,6 +163,7 @@ def test_what_does_not_fit_is_refused() -> None:
     planned = cameras("f", "#123456", count=2)
     wrong = [
         ViewerScene("t", frusta=[FrustumLayer("f", planned.poses, ["one"], 0.5, 0.4, "#123456")]),
+        ViewerScene("t", frusta=[replace(planned, numbers=["1"])]),
         ViewerScene("t", frusta=[cameras("f", "red")]),
         ViewerScene("t", lines=[LineLayer("l", [], 'x"')]),
         ViewerScene("t", lines=[LineLayer("l", [np.full((2, 3), np.nan, dtype=np.float32)], "#123456")]),
@@ -168,14 +173,20 @@ def test_what_does_not_fit_is_refused() -> None:
             viewer.viewer_html(scene, identifier="v")
 
 
-def test_palette_gets_lighter_evenly() -> None:
-    tones = np.array([[int(color[i : i + 2], 16) for i in (1, 3, 5)] for color in viewer.PALETTE]) / 255
+def test_distances_have_one_scale_of_colours_that_is_seen_on_light_and_dark() -> None:
+    assert data_of(viewer.viewer_html(small_scene(), identifier="v"))["palette"] == list(DISTANCE_RAMP)
+    assert all(color in viewer.viewer_style() for color in DISTANCE_RAMP)
+    light, dark = luminances(["#f5f8f6"])[0], luminances(["#262d2b"])[0]
+    for each in luminances(DISTANCE_RAMP):
+        assert (light + 0.05) / (each + 0.05) > 1.3
+        assert (each + 0.05) / (dark + 0.05) > 1.3
+
+
+def luminances(colors: Sequence[str]) -> NDArray[np.float64]:
+    """Relative luminances of "#rrggbb" (WCAG 2.2)."""
+    tones = np.array([[int(color[i : i + 2], 16) for i in (1, 3, 5)] for color in colors]) / 255
     linear = np.where(tones <= 0.04045, tones / 12.92, ((tones + 0.055) / 1.055) ** 2.4)
-    luminance = linear @ [0.2126, 0.7152, 0.0722]
-    lightness = 116 * np.cbrt(luminance) - 16  # CIE 1976, above its linear part
-    steps = np.diff(lightness)
-    assert steps.min() > 2.5
-    assert steps.max() < 9
+    return np.asarray(linear @ [0.2126, 0.7152, 0.0722])
 
 
 def test_missing_script_is_an_error_with_a_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

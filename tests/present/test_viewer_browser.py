@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,14 +22,15 @@ if TYPE_CHECKING:
 
 READY = '.fk-view[data-state="ready"]'
 EYE = "document.querySelector('.fk-view').fieldkitView.camera.position.toArray()"
-PLACES = """() => {
+_SPOTS = """() => {
     const view = document.querySelector(".fk-view").fieldkitView;
     const box = view.renderer.domElement.getBoundingClientRect();
-    return view.layers.frusta.map((layer) => layer.userData.cameras.map(({ middle }) => {
-        const p = middle.clone().project(view.camera);
+    return view.layers.frusta.map((layer) => layer.userData.cameras.map(({ WHERE }) => {
+        const p = WHERE.clone().project(view.camera);
         return { x: 0.5 * (p.x + 1) * box.width, y: 0.5 * (1 - p.y) * box.height };
     }));
 }"""
+AT, PLACES = _SPOTS.replace("WHERE", "at"), _SPOTS.replace("WHERE", "middle")
 
 
 @pytest.fixture(scope="module")
@@ -162,6 +164,72 @@ def test_drag_turns_and_buttons_go_to_views(browser: Browser, small: Path) -> No
         assert np.hypot(x, y) < 0.01 * z
         page.get_by_role("button", name="Reset view").click()
         np.testing.assert_allclose(page.evaluate(EYE), first, atol=1e-9)
+
+
+@pytest.mark.parametrize("north", [None, (0.6, 0.8)])
+def test_from_above_the_view_is_a_map(
+    browser: Browser, written: Callable[..., Path], north: tuple[float, float] | None
+) -> None:
+    scene = replace(small_scene(), north=north)
+    with ready(browser, written(f"north-{north is None}", scene)) as (page, stage):
+        length = page.locator(".fk-view-length")
+        assert not length.is_visible()
+        page.get_by_role("button", name="From above").click()
+        settled(page)
+        spots = page.evaluate(
+            """() => {
+                const view = document.querySelector(".fk-view").fieldkitView;
+                const { clientWidth: width, clientHeight: height } = view.stage;
+                const place = (at) => view.camera.position.clone().set(...at);
+                return [[0.4, -0.3, 0], [0.4, -0.3, 0.9], [1.4, -0.3, 0], [0.4, 0.7, 0]].map((at) => {
+                    const p = place(at.map((value, axis) => value - view.center[axis])).project(view.camera);
+                    return [0.5 * (p.x + 1) * width, 0.5 * (1 - p.y) * height];
+                });
+            }"""
+        )
+        low, high, to_x, to_y = map(np.array, spots)
+        assert np.abs(low - high).max() < 0.05  # one pixel, whatever the height
+        metre = np.linalg.norm(to_x - low)
+        assert np.isclose(np.linalg.norm(to_y - low), metre, rtol=1e-3)
+        up = north or (0.0, 1.0)
+        np.testing.assert_allclose(up[0] * (to_x - low) + up[1] * (to_y - low), [0.0, -metre], atol=0.05)
+        text, box = length.inner_text(), length.bounding_box()
+        assert box
+        unit = {"mm": 0.001, "cm": 0.01, "m": 1.0}[text.split()[1]]
+        assert box["width"] == pytest.approx(float(text.split()[0]) * unit * metre, abs=0.6)
+        before = page.evaluate(EYE)
+        page.mouse.move(300, 200)
+        page.mouse.down()
+        page.mouse.move(340, 200, steps=2)
+        page.mouse.up()
+        moved = np.subtract(page.evaluate(EYE), before)
+        assert np.linalg.norm(moved) == pytest.approx(40 / metre, rel=0.05)  # a drag moves the map, and turns nothing
+        assert abs(moved[2]) < 1e-3
+        stage.focus()
+        page.keyboard.press("+")
+        settled(page)
+        assert float(length.inner_text().split()[0]) * unit <= float(text.split()[0]) * unit
+
+
+def test_stations_bear_their_numbers_and_plots_their_names(browser: Browser, small: Path) -> None:
+    with ready(browser, small) as (page, stage):
+        outer = stage.bounding_box()
+        assert outer
+        for button in ("Reset view", "From above"):
+            page.get_by_role("button", name=button).click()
+            settled(page)
+            places = page.evaluate(AT)[0]
+            shown = page.locator(".fk-view-number:visible").all()
+            assert len(shown) >= 5  # those in front of one another share a place
+            for each in shown:
+                at, box = places[int(each.inner_text()) - 1], each.bounding_box()
+                assert box
+                assert box["x"] + box["width"] / 2 - outer["x"] - 1 == pytest.approx(at["x"], abs=1.5)
+                assert 0 <= at["y"] - (box["y"] + box["height"] - outer["y"] - 1) < 9  # just above it
+            assert page.locator(".fk-view-place:visible").all_inner_texts() == ["Plot 7"]
+        page.get_by_label("Names and numbers").uncheck()
+        settled(page)
+        assert page.locator(".fk-view-names span:visible").count() == 0
 
 
 def test_views_are_reached_step_by_step_unless_motion_is_unwelcome(browser: Browser, small: Path) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 
 from fieldkit.geometry import Pose
-from fieldkit.present.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
+from fieldkit.present.html.scene import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.present.html.viewer import viewer_html, viewer_script, viewer_style
 
 HOSTILE = """<script>window.broken = 1</script><img src=x onerror="window.broken = 2">&amp;'" -->"""
@@ -39,7 +40,7 @@ def cameras(name: str, color: str, shift: float = 0.0, count: int = 6) -> Frustu
 
 def small_scene() -> ViewerScene:
     """One of every kind of layer."""
-    planned = cameras("Planned", "#2f6fb3")
+    planned = replace(cameras("Planned", "#2f6fb3"), numbers=[str(k + 1) for k in range(6)])
     other = leaves(3000, seed=1)
     corners = np.array([pose.center for pose in planned.poses], dtype=np.float32)
     return ViewerScene(
@@ -47,6 +48,7 @@ def small_scene() -> ViewerScene:
         points=[leaves(), PointLayer("Reference", other.points + np.float32(0.03))],
         frusta=[planned, cameras("Achieved", "#d07a1f", shift=0.05)],
         lines=[LineLayer("Legs", [corners], "#a03060")],
+        places=[PlaceName("Plot 7", (0.0, 0.0, 0.0))],
     )
 
 

@@ -26,6 +26,8 @@ from fieldkit.present.html.plot_map import draw_map
 from fieldkit.present.html.viewer import viewer_html, viewer_script, viewer_style
 
 _TEMPLATES = Path(__file__).parent / "templates"
+_PRINTED_ROWS = 40
+"""Rows of a table on paper, as page.css has them: a report is printed on ten pages at most."""
 _PATH = re.compile(r"[MLHVZ0-9. -]*")
 _ANCHOR = re.compile(r"[a-z][a-z0-9-]*")
 _KINDS = {
@@ -130,7 +132,9 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.globals.update(draw=draw, draw_map=draw_map, kind=_kind, data_uri=_data_uri, view_html=_view_html)
+    environment.globals.update(
+        printed_rows=_PRINTED_ROWS, draw=draw, draw_map=draw_map, kind=_kind, data_uri=_data_uri, view_html=_view_html,
+    )  # fmt: skip
     environment.filters.update(path=_path, unbroken=unbroken)
     environment.tests["text"] = lambda value: isinstance(value, str)
     environment.tests["link"] = lambda value: isinstance(value, content.Link)

@@ -6,15 +6,15 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from fieldkit.present.style import DISTANCE_RAMP
+
 WIDTH = 640.0
 _MARGIN, _LEGEND = 26.0, 44.0
-_MOST_HEIGHT, _LEAST_HEIGHT = 560.0, 180.0
+_MOST_HEIGHT, _FEW_HEIGHT, _LEAST_HEIGHT = 560.0, 360.0, 180.0  # few plots leave room for their figures below
 _MOST_LABELS_BELOW, _LONGEST_BELOW = 24, 12
+_LETTER, _NARROW_LETTER = 12.0, 22.0  # of the plots' names; drawings are shown smaller on a narrow screen
 _LIGHT = 0.18  # relative luminance above which black reads better than white (WCAG 2.2)
 _POINT_M = 1.0  # half the side of a plot known only as a point
-
-RAMP = ("#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a")
-"""Blue through light yellow to red, safe for colour-blind eyes; as in comparison.png. For what is worse where more."""
 
 GREENS = ("#eef8c4", "#b3dd8b", "#5fb96a", "#1f8a50", "#00582f")
 """Light to dark: for what is only more or less."""
@@ -54,7 +54,7 @@ class Measure:
     unit: str
     values: Mapping[str, Mapping[str, float]]
     notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    ramp: tuple[str, ...] = RAMP
+    ramp: tuple[str, ...] = DISTANCE_RAMP
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Shape:
         text: its description.
         label: its name, within or below it; empty if there is no room.
         label_class: "on-dark", "on-light" or "on-none" within it, "below".
-        x, y: middle of the label's line.
+        x, y: middle of a label within it; middle of the upper edge of one below it.
         anchor: the place on the page that it leads to; empty for none.
     """
 
@@ -128,6 +128,8 @@ class DrawnMap:
         measures: to choose from, the first shown first.
         bar: of the scale: its length in the drawing, and its text.
         north_x, base: where the arrow stands, and the line of bar and legend.
+        narrow: whether every name has room on a narrow screen too, in letters as large as there; else the map keeps
+            its width there and is scrolled.
     """
 
     map: PlotMap
@@ -137,6 +139,7 @@ class DrawnMap:
     bar: tuple[str, str]
     north_x: str
     base: str
+    narrow: bool
 
 
 def draw_map(plots: PlotMap) -> DrawnMap:
@@ -150,7 +153,8 @@ def draw_map(plots: PlotMap) -> DrawnMap:
         raise ValueError("a map needs plots with finite coordinates")
     west, east = min(x for x, _ in corners), max(x for x, _ in corners)
     south, north = min(y for _, y in corners), max(y for _, y in corners)
-    scale = min((WIDTH - 2 * _MARGIN) / (east - west), (_MOST_HEIGHT - 2 * _MARGIN) / (north - south))
+    most = _MOST_HEIGHT if len(plots.plots) > _MOST_LABELS_BELOW else _FEW_HEIGHT
+    scale = min((WIDTH - 2 * _MARGIN) / (east - west), (most - 2 * _MARGIN) / (north - south))
     drawn_height = max(_LEAST_HEIGHT, (north - south) * scale + 2 * _MARGIN)
     left = 0.5 * (WIDTH - (east - west) * scale)
     top = 0.5 * (drawn_height - (north - south) * scale)
@@ -164,6 +168,8 @@ def draw_map(plots: PlotMap) -> DrawnMap:
         tuple(_drawn(plots, measure, place) for measure in plots.measures),
         (f"{bar_m * scale:.1f}", f"{bar_m:g} m"),
         f"{WIDTH - 20:.1f}", f"{drawn_height + 14:.1f}",
+        all(_has_room(plot.name, [place(c) for ring in plot.rings for c in _outline(ring)], _NARROW_LETTER)
+            for plot in plots.plots),
     )  # fmt: skip
 
 
@@ -193,7 +199,7 @@ def _drawn(plots: PlotMap, measure: Measure, place: Callable[[Corner], Corner]) 
     return DrawnMeasure(measure, tuple(dates), f"{low:.3g}", f"{high:.3g}", stops)
 
 
-def ramp_color(share: float, ramp: Sequence[str] = RAMP) -> str:
+def ramp_color(share: float, ramp: Sequence[str] = DISTANCE_RAMP) -> str:
     """A ramp's colour at 0 (low) to 1 (high), as "#rrggbb"."""
     at = min(max(share, 0.0), 1.0) * (len(ramp) - 1)
     first = min(int(at), len(ramp) - 2)
@@ -212,11 +218,17 @@ def _label_place(name: str, spots: list[tuple[float, float]], fill: str, plots: 
     """Style and place of a plot's name: within it, below it if plots are few, or none."""
     xs, ys = [x for x, _ in spots], [y for _, y in spots]
     x, y = sum(xs) / len(xs), sum(ys) / len(ys)
-    if max(xs) - min(xs) > 7.5 * len(name) + 8 and max(ys) - min(ys) > 16:
-        return ("on-none" if not fill else "on-light" if _lightness(fill) > _LIGHT else "on-dark"), x, y + 4
+    if _has_room(name, spots, _LETTER):
+        return ("on-none" if not fill else "on-light" if _lightness(fill) > _LIGHT else "on-dark"), x, y
     if plots <= _MOST_LABELS_BELOW and len(name) <= _LONGEST_BELOW:
-        return "below", x, max(ys) + 13
+        return "below", x, max(ys) + 2
     return "", x, y
+
+
+def _has_room(name: str, spots: list[tuple[float, float]], letter: float) -> bool:
+    """Whether a name in letters of that size fits into a plot."""
+    xs, ys = [x for x, _ in spots], [y for _, y in spots]
+    return max(xs) - min(xs) > 0.63 * letter * len(name) + 8 and max(ys) - min(ys) > 1.33 * letter
 
 
 def _lightness(color: str) -> float:

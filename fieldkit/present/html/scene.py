@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,7 @@ class FrustumLayer:
         name: on the layer's switch.
         poses: extrinsics, world to camera.
         labels: one per pose, shown when the pointer is over it.
+        numbers: one per pose, shown beside it: of stations, as people count them; none for cameras without numbers.
         half_width, half_height: tangents of half the field of view.
         color: CSS hexadecimal, "#rrggbb".
         shown: whether it is switched on at first.
@@ -52,6 +54,20 @@ class FrustumLayer:
     half_height: float
     color: str
     shown: bool = True
+    numbers: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class PlaceName:
+    """A name shown at its place: of a plot, of home.
+
+    Attributes:
+        text: shown.
+        at: (3,) metres.
+    """
+
+    text: str
+    at: tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +94,17 @@ class ViewerScene:
     Attributes:
         title: above the view, and its accessible name.
         points, frusta, lines: its layers, in the order of their switches.
+        places: names of places; where two would cover each other, the first is shown.
+        north: (x, y) of true north in the frame, of length 1; None where it is not known.
+        metric: whether lengths are metres; else they are units of the reconstruction's own.
+        subject: what a still picture must hold: the clouds, or the cameras too.
     """
 
     title: str
     points: Sequence[PointLayer] = field(default=())
     frusta: Sequence[FrustumLayer] = field(default=())
     lines: Sequence[LineLayer] = field(default=())
+    places: Sequence[PlaceName] = field(default=())
+    north: tuple[float, float] | None = None
+    metric: bool = True
+    subject: Literal["clouds", "cameras"] = "clouds"

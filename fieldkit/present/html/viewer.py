@@ -25,16 +25,10 @@ from fieldkit.errors import InputError
 from fieldkit.present.foreign_text import visible
 from fieldkit.present.html.packing import PackedPoints, pack_points, plain_floats
 from fieldkit.present.html.scene import FrustumLayer, LineLayer, ViewerScene
-from fieldkit.present.style import format_nominal
+from fieldkit.present.style import DISTANCE_RAMP, format_nominal
 from fieldkit.runtime.shipped import shipped_page
 
 BUNDLE, LICENSE = "viewer.min.js", "LICENSE.three.txt"
-# Viridis (Smith and van der Walt, CC0) without its darkest part, which is invisible on a dark page. Lightness rises
-# evenly, for any colour vision.
-PALETTE = (
-    "#433e85", "#3a538b", "#31678e", "#29798e", "#228b8d", "#1e9d89", "#28ae80", "#44bf70", "#6ccd5a", "#9bd93c",
-    "#cde11d", "#fde725",
-)  # fmt: skip
 _PLAIN = ("#6f9a80", "#c58a4a", "#7c8fc4", "#b0739b")  # of clouds without colours and values, in turn
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 _FAR = 4.0  # times the cameras' box: the first view leaves out a fence about the whole farm
@@ -63,7 +57,8 @@ def viewer_script() -> str:
 def viewer_style() -> str:
     """The content of the page's one ``<style>`` for all views."""
     style = (_folder() / "web" / "viewer.css").read_text(encoding="utf-8")
-    return f"{style}.fk-view-bar, .fk-view-mark-scale {{ background: linear-gradient(90deg, {', '.join(PALETTE)}); }}\n"
+    ramp = f"linear-gradient(90deg, {', '.join(DISTANCE_RAMP)})"
+    return f"{style}.fk-view-bar, .fk-view-mark-scale {{ background: {ramp}; }}\n"
 
 
 def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
@@ -81,7 +76,10 @@ def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
         "points": [_point_data(number, block) for number, block in enumerate(packed)],
         "frusta": [_frustum_data(layer) for layer in scene.frusta],
         "lines": [_line_data(layer) for layer in scene.lines],
-        "palette": list(PALETTE),
+        "places": [{"text": visible(place.text), "at": plain_floats(np.array(place.at))} for place in scene.places],
+        "metric": scene.metric,
+        "north": None if scene.north is None else plain_floats(np.array(scene.north), 6),
+        "palette": list(DISTANCE_RAMP),
         "focus": _focus(scene),
     }
     blocks = "".join(
@@ -101,8 +99,8 @@ aria-labelledby="{name}-title" aria-describedby="{name}-help">
 {_tools(scene, name)}
 </div>
 </div>
-<p class="fk-view-help" id="{name}-help">Drag to turn, right button or two fingers to move,
-pinch or wheel (after a click) to zoom. Keys: arrows turn, + and − zoom, 0 resets.</p>
+<p class="fk-view-help" id="{name}-help">Drag to turn, from above to move; right button or two fingers to move,
+pinch or wheel (after a click) to zoom. Keys: arrows turn or move, + and − zoom, 0 resets.</p>
 <script type="application/json" class="fk-view-data">{_json(data)}</script>
 {blocks}</figure>
 """
@@ -142,10 +140,13 @@ def _point_data(number: int, block: PackedPoints) -> dict[str, Any]:
 def _frustum_data(layer: FrustumLayer) -> dict[str, Any]:
     if len(layer.labels) != len(layer.poses):
         raise ValueError(f"{layer.name}: {len(layer.poses)} cameras have {len(layer.labels)} labels")
+    if len(layer.numbers) not in (0, len(layer.poses)):
+        raise ValueError(f"{layer.name}: {len(layer.poses)} cameras have {len(layer.numbers)} numbers")
     return {
         "centers": [plain_floats(pose.center) for pose in layer.poses],
         "rotations": [plain_floats(pose.rotation, 6) for pose in layer.poses],
         "labels": [visible(label) for label in layer.labels],
+        "numbers": [visible(number) for number in layer.numbers],
         "width": float(layer.half_width),
         "height": float(layer.half_height),
         "color": _color(layer),
@@ -202,6 +203,9 @@ def _switches(scene: ViewerScene, packed: Sequence[PackedPoints]) -> str:
         rows.append(_switch("frusta", number, cameras.name, note, cameras.shown, "frustum", cameras.color))
     for number, lines in enumerate(scene.lines):
         rows.append(_switch("lines", number, lines.name, "", lines.shown, "line", lines.color))
+    if scene.places or any(cameras.numbers for cameras in scene.frusta):
+        name = "Names and numbers" if scene.places else "Numbers of the stations"
+        rows.append(_switch("names", 0, name, "", True, "names", "#000000"))
     if not rows:
         return ""
     return f'<fieldset class="fk-view-layers"><legend>Show</legend>\n{"".join(rows)}</fieldset>'
@@ -209,7 +213,8 @@ def _switches(scene: ViewerScene, packed: Sequence[PackedPoints]) -> str:
 
 def _switch(group: str, number: int, name: str, note: str, shown: bool, kind: str, color: str) -> str:
     checked = " checked" if shown else ""
-    mark = f'<span class="fk-view-mark fk-view-mark-{kind}" data-color="{escape(color, quote=True)}"></span>'
+    inside = "1" if kind == "names" else ""
+    mark = f'<span class="fk-view-mark fk-view-mark-{kind}" data-color="{escape(color, quote=True)}">{inside}</span>'
     return (
         f'<label class="fk-view-switch"><input type="checkbox" data-group="{group}" data-number="{number}"{checked}>'
         f'{mark}<span class="fk-view-name">{escape(visible(name))}</span>'

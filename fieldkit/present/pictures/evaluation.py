@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud, PointIndex, ReferenceIndex, Volume
 from fieldkit.present.pictures.overview import draw_plants, save_figure
 from fieldkit.present.pictures.panels import FAINT, INK, display_limits, drawable, new_figure
-from fieldkit.present.style import format_length, format_nominal
+from fieldkit.present.style import DISTANCE_RAMP, format_length, format_nominal
 from fieldkit.results.evaluation import PlotEvaluation
 
 _WIDTH, _HEIGHT = 15.0, 11.7
 _AT_A_TIME = 1_000_000
 _ROWS = ((6.45, 3.95), (1.35, 3.95))
-# Blue through light yellow to red: safe for colour-blind eyes, and dark for large distances.
-_COLORS = LinearSegmentedColormap.from_list("distance", ["#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a"])
+_COLORS = LinearSegmentedColormap.from_list("distance", DISTANCE_RAMP)
 
 
 def write_comparison(path: Path, plot: PlotEvaluation, estimate: Cloud, reference: Cloud | ReferenceIndex) -> None:

@@ -24,10 +24,10 @@ from fieldkit.present.content import (
     Table,
 )
 from fieldkit.present.html.charts import LineChart, Series
-from fieldkit.present.html.plot_map import GREENS, RAMP, MappedPlot, Measure, PlotMap
+from fieldkit.present.html.plot_map import GREENS, MappedPlot, Measure, PlotMap
 from fieldkit.present.sections.loaded_results import CampaignResult
-from fieldkit.present.style import decimal, format_length, metres, millimetres
-from fieldkit.present.tables.scores import distances_of, interval, score_columns, trait_columns
+from fieldkit.present.style import DISTANCE_RAMP, format_length, millimetres
+from fieldkit.present.tables.scores import TRAIT_NAMES, distances_of, interval, score_columns, trait_columns
 from fieldkit.present.tables.tabulated import MOST_ROWS, tabulated
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.traits import TraitsEntry, reasons_in_words
@@ -49,7 +49,7 @@ class _Shown:
     name: str
     unit: str
     value: Callable[[Visit], float | None]
-    ramp: tuple[str, ...] = RAMP
+    ramp: tuple[str, ...] = DISTANCE_RAMP
 
 
 _SHOWN = (
@@ -79,7 +79,8 @@ def campaign_section(result: CampaignResult, anchor: str, pictures: Mapping[str,
         anchors = plot_anchors(campaign, anchor)
         for date in reversed(campaign.dates):
             table = _table(date, [visit for visit in campaign.visits if visit.date == date], anchors, pictures)
-            blocks.append(table if date == campaign.dates[-1] else Details(f"Plots on {date}", (table,)))
+            last = date == campaign.dates[-1]
+            blocks.append(table if last else Details(f"Plots on {date}", (traits_table(campaign, date), table)))
         blocks += [_plot(campaign, plot, name, pictures.get(plot)) for plot, name in anchors.items()]
     return Section(anchor, f"Campaign: {campaign.name}", tuple(blocks))
 
@@ -117,15 +118,12 @@ def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
     )
 
 
-def traits_table(campaign: Campaign) -> Table:
-    """What grows on the plots on the last date: traits and their errors."""
-    date = campaign.dates[-1] if campaign.visits else ""
+def traits_table(campaign: Campaign, date: str) -> Table:
+    """What grows on the plots on a date: traits and their errors."""
     visits = [visit for visit in campaign.visits if visit.date == date]
     found = [(visit, visit.traits or TraitsEntry()) for visit in visits]
     return tabulated(f"What grows there, {date}", found, (
-        (Column("plot"), lambda row: row[0].plot),
-        *((column, lambda row, of=cell: of(row[1])) for column, cell in trait_columns()),
-        (Column("why not"), lambda row: row[0].error or reasons_in_words(row[1].unknown) or None),
+        (Column("plot"), lambda row: row[0].plot), *_grown_columns(),
     ))  # fmt: skip
 
 
@@ -159,43 +157,50 @@ def _figures(campaign: Campaign) -> Iterator[KeyFigure]:
 
 
 def _table(date: str, visits: Sequence[Visit], anchors: Mapping[str, str], pictures: Mapping[str, Picture]) -> Table:
-    """A table of one date's plots: failures first, then the greatest measured distance, then the predicted ones."""
-    ordered = sorted(
-        visits, key=lambda v: (not v.error, v.chamfer_m is None, -(v.chamfer_m or v.predicted_chamfer_m or 0.0), v.plot)
-    )
+    """How well one date's plots were reconstructed: those without a score first, then the doubtful ones.
+
+    Measured and predicted distances stand in columns of their own, and rank no rows together.
+    """
+    ordered = sorted(visits, key=lambda visit: (not visit.error, not visit.doubts))
     distances = distances_of(visit.f_score for visit in visits)
     distances = [d for d in distances if d in ("0.005", "0.010")] or distances[:1]
-    return tabulated(f"Plots on {date}", ordered, (
+    return tabulated(f"How well the plots were reconstructed, {date}", ordered, (
         (Column("plot"), lambda v: Link(v.plot, anchors[v.plot]) if v.plot in anchors else v.plot),
         (Column("picture", detail=True), lambda v: pictures.get(v.plot)),
-        *_columns(distances),
-    ), "The greatest distance comes first.")  # fmt: skip
+        *_quality_columns(distances),
+    ))  # fmt: skip
 
 
 def _plot(campaign: Campaign, plot: str, anchor: str, picture: Picture | None) -> Details:
     """A plot's dates."""
     visits = [visit for visit in campaign.visits if visit.plot == plot]
     distances = distances_of(visit.f_score for visit in visits)
-    table = tabulated(f"{plot} over the dates", visits, (
-        (Column("date"), lambda v: v.date), *_columns(distances),
+    grown = tabulated(f"{plot} over the dates", [(visit, visit.traits or TraitsEntry()) for visit in visits], (
+        (Column("date"), lambda row: row[0].date), *_grown_columns(),
+    ))  # fmt: skip
+    quality = tabulated(f"How well {plot} was reconstructed", visits, (
+        (Column("date"), lambda v: v.date), *_quality_columns(distances),
     ))  # fmt: skip
     charts = tuple(
         chart for shown in _SHOWN
         if (chart := _over_dates(campaign.dates, [_by_date(visits, shown.value)], shown, plot)) is not None
     )  # fmt: skip
-    blocks: list[Block] = [table, *([Charts(charts)] if charts else [])]
+    blocks: list[Block] = [grown, *([Charts(charts)] if charts else []), quality]
     if picture is not None:
         blocks.insert(0, Still(picture, f"{plot}: its last cloud, from the front and from above"))
     return Details(f"Plot {plot}", tuple(blocks), anchor=anchor)
 
 
-def _columns(distances: Sequence[str]) -> tuple[tuple[Column, Callable[[Visit], Cell]], ...]:
+def _grown_columns() -> Iterator[tuple[Column, Callable[[tuple[Visit, TraitsEntry]], Cell]]]:
+    for column, cell in trait_columns():
+        yield column, lambda row, of=cell: of(row[1])  # type: ignore[misc]
+    yield Column("why not"), lambda row: row[0].error or reasons_in_words(row[1].unknown, TRAIT_NAMES) or None
+
+
+def _quality_columns(distances: Sequence[str]) -> tuple[tuple[Column, Callable[[Visit], Cell]], ...]:
     return (
         (Column("state"), _state),
         (Column("photographs used", True), lambda v: f"{v.right} of {v.images}"),
-        (Column("height, m", True), lambda v: metres(v.height_m)),
-        (Column("cover, %", True), lambda v: decimal(v.cover_percent, 1)),
-        (Column("canopy volume, m³", True), lambda v: decimal(v.canopy_volume_m3, 3)),
         *score_columns(distances),
         (Column("predicted chamfer, mm", True), lambda v: millimetres(v.predicted_chamfer_m)),
         (Column("interval, mm", True), lambda v: interval(v.predicted_low_m, v.predicted_high_m)),

@@ -34,7 +34,6 @@ def _plots_blocks(
     plots: tuple[PlotEvaluation, ...], views: Views, pictures: Mapping[str, Pictures]
 ) -> Iterator[Block]:  # fmt: skip
     yield scores.plot_table(plots)
-    yield from scores.plant_tables([plot for plot in plots if plot.error is None])
     yield from (table for table in (scores.unused_table(plots), adherence.adherence_by_plot(plots)) if table.rows)
     shown = [plot for plot in plots if views.get(plot.name, (None, ""))[0] is not None]
     if shown and len(shown) < len([plot for plot in plots if plot.error is None]):

@@ -37,7 +37,7 @@ MEANINGS = {
     "predicted": "Where a plot has no reference: how far its cloud is likely to be from its true plants (chamfer "
     "distance), from figures that need none. Nine in ten plots like those it was made on lie in the interval.",
     "cover": "Share of the plot that lies below plants, seen from straight above.",
-    "height": "95 % of what was reconstructed of the plants is lower.",
+    "height": "Of the highest leaf above the ground, as a person measures it with a ruler.",
     "canopy volume": "Volume between the ground and the upper surface of the plants.",
 }
 """Meanings by term."""

@@ -9,6 +9,7 @@ from fieldkit.campaign import Campaign
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.run.outcome import Outcome
 from fieldkit.planning.settings import SearchSettings
+from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.demo import DemoReport
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.results.mission import MissionFlight, MissionRecord
@@ -112,6 +113,22 @@ class CampaignResult:
 
 
 @dataclass(frozen=True)
+class ComparisonResult:
+    """A comparison of evaluations.
+
+    Attributes:
+        folder, name: as `ReferenceResult` has them.
+        report: compare.json.
+        sha256: of compare.json.
+    """
+
+    folder: Path
+    name: str
+    report: ComparisonReport
+    sha256: str
+
+
+@dataclass(frozen=True)
 class Unreadable:
     """A damaged result.
 
@@ -132,7 +149,7 @@ class Results:
 
     Attributes:
         root: absolute.
-        references, plans, missions, evaluations, campaigns: readable results.
+        references, plans, missions, evaluations, campaigns, comparisons: readable results.
         unreadable: damaged results.
         earlier: names of missions without a mission.json, from early versions of fieldkit.
         demos: comparisons of planned views with a circle; the evaluations beside each are theirs.
@@ -147,9 +164,10 @@ class Results:
     unreadable: tuple[Unreadable, ...] = ()
     earlier: tuple[str, ...] = ()
     demos: tuple[DemoReport, ...] = ()
+    comparisons: tuple[ComparisonResult, ...] = ()
 
     @property
     def count(self) -> int:
         """Number of results that can be shown."""
-        kinds = (self.references, self.plans, self.missions, self.evaluations, self.campaigns)
+        kinds = (self.references, self.plans, self.missions, self.evaluations, self.campaigns, self.comparisons)
         return sum(len(kind) for kind in kinds)

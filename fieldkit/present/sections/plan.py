@@ -22,7 +22,15 @@ from fieldkit.present.content import (
 from fieldkit.present.html.charts import LineChart, Series
 from fieldkit.present.sections.finalists import finalist_table
 from fieldkit.present.sections.loaded_results import MissionResult, PlanResult
-from fieldkit.present.style import decimal, format_length, format_nominal, format_seconds, metres
+from fieldkit.present.style import (
+    decimal,
+    format_length,
+    format_nominal,
+    format_range,
+    format_seconds,
+    format_with_error,
+    metres,
+)
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.plan import station_number
 
@@ -60,8 +68,7 @@ def mission_section(result: MissionResult, anchor: str, view: View | None) -> Se
     ]
     if stations:
         heights = [station.height_m for station in stations]
-        between = f"{format_length(min(heights))} to {format_length(max(heights))}"
-        figures.append(KeyFigure("heights of photographs", between, "above home"))
+        figures.append(KeyFigure("heights of photographs", format_range(heights), "above home"))
     positions = site_frame(result.record).points(geo_points(stations)).tolist()
     flown = [(number, *each) for number, each in enumerate(zip(stations, positions, strict=True), 1)]
     table = tabulated("Photographs in the order they are flown", flown, (
@@ -84,10 +91,8 @@ def _figures(result: PlanResult) -> Iterator[KeyFigure]:
     if plan is not None:
         yield KeyFigure("camera poses", f"{len(plan.stations)}")
         if plan.method is not None and plan.method.chamfer_m is not None:
-            spread = plan.method.known_spread_m
-            more = "" if spread is None else f" ± {format_length(spread)}"
             yield KeyFigure(
-                "chamfer distance", f"{format_length(plan.method.chamfer_m)}{more}",
+                "chamfer distance", format_with_error(plan.method.chamfer_m, plan.method.known_spread_m),
                 "of what they reconstruct to its reference, on what the plan was made on",
             )  # fmt: skip
         elif plan.method is not None and plan.method.repeats == 0:

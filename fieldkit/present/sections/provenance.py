@@ -68,6 +68,9 @@ def _inputs(results: Results) -> Table:
         against = e.report.reference_sha256
         made = f"“{e.report.source}”, {f'reference {_short(against)}' if against else 'no reference'}"
         rows.append((f"{e.name}/evaluation.json", e.report.fieldkit, _seed(e.report.settings), made, e.sha256))
+    for k in results.comparisons:
+        made = ", ".join(f"“{each.label}”" for each in k.report.evaluations)
+        rows.append((f"{k.name}/compare.json", k.report.fieldkit, None, made, k.sha256))
     for c in results.campaigns:
         rows.append((f"{c.name}/campaign.toml", None, str(c.campaign.evaluation.seed), None, c.sha256))
     columns = (

@@ -13,6 +13,7 @@ from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, read_log, read
 from fieldkit.planning.run.outcome import OUTCOME_FILE, read_outcome
 from fieldkit.present.sections.loaded_results import (
     CampaignResult,
+    ComparisonResult,
     EvaluationResult,
     MissionResult,
     PlanResult,
@@ -22,6 +23,7 @@ from fieldkit.present.sections.loaded_results import (
 )
 from fieldkit.present.sections.plausible import check_plausible
 from fieldkit.regular_files import open_regular
+from fieldkit.results.comparison import COMPARE_FILE, load_comparison
 from fieldkit.results.demo import DEMO_FILE, DemoReport, load_demo
 from fieldkit.results.mission import MissionFlight, MissionRecord
 from fieldkit.results.mission_file import load_mission, records_in
@@ -39,11 +41,11 @@ DEPTH = 2
 """Levels below the folder that are searched."""
 
 _REMEDY = (
-    "Give a folder that a command of fieldkit wrote (reference, plan, export-mission, evaluate, campaign, demo), or "
-    "one that holds such folders."
+    "Give a folder that a command of fieldkit wrote (reference, plan, export-mission, evaluate, compare, campaign, "
+    "demo), or one that holds such folders."
 )
 _MOST_FOLDERS = 5000
-_RESULT_FILES = (REFERENCE_FILE, EVALUATION_FILE, PLAN_FILE, SETTINGS_FILE, CAMPAIGN_FILE)
+_RESULT_FILES = (REFERENCE_FILE, EVALUATION_FILE, PLAN_FILE, SETTINGS_FILE, CAMPAIGN_FILE, COMPARE_FILE)
 _EARLIER = "was exported by an earlier version of fieldkit, which wrote no mission.json"
 _MOST_MISSIONS = 100
 _ROUTE_BEGINS = b'"kind": "home"'  # the first feature of a route as GeoJSON
@@ -132,7 +134,7 @@ class _Reader:
 
         return Results(
             self.root, of(ReferenceResult), of(PlanResult), of(MissionResult), of(EvaluationResult), of(CampaignResult),
-            tuple(self.unreadable), tuple(self.earlier), of(DemoReport),
+            tuple(self.unreadable), tuple(self.earlier), of(DemoReport), of(ComparisonResult),
         )  # fmt: skip
 
     def read_folder(self, folder: Path, only: str = "") -> None:
@@ -141,6 +143,7 @@ class _Reader:
             (REFERENCE_FILE, self._reference),
             (EVALUATION_FILE, self._evaluation),
             (CAMPAIGN_FILE, self._campaign),
+            (COMPARE_FILE, self._comparison),
             (DEMO_FILE, load_demo),
         ]
         for file, read in readers:
@@ -218,6 +221,11 @@ class _Reader:
         report = load_evaluation_report(folder)
         check_plausible(report.model_dump(), folder / EVALUATION_FILE)
         return EvaluationResult(folder, self._name(folder), report, file_sha256(folder / EVALUATION_FILE))
+
+    def _comparison(self, folder: Path) -> ComparisonResult:
+        report = load_comparison(folder)
+        check_plausible(report.model_dump(), folder / COMPARE_FILE)
+        return ComparisonResult(folder, self._name(folder), report, file_sha256(folder / COMPARE_FILE))
 
     def _campaign(self, folder: Path) -> CampaignResult:
         campaign = read_campaign(folder)

@@ -11,6 +11,7 @@ from fieldkit.errors import FieldkitError
 from fieldkit.present.content import Details, Page, Paragraph, Picture, Section, Terms, View
 from fieldkit.present.html.scene import ViewerScene
 from fieldkit.present.sections.campaign import campaign_anchor, campaign_section
+from fieldkit.present.sections.comparison import comparison_section
 from fieldkit.present.sections.evaluation import evaluation_section
 from fieldkit.present.sections.glossary import meanings
 from fieldkit.present.sections.in_short import in_short
@@ -65,7 +66,7 @@ class Built:
 
 
 def build_page(results: Results, *, title: str, command: str, most_points: int, progress: Progress) -> Built:
-    """The page of a report, in the order reference, plan, mission, evaluation, campaign.
+    """The page of a report, in the order reference, plan, mission, evaluation, comparison, campaign.
 
     Args:
         results: found and read.
@@ -203,6 +204,8 @@ def _sections(results: Results, views: _Views, pictures: _Pictures) -> Iterator[
     for k, evaluation in enumerate(results.evaluations):
         by_plot = {plot.name: views.view("evaluation", k, plot.name) for plot in evaluation.report.plots}
         yield evaluation_section(evaluation, f"evaluation-{k + 1}", by_plot, pictures.evaluations[k])
+    for k, comparison in enumerate(results.comparisons):
+        yield comparison_section(comparison, f"comparison-{k + 1}")
     for k, campaign in enumerate(results.campaigns):
         yield campaign_section(campaign, campaign_anchor(k), pictures.campaigns[k])
 
@@ -218,7 +221,7 @@ def _farthest(result: EvaluationResult) -> list[PlotEvaluation]:
 def _subtitle(results: Results) -> str:
     kinds = (
         ("reference", results.references), ("plan", results.plans), ("mission", results.missions),
-        ("evaluation", results.evaluations), ("campaign", results.campaigns),
+        ("evaluation", results.evaluations), ("comparison", results.comparisons), ("campaign", results.campaigns),
     )  # fmt: skip
     held = [f"{len(found)} {noun}s" if len(found) > 1 else f"one {noun}" for noun, found in kinds if found]
     return f"What {results.root.name or 'the folder'} holds: {', '.join(held)}."
@@ -246,6 +249,8 @@ def _used(results: Results) -> set[str]:
         used |= {"trial", "confirmation"}
     if results.missions:
         used |= {"station", "yaw, pitch"}
+    if results.comparisons:
+        used |= {"reference", "chamfer distance", "F-score", "predicted", "height", "cover"}
     if results.campaigns:
         used |= {
             "used", "reference", "accuracy", "completeness", "chamfer distance", "F-score", "RMS", "predicted", "cover",

@@ -6,6 +6,7 @@ Sentences state only what the figures say. Nothing is called good without a meas
 from __future__ import annotations
 
 from fieldkit.present.content import Statement
+from fieldkit.present.sections.comparison import comparison_statements
 from fieldkit.present.sections.loaded_results import Results
 from fieldkit.present.sections.summary_campaign import campaign_statements
 from fieldkit.present.sections.summary_captures import evaluation_statements, reference_statements
@@ -24,6 +25,8 @@ def summarise(results: Results) -> tuple[Statement, ...]:
     for evaluation in results.evaluations:
         # The demo's plots are methods: their range says nothing, and its own table compares them.
         statements += evaluation_statements(evaluation, spread=not results.demos)
+    for comparison in results.comparisons:
+        statements += comparison_statements(comparison)
     for campaign in results.campaigns:
         statements += campaign_statements(campaign)
     statements += [

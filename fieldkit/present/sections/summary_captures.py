@@ -31,8 +31,8 @@ def reference_statements(result: ReferenceResult) -> Iterator[Statement]:
     if report.track_length is not None and 0 < report.track_length < 3.0:
         yield Statement(
             "note",
-            f"A point of the reference is seen by {decimal(report.track_length, 1)} photographs on average; above 3 is "
-            "good.",
+            f"A point of the reference of “{report.source}” is seen by {decimal(report.track_length, 1)} photographs "
+            "on average; above 3 is good.",
             "More photographs, nearer to each other, see the same leaf more often.",
         )
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from fieldkit.planning.run.outcome import best_so_far
 from fieldkit.present.content import Statement
 from fieldkit.present.sections.loaded_results import MissionResult, PlanResult
-from fieldkit.present.style import count, format_length, format_seconds, percent
+from fieldkit.present.style import count, format_length, format_seconds, format_with_error, percent
 
 _LATE = 0.1  # the last tenth of a search
 _GAIN = 0.01  # least improvement, as a share
@@ -32,8 +32,8 @@ def plan_statements(result: PlanResult) -> Iterator[Statement]:
     if method is not None and method.chamfer_m is not None:
         spread = ""
         if method.known_spread_m is not None:
-            spread = f" ± {format_length(method.known_spread_m)} (standard deviation of {method.repeats} confirmations)"
-        value = format_length(method.chamfer_m)
+            spread = f" (standard deviation of {method.repeats} confirmations)"
+        value = format_with_error(method.chamfer_m, method.known_spread_m)
         text += f" What they reconstruct there is {value}{spread} from its reference (chamfer distance)."
     elif method is not None and method.repeats == 0:
         text += " It was not confirmed: no photograph was taken of them."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from fieldkit.evaluation.figures import source_frame
 from fieldkit.files import file_beside
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.missions.export_record import geo_points, plot_frame, site_frame, way
-from fieldkit.present.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
+from fieldkit.present.html.scene import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.present.sections.loaded_results import (
     EvaluationResult,
     MissionResult,
@@ -24,7 +24,14 @@ from fieldkit.present.sections.loaded_results import (
     Results,
 )
 from fieldkit.present.style import format_length
-from fieldkit.results.evaluation import CameraEntry, EvaluationReport, ImageEntry, PlotEvaluation, ReferenceReport
+from fieldkit.results.evaluation import (
+    CameraEntry,
+    EvaluationReport,
+    ImageEntry,
+    PlotEvaluation,
+    ReconstructionEntry,
+    ReferenceReport,
+)
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.report_files import check_file
 
@@ -58,7 +65,8 @@ def reference_view(result: ReferenceResult) -> tuple[ViewerScene | None, str]:
         return None, f"No 3D view: {error}"
     layer = PointLayer("Reference", *_drawn(cloud))
     frusta = _camera_layers(report.image_reports, report.cameras, "Cameras")
-    return ViewerScene(f"{report.source}: the reference and its {report.right} cameras", (layer,), frusta), ""
+    title = f"{report.source}: the reference and its {report.right} cameras"
+    return ViewerScene(title, (layer,), frusta, north=_north_of(report), metric=report.metric), ""
 
 
 def plot_view(
@@ -77,7 +85,10 @@ def plot_view(
         return None, f"No 3D view: {error}"
     reference = next((r for r in results.references if r.sha256 == result.report.reference_sha256), None)
     note, distances = "", None
-    frusta = _camera_layers(plot.image_reports, plot.cameras, "Cameras, achieved")
+    stations = () if plot.adherence is None else plot.adherence.stations
+    frusta = _camera_layers(
+        plot.image_reports, plot.cameras, "Cameras, achieved", {s.image: _number(s.station) for s in stations}
+    )
     layers = []
     lines: list[LineLayer] = []
     if reference is not None and len(cloud):
@@ -110,7 +121,8 @@ def plot_view(
     ]
     if shifts:
         lines.append(LineLayer("From known to achieved position", shifts, _FENCE, shown=False))
-    return ViewerScene(f"{plot.name}: the capture against its reference", layers, frusta, lines), note
+    title = f"{plot.name}: the capture{' against its reference' * (distances is not None)}"
+    return ViewerScene(title, layers, frusta, lines, north=_north_of(plot), metric=plot.metric), note
 
 
 def plan_view(result: PlanResult, results: Results) -> tuple[ViewerScene | None, str]:
@@ -127,7 +139,10 @@ def plan_view(result: PlanResult, results: Results) -> tuple[ViewerScene | None,
         lines.append(
             LineLayer("Where cameras may stand", _box(envelope.lower_m, envelope.upper_m), _FENCE, shown=False)
         )
-    return ViewerScene("The planned cameras", layers, (_planned_layer(result),), lines), note
+    heading = None if plan.row_heading_deg is None else np.radians(plan.row_heading_deg)
+    north = None if heading is None else (float(np.cos(heading)), float(np.sin(heading)))
+    title = "The planned cameras"
+    return ViewerScene(title, layers, (_planned_layer(result),), lines, north=north, subject="cameras"), note
 
 
 def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
@@ -175,7 +190,8 @@ def mission_view(result: MissionResult, results: Results) -> ViewerScene:
         Pose.from_yaw_pitch(position, s.yaw_deg, s.pitch_deg)
         for position, s in zip(positions, flight.stations, strict=True)
     ]
-    labels = [f"{s.plot}, station {station_number(s.index)}" for s in flight.stations]
+    numbers = [f"{station_number(s.index)}" for s in flight.stations]
+    labels = [f"{s.plot}, station {number}" for s, number in zip(flight.stations, numbers, strict=True)]
     lines = [LineLayer("Way", (frame.points(way(record, flight)).astype(np.float32),), _WAY)]
     for name, rings, color in (("Fence", record.inside, _FENCE), ("No-fly zones", record.outside, _ZONE)):
         if rings:
@@ -183,9 +199,17 @@ def mission_view(result: MissionResult, results: Results) -> ViewerScene:
                 np.pad(np.array(frame.outline((*ring, ring[0]))), ((0, 0), (0, 1))).astype(np.float32) for ring in rings
             ]
             lines.append(LineLayer(name, closed, color))
-    frusta = FrustumLayer("Photographs", poses, labels, *_half_view(record.vehicle.camera.intrinsics), _PLANNED)
-    plants = _mission_plants(result, results)
-    return ViewerScene(f"{flight.name}: the way and its photographs", plants, (frusta,), lines)
+    half = _half_view(record.vehicle.camera.intrinsics)
+    frusta = FrustumLayer("Photographs", poses, labels, *half, _PLANNED, numbers=numbers)
+    places = [PlaceName("home", (0.0, 0.0, 0.0))]
+    for plot in record.plots:
+        if plot.name in flight.plots:
+            x, y, z = frame.to_local(*plot_frame(plot).to_geodetic(np.zeros((1, 3))))[0].tolist()
+            places.append(PlaceName(plot.name, (x, y, z)))
+    return ViewerScene(
+        f"{flight.name}: the way and its photographs", _mission_plants(result, results), (frusta,), lines, places,
+        north=(0.0, 1.0), subject="cameras",
+    )  # fmt: skip
 
 
 def within_budget(scenes: Sequence[ViewerScene], most_points: int) -> list[ViewerScene]:
@@ -252,7 +276,7 @@ class _AsReport:
 
 
 def _camera_layers(
-    images: Sequence[ImageEntry], cameras: Sequence[CameraEntry], name: str
+    images: Sequence[ImageEntry], cameras: Sequence[CameraEntry], name: str, numbers: Mapping[str, str] | None = None
 ) -> list[FrustumLayer]:  # fmt: skip
     half = _HALF_VIEW
     if cameras:
@@ -266,7 +290,8 @@ def _camera_layers(
         chosen = [(i, pose) for i in images if (i.right is not False) is right and (pose := i.pose) is not None]
         if chosen:
             layers.append(FrustumLayer(
-                title, [pose for _, pose in chosen], [_label(image) for image, _ in chosen], *half, color
+                title, [pose for _, pose in chosen], [_label(image) for image, _ in chosen], *half, color,
+                numbers=[numbers.get(image.name, "") for image, _ in chosen] if numbers else (),
             ))  # fmt: skip
     return layers
 
@@ -314,8 +339,21 @@ def _planned_layer(result: PlanResult) -> FrustumLayer:
     assert plan is not None
     half = _HALF_VIEW if plan.camera is None else _half_view(plan.camera.intrinsics)
     poses = [station.pose for station in plan.stations]
-    labels = [f"station {station_number(index)}" for index in range(len(poses))]
-    return FrustumLayer("Cameras, planned", poses, labels, *half, _PLANNED)
+    numbers = [f"{station_number(index)}" for index in range(len(poses))]
+    labels = [f"station {number}" for number in numbers]
+    return FrustumLayer("Cameras, planned", poses, labels, *half, _PLANNED, numbers=numbers)
+
+
+def _number(station: str) -> str:
+    return station.removeprefix("station ")
+
+
+def _north_of(report: ReconstructionEntry) -> tuple[float, float] | None:
+    """True north in a plot frame; None where it is not georeferenced."""
+    if report.metric_source is None or report.frame is None or report.frame.origin is None:
+        return None
+    x, y, _ = source_frame(report.metric_source, report.frame).from_source.rotation[:, 1]
+    return float(x / np.hypot(x, y)), float(y / np.hypot(x, y))
 
 
 def _half_view(camera: Intrinsics) -> tuple[float, float]:

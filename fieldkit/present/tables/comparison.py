@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from fieldkit.present.content import Block, Column, Statement, Statements, Table
@@ -17,14 +18,19 @@ _UNITS = {"_m": ("mm", 1000.0), "_m3": ("m³", 1.0), "_px": ("px", 1.0)}
 
 def comparison_blocks(report: ComparisonReport) -> Iterator[Block]:
     """The leading figures with their differences to the first evaluation, then remarks."""
-    leading = [figure for figure in report.figures if figure in _LEADING]
-    leading += [figure for figure in report.figures if figure.startswith(_F_SCORE)][:1]
-    for figure in sorted(leading, key=report.figures.index):
+    for figure in leading_figures(report):
         table = difference_table(report, figure)
         if table.rows:
             yield table
     if report.notes:
         yield Statements(tuple(Statement("note", note) for note in report.notes))
+
+
+def leading_figures(report: ComparisonReport) -> list[str]:
+    """Distances, height, cover and the first F-score, as far as they were compared, in the report's order."""
+    leading = [figure for figure in report.figures if figure in _LEADING]
+    leading += [figure for figure in report.figures if figure.startswith(_F_SCORE)][:1]
+    return sorted(leading, key=report.figures.index)
 
 
 def difference_table(report: ComparisonReport, figure: str) -> Table:
@@ -64,8 +70,8 @@ def unit_of(figure: str) -> tuple[str, float]:
 
 def title_of(figure: str) -> str:
     """A figure's name in words, without its unit."""
-    if figure.startswith(_F_SCORE):
-        return f"F-score at {format_nominal(float(figure.removeprefix(_F_SCORE)))}"
+    if within := re.fullmatch(rf"{_F_SCORE}(\d+\.\d+)", figure):
+        return f"F-score at {format_nominal(float(within[1]))}"
     for end in _UNITS:
         figure = figure.removesuffix(end)
     return figure.replace("_", " ")

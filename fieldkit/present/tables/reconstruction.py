@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fieldkit.present.content import Column, Mark, Picture, Table
-from fieldkit.present.style import DASH, count, decimal, format_length, format_seconds, metres, millimetres, with_unit
+from fieldkit.present.style import DASH, count, decimal, format_length, format_seconds, metres, with_unit
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.evaluation import CameraEntry, FindingEntry, ImageEntry, ReconstructionEntry, ReferenceReport
 
@@ -66,7 +66,6 @@ def photograph_table(
         metric: whether lengths are metres.
         pictures: thumbnails by name.
     """
-    length = millimetres if metric else lambda value: decimal(value, 4)
     return tabulated(caption, sorted(images, key=was_used), (
         (Column("photograph"), lambda i: i.name),
         (Column("picture", detail=True), lambda i: (pictures or {}).get(i.name)),
@@ -74,7 +73,7 @@ def photograph_table(
         (Column("features", True), lambda i: f"{i.features:,}"),
         (Column("points seen", True, detail=True), lambda i: f"{i.observations:,}"),
         (Column("reprojection, px", True, detail=True), lambda i: decimal(i.reprojection_px)),
-        (Column(f"position residual{', mm' * metric}", True, detail=True), lambda i: length(i.position_residual_m)),
+        (Column(f"position residual{', m' * metric}", True, detail=True), lambda i: metres(i.position_residual_m, 3)),
         (Column("direction residual, °", True, detail=True), lambda i: decimal(i.angle_residual_deg)),
         (Column(f"height{', m' * metric}", True, detail=True), lambda i: i.center_m and metres(i.center_m[2])),
         (Column("pitch, °", True, detail=True), lambda i: decimal(i.pitch_deg, 1)),

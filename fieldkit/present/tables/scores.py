@@ -6,18 +6,28 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 from fieldkit.present.content import Cell, Column, KeyFigure, Mark, Table
-from fieldkit.present.style import decimal, format_length, format_nominal, metres, millimetres, percent, with_unit
+from fieldkit.present.style import (
+    decimal,
+    format_length,
+    format_with_error,
+    listed,
+    metres,
+    millimetres,
+    percent,
+    with_unit,
+)
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.evaluation import PlotEvaluation
-from fieldkit.results.traits import Trait, TraitsEntry, reasons_in_words
+from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, reasons_in_words
 
 if TYPE_CHECKING:
     from fieldkit.campaign import Visit
 
 Scored: TypeAlias = "PlotEvaluation | Visit"
-_TRAIT_NAMES: Mapping[str, Trait] = {
-    "plant height": "height_m", "cover": "cover_percent", "covered area": "covered_area_m2",
-    "canopy volume": "canopy_volume_m3",
+_MOST_NAMES = 12  # plots of one reason
+TRAIT_NAMES: Mapping[Trait, str] = {
+    "height_m": "plant height", "cover_percent": "cover", "covered_area_m2": "covered area",
+    "canopy_volume_m3": "canopy volume",
 }  # fmt: skip
 
 
@@ -44,8 +54,8 @@ def trait_figures(traits: TraitsEntry | None) -> Iterator[KeyFigure]:
     if traits is None:
         return
     if traits.height_m is not None:
-        meaning = f"± {format_length(traits.height_error_m)}; of the highest leaf"
-        yield KeyFigure("plant height", format_length(traits.height_m), meaning)
+        value = format_with_error(traits.height_m, traits.height_error_m)
+        yield KeyFigure("plant height", value, "of the highest leaf")
     if traits.cover_percent is not None:
         of = f"of {decimal(traits.plot_area_m2, 2)} m², seen from above"
         meaning = f"± {decimal(traits.cover_error_percent, 1)} %; {of}"
@@ -56,7 +66,7 @@ def trait_figures(traits: TraitsEntry | None) -> Iterator[KeyFigure]:
     if traits.canopy_volume_m3 is not None:
         meaning = f"± {decimal(traits.canopy_volume_error_m3, 3)} m³; between the ground and the plants' upper surface"
         yield KeyFigure("canopy volume", f"{decimal(traits.canopy_volume_m3, 3)} m³", meaning)
-    for name, trait in _TRAIT_NAMES.items():
+    for trait, name in TRAIT_NAMES.items():
         if trait in traits.unknown:
             yield KeyFigure(name, "not to be had", traits.unknown[trait])
 
@@ -66,7 +76,7 @@ def score_rows(plot: PlotEvaluation) -> tuple[tuple[str, str], ...]:
     f_scores = (plot.f_score or {}).items()
     return (
         *((figure.label, f"{figure.value}; {figure.meaning}") for figure in score_figures(plot)),
-        *((f"F-score at {format_nominal(float(d))}", f"{value:.3f}") for d, value in f_scores),
+        *((f"F-score at {_nominal(d)} mm", f"{value:.3f}") for d, value in f_scores),
     )
 
 
@@ -74,12 +84,11 @@ def distance_table(plot: PlotEvaluation) -> Table:
     """The share of a scored plot within each distance."""
     precision, recall, f_score = plot.precision or {}, plot.recall or {}, plot.f_score or {}
     columns = (
-        Column("within"), Column("of its points (precision), %", True, short="precision, %"),
+        Column("within, mm", True), Column("of its points (precision), %", True, short="precision, %"),
         Column("of the reference's (recall), %", True, short="recall, %"), Column("F‑score", True),
     )  # fmt: skip
     rows = tuple(
-        (format_nominal(float(d)), percent(precision.get(d)), percent(recall.get(d)), decimal(f_score[d], 3))
-        for d in f_score
+        (_nominal(d), percent(precision.get(d)), percent(recall.get(d)), decimal(f_score[d], 3)) for d in f_score
     )
     return Table("How much lies within a distance", columns, rows)
 
@@ -156,18 +165,30 @@ def trait_columns() -> tuple[tuple[Column, Callable[[TraitsEntry], Cell]], ...]:
     )
 
 
-def plant_tables(plots: Sequence[PlotEvaluation]) -> Iterator[Table]:
-    """Traits and predicted distances by plot, and why some are missing; empty if no plot has any."""
-    if any(plot.traits is not None or plot.prediction is not None for plot in plots):
-        yield tabulated("Plants", [(plot.name, plot.traits or TraitsEntry(), plot.prediction) for plot in plots], (
+def plant_tables(plots: Sequence[PlotEvaluation], of: str = "") -> Iterator[Table]:
+    """Traits by plot, then predicted distances, and why some are missing; none of what no plot has.
+
+    Args:
+        plots: a row each.
+        of: what they are the plots of, for the captions; empty where that is plain.
+    """
+    more = f" of {of}" if of else ""
+    if any(getattr(plot.traits, trait) is not None for plot in plots if plot.traits is not None for trait in TRAITS):
+        yield tabulated(f"Plants{more}", [(plot.name, plot.traits or TraitsEntry()) for plot in plots], (
             (Column("plot"), lambda row: row[0]),
             *((column, lambda row, of=cell: of(row[1])) for column, cell in trait_columns()),
-            (Column("predicted chamfer, mm", True, short="predicted, mm"),
-             lambda row: None if row[2] is None else millimetres(row[2].chamfer_m)),
-            (Column("nine in ten such plots, mm", True, short="nine in ten, mm"),
-             lambda row: None if row[2] is None else interval(row[2].low_m, row[2].high_m)),
         ))  # fmt: skip
-    unknown = [(plot.name, reasons_in_words(plot.traits.unknown)) for plot in plots if plot.traits is not None]
+    predicted = [(plot.name, p) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is not None]
+    if predicted:
+        yield tabulated(f"Distance to the true plants{more}, predicted without a reference", predicted, (
+            (Column("plot"), lambda row: row[0]),
+            (Column("predicted chamfer, mm", True, short="predicted, mm"), lambda row: millimetres(row[1].chamfer_m)),
+            (Column("nine in ten such plots, mm", True, short="nine in ten, mm"),
+             lambda row: interval(row[1].low_m, row[1].high_m)),
+        ))  # fmt: skip
+    unknown = [
+        (plot.name, reasons_in_words(plot.traits.unknown, TRAIT_NAMES)) for plot in plots if plot.traits is not None
+    ]
     if any(reason for _, reason in unknown):
         yield _reasons("Traits not to be had from these photographs", [each for each in unknown if each[1]])
     why = [(plot.name, p.reason) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is None]
@@ -190,8 +211,19 @@ def failure_table(plots: Sequence[PlotEvaluation]) -> Table:
     return _reasons("Failed", [(name, f"{e.message}\n→ {e.remedy}" if e.remedy else e.message) for name, e in errors])
 
 
+def _nominal(distance: str) -> str:
+    """The distance of a score in millimetres: all of a table are in one unit."""
+    return f"{1000.0 * float(distance):g}"
+
+
 def _reasons(caption: str, reasons: list[tuple[str, str]]) -> Table:
-    return tabulated(caption, reasons, ((Column("plot"), lambda row: row[0]), (Column("why"), lambda row: row[1])))
+    """A row per reason, with the plots that have it."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in reasons:
+        by_reason.setdefault(why, []).append(name)
+    return tabulated(caption, list(by_reason.items()), (
+        (Column("plot"), lambda row: listed(row[1], _MOST_NAMES)), (Column("why"), lambda row: row[0]),
+    ))  # fmt: skip
 
 
 def _state(plot: PlotEvaluation) -> Mark:
@@ -203,6 +235,6 @@ def _points(*, detail: bool = False) -> tuple[Column, Callable[[PlotEvaluation],
 
 
 def _f_score_column(distance: str) -> tuple[Column, Callable[[Scored], Cell]]:
-    within = format_nominal(float(distance))
+    within = f"{_nominal(distance)} mm"
     column = Column(f"F‑score at {within}", True, short=f"F, {within}")
     return column, lambda each: decimal((each.f_score or {}).get(distance), 3)

@@ -19,6 +19,7 @@ from tests.present.sections.examples import HOSTILE, write_campaign, write_every
 FILES = (
     "reference/reference.json", "plan/plan.json", "plan/search.json", "plan/outcome.json", "plan/evaluations.jsonl",
     "scores/evaluation.json", "mission/field.mission.json",
+    "comparison/compare.json",
 )  # fmt: skip
 JUNK: tuple[Any, ...] = (
     None, True, 0, -1, 10**18, 10**40, 0.0, 1e-300, 1e8, 1e308, -1e308, "", HOSTILE, "../../../etc/passwd", "\0", [],

@@ -44,11 +44,12 @@ def test_everything_in_a_folder_is_found_and_what_is_damaged_is_told(tmp_path: P
     assert [part.name for part in found.plans] == ["plan"]  # not the campaign's own
     assert [(part.name, part.mission_file) for part in found.missions] == [("mission/field.mission.json", "field.plan")]
     assert [part.name for part in found.evaluations] == ["scores"]
+    assert [part.name for part in found.comparisons] == ["comparison"]
     assert [part.campaign.name for part in found.campaigns] == ["maize 2026"]
     assert [each.name for each in found.unreadable] == ["broken/evaluation.json"]
     assert found.unreadable[0].message
     assert found.unreadable[0].remedy
-    assert found.count == 5
+    assert found.count == 6
 
 
 @pytest.mark.parametrize("file", [True, False])

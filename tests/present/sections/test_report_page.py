@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from fieldkit.errors import MetadataError, StorageError, UsageError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.present.report import write_report
 from fieldkit.present.sections.glossary import MEANINGS, meanings
-from fieldkit.present.sections.in_short import verdict
+from fieldkit.present.sections.in_short import next_step, verdict
 from fieldkit.present.sections.loaded_results import PlanResult, Results
 from fieldkit.present.sections.read_results import read_results
 from fieldkit.present.sections.summary import summarise
@@ -28,6 +29,7 @@ from tests.present.page_checks import checked
 from tests.present.sections.examples import (
     HOSTILE,
     SHOWN,
+    write_comparison,
     write_evaluation,
     write_everything,
     write_mission,
@@ -55,13 +57,15 @@ class TestFile:
     def test_it_shows_every_part_in_order_and_hostile_names_stay_text(self, season: Path, tmp_path: Path) -> None:
         done = write_report(season, tmp_path / "report.html")
         assert (done.references, done.plans, done.missions, done.evaluations, done.campaigns) == (1, 1, 1, 1, 1)
+        assert done.comparisons == 1
         assert done.unreadable == ("broken/evaluation.json",)
         assert (done.views, done.thumbnails) == (5, 8)
         assert done.bytes == (tmp_path / "report.html").stat().st_size
         parsed = checked((tmp_path / "report.html").read_text(encoding="utf-8"))
         ids = [a["id"] for a in parsed.all("section")]
         assert ids == [
-            "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "campaign-1", "glossary", "provenance",
+            "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "comparison-1", "campaign-1",
+            "glossary", "provenance",
         ]  # fmt: skip
         assert SHOWN in parsed.text
         assert "\u202e" not in (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -205,7 +209,7 @@ class TestSummary:
         (part,) = read_results(tmp_path / "run").plans
         first, circles = summarise(Results(tmp_path, plans=(part,)))[:2]
         assert "7 camera poses" in first.text
-        assert "4.10 mm ± 0.20 mm (standard deviation of 3 confirmations)" in first.text
+        assert "4.10 ± 0.20 mm (standard deviation of 3 confirmations)" in first.text
         best = min(t.value_m for t in part.trials if t.origin.startswith("circle"))
         assert f"{100 * (1 - 0.0051 / best):.0f} % lower than the best of 3 circles" in circles.text
         assert circles.level == "good"
@@ -314,6 +318,50 @@ def test_other_plants_than_the_references_are_no_success(scored: Results) -> Non
     assert ("problem", "plot 7: far off.", "Check the plot.") in [(s.level, s.text, s.advice) for s in said]
     assert not any("on average its points lie" in each.text for each in said)
     assert verdict(scored, said).level == "problem"
+
+
+def test_what_is_the_same_of_many_plots_is_said_once(tmp_path: Path) -> None:
+    write_reference(tmp_path / "ref")
+    write_evaluation(tmp_path / "eval", tmp_path / "ref", plots=tuple(f"p{k}" for k in range(30)), adherence=True)
+    write_report(tmp_path)
+    text = checked((tmp_path / "report.html").read_text()).text
+    assert text.count("Fly these stations again.") == 5 + 26  # the others are folded
+    assert "The same of 26 more" in text
+
+
+def test_a_comparison_says_what_is_more_than_noise(tmp_path: Path) -> None:
+    write_comparison(tmp_path / "cmp")
+    write_report(tmp_path / "cmp")
+    text = checked((tmp_path / "cmp" / "report.html").read_text()).text
+    assert "a comparison of 2 evaluations (1 of 2 differences beyond noise)" in text
+    assert "1 difference to “may” may be noise" in text
+    assert re.search(r"a june 13\.2 −3\.4 ±0\.2 yes", text)
+    (tmp_path / "cmp" / "compare.json").write_text('{"kind": "comparison", "version": 1}')
+    with pytest.raises(MetadataError, match="fieldkit"):
+        read_results(tmp_path / "cmp")
+
+
+def test_a_report_begins_with_its_figures_and_ends_with_the_next_step(tmp_path: Path) -> None:
+    write_reference(tmp_path / "ref")
+    write_evaluation(tmp_path / "eval", tmp_path / "ref", plots=("a", "b"))
+    write_run(tmp_path / "plan")
+    write_mission(tmp_path / "mission")
+    said = {}
+    for name in ("ref", "eval", "plan", "mission"):
+        results = read_results(tmp_path / name)
+        said[name] = verdict(results, ()).text, next_step(results)
+    assert "1 reference from 6 of 8 photographs" in said["ref"][0]
+    assert re.search(r"2 of 2 captures reconstructed \(chamfer distance [\d.]+ to [\d.]+ mm\)", said["eval"][0])
+    assert "a plan of 7 views (4.10 ± 0.20 mm from its reference)" in said["plan"][0]
+    assert re.search(r"1 mission of \d+ photographs \(\d+ plots?, [\d.]+ m, \d+:\d\d min\)", said["mission"][0])
+    for name, command in (
+        ("ref", "plan"),
+        ("plan", "export-mission"),
+        ("mission", "check-mission"),
+        ("eval", "campaign"),
+    ):
+        assert f"fieldkit {command}" in said[name][1]
+    assert next_step(read_results(tmp_path)) == ""
 
 
 @pytest.mark.parametrize("name", ["r.pdf", "r.zip", "r.html.gz"])

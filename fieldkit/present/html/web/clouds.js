@@ -5,7 +5,8 @@ import {
   ShaderMaterial, UnsignedIntType, WebGLRenderTarget,
 } from "three";
 
-// Discs that grow as the eye comes nearer. Colours are the display's own and pass unchanged.
+// Discs that grow as the eye comes nearer: `distance` is where they have their size; from above it is how far the picture
+// is enlarged. Colours are the display's own and pass unchanged.
 export function pointMaterial() {
   return new ShaderMaterial({
     uniforms: { size: { value: 2 }, distance: { value: 1 } },
@@ -17,7 +18,8 @@ export function pointMaterial() {
       void main() {
         vec4 at = modelViewMatrix * vec4(position, 1.0);
         gl_Position = projectionMatrix * at;
-        gl_PointSize = max(1.0, size * clamp(distance / max(-at.z, 1e-6), 0.4, 12.0));
+        float away = isOrthographic ? 1.0 : max(-at.z, 1e-6);
+        gl_PointSize = max(1.0, size * clamp(distance / away, 0.4, 12.0));
         shown = tone;
       }`,
     fragmentShader: `
@@ -53,15 +55,20 @@ export class DepthShading {
       uniforms: {
         picture: { value: this.target.texture }, depths: { value: this.target.depthTexture },
         pixel: { value: [1, 1] }, near: { value: 0.1 }, far: { value: 10 }, strength: { value: 30 },
+        flat_: { value: false }, lift: { value: 0 },
       },
       vertexShader: "varying vec2 at; void main() { at = uv; gl_Position = vec4(position.xy, 0.0, 1.0); }",
       fragmentShader: `
         uniform sampler2D picture;
         uniform sampler2D depths;
         uniform vec2 pixel;
-        uniform float near, far, strength;
+        uniform float near, far, strength, lift;
+        uniform bool flat_;
         varying vec2 at;
-        float logDepth(float depth) { return log2(near * far / (far - depth * (far - near))); }
+        float logDepth(float depth) {
+          if (flat_) return log2(max(near + depth * (far - near) - lift, 1e-3 * lift));
+          return log2(near * far / (far - depth * (far - near)));
+        }
         float behind(vec2 by, float own) {
           float depth = texture2D(depths, at + by * pixel).x;
           return depth >= 1.0 ? 0.0 : clamp(own - logDepth(depth), 0.0, 0.03);
@@ -91,11 +98,14 @@ export class DepthShading {
     this.material.uniforms.pixel.value = [1.2 * ratio / width, 1.2 * ratio / height];
   }
 
-  render(renderer, clouds, camera) {
+  // `lift`: how much higher an orthographic camera stands than an eye that sees as much.
+  render(renderer, clouds, camera, lift) {
     renderer.setRenderTarget(this.target);
     renderer.clear();
     renderer.render(clouds, camera);
     renderer.setRenderTarget(null);
+    this.material.uniforms.flat_.value = camera.isOrthographicCamera === true;
+    this.material.uniforms.lift.value = lift;
     this.material.uniforms.near.value = camera.near;
     this.material.uniforms.far.value = camera.far;
     renderer.render(this.scene, this.eye);

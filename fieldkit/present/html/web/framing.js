@@ -2,10 +2,22 @@
 
 import { Vector3 } from "three";
 
-export const ASIDE = [-0.5, -0.78, 0.42], ABOVE = [0, -0.001, 1]; // from the target to the eye
+export const ASIDE = [-0.5, -0.78, 0.42]; // from the target to the eye
+const UPRIGHT = 1e-5; // what leans so little is seen from straight above, and still has an upper edge
 
-// The eye's place and its target, from which the points' box and the cameras, or all, are just seen. Both are relative to
-// `center`; the eye looks along −direction.
+// From straight above, with `north`, or y where it is not known, at the picture's upper edge.
+export function above(north) {
+  const [x, y] = north ?? [0, 1];
+  return [-UPRIGHT * x, -UPRIGHT * y, 1];
+}
+
+function range(values) {
+  const low = Math.min(...values), high = Math.max(...values);
+  return { middle: 0.5 * (low + high), half: 0.5 * (high - low) };
+}
+
+// The eye's place and its target, from which the points' box and the cameras, or all, are just seen; and the middle and
+// half the height that an orthographic picture has for it. All are relative to `center`; the eye looks along −direction.
 export function placeToSeeAll(direction, { inner, outer }, cameras, center, camera) {
   const back = new Vector3(...direction).normalize();
   const right = new Vector3(0, 0, 1).cross(back).normalize();
@@ -18,7 +30,7 @@ export function placeToSeeAll(direction, { inner, outer }, cameras, center, came
   let distance = 0.5 * Math.hypot(...outer[0].map((value, axis) => outer[1][axis] - value));
   // In rounds: the middle of what is seen moves up and down with the distance.
   for (let round = 0; round < 4; round++) {
-    if (direction !== ABOVE) {
+    if (direction[2] < 0.99) {
       const heights = seen.map((at) => {
         const p = at.clone().sub(target);
         return p.dot(up) / Math.max(1e-6, distance - p.dot(back));
@@ -31,7 +43,10 @@ export function placeToSeeAll(direction, { inner, outer }, cameras, center, came
       distance = Math.max(distance, toward + Math.abs(p.dot(right)) / wide, toward + Math.abs(p.dot(up)) / high);
     }
   }
-  return { target, position: back.multiplyScalar(distance).add(target) };
+  const [x, y] = [right, up].map((axis) => range(seen.map((at) => at.dot(axis))));
+  const half = Math.max(1e-3, x.half / (0.9 * camera.aspect), y.half / 0.9);
+  const middle = right.clone().multiplyScalar(x.middle).addScaledVector(up, y.middle);
+  return { target, position: back.clone().multiplyScalar(distance).add(target), middle, half };
 }
 
 // How deep the cameras' pyramids are: so that those of neighbours rarely overlap.

@@ -37,7 +37,7 @@ export function frusta(layer, depth, center) {
     for (const p of edges) outline.push(...p.clone().applyMatrix4(matrix));
     for (const p of faces) fill.push(...p.clone().applyMatrix4(matrix));
     const middle = new Vector3(0, 0, 0.5 * depth).applyMatrix4(matrix);
-    return { label: layer.labels[i], matrix, middle, at: new Vector3(x, y, z) };
+    return { label: layer.labels[i], number: layer.numbers[i], matrix, middle, at: new Vector3(x, y, z) };
   });
   if (cameras.length) {
     const surface = new BufferGeometry();
@@ -53,7 +53,7 @@ export function frusta(layer, depth, center) {
   one.matrixAutoUpdate = false;
   one.visible = false;
   group.add(one);
-  group.userData = { cameras, one, color: layer.color };
+  group.userData = { cameras, one, depth, color: layer.color };
   return group;
 }
 
@@ -67,10 +67,10 @@ export function polylines(layer, center) {
   return positions.length ? segments(positions, layer.color, 2) : new Group();
 }
 
-// A step of 1, 2 or 5 × 10^k metres that cuts a length into about ten.
-export function niceStep(length) {
-  const power = 10 ** Math.floor(Math.log10(length / 10));
-  return [1, 2, 5, 10].map((m) => m * power).find((step) => length / step <= 10.5);
+// A step of 1, 2 or 5 × 10^k metres that cuts a length into at most `parts`, and about as many.
+export function niceStep(length, parts = 10.5) {
+  const power = 10 ** Math.floor(Math.log10(length / parts));
+  return [1, 2, 5, 10].map((m) => m * power).find((step) => length / step <= parts);
 }
 
 export function grid(box, height, step, center) {

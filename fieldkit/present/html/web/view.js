@@ -1,19 +1,22 @@
 // One 3D view: started when it comes near, drawn only when something changed.
 
-import { Color, PerspectiveCamera, Scene, Vector3 } from "three";
+import { Color, MOUSE, OrthographicCamera, PerspectiveCamera, Scene, TOUCH, Vector3 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { DepthShading, pointCloud, pointMaterial } from "./clouds.js";
 import { newRenderer } from "./context.js";
-import { ABOVE, ASIDE, frustumDepth, placeToSeeAll } from "./framing.js";
+import { ASIDE, above, frustumDepth, placeToSeeAll } from "./framing.js";
 import { Labels } from "./labels.js";
 import { frusta, grid, niceStep, polylines } from "./marks.js";
+import { Names, pixelsPerMetre } from "./names.js";
+import { ScaleBar, lengthWords } from "./scale_bar.js";
 import { Triad } from "./triad.js";
 import { paint, rgb, unpack } from "./unpack.js";
 
 const MOST_PIXELS_PER_PIXEL = 2;
 const SETTLED_MS = 180;
 const SLOW_MS = 45, FAST_MS = 24, FEWEST = 30000; // points that no machine is spared
-const TURN = Math.PI / 36;
+const TURN = Math.PI / 36, MOVE = 0.1; // radians, and shares of half the picture's height
+const HIGH = 25; // radii, where the camera of the view from above stands: over everything
 
 export class View {
   constructor(figure) {
@@ -78,6 +81,7 @@ export class View {
       this.layers.points.push(cloud);
       this.points.add(cloud);
     }
+    this.names = new Names(this.stage, data.places, this.center);
     const depth = frustumDepth(data.frusta, this.radius);
     for (const layer of data.frusta) this.layers.frusta.push(frusta(layer, depth, this.center));
     for (const layer of data.lines) this.layers.lines.push(polylines(layer, this.center));
@@ -106,14 +110,19 @@ export class View {
     this.renderer = renderer;
     this.stage.prepend(canvas);
     this.camera ??= this.firstCamera();
+    this.flat ??= new OrthographicCamera();
+    this.flat.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     Object.assign(this.controls, {
-      enableDamping: false, zoomToCursor: true, minDistance: 0.01 * this.radius, maxDistance: 30 * this.radius,
+      enableDamping: false, zoomToCursor: true, minDistance: 0.01 * this.radius, maxDistance: 30 * this.radius, minZoom: 0.1, maxZoom: 100,
     });
     this.controls.target.copy(this.target ?? new Vector3());
     this.target = this.controls.target;
+    this.use(this.camera);
     this.controls.update();
-    this.triad ??= new Triad(this.stage, `Grid ${metres(this.step)}`);
+    const words = (length) => lengthWords(length, this.data.metric);
+    this.triad ??= new Triad(this.stage, `Grid ${words(this.step)}`, this.data.north);
+    this.scaleBar ??= new ScaleBar(this.stage, words);
     this.off = new AbortController();
     const { signal } = this.off;
     const on = (target, name, act) => target.addEventListener(name, act, { signal });
@@ -143,8 +152,8 @@ export class View {
     };
     tool(".fk-view-size input", "input", () => { this.resizePoints(); this.invalidate(); });
     tool(".fk-view-coloring select", "change", (event) => this.recolor(event.target.value));
-    tool(".fk-view-reset", "click", () => this.goTo(this.home(ASIDE)));
-    tool(".fk-view-above", "click", () => this.goTo(this.home(ABOVE)));
+    tool(".fk-view-reset", "click", () => this.goAside());
+    tool(".fk-view-above", "click", () => this.goAbove());
     const full = this.figure.querySelector(".fk-view-full");
     full.hidden = !document.fullscreenEnabled;
     const refused = () => { full.hidden = true; };
@@ -190,15 +199,54 @@ export class View {
     const camera = new PerspectiveCamera(32, 1, 0.01 * this.radius, 100 * this.radius);
     camera.up.set(0, 0, 1);
     this.fresh = true;
+    this.aside = camera;
     return camera;
   }
 
-  home(direction) {
-    const cameras = this.data.frusta.flatMap((layer) => layer.centers);
-    return placeToSeeAll(direction, this.data.focus, cameras, this.center, this.camera);
+  // From above the view is a map: orthographic, north up where that is known, and a drag moves it instead of turning it.
+  use(camera) {
+    const flat = camera === this.flat;
+    this.camera = camera;
+    this.controls.object = camera;
+    this.controls.enableRotate = !flat;
+    this.controls.mouseButtons.LEFT = flat ? MOUSE.PAN : MOUSE.ROTATE;
+    this.controls.touches.ONE = flat ? TOUCH.PAN : TOUCH.ROTATE;
+    this.figure.dataset.projection = flat ? "orthographic" : "perspective";
   }
 
-  goTo({ target, position }) {
+  goAside() {
+    if (this.camera === this.flat) {
+      const back = this.flat.position.clone().sub(this.controls.target).normalize();
+      const distance = this.half / this.flat.zoom / Math.tan((this.aside.fov * Math.PI) / 360);
+      this.aside.position.copy(this.controls.target).addScaledVector(back, distance);
+      this.use(this.aside);
+    }
+    this.goTo(this.home(ASIDE));
+  }
+
+  goAbove() {
+    const home = this.home(above(this.data.north), this.data.places.map(({ at }) => at));
+    const flatten = () => {
+      this.half = home.half;
+      this.flat.zoom = 1;
+      this.controls.target.copy(home.middle);
+      const back = home.position.clone().sub(home.target).normalize();
+      this.flat.position.copy(home.middle).addScaledVector(back, HIGH * this.radius);
+      this.use(this.flat);
+      this.shape();
+      this.controls.update();
+      this.moved();
+    };
+    if (this.camera === this.flat) flatten();
+    else this.goTo(home, flatten);
+  }
+
+  home(direction, places = []) {
+    const cameras = this.data.frusta.flatMap((layer) => layer.centers);
+    return placeToSeeAll(direction, this.data.focus, [...cameras, ...places], this.center, this.aside);
+  }
+
+  goTo({ target, position }, then = () => {}) {
     this.stopAnimation();
     const put = (t) => {
       this.controls.target.lerpVectors(from.target, target, t);
@@ -207,6 +255,7 @@ export class View {
       this.camera.position.addVectors(this.controls.target, arm);
       this.controls.update();
       this.moved();
+      if (t === 1) then();
     };
     const from = { target: this.controls.target.clone(), arm: this.camera.position.clone().sub(this.controls.target) };
     const arms = position.clone().sub(target);
@@ -232,7 +281,7 @@ export class View {
       ArrowUp: () => this.turn(0, -TURN), ArrowDown: () => this.turn(0, TURN),
       "+": () => this.zoom(0.85), "=": () => this.zoom(0.85),
       "-": () => this.zoom(1 / 0.85), "−": () => this.zoom(1 / 0.85),
-      0: () => this.goTo(this.home(ASIDE)), Home: () => this.goTo(this.home(ASIDE)),
+      0: () => this.goAside(), Home: () => this.goAside(),
     };
     const act = acts[event.key];
     if (!act) return;
@@ -242,6 +291,7 @@ export class View {
   }
 
   turn(around, over) {
+    if (this.camera === this.flat) return this.move(Math.sign(around), Math.sign(-over));
     const arm = this.camera.position.clone().sub(this.controls.target);
     const length = arm.length();
     const azimuth = Math.atan2(arm.y, arm.x) + around;
@@ -251,14 +301,29 @@ export class View {
     this.controls.update();
   }
 
+  // The view from above by steps to the picture's right and up.
+  move(right, up) {
+    const step = (MOVE * this.half) / this.flat.zoom;
+    for (const [axis, by] of [[0, right], [1, up]]) {
+      const way = new Vector3().setFromMatrixColumn(this.flat.matrix, axis).multiplyScalar(step * by);
+      for (const moved of [this.flat.position, this.controls.target]) moved.add(way);
+    }
+    this.controls.update();
+  }
+
   zoom(factor) {
+    if (this.camera === this.flat) {
+      this.flat.zoom = Math.min(this.controls.maxZoom, Math.max(this.controls.minZoom, this.flat.zoom / factor));
+      return this.moved();
+    }
     const arm = this.camera.position.clone().sub(this.controls.target).multiplyScalar(factor);
     this.camera.position.copy(this.controls.target).add(arm);
     this.controls.update();
   }
 
   switchLayer(input) {
-    this.layers[input.dataset.group][Number(input.dataset.number)].visible = input.checked;
+    const { group, number } = input.dataset;
+    (group === "names" ? this.names : this.layers[group][Number(number)]).visible = input.checked;
     this.point(null);
   }
 
@@ -307,8 +372,7 @@ export class View {
     this.renderer.setSize(width, height, false);
     const pixels = (length) => Math.max(1, Math.floor(length * this.ratio));
     this.shading.resize(pixels(width), pixels(height), this.ratio);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
+    this.shape();
     if (this.fresh) {
       this.fresh = false;
       const { target, position } = this.home(ASIDE);
@@ -318,6 +382,16 @@ export class View {
       this.controls.update();
     }
     this.draw(); // at once: a resized canvas is empty
+  }
+
+  // The pictures' shape is the stage's.
+  shape() {
+    const aspect = this.stage.clientWidth / this.stage.clientHeight;
+    this.aside.aspect = aspect;
+    this.aside.updateProjectionMatrix();
+    const half = this.half ?? 1;
+    Object.assign(this.flat, { left: -half * aspect, right: half * aspect, top: half, bottom: -half });
+    this.flat.updateProjectionMatrix();
   }
 
   moved() {
@@ -347,17 +421,24 @@ export class View {
       cloud.geometry.setDrawRange(0, count);
       if (cloud.visible) this.drawn += count;
     }
+    const flat = camera === this.flat;
     const away = camera.position.distanceTo(this.controls.target);
-    camera.near = Math.max(0.02 * away, 0.002 * this.radius);
+    camera.near = flat ? 0 : Math.max(0.02 * away, 0.002 * this.radius);
     camera.far = away + 40 * this.radius;
     camera.updateProjectionMatrix();
+    camera.updateMatrixWorld();
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    const perMetre = flat ? pixelsPerMetre(camera, null, height) : 0;
+    const whole = (2 * Math.tan((this.aside.fov * Math.PI) / 360)) / height; // metres of a pixel at a distance of one
     this.material.uniforms.size.value = this.pointSize * this.ratio * Math.min(2, Math.sqrt(1 / fraction));
-    this.material.uniforms.distance.value = this.homeDistance;
+    this.material.uniforms.distance.value = this.homeDistance * (flat ? perMetre * whole : 1);
     renderer.autoClear = false;
     renderer.clear();
-    if (this.drawn) this.shading.render(renderer, this.points, camera);
+    if (this.drawn) this.shading.render(renderer, this.points, camera, Math.max(0, away - this.homeDistance));
     renderer.render(this.marks, camera);
     this.triad.turn(camera);
+    this.names.draw(this.layers.frusta, camera, width, height);
+    this.scaleBar.show(perMetre, width);
     this.frames++;
     clearTimeout(this.settling);
     if (fraction < 1) this.settling = setTimeout(() => this.invalidate(), this.settled() + 20);
@@ -386,9 +467,4 @@ export class View {
     if (this.renderer) this.renderer.domElement.style.cursor = this.labels.pointed ? "pointer" : "";
     this.invalidate();
   }
-}
-
-function metres(length) {
-  if (length < 0.01) return `${Number((1000 * length).toPrecision(2))} mm`;
-  return length < 1 ? `${Number((100 * length).toPrecision(2))} cm` : `${Number(length.toPrecision(2))} m`;
 }
