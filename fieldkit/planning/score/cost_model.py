@@ -28,7 +28,7 @@ NOISE = 0.05
 """Least standard deviation of an evaluation, as a share of its value."""
 LEAST_M = 1e-4
 """Least value and term, so that they have logarithms."""
-ROOM_M = 0.005
+ROOM_M = 0.002
 """What it costs, beside the expected value, to lose all of the room above the plants."""
 _REST_DOUBT = 1.0
 """Standard deviation of the part that no term explains, as a share of the value."""
