@@ -211,7 +211,8 @@ def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
     if place.source.kind == "captures":
         return {"plots": contender.plots, **RECORDED_CONFIRMED}
     confirmed = KIND_CONFIRMED if contender.method == KIND_METHOD else {}
-    return {"plots": contender.plots, "noise": NoiseSettings(**flight_noise(None)), "refine": True, **confirmed}
+    noise = NoiseSettings(**flight_noise(None))
+    return {"plots": contender.plots, "noise": noise, "refine": True, "heights": True, **confirmed}
 
 
 def _photographed(settings: SearchSettings) -> object:

@@ -158,6 +158,9 @@ def plan_for_plants(
     cost_model = CostModel(problem)
 
     def cost(cameras: Cameras) -> float:
+        return cost_model.cost_m(cameras, weights, None)
+
+    def expected_m(cameras: Cameras) -> float:
         return cost_model.expected_m(cameras, weights, None)
 
     carried = problem.nearest(Cameras.from_poses(station.pose for station in plan.stations))
@@ -166,7 +169,7 @@ def plan_for_plants(
         problem.nearest(optimise(problem, cost, seed, _ANYWHERE)),
     ]
     best = min(found, key=cost)
-    method = PlanMethod(name="score", seed=seed, evaluations=0, repeats=0, expected_m=cost(best), weights=weights)
+    method = PlanMethod(name="score", seed=seed, evaluations=0, repeats=0, expected_m=expected_m(best), weights=weights)
     made = plan.model_copy(
         update={
             "stations": plan_from_poses(best.poses()).stations,
@@ -178,7 +181,7 @@ def plan_for_plants(
             "method": method,
         }
     )
-    return made, cost(carried)
+    return made, expected_m(carried)
 
 
 def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud) -> PlanningProblem:
@@ -190,7 +193,7 @@ def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud) -> PlanningProb
         pitch_deg=limits.pitch_deg, separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
     camera = plan.camera.intrinsics.without_distortion()
-    return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
+    return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),), heights=True)
 
 
 def _limits(plan: Plan) -> EnvelopeSettings:

@@ -99,6 +99,13 @@ class SearchOptions:
             "--weights", metavar="GAP,NOISE,TIE", help="Of the geometric score's terms; from:RUN fits them to a run."
         ),
     ] = ""
+    heights: Annotated[
+        bool | None,
+        Option(
+            "--heights/--no-heights",
+            help="Leave room above the plants in the pictures, as plants' heights need it; for a kind it is.",
+        ),
+    ] = None
     mapping: Annotated[Mapping | None, Option("--mapping", help="Of the evaluations.")] = None
 
     def values(self) -> dict[str, Any]:

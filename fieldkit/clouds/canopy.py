@@ -25,6 +25,7 @@ point lies in it, and ½ for pixels that leaf and soil share, fitted on scenes t
 MOST_CELLS = 50_000_000
 LEAF_M2 = 0.0010
 _GAP_PIXELS = 2.0
+_ROOM_SHARE, _LEAST_ROOM_M = 0.10, 0.06
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +100,13 @@ def canopy(points: Array, heights: Array, pixel_m: float) -> Canopy:
     away = cv2.distanceTransform(closed, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)  # to the middle of the next empty cell
     cover = np.where(closed > 0, np.clip(away - SEAM_PIXELS * pixel_m / cell, 0.0, 1.0), 0.0)
     return Canopy((float(low[0]), float(low[1])), cell, tops, cover.astype(np.float32))
+
+
+def with_room_m(top_m: float) -> float:
+    """Up to where photographs have to show what stands above the ground, or a leaf higher than ``top_m``, the highest
+    one that was found, may be missed.
+    """
+    return top_m + max(_LEAST_ROOM_M, _ROOM_SHARE * top_m)
 
 
 def highest_leaf_m(points: Array, heights: Array, pixel_m: float) -> float:

@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.clouds.canopy import Outline, canopy, highest_leaf_m, inside_outline, outline_area_m2, rectangle
+from fieldkit.clouds.canopy import (
+    Outline,
+    canopy,
+    highest_leaf_m,
+    inside_outline,
+    outline_area_m2,
+    rectangle,
+    with_room_m,
+)
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.reconstruction.agreement import scale_error
@@ -27,7 +35,6 @@ MOST_SCALE_DOUBT = 0.10
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _NINE_IN_TEN = 1.645
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
-_ABOVE_M, _ABOVE_SHARE = 0.06, 0.10
 _STEP_M, _MOST_STEPS = 0.05, 40
 _MATCH_DEG, _MATCH_FARTHER, _PARTNERS = (3.0, 36.0), 1.6, 2
 _MATCH_AT, _MATCH_SHARE = (0.3, 0.8), 0.9
@@ -171,7 +178,7 @@ def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict
         reason = f"only {100 * seen:.0f} % of the plot is in the picture of {_SEEN_BY} photographs or more"
         without(_OF_AREA, reason)
     columns, top = _columns(points), float(ground.heights(points).max())
-    above = seen_share(sparse, _at_height(columns, ground, top + max(_ABOVE_M, _ABOVE_SHARE * top)))
+    above = seen_share(sparse, _at_height(columns, ground, with_room_m(top)))
     if above < _SEEN_SHARE:
         reason = f"above {100 * (1 - above):.0f} % of the plants the pictures end: higher leaves would not be seen"
         without(_OF_HEIGHT, reason)

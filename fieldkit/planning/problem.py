@@ -36,6 +36,7 @@ class PlanningProblem:
         blind: whether mapping works without commanded poses, so that sets may not register.
         exact: whether a set has the same value at every seed.
         unmet: further plots of the kind, numbered after ``plots``, on which finalists are only confirmed.
+        heights: whether room above the plants shall be in the pictures (`CostModel.cost_m`).
 
     Raises:
         UsageError: fewer than three cameras, more cameras than views, or matches of another number of views.
@@ -49,6 +50,7 @@ class PlanningProblem:
     blind: bool = False
     exact: bool = False
     unmet: tuple[Plot, ...] = ()
+    heights: bool = False
 
     def __post_init__(self) -> None:
         views = 0 if self.views is None else len(self.views)

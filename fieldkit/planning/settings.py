@@ -151,6 +151,8 @@ class SearchSettings(Strict):
     """Fresh seeds for each of them; 0 leaves the confirmation out."""
     weights: tuple[Length, Length, Length] = WEIGHTS
     """Of the geometric score's gap, noise and tie, for methods that use it."""
+    heights: bool = False
+    """Whether these methods leave room above the plants in the pictures, as plants' heights need it."""
     lag: Count = 0
     """A proposal for trial k knows the results up to k − lag − 1."""
     envelope: EnvelopeSettings = EnvelopeSettings()

@@ -52,6 +52,7 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "--weights", "1,2"], 2, "three numbers"),
         (["--scene", "case-1", "--weights", "0,0,0"], 2, "one of them must be above 0"),
         (["--scene", "case-1", "--method", "circle", "--weights", "1,1,1"], 2, "would change nothing"),
+        (["--scene", "case-1", "--method", "circle", "--heights"], 2, "--heights would change nothing"),
         (["--scene", "case-1", "--weights", "from:"], 2, "from what?"),
         (["--scene", "case-1", "--weights", "from:nowhere"], 3, "search.json"),
         (["--scene", "case-1", "--pose-noise", "from:"], 2, "from what?"),

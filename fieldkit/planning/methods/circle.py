@@ -20,7 +20,7 @@ def expected_circle(problem: PlanningProblem) -> Cameras:
     """The circle of the same grid that the geometric score ranks first; takes no photograph."""
     cost_model = CostModel(problem)
     sets = [problem.nearest(circle.cameras(problem)) for circle in circles(problem, _GRID, _GRID)]
-    return min(sets, key=lambda cameras: cost_model.expected_m(cameras, WEIGHTS, None))
+    return min(sets, key=lambda cameras: cost_model.cost_m(cameras, WEIGHTS, None))
 
 
 class CircleSearch(StagedSearch[Circle]):

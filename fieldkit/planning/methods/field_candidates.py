@@ -82,7 +82,7 @@ class Candidates:
         for choices in (self._known_to_be_good(turn), self._members(2 * _MEMBERS, turn, turn.number)):
             new = turn.new(choices)
             if new:
-                return min(new, key=lambda c: self.cost_model.expected_m(c.cameras, self.weights, turn.registration))
+                return min(new, key=lambda c: self.cost_model.cost_m(c.cameras, self.weights, turn.registration))
         for attempt in range(_RANDOM_DRAWS):
             cameras = self.problem.sample(int(turn.rng.integers(2**31)) + attempt)
             if cameras not in turn.known:
@@ -142,7 +142,7 @@ class Candidates:
         """The set of the largest prior mean, searched about a given set, else anywhere."""
 
         def cost(cameras: Cameras) -> float:
-            return self.cost_model.expected_m(cameras, slopes, turn.registration)
+            return self.cost_model.cost_m(cameras, slopes, turn.registration)
 
         effort, known = (_EVERYWHERE, []) if about is None else (_NEARBY, [about.cameras])
         cameras = optimise(self.problem, cost, int(turn.rng.integers(2**31)), effort, known)

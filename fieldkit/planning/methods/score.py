@@ -60,8 +60,8 @@ def _optimum(
     registration = Registration.learn([], []) if problem.blind else None
 
     def cost(cameras: Cameras) -> float:
-        return cost_model.expected_m(cameras, weights, registration)
+        return cost_model.cost_m(cameras, weights, registration)
 
     start = int(np.random.SeedSequence([seed, _STREAM, number]).generate_state(1, np.uint64)[0])
     cameras = problem.nearest(optimise(problem, cost, start, effort))
-    return cameras, cost(cameras)
+    return cameras, cost_model.expected_m(cameras, weights, registration)

@@ -166,16 +166,19 @@ def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> 
         values["camera"] = _camera(request.camera)
     if plots > 1 and noise.pose_m:
         values["refine"] = True  # else the cloud's random shift would outweigh the cameras' places
+    # Of recorded photographs none shows more than it does.
+    values["heights"] = plots > 1 and source.kind != "captures"
     if plots > 1 and source.kind == "captures":
         values |= RECORDED_CONFIRMED
     elif plots > 1 and method == KIND_METHOD:
         values |= KIND_CONFIRMED
     values |= _PRESETS[given.get("preset", "field")] | given | {"plots": plots}
-    if "weights" in given and values["method"] not in USING_WEIGHTS:
-        raise UsageError(
-            f"--weights would change nothing: {values['method']} does not go by the geometric score",
-            remedy=f"Leave them out, or choose one of {', '.join(sorted(USING_WEIGHTS))}.",
-        )
+    for key in ("weights", "heights"):
+        if key in given and values["method"] not in USING_WEIGHTS:
+            raise UsageError(
+                f"--{key} would change nothing: {values['method']} does not go by the geometric score",
+                remedy=f"Leave it out, or choose one of {', '.join(sorted(USING_WEIGHTS))}.",
+            )
     try:
         return SearchSettings(**values, noise=noise, envelope=EnvelopeSettings(**envelope))
     except ValidationError as error:

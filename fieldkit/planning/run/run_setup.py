@@ -170,7 +170,7 @@ def set_up_run(
         plots = [replace(plot, stretch=_stretch(plot, height_m, envelope)) for plot in plots]
     problem = PlanningProblem(
         settings.cameras, envelope, camera, tuple(plots[: settings.plots]), blind=settings.blind,
-        unmet=tuple(plots[settings.plots :]),
+        unmet=tuple(plots[settings.plots :]), heights=settings.heights,
     )  # fmt: skip
     noise = _capture_noise(settings.noise, description.noise)
     source = partial(kind.source, noise=noise, wind_m=settings.noise.wind_m)
@@ -266,6 +266,7 @@ def _recorded(
     problem = PlanningProblem(
         settings.cameras, envelope, _without_distortion(reference), tuple(plots[:met]), views=views,
         blind=settings.blind, exact=met == 1 and unchanging(settings.source, settings.noise), unmet=tuple(plots[met:]),
+        heights=settings.heights,
     )  # fmt: skip
     objective = partial(RecordedPlots, kind, wanted, seed=settings.seed)
     return RunSetup(problem, plan_envelope(envelope), objective, tuple(view.name for view in source.views))

@@ -28,15 +28,20 @@ NOISE = 0.05
 """Least standard deviation of an evaluation, as a share of its value."""
 LEAST_M = 1e-4
 """Least value and term, so that they have logarithms."""
+ROOM_M = 0.002
+"""What it costs, beside the expected value, to lose all of the room above the plants."""
 _REST_DOUBT = 1.0
 """Standard deviation of the part that no term explains, as a share of the value."""
 
 
 class _Scored(NamedTuple):
-    """A set's terms (plots, 3) in metres and, for blind mapping, its views' least connectivity over the plots."""
+    """A set's terms (plots, 3) in metres, for blind mapping its views' least connectivity over the plots, and the mean
+    share of the room above the plants that is lost.
+    """
 
     terms_m: Array
     connectivity: float
+    lost_room: float
 
 
 class CostModel:
@@ -78,7 +83,20 @@ class CostModel:
 
     def expected_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
         """The terms times ``slopes`` (3,), raised by the set's risk of not registering; not kept."""
+        return self._expected_m(self._scored(cameras), slopes, registration)
+
+    def cost_m(self, cameras: Cameras, slopes: ArrayLike, registration: Registration | None) -> float:
+        """What searches minimise: the expected value and, for heights, `ROOM_M` for the room above the plants that is
+        lost.
+
+        The objective is a mean over the plants' surface, of which a leaf's tip is little; but plants' heights hang on
+        it, and on pictures that would show a higher one.
+        """
         found = self._scored(cameras)
+        room_m = ROOM_M * found.lost_room if self._problem.heights else 0.0
+        return self._expected_m(found, slopes, registration) + room_m
+
+    def _expected_m(self, found: _Scored, slopes: ArrayLike, registration: Registration | None) -> float:
         expected = float(np.dot(found.terms_m.mean(axis=0), slopes))
         if registration is None:
             return expected
@@ -102,7 +120,8 @@ class CostModel:
     def _scored(self, cameras: Cameras) -> _Scored:
         found = [score.score(cameras) for score in self._scores]
         connected = min(connectivity(each.matches) for each in found) if self._problem.blind else np.inf
-        return _Scored(np.array([_terms_m(each) for each in found]), connected)
+        lost_room = float(np.mean([each.lost_room for each in found]))
+        return _Scored(np.array([_terms_m(each) for each in found]), connected, lost_room)
 
 
 def _terms_m(found: Geometry) -> Array:

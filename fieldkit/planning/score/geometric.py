@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from fieldkit.clouds.canopy import with_room_m
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.score.matchability import Matchability, expected_matches, looseness_m
 from fieldkit.planning.score.visibility import POINTS, PerCamera, Surface, in_picture, look
@@ -23,6 +24,7 @@ _STEPS = 4096
 _GRID = 12
 _AROUND_M = 0.3
 _PICTURED = 150
+_COLUMN_M = 0.10
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ class Geometry:
         covered: expected share of the points that are reconstructed.
         loose_m: (n,) looseness of each camera.
         matches: (n, n) of each pair: counted if the problem has them, else expected.
+        lost_room: expected share of the room above the plants in which a higher leaf would not be reconstructed.
     """
 
     distance_m: float
@@ -61,14 +64,16 @@ class Geometry:
     covered: float
     loose_m: Array
     matches: Array
+    lost_room: float
 
 
 class _View(NamedTuple):
-    """A camera's (p, 5) rays to points, qualities and pixel footprints in metres; and which points of the plot are in
-    its picture.
+    """A camera's (p, 5) rays to points, qualities and pixel footprints in metres; the same to points of the room above
+    the plants; and which points of the plot are in its picture.
     """
 
     points: NDArray[np.float32]
+    room: NDArray[np.float32]
     pictured: NDArray[np.bool_]
 
 
@@ -114,6 +119,7 @@ class GeometricScore:
         self._plot = plot or problem.plots[0]
         self.surface = Surface.of(self._plot, points)
         self._around = _plot_points(problem, self.surface)
+        self._room = room_above(self._plot.reference.points)
         self._worth = _pair_worth(self.settings)
         self._views = PerCamera(self._look)
         count = min(self.settings.neighbors, len(self.surface))
@@ -125,7 +131,8 @@ class GeometricScore:
         """The terms of a set of at least one camera, fitted to the plot; the cameras' order affects only rounding."""
         cameras = self._plot.fitted(cameras)
         views, cap = self._views(cameras), self.settings.cap_m
-        p, noise = self._reconstructed(views)
+        p, noise = self._reconstructed([view.points for view in views])
+        room = self._reconstructed([view.room for view in views])[0]
         gap = float(_expected_distance(p, self._neighbors, self._distances, cap).mean())
         total = float(p.sum())
         spread = float((p * noise).sum()) / total if total > 0 else cap
@@ -135,30 +142,38 @@ class GeometricScore:
             matches = expected_matches(cameras.positions, self.problem.center, pictured, self.matchability)
         loose = looseness_m(matches)
         tie = float(np.sqrt((loose**2).mean()))
-        return Geometry(gap + spread, tie, gap, spread, float(p.mean()), loose, matches)
+        return Geometry(gap + spread, tie, gap, spread, float(p.mean()), loose, matches, 1.0 - float(room.mean()))
 
     def probability(self, cameras: Cameras) -> Array:
         """(p,) probability that each point of `surface` is reconstructed by a set, fitted to the plot."""
-        return self._reconstructed(self._views(self._plot.fitted(cameras)))[0]
+        return self._reconstructed([view.points for view in self._views(self._plot.fitted(cameras))])[0]
 
-    def _reconstructed(self, views: list[_View]) -> tuple[Array, Array]:
+    def _reconstructed(self, sights: list[NDArray[np.float32]]) -> tuple[Array, Array]:
         s = self.settings
-        found: tuple[Array, Array] = _reconstructed(
-            np.stack([view.points for view in views]), s.error_px, self._worth, s.agreeing, s.cap_m
-        )
+        found: tuple[Array, Array] = _reconstructed(np.stack(sights), s.error_px, self._worth, s.agreeing, s.cap_m)
         return found
 
     def _look(self, cameras: Cameras) -> list[_View]:
         camera = self.problem.camera
         focal = camera.fx * self.settings.width / camera.width
-        pictured = in_picture(self._around, cameras, camera)
-        views = []
-        for sight, row in zip(look(self.surface, cameras, camera), pictured, strict=True):
-            footprint = sight.distance_m / focal
-            quality = self.settings.of_views(sight.seen, sight.facing, footprint)
-            points = np.column_stack([sight.rays, quality, footprint]).astype(np.float32)
-            views.append(_View(points, row))
-        return views
+        rays = cameras.positions[:, None] - self._room
+        away = np.linalg.norm(rays, axis=2)
+        rays /= np.maximum(away, 1e-9)[:, :, None]
+        squarely = np.ones(len(self._room))
+
+        def sights(rays: Array, away_m: Array, seen: NDArray[np.bool_], facing: Array) -> NDArray[np.float32]:
+            footprint = away_m / focal
+            quality = self.settings.of_views(seen, facing, footprint)
+            return np.column_stack([rays, quality, footprint]).astype(np.float32)
+
+        return [
+            _View(sights(sight.rays, sight.distance_m, sight.seen, sight.facing),
+                  sights(to_room, room_m, shown, squarely), row)
+            for sight, to_room, room_m, shown, row in zip(
+                look(self.surface, cameras, camera), rays, away, in_picture(self._room, cameras, camera),
+                in_picture(self._around, cameras, camera), strict=True,
+            )
+        ]  # fmt: skip
 
 
 def _pair_worth(settings: ScoreSettings) -> Array:
@@ -175,6 +190,12 @@ def _plot_points(problem: PlanningProblem, surface: Surface) -> Array:
     ground[:, 2] = problem.envelope.ground_m(ground)
     every = max(1, len(surface) // _PICTURED)
     return np.vstack([ground, surface.points[::every]])
+
+
+def room_above(plants: Array) -> Array:
+    """(r, 3) points above columns of 10 cm in which plants (n, 3) stand, where a higher leaf would be."""
+    columns: Array = (np.unique(np.floor(plants[:, :2] / _COLUMN_M), axis=0) + 0.5) * _COLUMN_M
+    return np.column_stack([columns, np.full(len(columns), with_room_m(float(plants[:, 2].max())))])
 
 
 @fast_kernel

@@ -9,6 +9,7 @@ import pytest
 from fieldkit.planning.methods.geometric import Effort
 from fieldkit.planning.methods.score import ScoreOptimum
 from fieldkit.planning.score.cost_model import CERTAINTY, WEIGHTS, CostModel
+from fieldkit.planning.score.geometric import GeometricScore
 from tests.planning.leafy import problem, recorded
 
 PROBLEM = problem(5)
@@ -46,6 +47,14 @@ def test_where_mapping_is_blind_what_may_not_register_is_expected_to_cost_more()
     likely = cost_model.whole([found.cameras], cost_model.registration(()))[0]
     plain = cost_model.expected_m(found.cameras, WEIGHTS, None)
     assert found.notes["expected_m"] == pytest.approx(plain * likely**-CERTAINTY)
+
+
+def test_room_above_the_plants_is_left_for_heights() -> None:
+    (plain,) = ScoreOptimum(PROBLEM, effort=SMALL).choose(1)
+    (roomy,) = ScoreOptimum(replace(PROBLEM, heights=True), effort=SMALL).choose(1)
+    lost = {trial.cameras: GeometricScore(PROBLEM).score(trial.cameras).lost_room for trial in (plain, roomy)}
+    assert lost[roomy.cameras] < 0.5 * lost[plain.cameras]
+    assert roomy.notes["expected_m"] == CostModel(PROBLEM).expected_m(roomy.cameras, WEIGHTS, None)
 
 
 @pytest.mark.parametrize("views", [5, 24])

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds import Cloud
-from fieldkit.planning.score.geometric import GeometricScore, ScoreSettings
+from fieldkit.clouds.canopy import with_room_m
+from fieldkit.planning.score.geometric import GeometricScore, ScoreSettings, room_above
 from fieldkit.planning.score.matchability import Matchability
 from fieldkit.planning.score.visibility import PerCamera, Surface, in_picture, look
 from fieldkit.planning.space.cameras import Cameras
@@ -66,6 +67,18 @@ def test_distance_is_what_enumeration_finds(normals: bool) -> None:
         assert found.gap_m == pytest.approx(gap, rel=1e-4)
         assert found.noise_m == pytest.approx(noise, rel=1e-4)
         assert found.distance_m == found.gap_m + found.noise_m
+
+
+def test_room_above_the_plants_is_lost_where_pictures_end_below_it() -> None:
+    room = room_above(PROBLEM.plots[0].reference.points)
+    assert (room[:, 2] == with_room_m(PROBLEM.plots[0].height_m)).all()
+    ring = around(15.0 * np.arange(24))
+    seen = in_picture(room, ring, CAMERA).mean()
+    low = ring.__class__(ring.positions, ring.yaw_deg, np.full(len(ring), -80.0))
+    assert not in_picture(room, low, CAMERA).any()
+    assert SCORE.score(low).lost_room == pytest.approx(1.0, abs=1e-6)
+    assert seen > 0.5
+    assert SCORE.score(ring).lost_room < 0.2
 
 
 def test_incidence_is_left_out_without_normals() -> None:
