@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say
+from fieldkit.cli.common import DebugOption, FitOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say
 from fieldkit.cli.mission_findings import finding_entries, show_findings, station_entry
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.present.style import count, format_length, format_seconds
@@ -28,9 +28,7 @@ def command(
     ] = None,
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
-    fit: Annotated[
-        bool | None, Option("--fit/--no-fit", help="As at the export: compare with the stations fitted to each plot.")
-    ] = None,
+    fit: FitOption = None,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:

@@ -91,7 +91,8 @@ def _planned(
     workers = options.workers or usual_workers()
     cache = StageCache(default_cache_root())
     progress = Silent() if as_json else Lines()  # bars of their own would quarrel with the live view
-    if options.resume:
+    given = request.scenes or request.references or request.captures
+    if options.resume and (output.exists() or not given):  # a run that was interrupted before its folder begins anew
         settings = resumed_settings(read_settings(output), request)
         with open_watch(settings, read_log(output), as_json=as_json) as (watch, expect):
             return settings, resume_plan(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, SeedOption, emit_json, say
-from fieldkit.cli.numbers import read_numbers
+from fieldkit.cli.numbers import read_numbers, read_pose_noise
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import UsageError
 
@@ -107,7 +107,7 @@ class InexactOptions:
         Raises:
             UsageError: a value is not written as its option takes it.
         """
-        pose = read_numbers("--pose-noise", self.pose_noise, (2,)) if self.pose_noise else None
+        pose = read_pose_noise(self.pose_noise) if self.pose_noise else None
         gps = read_numbers("--gps-noise", self.gps_noise, (1, 2)) if self.gps_noise else None
         for name, number in (("--image-noise", self.image_noise), ("--blur", self.blur)):
             if number is not None and not (isfinite(number) and number >= 0):
