@@ -13,6 +13,7 @@ from fieldkit.campaign.reading import Campaign
 from fieldkit.present.content import Column, Table
 from fieldkit.present.style import decimal, format_length, with_unit
 from fieldkit.results.visit import Visit
+from fieldkit.wording import count
 
 _FIGURES = {
     "chamfer_m": "chamfer", "predicted_chamfer_m": "predicted chamfer", "height_m": "height",
@@ -86,16 +87,16 @@ def _computed_by(campaign: Campaign) -> Iterator[str]:
     for visit in campaign.visits:
         groups.setdefault((visit.fieldkit, changed_stages(visit)), []).append(visit)
     for (version, changed), visits in groups.items():
-        count = "1 visit" if len(visits) == 1 else f"{len(visits)} visits"
+        visited = count(len(visits), "visit")
         by = f"computed by fieldkit {version}" if version else "computed by an unknown fieldkit"
         if changed == ():
-            yield f"{count} {by}."
+            yield f"{visited} {by}."
             continue
         named = ", ".join(f"{visit.plot} {visit.date}" for visit in visits[:_NAMED])
         more = f" and {len(visits) - _NAMED} more" if len(visits) > _NAMED else ""
         why = f"by another version of {', '.join(changed)}" if changed else "by unknown versions of its stages"
         yield (
-            f"† {count} {by}, {why} ({named}{more}). Figures of this fieldkit, {fieldkit.__version__}, may differ: "
+            f"† {visited} {by}, {why} ({named}{more}). Figures of this fieldkit, {fieldkit.__version__}, may differ: "
             "`fieldkit evaluate` computes anew the visits whose photographs it is given."
         )
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from typer import Option
 
 from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, OverwriteOption, emit_json, say
+from fieldkit.wording import count
 
 Format = Literal["csv", "geojson", "gpkg"]
 
@@ -45,4 +46,4 @@ def command(
     if as_json:
         emit_json({"output": output, "format": written, "visits": len(campaign.visits), "plots": len(campaign.plots)})
     else:
-        say(f"{output}: {len(campaign.visits)} visits of {len(campaign.plots)} plots")
+        say(f"{output}: {count(len(campaign.visits), 'visit')} of {count(len(campaign.plots), 'plot')}")

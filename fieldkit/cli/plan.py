@@ -16,6 +16,7 @@ from fieldkit.cli.plan_options import (
     plan_request,
 )
 from fieldkit.errors import UsageError
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.planning.run.outcome import Outcome
@@ -121,8 +122,9 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     expected = "" if outcome.expected_m is None else f" (expected {format_length(outcome.expected_m)})"
     told = (
         f"{outcome.cameras} cameras by {outcome.method}: {format_length(outcome.chamfer_m)}{expected} on "
-        f"{_planned_on(settings)}, {outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) "
-        f"and {outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}."
+        f"{_planned_on(settings)}, {count(outcome.evaluations, 'evaluation')} "
+        f"({outcome.failed_evaluations} without a cloud) and {count(outcome.confirmations, 'confirmation')} "
+        f"in {format_seconds(outcome.seconds)}; {why}."
     )
     lines: list[object] = [told]
     if not outcome.confirmations:

@@ -13,6 +13,7 @@ from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, Overwrite
 from fieldkit.cli.numbers import read_numbers, read_pose_noise
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import UsageError
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -184,7 +185,7 @@ def command(
     if as_json:
         emit_json({"output": output, "scene": description.name, **asdict(done)})
     else:
-        say(f"{done.photographs} photographs in {output}; their true poses in {done.truth}")
+        say(f"{count(done.photographs, 'photograph')} in {output}; their true poses in {done.truth}")
 
 
 def _at_size(camera: Intrinsics, width: int, height: int) -> Intrinsics:

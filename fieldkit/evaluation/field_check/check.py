@@ -34,6 +34,7 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.runtime.usage import processor_seconds
+from fieldkit.wording import count
 
 MAX_STATIONS = 200
 MAX_PHOTOGRAPHS = 300
@@ -308,7 +309,8 @@ def _without_stations(
     )
     lacking = len(plan.stations) - len(capture.photos)
     if lacking > 0:
-        message = f"{lacking} of {len(plan.stations)} stations have no photograph; which, nothing tells"
+        unseen = count(lacking, "stations has", "stations have", of=len(plan.stations))
+        message = f"{unseen} no photograph; which, nothing tells"
         findings.append(CheckFinding("missing", None, "", message, "Give --log, or fly all stations again."))
     tied = {k for pair in graph.ties for k in pair}
     return replace(
@@ -316,6 +318,6 @@ def _without_stations(
         findings=tuple(findings),
         unchecked=(
             f"Which photograph is of which station: {why}.",
-            f"{len(tied)} of {len(capture.photos)} photographs have matches with others.",
+            f"{len(tied)} of {count(len(capture.photos), 'photograph')} with matches to others.",
         ),
     )

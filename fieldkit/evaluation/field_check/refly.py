@@ -22,9 +22,9 @@ from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.site_file import load_site, with_plots
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
-from fieldkit.present.style import listed
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.plan_file import load_plan
+from fieldkit.wording import listed
 
 
 def write_refly(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fieldkit.missions.plan_site.geojson import Feature
+from fieldkit.wording import count
 
 ID_FIELDS = ("plot_id", "id", "name", "fid")
 """Looked for in this order, whatever their case."""
@@ -43,10 +44,10 @@ class PlotIds:
         """For people, who are to see it before the ids are used: ``32 plots, ids from "plot_id": A01 … D08``."""
         shown = [str(each)[:80] for each in self.ids]
         named = " … ".join([shown[0], shown[-1]]) if len(shown) > 3 else ", ".join(shown)
-        count = f"{len(shown)} plots" if len(shown) > 1 else "1 plot"
+        plots = count(len(shown), "plot")
         if self.field is None:
-            return f"{count}, counted in the file's order, which has no ids: {named}. --plot-id FIELD takes others"
-        return "; ".join([f'{count}, ids from "{self.field}": {named}', *self.passed_over])
+            return f"{plots}, counted in the file's order, which has no ids: {named}. --plot-id FIELD takes others"
+        return "; ".join([f'{plots}, ids from "{self.field}": {named}', *self.passed_over])
 
 
 def plot_ids(features: Sequence[Feature], field: str | None = None) -> PlotIds:

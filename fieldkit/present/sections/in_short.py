@@ -8,8 +8,8 @@ from fieldkit.present.content import Block, Details, Map, Picture, Section, Stat
 from fieldkit.present.sections.campaign import campaign_anchor, plot_map, traits_table
 from fieldkit.present.sections.demo import demo_blocks
 from fieldkit.present.sections.loaded_results import Results
-from fieldkit.present.style import count, listed
 from fieldkit.present.tables.scores import plant_tables
+from fieldkit.wording import count, listed
 
 HEADING = "In short"
 
