@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures.model import Capture, Finding
+from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.agreement import (
@@ -133,6 +134,7 @@ def map_capture(
         ReconstructionError: fewer than two photographs, or no model.
     """
     if len(capture.photos) < 2:
+        refuse_other(capture.folder, "folder of photographs", "Give the folder that holds the photographs.")
         raise ReconstructionError(
             "a reconstruction needs at least two photographs, better ten or more",
             path=capture.folder,

@@ -103,14 +103,19 @@ def _id(properties: Mapping[str, Any], name: str) -> Any:
 
 def _problem(ids: Sequence[Any], features: Sequence[Feature], name: str) -> str:
     """Why these are no ids; "" where they are."""
-    seen: dict[str, int] = {}
+    seen: dict[str, tuple[int, str]] = {}
     for feature, own in zip(features, ids, strict=True):
         if own is None:
             return f'feature {feature.number}: has no "{name}", which others have'
-        first = seen.setdefault(str(own), feature.number)
-        if first != feature.number:
-            shown = str(own)[:80]
+        first, alike = seen.setdefault(str(own).casefold(), (feature.number, str(own)))
+        shown = str(own)[:80]
+        if first != feature.number and alike == str(own):
             return f'feature {feature.number}: is called "{shown}", as feature {first} is (field "{name}")'
+        if first != feature.number:
+            return (
+                f'feature {feature.number}: is called "{shown}" and feature {first} "{alike[:80]}" (field "{name}"): '
+                "on Windows and macOS names that differ in case only are one file"
+            )
     return ""
 
 
