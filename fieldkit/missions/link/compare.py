@@ -92,7 +92,7 @@ def differences(
         kind: of list. Item 0 of an ArduPilot mission is home, and skipped.
     """
     if len(sent) != len(read_back):
-        return (f"{count(len(sent), 'item was', 'items were')} sent, {len(read_back)} came back",)
+        return (f"{count(len(sent), 'item was', 'items were')} sent, {count(len(read_back), 'is', 'are')} there",)
     first = int(autopilot == ARDUPILOT and kind is Kind.MISSION)
     return tuple(
         f"item {number} {command_name(given.command)} is {_show(found)}, sent was {_show(given)}"
