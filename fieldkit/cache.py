@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import errno
 import hashlib
 import os
 import re
@@ -146,9 +147,11 @@ class StageCache:
                 raise
         except OSError as error:
             self.problem = f"{error.strerror or error}"
+            full = error.errno in (None, errno.ENOSPC, errno.EDQUOT)  # None: a short write of NumPy's
             warnings.warn(
                 f"{self.root}: nothing more is kept in the cache ({self.problem}); the run goes on, but a repeated "
-                "one starts anew. `fieldkit cache prune` makes room; FIELDKIT_CACHE chooses another folder.",
+                f"one starts anew. {'`fieldkit cache prune` makes room; ' if full else ''}FIELDKIT_CACHE chooses "
+                "another folder.",
                 CacheWarning,
                 stacklevel=2,
             )

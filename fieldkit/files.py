@@ -69,8 +69,11 @@ def check_writable(path: Path) -> None:
         if not folder.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
         # Permission bits are unreliable for root, on network disks and on read-only mounts: try it.
-        with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(b"\0")
+        try:
+            with tempfile.TemporaryFile(dir=folder) as file:
+                file.write(b"\0")
+        except FileNotFoundError as error:  # such as in /proc, which takes no files
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder)) from error
 
 
 def file_beside(name: Path, owner: Path) -> Path | None:

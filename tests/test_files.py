@@ -234,6 +234,11 @@ class TestStorageErrors:
         with pytest.raises(FileNotFoundError), storage_errors(tmp_path):
             (tmp_path / "none").read_bytes()
 
+    @pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no folder that takes no files")
+    def test_a_home_that_does_not_exist(self) -> None:
+        with pytest.raises(StorageError, match="cannot write"):
+            check_writable(Path("/proc/nobody/.cache"))
+
     def test_check_writable(self, tmp_path: Path) -> None:
         check_writable(tmp_path / "not" / "yet" / "there")
         assert names(tmp_path) == []

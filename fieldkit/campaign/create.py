@@ -26,11 +26,11 @@ from fieldkit.missions.plan_site.site_file import Tell, load_site, plots_file_be
 from fieldkit.missions.plan_site.swapped import check_order
 from fieldkit.missions.plan_site.vector_files import parts_of
 from fieldkit.missions.plan_site.vehicle_file import find_vehicle, load_vehicle
-from fieldkit.present.style import listed
 from fieldkit.regular_files import check_regular
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.results.visit import CAMPAIGN_FILE
+from fieldkit.wording import listed
 
 SITE_FILE, PLOTS_FILE, VEHICLE_FILE, CAMERA_FILE = "site.toml", "plots.geojson", "vehicle.toml", "camera.toml"
 _SITE_BYTES = 256 << 10

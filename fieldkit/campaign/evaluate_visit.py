@@ -36,6 +36,7 @@ from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, descr
 from fieldkit.results.visit import Visit
 from fieldkit.results.visit_file import VISIT_FILE, save_visit
 from fieldkit.runtime.progress import Silent
+from fieldkit.wording import count
 
 WITHOUT_RASTERS = "no rasters: "
 """How a visit's note begins that says why it has none."""
@@ -208,7 +209,7 @@ def _against_plan(capture: Capture, plan: Plan) -> list[str]:
     have, asked = len(capture.photos), len(plan.stations)
     if have == asked:
         return []
-    return [f"{have} photographs, {'fewer' if have < asked else 'more'} than the plan's {asked}"]
+    return [f"{count(have, 'photograph')}, {'fewer' if have < asked else 'more'} than the plan's {asked}"]
 
 
 def _reference(plot: CampaignPlot) -> Reference | None:

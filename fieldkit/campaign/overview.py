@@ -16,6 +16,7 @@ from fieldkit.present.tables.scores import interval, trait_columns
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import Visit
+from fieldkit.wording import count, listed
 
 _FIGURES = {
     "chamfer_m": "chamfer", "predicted_chamfer_m": "predicted chamfer", "height_m": "height",
@@ -91,11 +92,26 @@ def remarks(campaign: Campaign) -> Iterator[str]:
     for visit in campaign.visits:
         if visit.error:
             yield f"{visit.plot} {visit.date}: {visit.error}"
+    yield from _doubtful(campaign)
     if any(visit.chamfer_m is not None for visit in campaign.visits) and measured_noise_m(campaign.plan) is None:
         yield "How much measured distances scatter is not known: the plan says no spread of its repeats."
     if any(visit.chamfer_m is None and visit.predicted_chamfer_m is not None for visit in campaign.visits):
         yield "≈ is a prediction from figures that need no reference; its interval holds nine in ten plots."
     yield from _computed_by(campaign)
+
+
+def _doubtful(campaign: Campaign) -> Iterator[str]:
+    """Visits without a score and why, and those that must not be taken as they are; alike ones in one sentence."""
+    groups: dict[tuple[bool, str], list[str]] = {}
+    for visit in campaign.visits:
+        scored = score_of(visit, campaign.plan) is not None
+        unpredicted = next((note for note in visit.notes if note.startswith("no prediction: ")), "")
+        why = ", ".join(code.replace("-", " ") for code in visit.doubts) or ("" if scored else unpredicted)
+        if why and not visit.error:
+            groups.setdefault((scored, why), []).append(f"{visit.plot} {visit.date}")
+    for (scored, why), visits in groups.items():
+        what = "doubtful" if scored else "without a score, and not ranked"
+        yield f"{listed(visits)}: {what} ({why}); notes in visit.json say more."
 
 
 def _computed_by(campaign: Campaign) -> Iterator[str]:
@@ -104,16 +120,16 @@ def _computed_by(campaign: Campaign) -> Iterator[str]:
     for visit in campaign.visits:
         groups.setdefault((visit.fieldkit, changed_stages(visit)), []).append(visit)
     for (version, changed), visits in groups.items():
-        count = "1 visit" if len(visits) == 1 else f"{len(visits)} visits"
+        visited = count(len(visits), "visit")
         by = f"computed by fieldkit {version}" if version else "computed by an unknown fieldkit"
         if changed == ():
-            yield f"{count} {by}."
+            yield f"{visited} {by}."
             continue
         named = ", ".join(f"{visit.plot} {visit.date}" for visit in visits[:_NAMED])
         more = f" and {len(visits) - _NAMED} more" if len(visits) > _NAMED else ""
         why = f"by another version of {', '.join(changed)}" if changed else "by unknown versions of its stages"
         yield (
-            f"† {count} {by}, {why} ({named}{more}). Figures of this fieldkit, {fieldkit.__version__}, may differ: "
+            f"† {visited} {by}, {why} ({named}{more}). Figures of this fieldkit, {fieldkit.__version__}, may differ: "
             "`fieldkit evaluate` computes anew the visits whose photographs it is given."
         )
 

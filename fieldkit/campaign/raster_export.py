@@ -18,9 +18,9 @@ from fieldkit.documents.csv_text import csv_text
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.rasters import CANOPY_FILE, SURFACE_FILE, color_span, require_rasters, write_style
 from fieldkit.files import atomic_folder, write_atomic
-from fieldkit.present.style import count, listed
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE, Visit
+from fieldkit.wording import count, listed
 
 RASTERS_FILE, GEOPACKAGE_FILE = "rasters.csv", "campaign.gpkg"
 _FILES = (CANOPY_FILE, SURFACE_FILE)

@@ -13,6 +13,7 @@ from fieldkit.campaign.campaign_file import (
 )
 from fieldkit.campaign.folder_names import folder_name
 from fieldkit.campaign.visit_folders import read_visits
+from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.versioned_toml import read_versioned
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.files import file_beside
@@ -147,6 +148,7 @@ def read_campaign(folder: Path) -> Campaign:
     folder = folder.parent if folder.name == CAMPAIGN_FILE and folder.is_file() else folder
     file = folder / CAMPAIGN_FILE
     if not file.is_file():
+        refuse_other(folder, "campaign", _REMEDY)
         raise MetadataError(f"is no campaign: there is no {CAMPAIGN_FILE} in it", path=folder, remedy=_REMEDY)
     table = read_campaign_file(file)
     plan_file = _named(table.plan, file, "plan")

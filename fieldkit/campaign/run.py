@@ -28,6 +28,7 @@ from fieldkit.results.visit import VISITS_FOLDER, Visit
 from fieldkit.runtime.parallel import each_in_workers
 from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.worker import Outcome
+from fieldkit.wording import count
 
 _RESULTS = (EVALUATION_FILE, REFERENCE_FILE)
 _OUTER_FOLDERS = 2  # names above the searched folder that may say plot and date
@@ -188,7 +189,7 @@ def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progre
     if not sorting.visits:
         first = sorting.left_out[0]
         raise CaptureError(
-            f"none of the {len(found.photos)} photographs could be sorted into a plot "
+            f"of {count(len(found.photos), 'photograph')} none could be sorted into a plot "
             f"({first.name}: {first.message})", path=captures,
             remedy="Put them into folders PLOT/DATE, or check the plots of the campaign.",
         )  # fmt: skip
@@ -239,7 +240,7 @@ def _say(campaign: Campaign, sorting: Sorting, found: FoundPhotos, progress: Pro
     for finding in told[:_SHOWN]:
         progress.note(f"{finding.name}: {finding.message}{' (left out)' if finding.left_out else ''}")
     if len(told) > _SHOWN:
-        progress.note(f"and {len(told) - _SHOWN} more findings; --json lists them all")
+        progress.note(f"and {count(len(told) - _SHOWN, 'more finding')}; --json lists all")
     for plot in campaign.vanished:
         progress.note(f"{plot}: has visits, but is no longer among the plots")
 
@@ -248,7 +249,7 @@ def _sentence(visit: Visit) -> str:
     if visit.error:
         return visit.error
     without = [note for note in visit.notes if note.startswith(WITHOUT_RASTERS)]
-    counts = "; ".join([f"{visit.right} of {visit.images} photographs used", *without])
+    counts = "; ".join([f"{visit.right} of {count(visit.images, 'photograph')} used", *without])
     if visit.chamfer_m is not None:
         return f"chamfer {format_length(visit.chamfer_m)}, {counts}"
     if visit.predicted_chamfer_m is not None:

@@ -22,6 +22,7 @@ from fieldkit.campaign.layout import FieldLayout, tag_accuracy_m
 from fieldkit.campaign.reading import CampaignPlot
 from fieldkit.captures.model import Finding, Photo
 from fieldkit.results.plan import Plan
+from fieldkit.wording import count
 
 NEIGHBOURS = timedelta(seconds=60)
 """Photographs of one flight follow each other faster than this."""
@@ -231,7 +232,7 @@ def _sorted_by_neighbours(placed: Sequence[_Given]) -> list[Finding]:
     return [
         Finding(
             members[0].shot.place, "sorted-by-neighbours",
-            f"{_count(members)} from here, {why}: sorted into {plot} like those before and after",
+            f"{count(len(members), 'photograph')} from here, {why}: sorted into {plot} like those before and after",
         )
         for (_, plot, why), members in found.items()
     ]  # fmt: skip
@@ -250,7 +251,8 @@ def _contradicting_plots(given: Sequence[_Given]) -> list[Finding]:
     findings = []
     for (_, plot, tag), members in found.items():
         says = f"the geotags of {tag}" if tag else "geotags far from every plot"
-        message = f"{_count(members)} from here in a folder of {plot} have {says}; sorted into {plot}"
+        those = count(len(members), "photograph has", "photographs have")
+        message = f"in a folder of {plot}, from here, {those} {says}; sorted into {plot}"
         findings.append(Finding(members[0].shot.place, "plot-contradicts-geotag", message))
     return findings
 
@@ -284,7 +286,7 @@ def _by_date(placed: Sequence[_Given]) -> tuple[list[SortedVisit], list[Finding]
             start = min(_time(each) for each in kept if each.shot.photo.captured_at is not None)
             end = _time(min(others, key=_time))
             note = (
-                f"photographed more than once on {day}: the {len(kept)} photographs from {start:%H:%M} are used, "
+                f"photographed more than once on {day}: {count(len(kept), 'photograph')} from {start:%H:%M} used, "
                 f"not the {len(others)} of another pass, from {end:%H:%M}"
             )
             notes = (note,)
@@ -306,13 +308,7 @@ def _contradicting_dates(dated: Mapping[tuple[str, str], Sequence[_Given]]) -> l
         ]
         if other:
             clock = Counter(_time(each).date().isoformat() for each in other).most_common(1)[0][0]
-            message = f"{_count(other)} from here in a folder of {day} were taken on {clock} by the camera's clock"
+            those = count(len(other), "photograph was", "photographs were")
+            message = f"in a folder of {day}, from here, {those} taken on {clock} by the camera's clock"
             findings.append(Finding(other[0].shot.place, "date-contradicts-clock", f"{message}; sorted under {day}"))
     return findings
-
-
-# Shared --------------------------------------------------------------------------------------------------------------
-
-
-def _count(members: Sequence[_Given]) -> str:
-    return "1 photograph" if len(members) == 1 else f"{len(members)} photographs"

@@ -10,6 +10,7 @@ from fieldkit.captures.camera_file import CameraEntry
 from fieldkit.captures.model import CameraGroup, Finding, Photo
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
+from fieldkit.wording import count
 
 
 def group_cameras(
@@ -144,17 +145,17 @@ def _mixed(groups: list[list[Photo]]) -> list[Finding]:
         if group is main:
             continue
         first, other = group[0], main[0]
-        count = "1 photograph" if len(group) == 1 else f"{len(group)} photographs from here"
+        those = count(len(group), "photograph", "photographs from here")
         if (first.make, first.model, first.serial) != (other.make, other.model, other.serial):
-            message = f"{count} by {_describe(first)}, most by {_describe(other)}"
+            message = f"{those} by {_describe(first)}, most by {_describe(other)}"
             findings.append(Finding(first.name, "mixed-cameras", f"{message}; calibrated apart"))
         elif _focal_text(first) != _focal_text(other):
-            message = f"{count} at {_focal_text(first) or 'an unknown focal length'}"
+            message = f"{those} at {_focal_text(first) or 'an unknown focal length'}"
             most = _focal_text(other) or "an unknown focal length"
             findings.append(Finding(first.name, "mixed-focal-lengths", f"{message}, most at {most}; calibrated apart"))
         if (first.width, first.height) != (other.width, other.height):
             sizes = f"{first.width}×{first.height}, most {other.width}×{other.height}"
-            findings.append(Finding(first.name, "mixed-sizes", f"{count} of {sizes}; calibrated apart"))
+            findings.append(Finding(first.name, "mixed-sizes", f"{those} of {sizes}; calibrated apart"))
     return findings
 
 

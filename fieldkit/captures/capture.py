@@ -30,6 +30,7 @@ from fieldkit.captures.programs import PosesFile, ProgramCamera, ProgramPoses, r
 from fieldkit.captures.programs.matching import program_of
 from fieldkit.errors import CaptureError, MetadataError
 from fieldkit.geometry.geodesy import utm_epsg_of
+from fieldkit.wording import count
 
 MAX_PIXELS = 150_000_000
 """More than any single camera frame that flies today (100 Mpx), and 450 MB once decoded to RGB."""
@@ -146,7 +147,7 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
     if inner:
         return CaptureError(
             f"there are no photographs directly in this folder, only in {', '.join(inner[:5])}"
-            + (f" and {len(inner) - 5} more folders" if len(inner) > 5 else ""),
+            + (f" and {count(len(inner) - 5, 'more folder')}" if len(inner) > 5 else ""),
             path=folder,
             remedy="Give one of these folders, or put the photographs of one capture into one folder.",
         )
@@ -159,7 +160,7 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
     shown = "; ".join(f"{f.name}: {f.message}" for f in left_out[:3])
     more = f"; and {len(left_out) - 3} more" if len(left_out) > 3 else ""
     return CaptureError(
-        f"none of the {len(left_out)} image files can be used ({shown}{more})",
+        f"of {count(len(left_out), 'image file')} none can be used ({shown}{more})",
         path=folder,
         remedy=(
             "Convert them to JPEG or TIFF, or copy the JPEG files that the camera took beside them."

@@ -24,6 +24,7 @@ from fieldkit.captures.model import Finding
 from fieldkit.captures.tables import keep_row, parse_number, read_text
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import look_swapped, on_earth
+from fieldkit.wording import count
 
 _LAYOUT = "name x y [z [yaw pitch roll [horizontal_accuracy vertical_accuracy]]]"
 _HEADER_REMEDY = "The first line names the projection: EPSG:4326, WGS84 UTM 33N or a PROJ string."
@@ -132,7 +133,7 @@ def _read_row(fields: list[str], line: int, path: Path | None) -> GeoRow:
         start = next((i for i in range(1, len(fields) - 1) if None not in map(parse_number, fields[i : i + 2])), start)
     name, rest = " ".join(fields[:start]), fields[start:]
     if len(rest) < 2:
-        raise MetadataError(f"line {line} has {len(fields)} fields", path=path, remedy=f"Expected {_LAYOUT}.")
+        raise MetadataError(f"line {line} has {count(len(fields), 'field')}", path=path, remedy=f"Expected {_LAYOUT}.")
     values: list[float] = []
     for position, text in enumerate(rest[:8]):
         value = parse_number(text)

@@ -22,6 +22,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
 from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame
 from fieldkit.regular_files import check_replaceable
+from fieldkit.wording import count
 
 _HEADER = ("image", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "accuracy_m")
 _LENGTH_DECIMALS, _ANGLE_DECIMALS = 4, 3
@@ -118,7 +119,8 @@ def geotag(
     if not poses:
         said = f": {matches.remarks[0]}" if matches.remarks else ""
         raise MetadataError(
-            f"none of the {len(photos)} photographs could be matched to its {len(flight.triggers)} triggers{said}",
+            f"of {count(len(photos), 'photograph')} none could be matched to its "
+            f"{count(len(flight.triggers), 'trigger')}{said}",
             path=log,
             remedy="Check that log and photographs are of one flight; --camera-offset gives the camera's clock error.",
         )

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fieldkit.captures.model import Finding, GeoTag
+from fieldkit.wording import count
 
 GPS_ACCURACY_M = 3.0
 """A consumer GNSS receiver with open sky: 95 % within about 5 m horizontally, so σ ≈ 2–3 m."""
@@ -230,4 +231,4 @@ def _mixed(tags: Mapping[str, GeoTag], absolute: Mapping[str, float]) -> list[Fi
 
 
 def _count(names: list[str]) -> str:
-    return "1 photograph has" if len(names) == 1 else f"{len(names)} photographs have"
+    return count(len(names), "photograph has", "photographs have")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fieldkit.captures.model import Finding, Photo
+from fieldkit.wording import count
 
 _NEAR_DEG = 0.5
 _LETTERS = {"latitude": ("GPSLatitudeRef", "north or south"), "longitude": ("GPSLongitudeRef", "east or west")}
@@ -66,4 +67,4 @@ def _value(photo: Photo, which: str) -> float:
 
 
 def _count(names: list[str]) -> str:
-    return "1 photograph has" if len(names) == 1 else f"{len(names)} photographs have"
+    return count(len(names), "photograph has", "photographs have")

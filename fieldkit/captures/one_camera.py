@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 
 from fieldkit.captures.model import Finding, Photo
 from fieldkit.captures.sensors import COLOUR
+from fieldkit.wording import count
 
 _SAME_FOCAL, _SAME_SIZE = 1.25, 2.0
 """Times: a lens's focal length as cameras round it, and a picture's longer side; beyond, it is another lens or camera,
@@ -111,9 +112,9 @@ def _places(camera: Sequence[Photo]) -> float:
 
 
 def _finding(rest: Sequence[Photo], main: Sequence[Photo]) -> Finding:
-    count = "1 photograph" if len(rest) == 1 else f"{len(rest)} photographs, up to {rest[-1].name},"
+    those = count(len(rest), "photograph", f"photographs, up to {rest[-1].name},")
     message = (
-        f"{count} of {_described(rest)}; a capture is made of one camera, here of {_described(main)}. "
+        f"{those} of {_described(rest)}; a capture is made of one camera, here of {_described(main)}. "
         "To use them, put them into a folder of their own"
     )
     return Finding(rest[0].name, "other-camera", message, True)

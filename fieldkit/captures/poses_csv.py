@@ -21,6 +21,7 @@ from fieldkit.captures.pose_columns import LAYOUT, PoseColumns, names_an_image, 
 from fieldkit.captures.tables import NumberStyle, keep_row, number_style, parse_number, read_text
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
+from fieldkit.wording import count
 
 _LIMITS = {
     "yaw_deg": (-360.0, 360.0), "pitch_deg": (-90.0, 90.0), "roll_deg": (-360.0, 360.0),
@@ -125,7 +126,7 @@ def _fields(line: str, delimiter: str, columns: PoseColumns, number: int, path: 
         if delimiter == ",":
             remedy = "With decimal commas, separate the fields by semicolons; a name with a comma needs quotes."
         raise MetadataError(
-            f"line {number} has {len(fields)} fields, the header {columns.count}", path=path, remedy=remedy
+            f"line {number} has {count(len(fields), 'field')}, the header {columns.count}", path=path, remedy=remedy
         )
     return fields
 

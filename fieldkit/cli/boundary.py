@@ -44,6 +44,7 @@ class Boundary:
         self._debug = "--debug" in options
         self._raised: weakref.ref[_Terminated] | None = None
         self._again: threading.Timer | None = None
+        self._ctrl_c = False
         self._warned: set[str] = set()
         self._catch_warnings: AbstractContextManager[None] = warnings.catch_warnings()
 
@@ -54,6 +55,8 @@ class Boundary:
         if not self._debug:  # such as that there is no home folder to keep its fonts in
             logging.getLogger("matplotlib").setLevel(logging.ERROR)
         self._before = _on_terminate(self._terminate)
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else a shell has Ctrl-C ignored
+            _handle(signal.SIGINT, self._interrupt)
         self._unraisable, sys.unraisablehook = sys.unraisablehook, self._show_unraisable
         return self
 
@@ -79,7 +82,8 @@ class Boundary:
             error = error.__cause__  # a signal met compiled code that returned as if nothing had happened
         if isinstance(error, SystemExit):
             return error.code if isinstance(error.code, int) else EXIT_BUG if error.code else 0
-        if isinstance(error, KeyboardInterrupt):
+        # Modules of C that are being imported make an ImportError of it, others anything else.
+        if isinstance(error, KeyboardInterrupt) or (self._ctrl_c and not isinstance(error, FieldkitError)):
             return self._interrupted()
         if self._debug:
             import traceback
@@ -99,6 +103,10 @@ class Boundary:
         message = f"this is a bug in fieldkit: {type(error).__name__}: {error}"
         self._tell(type(error).__name__, message, None, "Run it again with --debug and report what that shows.")
         return EXIT_BUG
+
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        self._ctrl_c = True
+        signal.default_int_handler(number, frame)
 
     def _terminate(self, number: int, frame: FrameType | None) -> None:
         """Raise, so that temporary folders are removed on the way out; again, where that came to nothing.
@@ -121,6 +129,8 @@ class Boundary:
             self._again.cancel()
             self._again.join()
         _on_terminate(self._before)
+        if signal.getsignal(signal.SIGINT) == self._interrupt:
+            _handle(signal.SIGINT, signal.default_int_handler)
         sys.unraisablehook = self._unraisable
 
     def _show_unraisable(self, dropped: sys.UnraisableHookArgs) -> None:
@@ -213,7 +223,11 @@ def _sentence(error: BaseException) -> str:
 
 
 def _on_terminate(handler: Any) -> Any:
+    return _handle(signal.SIGTERM, handler or signal.SIG_DFL)
+
+
+def _handle(number: signal.Signals, handler: Any) -> Any:
     try:
-        return signal.signal(signal.SIGTERM, handler or signal.SIG_DFL)
+        return signal.signal(number, handler)
     except ValueError:  # not the main thread
         return None

@@ -9,6 +9,7 @@ from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
@@ -66,7 +67,8 @@ def command(
     if as_json:
         emit_json({"removed_entries": removed.entries, "removed_bytes": removed.bytes, "bytes": left})
     else:
-        say(f"removed {removed.entries} entries, {format_size(removed.bytes)}; {format_size(left)} left")
+        entries = count(removed.entries, "entry", "entries")
+        say(f"removed {entries}, {format_size(removed.bytes)}; {format_size(left)} left")
 
 
 def parse_size(text: str) -> int:

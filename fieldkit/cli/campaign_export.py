@@ -10,6 +10,7 @@ from typer import Option
 
 from fieldkit.cli.common import CampaignArgument, DebugOption, JsonOption, OverwriteOption, emit_json, say
 from fieldkit.errors import UsageError
+from fieldkit.wording import count
 
 Format = Literal["csv", "geojson", "gpkg"]
 
@@ -76,4 +77,4 @@ def command(
     if as_json:
         emit_json({"output": output, "format": written, **counts})
     else:
-        say(f"{output}: {counts['visits']} visits of {counts['plots']} plots")
+        say(f"{output}: {count(counts['visits'], 'visit')} of {count(counts['plots'], 'plot')}")

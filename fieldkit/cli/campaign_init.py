@@ -72,7 +72,7 @@ def command(
     from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
     from fieldkit.documents.versioned_toml import sentence
     from fieldkit.missions.plan_site.site_file import load_site
-    from fieldkit.present.style import count
+    from fieldkit.wording import count
 
     try:
         evaluation = EvaluationTable(

@@ -11,6 +11,7 @@ from typer import Argument, Option
 from fieldkit.cli.common import (
     AdjustOption,
     DebugOption,
+    FitOption,
     JsonOption,
     MissionFormatOption,
     OverwriteOption,
@@ -66,6 +67,7 @@ def command(
     log: Annotated[
         Path | None, Option("--log", help="Flight log (.tlog, .BIN, .ulg): its poses instead of EXIF's.")
     ] = None,
+    fit: FitOption = None,
     again: AgainOptions,
     position_tolerance: Annotated[
         float, Option("--position-tolerance", metavar="M", min=0.01, max=100.0, help="Farthest from a station.")
@@ -108,9 +110,17 @@ def command(
     settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
     with run_context(as_json=as_json) as progress:
         reports = check_captures(
-            captures, plan, site=site, plot=place.plot, log=log, settings=settings, cache=cache, progress=progress
+            captures,
+            plan,
+            site=site,
+            plot=place.plot,
+            log=log,
+            fit=fit,
+            settings=settings,
+            cache=cache,
+            progress=progress,
         )
-    files = list(_missions(reports, plan, site, again, overwrite=overwrite, seed=seed))
+    files = list(_missions(reports, plan, site, again, fit=fit, overwrite=overwrite, seed=seed))
     if as_json:
         plots = [_plain(report) for report in reports]
         one = plots[0] if len(plots) == 1 else {}
@@ -123,8 +133,9 @@ def command(
 
 
 def _missions(
-    reports: Sequence[CheckReport], plan: Path, site: Site | None, again: AgainOptions, *, overwrite: bool, seed: int
-) -> Iterator[Path]:
+    reports: Sequence[CheckReport], plan: Path, site: Site | None, again: AgainOptions, *, fit: bool | None,
+    overwrite: bool, seed: int,
+) -> Iterator[Path]:  # fmt: skip
     """Write the missions that are asked for, one for each plot with stations to fly again."""
     from fieldkit.evaluation.field_check import write_refly
 
@@ -136,8 +147,8 @@ def _missions(
             continue
         target = output if len(reports) == 1 else output.with_name(f"{output.stem}-{report.name}{output.suffix}")
         yield from write_refly(
-            report.fly_again, plan, vehicle, site, target, plot=report.plot, format=again.format, adjust=again.adjust,
-            overwrite=overwrite, seed=seed,
+            report.fly_again, plan, vehicle, site, target, plot=report.plot, format=again.format, fit=fit,
+            adjust=again.adjust, overwrite=overwrite, seed=seed,
         )  # fmt: skip
 
 

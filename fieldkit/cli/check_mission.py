@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say
+from fieldkit.cli.common import DebugOption, FitOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say
 from fieldkit.cli.mission_findings import finding_entries, show_findings, station_entry
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
-from fieldkit.present.style import count, format_length, format_seconds
+from fieldkit.present.style import format_length, format_seconds
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.missions.files.read_mission import ReadMission
@@ -28,9 +29,7 @@ def command(
     ] = None,
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
-    fit: Annotated[
-        bool | None, Option("--fit/--no-fit", help="As at the export: compare with the stations fitted to each plot.")
-    ] = None,
+    fit: FitOption = None,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
@@ -112,9 +111,10 @@ def _show(report: Report, file: Path) -> None:
         show_findings(report.findings, file)
     if report.deviations:
         farthest = max(report.deviations, key=lambda d: d.metres)
-        say(f"{len(report.deviations)} photographs match the plan, at most {format_length(farthest.metres)} off")
+        those = count(len(report.deviations), "photograph matches", "photographs match")
+        say(f"{those} the plan, at most {format_length(farthest.metres)} off")
     errors = sum(finding.severity == "error" for finding in report.findings)
-    verdict = "may be flown" if report.ok else f"must not be flown: {errors} error{'s' if errors > 1 else ''}"
+    verdict = "may be flown" if report.ok else f"must not be flown: {count(errors, 'error')}"
     taken = count(len(report.taken), "photograph")
     way = f"{format_length(report.length_m)} and about {format_seconds(report.seconds)} from take-off to landing"
     say(f"{file.name}: {taken}, {way}; {verdict}")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from fieldkit.present.content import Cell
 
 __all__ = [
-    "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "JsonOption", "MissionFormatOption",
+    "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "FitOption", "JsonOption", "MissionFormatOption",
     "MissionOutputOption", "OutputOption", "OverwriteOption", "PlotIdOption", "PlotsOption", "ResumeOption",
     "SeedOption", "SitePlotOptions", "emit_json", "say", "show", "table",
 ]  # fmt: skip
@@ -49,6 +49,9 @@ MissionFormatOption = Annotated[
         help="QGroundControl, MAVLink waypoints, DJI WPML, Litchi, or KML to look at. Without: by the file's suffix "
         "(.plan, .waypoints, .kmz, .csv, .kml), else plan.",
     ),
+]
+FitOption = Annotated[
+    bool | None, Option("--fit/--no-fit", help="As at the export: compare with the stations fitted to each plot.")
 ]
 MissionOutputOption = Annotated[Path, Option("--output", "-o", help="The mission file; its suffix may be left out.")]
 PlotsOption = Annotated[

@@ -22,6 +22,7 @@ from fieldkit.cli.reconstruction_options import (
     run_context,
 )
 from fieldkit.errors import EXIT_OK, ReconstructionError, UsageError
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.cache import StageCache
@@ -216,10 +217,11 @@ def _in_campaign(folder: Path, captures: Path, cache: StageCache, run: RunOption
         from fieldkit.campaign.overview import campaign_tables
         from fieldkit.present.terminal.blocks import rendered
 
-        left = f"; {len(done.left_out)} files left out" if done.left_out else ""
+        left = f"; {count(len(done.left_out), 'file')} left out" if done.left_out else ""
         show(
             rendered(campaign_tables(done.campaign), most_rows=None),
-            f"{len(done.evaluated)} visits evaluated, {len(done.kept)} were there already, {done.failed} failed{left}",
+            f"{count(len(done.evaluated), 'visit')} evaluated, {len(done.kept)} there already, {done.failed} failed"
+            f"{left}",
         )
     return ReconstructionError.exit_code if done.failed == len(done.evaluated) + len(done.kept) else EXIT_OK
 

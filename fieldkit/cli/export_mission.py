@@ -24,7 +24,8 @@ from fieldkit.cli.common import (
     show,
     table,
 )
-from fieldkit.present.style import count, format_length, format_seconds, listed
+from fieldkit.present.style import format_length, format_seconds
+from fieldkit.wording import count, listed
 
 if TYPE_CHECKING:
     from fieldkit.missions.export_mission import ExportedMission
@@ -126,7 +127,7 @@ def _say_stations(done: ExportedMission) -> None:
     for text in moved[:_MOST_MOVED]:
         say(f"Moved: {text}")
     if len(moved) > _MOST_MOVED:
-        say(f"Moved: {len(moved) - _MOST_MOVED} kinds more; --json lists all.")
+        say(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")
     if routed.plants_m is None:
         say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
     for name, flown in routed.own.items():
@@ -147,7 +148,7 @@ def _alike(moved: Sequence[Unreachable]) -> list[str]:
     for what, shots in groups.items():
         numbers = [str(station_number(index)) for index in sorted({shot.station for shot in shots})]
         plots = list(dict.fromkeys(shot.plot for shot in shots))
-        those = f"{len(shots)} photographs (station {listed(numbers, 14)} of {listed(plots, 4)})"
+        those = f"{count(len(shots), 'photograph')} (station {listed(numbers, 14)} of {listed(plots, 4)})"
         texts.append(f"{shots[0].name if len(shots) == 1 else those}: {what}")
     return texts
 
@@ -164,8 +165,9 @@ def _show_flights(done: ExportedMission) -> None:
     plants = "not known" if routed.plants_m is None else f"{format_length(routed.plants_m)} at the nearest"
     plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
     summary = (
-        f"{routed.photographs // plots} stations on {count(plots, 'plot')}: {routed.photographs} photographs, "
-        f"{format_length(routed.length_m)} and {format_seconds(routed.time_s)} from take-off to landing, "
+        f"{count(routed.photographs // plots, 'station')} on {count(plots, 'plot')}: "
+        f"{count(routed.photographs, 'photograph')}, {format_length(routed.length_m)} and "
+        f"{format_seconds(routed.time_s)} from take-off to landing, "
         f"{count(len(routed.flights), 'battery', 'batteries')}; lowest camera {format_length(routed.lowest_m)} above "
         f"the ground; plants: {plants}."
     )

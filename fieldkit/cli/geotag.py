@@ -12,6 +12,7 @@ from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SitePl
 from fieldkit.cli.numbers import read_numbers
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import UsageError
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.captures.flight_logs import FixedMount
@@ -132,7 +133,8 @@ def _facts(report: GeotagReport) -> dict[str, object]:
 
 def _tell(report: GeotagReport, output: Path) -> None:
     matches = report.matches
-    say(f"{len(report.poses)} of {report.images} photographs matched to the log's {report.triggers} triggers: {output}")
+    triggers = count(report.triggers, "trigger")
+    say(f"{len(report.poses)} of {count(report.images, 'photograph')} matched to the log's {triggers}: {output}")
     if matches.photographs:
         say(f"without a trigger: {', '.join(matches.photographs)}")
     if matches.triggers:

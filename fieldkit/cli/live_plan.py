@@ -17,6 +17,7 @@ from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.run.outcome import best_so_far, weights_of
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.present.style import format_length, format_seconds
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -103,7 +104,7 @@ class Status:
         if self.best_text:
             parts.append(f"best {self.best_text}")
         if left is not None:
-            after = f" with {self.confirmations} confirmations" if self.confirmations else ""
+            after = f" with {count(self.confirmations, 'confirmation')}" if self.confirmations else ""
             parts.append(f"{self.per_minute:.1f} a minute, at most {format_seconds(left)} left{after}")
         return ", ".join(parts)
 

@@ -152,6 +152,7 @@ def _run(words: list[str], boundary: Boundary) -> int:
             return EXIT_OK
         asked = " ".join([name, *arguments[:1]]) if group else name
         raise UsageError(f"no such command: {asked}", remedy=_suggestion(asked))
+    from fieldkit.runtime.temporary import temporary_folder
     from fieldkit.runtime.threads import set_memory_environment, set_thread_environment
 
     set_thread_environment()  # before anything imports NumPy
@@ -159,7 +160,8 @@ def _run(words: list[str], boundary: Boundary) -> int:
     boundary.command = name
     parser = typer_command(name)
     boundary.resumable = any(param.name == "resume" for param in parser.params)
-    result = parser.main(args=arguments, prog_name=f"fieldkit {name}", standalone_mode=False)
+    with temporary_folder():
+        result = parser.main(args=arguments, prog_name=f"fieldkit {name}", standalone_mode=False)
     return result if isinstance(result, int) else EXIT_OK
 
 

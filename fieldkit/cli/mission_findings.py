@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.common import say, show, table
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,6 +49,6 @@ def show_findings(findings: Sequence[Finding], file: Path) -> None:
     ]
     show(table(f"Findings in {file.name}", ["code", "severity", "item>", "what"], rows))
     if len(groups) > _MOST_ROWS:
-        say(f"and {len(groups) - _MOST_ROWS} more kinds")
+        say(f"and {count(len(groups) - _MOST_ROWS, 'more kind')}")
     if len(groups) < len(findings):
         say(f"{len(findings)} findings in all: --json lists each of them")

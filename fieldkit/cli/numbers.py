@@ -6,6 +6,7 @@ from math import isfinite
 
 from fieldkit.errors import UsageError
 
+_MOST_NOISE_M = 5.0
 _REMEDY = {1: "Write one number", 2: "Write two numbers with a comma between", 3: "Write three numbers with commas"}
 
 
@@ -36,3 +37,14 @@ def read_numbers(option: str, text: str, counts: tuple[int, ...], *, least: floa
             f"{option}: cannot be {text}", remedy=" or ".join(_REMEDY[n] for n in counts) + f", not below {least:g}."
         )
     return numbers
+
+
+def read_pose_noise(text: str) -> tuple[float, float]:
+    """Metres and degrees of ``--pose-noise M,DEG``. Raises UsageError: it is none, or more than a receiver is off."""
+    metres, degrees = read_numbers("--pose-noise", text, (2,))
+    if metres > _MOST_NOISE_M:
+        raise UsageError(
+            f"--pose-noise: {metres:g} m is more than any receiver is off: in centimetres?",
+            remedy="Write metres and degrees, like --pose-noise 0.02,1.",
+        )
+    return metres, degrees

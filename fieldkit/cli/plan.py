@@ -17,6 +17,7 @@ from fieldkit.cli.plan_options import (
 )
 from fieldkit.cli.reconstruction_options import processes
 from fieldkit.errors import UsageError
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.planning.run.outcome import Outcome
@@ -91,7 +92,8 @@ def _planned(
     workers = processes(options.workers)
     cache = StageCache(default_cache_root())
     progress = Silent() if as_json else Lines()  # bars of their own would quarrel with the live view
-    if options.resume:
+    given = request.scenes or request.references or request.captures
+    if options.resume and (output.exists() or not given):  # a run that was interrupted before its folder begins anew
         settings = resumed_settings(read_settings(output), request)
         with open_watch(settings, read_log(output), as_json=as_json) as (watch, expect):
             return settings, resume_plan(
@@ -120,8 +122,9 @@ def _show(output: Path, settings: SearchSettings, outcome: Outcome) -> None:
     expected = "" if outcome.expected_m is None else f" (expected {format_length(outcome.expected_m)})"
     told = (
         f"{outcome.cameras} cameras by {outcome.method}: {format_length(outcome.chamfer_m)}{expected} on "
-        f"{_planned_on(settings)}, {outcome.evaluations} evaluations ({outcome.failed_evaluations} without a cloud) "
-        f"and {outcome.confirmations} confirmations in {format_seconds(outcome.seconds)}; {why}."
+        f"{_planned_on(settings)}, {count(outcome.evaluations, 'evaluation')} "
+        f"({outcome.failed_evaluations} without a cloud) and {count(outcome.confirmations, 'confirmation')} "
+        f"in {format_seconds(outcome.seconds)}; {why}."
     )
     lines: list[object] = [told]
     if not outcome.confirmations:

@@ -10,7 +10,7 @@ from typer import Option
 
 from fieldkit.cli.common import SEED, OverwriteOption, ResumeOption
 from fieldkit.cli.help_page import RUN
-from fieldkit.cli.numbers import read_numbers
+from fieldkit.cli.numbers import read_numbers, read_pose_noise
 from fieldkit.cli.reconstruction_options import WorkersOption
 from fieldkit.errors import UsageError
 
@@ -73,7 +73,7 @@ class SearchOptions:
     panel: ClassVar[str] = "Search"
 
     cameras: Annotated[
-        int | None, Option("--cameras", "-n", rich_help_panel="Options", min=3, help="N; 10 where not given.")
+        int | None, Option("--cameras", "-n", rich_help_panel="Options", min=3, max=200, help="N; 10 where not given.")
     ] = None
     preset: Annotated[
         Preset | None, Option("--preset", help="paper: Algorithm 1, blind incremental mapping, 50 initial.")
@@ -228,8 +228,7 @@ def plan_request(
 def _pose_noise(text: str) -> tuple[float, float]:
     """M,DEG, or from:EVAL."""
     if not text.startswith(_FROM):
-        numbers = read_numbers("--pose-noise", text, (2,))
-        return numbers[0], numbers[1]
+        return read_pose_noise(text)
     from fieldkit.campaign import CAMPAIGN_FILE, read_campaign, visit_plots
     from fieldkit.evaluation.adherence import flown_noise
     from fieldkit.results.report_files import load_evaluation_report

@@ -27,6 +27,9 @@ Mapping = Literal["auto", "incremental", "global", "prior"]
 Fidelity = Literal["draft", "standard", "fine", "full"]
 Mask = Literal["exg", "none", "file"]
 Backend = Literal["auto", "cpu", "cuda"]
+_DISTANCES_REMEDY = "Write it like --distances 0.002,0.005,0.01 (metres)."
+_FARTHEST_M = 100.0
+"""Of --bounds; a plot is smaller, in metres."""
 DISTANCES = "0.002,0.005,0.010,0.020"
 DistancesOption = Annotated[
     str, Option("--distances", metavar="M,M,…", help="Distances for precision, recall and F-score, metres.")
@@ -198,7 +201,7 @@ class RasterOptions:
             if self.gsd is not None:
                 raise UsageError("--gsd is the cells of --rasters", remedy="Give --rasters, too, or leave --gsd out.")
             return None
-        if self.gsd is not None and not 0.0 < self.gsd < 10.0:
+        if self.gsd is not None and not 0.0 < self.gsd <= 1.0:
             raise UsageError(f"--gsd: no edge of cells in metres: {self.gsd:g}", remedy="Write it like --gsd 0.01.")
         from fieldkit.evaluation.rasters import Rasters, require_rasters
 
@@ -215,6 +218,10 @@ def parse_bounds(text: str) -> Box:
     x0, y0, z0, x1, y1, z1 = numbers
     if not (x0 < x1 and y0 < y1 and z0 < z1):
         raise UsageError(f"--bounds: the lowest corner is not below the highest: {text}", remedy=remedy)
+    if max(map(abs, numbers)) > _FARTHEST_M:
+        raise UsageError(
+            f"--bounds: metres about the plot, and not {text}: in centimetres or millimetres?", remedy=remedy
+        )
     return x0, y0, z0, x1, y1, z1
 
 
@@ -222,8 +229,11 @@ def parse_distances(text: str) -> tuple[float, ...]:
     """The metres of --distances, ascending and each once."""
     numbers = sorted(set(finite_numbers(text)))
     if not numbers or numbers[0] <= 0:
-        remedy = "Write it like --distances 0.002,0.005,0.01 (metres)."
-        raise UsageError(f"--distances: not positive numbers: {text}", remedy=remedy)
+        raise UsageError(f"--distances: not positive numbers: {text}", remedy=_DISTANCES_REMEDY)
+    if numbers[-1] > 1.0:
+        raise UsageError(
+            f"--distances: at most 1 m, and not {numbers[-1]:g}: in millimetres?", remedy=_DISTANCES_REMEDY
+        )
     return tuple(numbers)
 
 

@@ -12,6 +12,7 @@ from typer import Argument, Option
 from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
 from fieldkit.cli.option_groups import grouped
 from fieldkit.present.style import format_seconds
+from fieldkit.wording import count
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,6 @@ def command(
         })  # fmt: skip
     else:
         say(
-            f"{traffic.heard} packets heard, {traffic.said} sent, {traffic.lost} lost; the vehicle holds "
-            f"{len(held.items)} mission items and {len(held.fence.items)} of a fence"
+            f"{count(traffic.heard, 'packet')} heard, {traffic.said} sent, {traffic.lost} lost; the vehicle holds "
+            f"{count(len(held.items), 'mission item')} and {len(held.fence.items)} of a fence"
         )

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from typer import Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, SeedOption, emit_json, say
+from fieldkit.wording import count
 
 Layout = Literal["rows", "grid", "random"]
 
@@ -66,4 +67,4 @@ def command(
     else:
         from fieldkit.runtime.shipped import shipped_page
 
-        say(f"{plants} plants in {output}; {shipped_page('sim/README.md')} explains its keys")
+        say(f"{count(plants, 'plant')} in {output}; {shipped_page('sim/README.md')} explains its keys")

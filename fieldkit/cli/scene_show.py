@@ -9,6 +9,7 @@ from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OverwriteOption, emit_json, say, show, table
 from fieldkit.errors import UsageError
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.scenes.description import SceneDescription
@@ -67,7 +68,7 @@ def command(
 
         sys.stdout.write(scene_text(description, complete=True))
     else:
-        say(f"{facts['plants']} plants, {facts['triangles']:,} triangles: {output}")
+        say(f"{count(len(description.plot.plants), 'plant')}, {facts['triangles']:,} triangles: {output}")
 
 
 def _show_all(as_json: bool) -> None:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, SeedOption, emit_json, say
-from fieldkit.cli.numbers import read_numbers
+from fieldkit.cli.numbers import read_numbers, read_pose_noise
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import UsageError
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -107,7 +108,7 @@ class InexactOptions:
         Raises:
             UsageError: a value is not written as its option takes it.
         """
-        pose = read_numbers("--pose-noise", self.pose_noise, (2,)) if self.pose_noise else None
+        pose = read_pose_noise(self.pose_noise) if self.pose_noise else None
         gps = read_numbers("--gps-noise", self.gps_noise, (1, 2)) if self.gps_noise else None
         for name, number in (("--image-noise", self.image_noise), ("--blur", self.blur)):
             if number is not None and not (isfinite(number) and number >= 0):
@@ -184,7 +185,7 @@ def command(
     if as_json:
         emit_json({"output": output, "scene": description.name, **asdict(done)})
     else:
-        say(f"{done.photographs} photographs in {output}; their true poses in {done.truth}")
+        say(f"{count(done.photographs, 'photograph')} in {output}; their true poses in {done.truth}")
 
 
 def _at_size(camera: Intrinsics, width: int, height: int) -> Intrinsics:

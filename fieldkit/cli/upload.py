@@ -15,6 +15,7 @@ from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.present.style import format_length
+from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -187,10 +188,10 @@ def _require_no_errors(findings: Sequence[Finding], mission: Path) -> None:
     if not _errors(findings):
         return
     texts = [each.text for each in grouped(findings) if each.first.severity == "error"]
-    more = f"; and {len(texts) - _MOST_NAMED} more kinds" if len(texts) > _MOST_NAMED else ""
-    count = _errors(findings)
+    more = f"; and {count(len(texts) - _MOST_NAMED, 'more kind')}" if len(texts) > _MOST_NAMED else ""
+    errors = _errors(findings)
     raise MissionError(
-        f"must not be flown: {count} error{'s' if count > 1 else ''}: {'; '.join(texts[:_MOST_NAMED])}{more}. "
+        f"must not be flown: {count(errors, 'error')}: {'; '.join(texts[:_MOST_NAMED])}{more}. "
         "Nothing was sent",
         path=mission, remedy="Correct it (fieldkit check-mission says more), or give --force to send it all the same.",
     )  # fmt: skip
@@ -200,8 +201,8 @@ def _tell_findings(findings: Sequence[Finding], mission: Path) -> None:
     """Warnings, and what was forced."""
     if findings:
         show_findings(findings, mission)
-    if count := _errors(findings):
-        say(f"The mission was sent in spite of {count} error{'s' if count > 1 else ''}: do not start it as it is.")
+    if errors := _errors(findings):
+        say(f"The mission was sent in spite of {count(errors, 'error')}: do not start it as it is.")
 
 
 def _fence(read: ReadMission, site: Site | None) -> Fence | None:
@@ -216,16 +217,20 @@ def _fence(read: ReadMission, site: Site | None) -> Fence | None:
 
 def _tell(report: UploadReport, read: ReadMission) -> None:
     tries = "" if report.attempts == 1 else f" in {report.attempts} attempts"
-    corners = f", a fence of {report.fence_items} corners and circles" if report.fence_items else ""
-    held = f"{report.items} items{corners}, read back and compared{tries}"
+    corners = (
+        f", a fence of {count(report.fence_items, 'corner or circle', 'corners and circles')}"
+        if report.fence_items
+        else ""
+    )
+    held = f"{count(report.items, 'item')}{corners}, read back and compared{tries}"
     say(f"The {report.autopilot} holds the new mission whole: {held}.")
     alike = Counter(note.split(" ", 2)[2] for note in report.roundings)  # without "item N"
-    for note, count in alike.most_common(10):
-        say(f"note: {note}{f' ({count} items)' if count > 1 else ''}")
+    for note, items in alike.most_common(10):
+        say(f"note: {note}{f' ({items} items)' if items > 1 else ''}")
     if len(alike) > 10:
-        say(f"note: and {len(alike) - 10} more kinds of numbers that the autopilot rounds (all with --json)")
+        say(f"note: and {count(len(alike) - 10, 'more kind')} of numbers that the autopilot rounds (all with --json)")
     if read.rally:
-        say(f"note: the file's {len(read.rally)} rally points are not uploaded")
+        say(f"note: {count(len(read.rally), 'rally point')} of the file not uploaded")
     if read.fence is not None and read.fence.ceiling_m is not None:
         say(f"note: the fence's ceiling is a parameter: set FENCE_ALT_MAX to {read.fence.ceiling_m:g} on an ArduPilot")
 
@@ -240,7 +245,7 @@ def _start(vehicle: MavsdkVehicle, site: Site, within_m: float, items: int) -> S
         f"The vehicle stands {format_length(standing.distance_m)} from the site's home, uses GPS "
         f"({standing.satellites} satellites) and is disarmed."
     )
-    if not _confirmed(f"It will ARM, TAKE OFF and fly {items} items. Type {_WORD} to do it: "):
+    if not _confirmed(f"It will ARM, TAKE OFF and fly {count(items, 'item')}. Type {_WORD} to do it: "):
         raise MissionError("not started. The vehicle holds the new mission whole", remedy=f"Type {_WORD} to start it.")
     # A person may take long to answer; the vehicle may have been carried away meanwhile.
     standing = check_standing(vehicle, home, within_m=within_m)

@@ -23,6 +23,7 @@ from fieldkit.clouds.ply_header import Element, Header, read_header
 from fieldkit.errors import CloudError
 from fieldkit.files import write_atomic
 from fieldkit.regular_files import open_regular
+from fieldkit.wording import count
 
 _COLOR_NAMES = (
     ("red", "green", "blue"),
@@ -98,7 +99,7 @@ def _vertex(header: Header, path: Path) -> Element:
 
 
 def _short(path: Path, element: Element) -> CloudError:
-    return CloudError(f"ends before its {element.rows} rows of {element.name!r}", path=path, remedy=_TRUNCATED)
+    return CloudError(f"ends before its {count(element.rows, 'row')} of {element.name!r}", path=path, remedy=_TRUNCATED)
 
 
 # Binary

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from fieldkit.documents.file_bytes import file_bytes
+from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.validation_sentence import validation_sentence
 from fieldkit.errors import MetadataError
 
@@ -39,8 +40,9 @@ def read_kind(file: Path, kind: str, remedy: str, *, max_bytes: int) -> dict[str
     """The JSON object of a file that fieldkit wrote, whose "kind" says what it is.
 
     Raises:
-        MetadataError: as `read_json_object`, or it is of another kind.
+        MetadataError: as `read_json_object`, or it is of another kind, or in a folder of another kind of result.
     """
+    refuse_other(file, kind, remedy)
     document = read_json_object(file, remedy, noun=kind, max_bytes=max_bytes)
     if document.get("kind") != kind:
         was = f'its "kind" is {document["kind"]!r}' if "kind" in document else 'it has no "kind"'

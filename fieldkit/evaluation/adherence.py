@@ -21,6 +21,7 @@ from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, StationErrorEntry
 from fieldkit.results.plan import Plan
+from fieldkit.wording import count
 
 SOURCE = "flight log"
 _LEAST_POSITIONS = 3
@@ -97,7 +98,8 @@ class Flight:
         findings += [Finding(first, "flight-log", text) for text in (*self.log.remarks, *self.matches.remarks)]
         enough = len(priors) >= _LEAST_POSITIONS
         if not enough:
-            text = f"the flight log locates {len(priors)} photographs; scale and orientation need {_LEAST_POSITIONS}"
+            located = count(len(priors), "photograph")
+            text = f"the flight log locates {located}; scale and orientation need {_LEAST_POSITIONS}"
             findings.append(Finding(first, "too-few-positions", text))
         return replace(
             capture,
@@ -205,7 +207,8 @@ def flown_noise(plots: Sequence[PlotEvaluation], path: Path) -> tuple[float, flo
     stations = sum(len(each.stations) for each in flown)
     if stations < _LEAST_STATIONS or position is None:
         raise MetadataError(
-            f"the evaluation has the pose errors of {stations} stations; {_LEAST_STATIONS} of a plot are the least",
+            f"the evaluation has the pose errors of {count(stations, 'station')}; {_LEAST_STATIONS} of a plot are the "
+            "least",
             path=path, remedy="Take an evaluation of a longer flight, or give --pose-noise M,DEG.",
         )  # fmt: skip
     if turned is None or len(angles) < _LEAST_STATIONS:

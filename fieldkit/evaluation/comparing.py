@@ -33,9 +33,11 @@ from fieldkit.results.comparison import (
     NoiseSource,
     ValueEntry,
 )
+from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
 from fieldkit.results.plan import PlanMethod
 from fieldkit.results.report_files import file_sha256
+from fieldkit.wording import listed
 
 _LEAST_PLOTS = 3
 _LARGEST = 1e12
@@ -292,6 +294,14 @@ class Comparer:
                 failed = [name for name, plot in run.plots.items() if plot.error is not None]
                 if failed:
                     self.notes.append(f"{label}: failed: {', '.join(failed[:5])}{' …' * (len(failed) > 5)}")
+                others = [name for name, plot in run.plots.items() if OTHER_PLANTS in plot.doubts]
+                if others:
+                    self.notes.append(
+                        f"{label}: hardly the reference's plants, distances and F-scores left out: {listed(others)}"
+                    )
+                doubted = [name for name, plot in run.plots.items() if plot.doubts and name not in others]
+                if doubted:
+                    self.notes.append(f"{label}: doubtful, its findings say why: {listed(doubted)}")
 
     def _note_untold(self, differences: Sequence[DifferenceEntry]) -> None:
         if any(d.noise == "blocks" for d in differences):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import cast
 
+from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import PlotEvaluation, distance_key
 from fieldkit.results.traits import TRAITS
 
@@ -29,8 +30,9 @@ def figure_names(distances_m: Sequence[float], *, scored: bool) -> list[str]:
 
 
 def figure_value(plot: PlotEvaluation, figure: str) -> float | None:
-    """A figure of a plot; None where it has none, and for numbers that no plot has."""
-    value = None if plot.error is not None else _value(plot, figure)
+    """A figure of a plot; None where it has none, for numbers that no plot has, and for distances to other plants."""
+    to_others = OTHER_PLANTS in plot.doubts and (figure in DISTANCES or figure.startswith("f_score_"))
+    value = None if plot.error is not None or to_others else _value(plot, figure)
     return None if value is None or abs(value) > _LARGEST else float(value)
 
 

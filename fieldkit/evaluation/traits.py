@@ -25,6 +25,7 @@ from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.result import Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, error_column
+from fieldkit.wording import count
 
 HEIGHT_ERROR_M = 0.03
 AREA_ERROR, VOLUME_ERROR = 0.11, 0.14
@@ -164,7 +165,10 @@ def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict
     elif (doubt := scale_doubt(sparse)) > MOST_SCALE_DOUBT:
         without(TRAITS, f"the scale is known to {100 * doubt:.0f} % only: the positions contradict one another")
     if right < LEAST_PHOTOGRAPHS:
-        without(TRAITS, f"only {right} photographs count, and traits need {LEAST_PHOTOGRAPHS}")
+        without(
+            TRAITS,
+            f"only {count(right, 'photograph counts', 'photographs count')}, and traits need {LEAST_PHOTOGRAPHS}",
+        )
     if not len(points):
         without(TRAITS, "no plant was reconstructed within the plot's outline")
     if ground is None:

@@ -25,6 +25,7 @@ from fieldkit.missions.plan_site.site import SiteHome
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.routing.obstacles import Corners, Obstacles, Volume
 from fieldkit.present.style import format_seconds
+from fieldkit.wording import count
 
 _MOST_LEG_FINDINGS = 50
 _CORNERS = 64
@@ -166,7 +167,7 @@ def _leg_findings(
                 item = legs[k].item
                 yield error(_LEG_CODES[problem.kind], f"the leg to item {item} {problem}", item)
     if left:
-        yield error("legs", f"{left} more legs meet something")
+        yield error("legs", f"{count(left, 'more leg meets', 'more legs meet')} something")
 
 
 def _frame(home: Home) -> SiteFrame:

@@ -15,6 +15,7 @@ from fieldkit.missions.items import Command, MissionItem, plain_frame
 from fieldkit.missions.mission import GeoPoint, Home
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.present.style import format_length
+from fieldkit.wording import count
 
 FAR_M = 5000.0
 """Farther from home than few-view missions go: a coordinate is wrong."""
@@ -60,7 +61,7 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
     if item.command in _INTERVALS and p1 > 0.0:
         yield error("photo-interval", f"{item.name} photographs on the way, at intervals, wherever that is", number)
     elif item.command == Command.IMAGE_START_CAPTURE and p3 != 1.0:
-        what = "photographs without end" if p3 == 0.0 else f"takes {p3:g} photographs"
+        what = "photographs without end" if p3 == 0.0 else f"takes {count(p3, 'photograph')}"
         yield error("photo-interval", f"IMAGE_START_CAPTURE {what}, also after the vehicle has left", number)
     elif item.command == Command.DO_MOUNT_CONTROL and item.params[6] != 2.0:
         message = f"DO_MOUNT_CONTROL has mode {item.params[6]:g}: other firmware than 4.5 takes only 2 for an angle"

@@ -26,12 +26,13 @@ from fieldkit.missions.plan_site.site_obstacles import site_obstacles
 from fieldkit.missions.plan_site.swapped import check_order
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
-from fieldkit.present.style import count, format_length, format_seconds
+from fieldkit.present.style import format_length, format_seconds
 from fieldkit.regular_files import check_replaceable, read_regular
 from fieldkit.results.mission import FlownPlan
 from fieldkit.results.mission_file import record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
+from fieldkit.wording import count
 
 _BEYOND = 1.002
 """By what more flights are cut than they are too long, so that one more attempt is mostly enough."""

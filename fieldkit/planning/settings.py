@@ -40,12 +40,12 @@ class EnvelopeSettings(Strict):
     vehicle_clearance_m: Length | None = None
     """The vehicle's clearance to plants; stations are then not below leaves. Null without a vehicle."""
 
-    @model_validator(mode="after")
-    def _ranges_are_in_order(self) -> EnvelopeSettings:
-        for low, high in (self.height_m, self.pitch_deg):
-            if low > high:
-                raise ValueError(f"{low:g} is above {high:g}")
-        return self
+    @field_validator("height_m", "pitch_deg")
+    @classmethod
+    def _in_order(cls, ends: Range) -> Range:
+        if ends[0] > ends[1]:
+            raise ValueError(f"{ends[0]:g} is above {ends[1]:g}")
+        return ends
 
     @field_validator("height_m")
     @classmethod

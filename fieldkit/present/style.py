@@ -102,19 +102,6 @@ def with_unit(text: str | None, unit: str) -> str:
     return DASH if text is None else f"{text} {unit}"
 
 
-def count(number: int, noun: str, plural: str = "") -> str:
-    """``1 photograph``, ``12 photographs``."""
-    return f"{number:,} {noun if number == 1 else plural or noun + 's'}"
-
-
-def listed(names: list[str], most: int = 5) -> str:
-    """``a, b and c``; beyond ``most`` ``a, b and 7 more``."""
-    if len(names) > most:
-        rest = len(names) - (most - 1)
-        return f"{', '.join(names[: most - 1])} and {rest} more"
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
 def table(title: str, *columns: str) -> Table:
     """An empty table for the terminal; columns whose name ends in ">" are set flush right."""
     from rich.box import SIMPLE_HEAD

@@ -14,6 +14,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.interest import cuts_plants
 from fieldkit.reconstruction.result import MetricFrame
+from fieldkit.wording import count
 
 _FEW_POINTS = 100
 _STEEP_DEG = 8.0
@@ -60,8 +61,8 @@ def _few(points: int) -> _Found:
     if points >= _FEW_POINTS:
         return None
     return "few-plant-points", (
-        f"the plants' cloud has only {points} points: hardly anything of them was reconstructed; look at the overview "
-        "picture, and check --bounds and --mask"
+        f"the plants' cloud has only {count(points, 'point')}: hardly anything of them was reconstructed; look at the "
+        "overview picture, and check --bounds and --mask"
     )
 
 

@@ -11,6 +11,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.prior_mapping import region_of_interest
+from fieldkit.wording import count
 
 _SHARED_BY = 0.5  # of the cameras see a point of a converging capture
 _TRIM = 0.005
@@ -53,12 +54,26 @@ def volume_of_interest(
         chosen = points[shared] if shared.sum() >= _MIN_POINTS else points[near]
     if len(chosen) < _MIN_POINTS:
         raise ReconstructionError(
-            f"only {len(chosen)} points lie where the cameras look, too few to find the volume of interest",
+            f"only {count(len(chosen), 'point lies', 'points lie')} where the cameras look, too few to find the "
+            "volume of interest",
             remedy="Give it with --bounds, in metres in the plot frame.",
         )
     lower, upper = np.quantile(chosen, [_TRIM, 1.0 - _TRIM], axis=0)
     edges = np.maximum(upper - lower, 0.05 * float(np.max(upper - lower)))
     return Volume(tuple(lower - _MARGIN * edges), tuple(upper + np.array([_MARGIN, _MARGIN, _TOP_MARGIN]) * edges))
+
+
+def looked_beside_m(poses: Mapping[str, Pose], volume: Volume) -> float:
+    """How far beside a volume, horizontally, the place lies that cameras look at; 0 where it is above or below it.
+
+    Args:
+        poses: in the volume's frame.
+        volume: of interest.
+    """
+    region = region_of_interest(list(poses.values()))
+    center = np.mean([pose.center for pose in poses.values()], axis=0) if region is None else np.array(region.center)
+    outside = np.maximum(np.array(volume.lower) - center, center - np.array(volume.upper))[:2]
+    return float(np.hypot(*np.maximum(outside, 0.0)))
 
 
 def cuts_plants(plants: NDArray[np.float64], volume: Volume, gsd_m: float) -> bool:

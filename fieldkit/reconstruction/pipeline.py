@@ -25,7 +25,7 @@ from fieldkit.reconstruction.dense import Settings as DenseSettings
 from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.doubts import doubts
 from fieldkit.reconstruction.guided import Region
-from fieldkit.reconstruction.interest import volume_of_interest
+from fieldkit.reconstruction.interest import looked_beside_m, volume_of_interest
 from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
 from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
@@ -37,8 +37,10 @@ from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reconstruction.stages import load_quality
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.progress import Progress
+from fieldkit.wording import count
 
 _MIN_DENSE_VIEWS = 2
+_BESIDE_M = 0.5  # photographs that look so far beside the volume are of another place
 _CALIBRATIONS = ("camera.toml", "camera.json", "reference")
 Settle = Callable[[NDArray[np.float64], Mapping[str, Pose]], tuple[Similarity, Plane | None]]
 
@@ -114,7 +116,7 @@ def reconstruct(
         nearby = above.select(without_strays(above.points, voxel_edge_m(gsd_m)))
     plants = nearby.select(of_interest(nearby.points, volume, ground))
     if len(plants) == 0:
-        raise _no_plants(sparse, len(above))
+        raise _no_plants(sparse, len(above), volume)
     doubted = doubts(
         capture.folder.name, plants, volume, gsd_m, sparse.frame, sparse.poses,
         own_ground=known_plot is None or known_plot.ground is None,
@@ -381,12 +383,21 @@ def _too_few(sparse: SparseResult) -> ReconstructionError:
     reasons = sorted({image.reason for image in sparse.images if image.reason})
     return _failed(
         sparse,
-        f"only {sparse.right} of {len(sparse.images)} photographs have a usable pose{said} ({'; '.join(reasons[:3])})",
+        f"only {count(sparse.right, 'photographs has', 'photographs have', of=len(sparse.images))} a usable pose{said} "
+        f"({'; '.join(reasons[:3])})",
         "Take views closer together, or give their rough poses in poses.csv so that prior mapping can be used.",
     )
 
 
-def _no_plants(sparse: SparseResult, fused: int) -> ReconstructionError:
+def _no_plants(sparse: SparseResult, fused: int, volume: Volume) -> ReconstructionError:
+    beside_m = looked_beside_m(sparse.poses, volume) if sparse.frame.metric else 0.0
+    if beside_m > _BESIDE_M:
+        return _failed(
+            sparse,
+            f"no plant was reconstructed: the photographs look at a place {beside_m:.1f} m beside the volume "
+            "of interest",
+            "Are they of this plot? If they are, check --bounds, and the positions of these and the reference's.",
+        )
     why = f"the {fused} points that views agree on lie in clumps smaller than a leaf"
     if not fused:
         why = "no two views agree on a depth of anything green above the ground"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.captures.model import Capture, Finding
+from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.agreement import (
@@ -45,6 +46,7 @@ from fieldkit.reconstruction.ties import Pair
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.progress import Progress
+from fieldkit.wording import count
 
 POSITIONS_TOO_COARSE = "positions-too-coarse"
 """Code of the finding that positions give no scale."""
@@ -132,6 +134,7 @@ def map_capture(
         ReconstructionError: fewer than two photographs, or no model.
     """
     if len(capture.photos) < 2:
+        refuse_other(capture.folder, "folder of photographs", "Give the folder that holds the photographs.")
         raise ReconstructionError(
             "a reconstruction needs at least two photographs, better ten or more",
             path=capture.folder,
@@ -722,9 +725,10 @@ def _reprojection_errors(model: pycolmap.Reconstruction) -> dict[str, float]:
 def _no_model(run: _Run, pairs: Pairs) -> ReconstructionError:
     few = [n for n, f in zip(run.names, run.keyed, strict=True) if len(f.features) < _FEW_FEATURES]
     if few:
-        why = f"{len(few)} of {len(run.names)} have hardly any features (for one {few[0]}): blurred, dark or empty"
+        poor = count(len(few), "has", "have", of=len(run.names))
+        why = f"{poor} hardly any features (for one {few[0]}): blurred, dark or empty"
     elif pairs:
-        why = f"{len(pairs)} pairs match, too weakly to build on"
+        why = f"{count(len(pairs), 'pair matches', 'pairs match')}, too weakly to build on"
     else:
         why = "no two of them match: they overlap too little, or show different things"
     return ReconstructionError(

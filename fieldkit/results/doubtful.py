@@ -5,6 +5,9 @@ from __future__ import annotations
 OTHER_PLANTS = "other-plants"
 """The cloud is hardly of the reference's plants: its distance says nothing of its quality."""
 
+PLANTS_APART = "plants-apart"
+"""Some plants stand far from the others: weeds or neighbours, perhaps."""
+
 DOUBTFUL = frozenset({
     OTHER_PLANTS, "few-plant-points", "volume-below-ground", "weak-ground", "cameras-off-level", "steep-ground",
     "volume-cuts-plants", "refinement-not-converged", "weakly-tied",

@@ -75,6 +75,8 @@ def work(connection: Connection, make: Callable[[], Callable[[Task], Result]], p
         parent: process id of the pool; this process ends with it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # held back so far by `worker_pool`
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
     with suppress(OSError):
         # If memory runs out, the kernel should kill this process and not the one with the results.

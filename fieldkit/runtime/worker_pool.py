@@ -9,9 +9,10 @@ import signal
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from types import TracebackType
@@ -66,7 +67,8 @@ class _Worker(Generic[Task, Result]):
         self.process: SpawnProcess = context.Process(
             target=work, args=(theirs, make, os.getpid()), daemon=True, name="fieldkit-worker"
         )
-        self.process.start()
+        with _interrupts_held():
+            self.process.start()
         theirs.close()
         self.limits = limits
         self.ready = False
@@ -107,6 +109,23 @@ class _Worker(Generic[Task, Result]):
                 name = signal.Signals(-code).name
                 return f"its process was ended by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
         return f"its process ended with exit code {code}"
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back: a process that is started here holds it back, too, until it ignores it (`worker.work`).
+
+    Else Ctrl-C in a terminal, which reaches all processes, ends a worker that is importing with a traceback.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # starting it would let go of the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class WorkerPool(Generic[Task, Result]):

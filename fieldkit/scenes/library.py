@@ -5,6 +5,7 @@ from __future__ import annotations
 from difflib import get_close_matches
 from pathlib import Path
 
+from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import SceneError
 from fieldkit.runtime.shipped import shipped_folder
 
@@ -35,6 +36,8 @@ def find_scene(name: str | Path) -> Path:
     if path.is_file():
         return path
     known = scene_names()
+    if path.exists():
+        refuse_other(path, "scene file", "A folder with scene.toml will do, too.", error=SceneError)
     text = str(name).removesuffix(_SUFFIX)
     if text in known:
         return scenes_folder() / f"{text}{_SUFFIX}"

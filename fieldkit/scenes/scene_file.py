@@ -17,6 +17,7 @@ from typing import Any, cast
 from pydantic import TypeAdapter, ValidationError
 
 from fieldkit.documents.json_file import schema_text
+from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.toml_file import read_toml
 from fieldkit.documents.toml_text import toml_text
 from fieldkit.documents.validation_sentence import validation_sentence
@@ -49,6 +50,7 @@ def read_scene(path: Path) -> SceneDescription:
             file it names that is not there.
     """
     path = Path(path)
+    refuse_other(path, "scene file", _REMEDY, error=SceneError)
     document = read_toml(path, "scene file", _REMEDY, _MAX_BYTES, missing=_MISSING, error=SceneError)
     _check_format(document.pop("format", None), path)
     for place, plant in _plants(document):

@@ -227,6 +227,18 @@ class TestRanking:
         odd = visit("r2c2", "2026-06-18", 0.148, doubts=(OTHER_PLANTS,))
         assert ranking((*VISITS, odd), PLAN, "2026-06-18") == ranking(VISITS, PLAN, "2026-06-18")
 
+    def test_what_has_no_score_is_told_with_why(self, tmp_path: Path) -> None:
+        made = replace(campaign(tmp_path), visits=(
+            visit("r1c1", "2026-06-18", 0.01), visit("r1c2", "2026-06-18", 0.01, doubts=("weakly-tied",)),
+            visit("r2c1", "2026-06-18", 0.148, doubts=(OTHER_PLANTS,)),
+            visit("r2c2", "2026-06-18", 0.148, doubts=(OTHER_PLANTS,)),
+        ))  # fmt: skip
+        said = [sentence for sentence in remarks(made) if "notes in visit.json" in sentence]
+        assert [sentence.partition(";")[0] for sentence in said] == [
+            "r1c2 2026-06-18: doubtful (weakly tied)",
+            "r2c1 2026-06-18 and r2c2 2026-06-18: without a score, and not ranked (other plants)",
+        ]
+
     def test_drift(self) -> None:
         found = drift(VISITS, PLAN)
         assert [(d.plot, d.figure, d.beyond_noise) for d in found] == [

@@ -203,6 +203,19 @@ class TestBoundary:
         assert main(["probe"]) == 130
         assert "--resume" not in capsys.readouterr().err
 
+    def test_interrupted_while_compiled_modules_are_imported(
+        self, a_command: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        before = signal.getsignal(signal.SIGINT)
+        lines = ("try:", "    os.kill(os.getpid(), signal.SIGINT)", "except KeyboardInterrupt:",
+                 "    raise ImportError('initialization failed')")  # fmt: skip
+        write(a_command, "\n    ".join(lines))
+        assert main(["probe"]) == 130
+        assert capsys.readouterr().err == "Error: interrupted\n"
+        assert signal.getsignal(signal.SIGINT) == before
+        write(a_command, "raise ImportError('initialization failed')")
+        assert main(["probe"]) == 1
+
     def test_interrupted_in_compiled_code(self, a_command: Path, capsys: pytest.CaptureFixture[str]) -> None:
         # what CPython makes of a signal's exception that a compiled function did not pass on
         write(a_command, "raise SystemError('returned a result with an exception set') from KeyboardInterrupt()")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,10 @@ SMALL_PLOT = Path(__file__).parents[1] / "data" / "small_plot"
         (["--scene", "case-1", "-n", "2"], 2, "cameras"),
         (["--scene", "case-1", "--images", "x"], 2, "--reference"),
         (["--scene", "case-1", "--height", "2"], 2, "two numbers"),
-        (["--scene", "case-1", "--height", "3,2"], 2, "3 is above 2"),
+        (["--scene", "case-1", "--height", "3,2"], 2, "height_m: 3 is above 2"),
+        (["--scene", "case-1", "--height", "75,150"], 2, "in centimetres?"),
+        (["--scene", "case-1", "-n", "1300"], 2, "cameras"),
+        (["--scene", "case-1", "--pose-noise", "20,1"], 2, "in centimetres?"),
         (["--captures", str(SMALL_PLOT), "--clearance", "0.5"], 2, "--clearance would not change the choice"),
         (["--scene", "case-1", "--for", "this-plot", "--vary", "4"], 2, "--vary 4 plans for more than this plot"),
         (["--scene", "case-1", "--risk", "0"], 2, "risk"),
@@ -72,6 +76,18 @@ def test_wrong_calls_are_told_in_words(
     told = capsys.readouterr().err
     assert words in told
     assert "Traceback" not in told
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("more", [[], ["--resume"]])  # as a run says that was interrupted before its folder was there
+def test_a_run_that_fails_at_once_leaves_no_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, more: list[str]
+) -> None:
+    monkeypatch.setenv("FIELDKIT_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "photos").mkdir()
+    shutil.copy(next(SMALL_PLOT.glob("*.jpg")), tmp_path / "photos")
+    assert main(["plan", "--captures", str(tmp_path / "photos"), *more, "-o", str(tmp_path / "run")]) == 4
+    assert "at least two photographs" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 

@@ -90,7 +90,7 @@ class TestUsage:
         assert "--resume" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("text", ["0,x", "", "0.01,-1", "0", "nan", "0.01,,0.02"])
+@pytest.mark.parametrize("text", ["0,x", "", "0.01,-1", "0", "nan", "0.01,,0.02", "0.01,2,5"])
 def test_no_distances(text: str) -> None:
     with pytest.raises(UsageError, match="--distances"):
         parse_distances(text)
@@ -107,6 +107,12 @@ def test_any_text_is_a_box_or_a_usage_error(text: str) -> None:
         assert x0 < x1
         assert y0 < y1
         assert z0 < z1
+
+
+@pytest.mark.parametrize("text", ["-150,-75,0,150,75,120", "-1500,-750,0,1500,750,1200"])
+def test_a_box_in_other_units_is_told_before_photographs_are_read(text: str) -> None:
+    with pytest.raises(UsageError, match="in centimetres or millimetres"):
+        parse_bounds(text)
 
 
 def test_no_cache_keeps_nothing(tmp_path: Path) -> None:

@@ -21,7 +21,8 @@ from fieldkit.present.spreadsheets.comparison import compare_csv
 from fieldkit.present.terminal.results import comparison_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
-from fieldkit.results.evaluation import PlotEvaluation, PredictionEntry
+from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.evaluation import FindingEntry, PlotEvaluation, PredictionEntry
 from fieldkit.results.plan import Plan, PlanMethod, Station
 from fieldkit.results.plan_file import save_plan
 from fieldkit.results.report_files import describe_files, file_sha256, save_report
@@ -234,6 +235,18 @@ def test_predictions_are_compared_by_their_intervals(tmp_path: Path) -> None:
     assert difference(report, "predicted_chamfer_m", "y").beyond is False
     assert difference(report, "predicted_chamfer_m", "z").beyond is True
     assert difference(report, "predicted_chamfer_m", "z").noise == "prediction"
+
+
+def test_distances_to_other_plants_are_left_out_and_said(reference: Path, tmp_path: Path) -> None:
+    def foreign(plot: PlotEvaluation) -> PlotEvaluation:
+        finding = FindingEntry(name="plot", code=OTHER_PLANTS, message="far off", left_out=False)
+        return plot.model_copy(update={"findings": (*plot.findings, finding)})
+
+    evaluation_folder(tmp_path / "right", {"plot": leaves(1)}, reference)
+    evaluation_folder(tmp_path / "wrong", {"plot": leaves(2, lift_m=0.2)}, reference, foreign)
+    report = compare_evaluations([tmp_path / "right", tmp_path / "wrong"], reference=reference).report
+    assert not any(each.figure == "chamfer_m" or each.figure.startswith("f_score") for each in report.differences)
+    assert any(note.startswith("wrong: hardly the reference's plants") for note in report.notes)
 
 
 def test_other_references_leave_the_figures_that_need_none(three: Sequence[Path], tmp_path: Path) -> None:

@@ -33,12 +33,13 @@ from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.geometry.stations import PoseArray
+from fieldkit.missions.plan_site.fitted import flown_plan
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.present.sections.read_results import read_results
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.epipolar import relative_pose
 from fieldkit.results.mission_file import load_mission
-from fieldkit.results.plan import Plan
+from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_bytes, plan_from_poses
 
 ROOT = Path(__file__).parents[2]
@@ -435,6 +436,33 @@ class TestShift:
         found = common_findings(placed, CheckSettings())
         assert [finding.code for finding in found] == ["shifted"] * told
         assert all("nothing to do" not in finding.remedy.lower() for finding in found)
+
+    @pytest.mark.parametrize(("north_m", "there"), [(3.9, True), (2.0, False), (-4.0, False)])
+    def test_to_another_plot_names_it(self, north_m: float, there: bool) -> None:
+        latitudes = (50.0, 50.0 + 4.0 / 111_229.0)
+        plots = [SitePlot(name=n, latitude_deg=lat, longitude_deg=6.0) for n, lat in zip("AB", latitudes, strict=True)]
+        site = Site(name="trial", home=SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0), plots=tuple(plots))
+        tags = Tags((), PoseArray.of([]), np.zeros(0), 0.03, 3.0)
+        shift = np.array([0.0, north_m, 0.0])  # across the row, which leads east
+        (found,) = common_findings(Placed(tags, "site", shift_m=shift), CheckSettings(), site, plots[0])
+        assert found.code == "shifted"
+        assert ("--plot B" in found.remedy) is there
+
+
+def test_a_plan_is_checked_and_flown_again_as_it_was_fitted_to_the_plot(tmp_path: Path) -> None:
+    """The export fits it to the plot's plants: the plan's own stations would send good photographs back."""
+    poses = [Pose(p.rotation, p.center + np.array([0.0, 0.0, 1.5])) for p in stations()]
+    plants = PlanPlants(points_m=((-0.5, -0.5, 1.0), (0.5, 0.5, 1.0)), cell_m=0.05)
+    plan = plan_from_poses(poses).model_copy(update={"plant_height_m": 1.0, "plants": plants})
+    plot = SitePlot(name="B2", latitude_deg=50.0, longitude_deg=6.0, plant_height_m=1.3)
+    site = Site(name="trial", home=SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0), plots=(plot,))
+    fitted = flown_plan(plan, plot)
+    assert fitted.stations[3].position_m[2] > plan.stations[3].position_m[2] + 0.1
+    assert flown_plan(plan, plot, fit=False) is plan
+    files = write_refly([3], plan, "px4-gimbal", site, tmp_path / "again.plan")
+    (station,) = (s for flight in load_mission(files[1]).flights for s in flight.stations)
+    assert station.index == 3
+    assert station.height_m == pytest.approx(fitted.stations[3].position_m[2], abs=0.01)
 
 
 class TestConnection:

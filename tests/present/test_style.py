@@ -4,16 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fieldkit.present.style import (
-    format_length,
-    format_nominal,
-    format_seconds,
-    listed,
-    metres,
-    millimetres,
-    percent,
-    signed,
-)
+from fieldkit.present.style import format_length, format_nominal, format_seconds, metres, millimetres, percent, signed
 
 
 @pytest.mark.parametrize(
@@ -51,9 +42,3 @@ def test_numbers_without_units() -> None:
     ]  # fmt: skip
     assert (metres(12.3456), percent(0.99999), percent(1.0), percent(0.5, 0)) == ("12.35", "99.9", "100.0", "50")
     assert (signed(0.01239, 3), signed(-3.59, 3)) == ("+0.0124", "−3.59")
-
-
-def test_lists() -> None:
-    assert listed(["a"]) == "a"
-    assert listed(["a", "b", "c"]) == "a, b and c"
-    assert listed(list("abcdefg")) == "a, b, c, d and 3 more"

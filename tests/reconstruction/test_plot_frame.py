@@ -10,7 +10,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.reconstruction.interest import cuts_plants, volume_of_interest
+from fieldkit.reconstruction.interest import cuts_plants, looked_beside_m, volume_of_interest
 from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
 
 CAMERA = Intrinsics.pinhole(800, 600, 700.0)
@@ -69,6 +69,12 @@ def test_the_volume_holds_what_converging_cameras_share_and_not_the_background()
     volume = volume_of_interest(points, poses, dict.fromkeys(poses, CAMERA))
     assert volume.contains(_soil_and_plant()[3000:]).mean() > 0.97
     assert not volume.contains(background).any()
+
+
+@pytest.mark.parametrize(("x", "y", "beside_m"), [(0.0, 0.0, 0.0), (4.0, 0.0, 3.5), (3.5, -4.5, 5.0)])
+def test_photographs_of_another_place_look_beside_the_volume(x: float, y: float, beside_m: float) -> None:
+    volume = Volume((x - 0.5, y - 0.5, 3.0), (x + 0.5, y + 0.5, 4.0))
+    assert looked_beside_m(_ring(), volume) == pytest.approx(beside_m, abs=0.01)
 
 
 def test_plants_that_go_on_to_the_top_of_the_volume_are_noticed() -> None:

@@ -112,6 +112,41 @@ def slow_or_raising(item: tuple[Path, bool]) -> None:
     raise UsageError("no file")
 
 
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="Ctrl-C is another thing here")
+def test_ctrl_c_while_workers_start_is_the_parents_alone(tmp_path: Path) -> None:
+    """In a terminal it reaches all processes; one that imported ended with a traceback of its own."""
+    module = tmp_path / "importing.py"
+    module.write_text(
+        textwrap.dedent("""
+        import sys, time
+        from pathlib import Path
+        from fieldkit.runtime.parallel import each_in_workers
+
+        if __name__ == "__mp_main__":
+            Path(sys.argv[1]).touch()
+            time.sleep(0.5)
+
+        if __name__ == "__main__":
+            try:
+                list(each_in_workers(abs, [1], workers=2))
+            except KeyboardInterrupt:
+                print("interrupted")
+    """)
+    )
+    begun = tmp_path / "begun"
+    process = subprocess.Popen(
+        [sys.executable, str(module), str(begun)], start_new_session=True, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    give_up = time.monotonic() + LIMIT_S
+    while not begun.is_file() and time.monotonic() < give_up:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=LIMIT_S)
+    assert (out, err) == ("interrupted\n", "")
+
+
 @pytest.mark.slow
 def test_a_worker_that_dies_costs_its_job_only() -> None:
     items = [1, 2, 3, 4, 5]

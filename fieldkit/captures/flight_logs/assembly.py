@@ -10,6 +10,7 @@ import numpy as np
 from fieldkit.captures.flight_logs.model import Attitude, Gimbal, Place, Series, Track, Trigger
 from fieldkit.captures.flight_logs.values import as_attitude, as_gimbal, as_place
 from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.wording import count
 
 _GIMBAL_REACH_S = 2.0
 _FASTEST_GIMBAL_DPS = 100.0
@@ -58,7 +59,8 @@ def missing_numbers(triggers: Sequence[Trigger]) -> list[str]:
     listed = [n for n in range(numbers[0], numbers[-1] + 1) if n not in have][:_MOST_LISTED]
     more = ", …" if absent > len(listed) else ""
     names = ", ".join(map(str, listed))
-    return [f"{absent} trigger messages are missing from the log (lost on the link?): image {names}{more}"]
+    lost = count(absent, "trigger message is", "trigger messages are")
+    return [f"{lost} missing from the log (lost on the link?): image {names}{more}"]
 
 
 def _complete(event: Event, track: Track, commanded: Commanded | None) -> Trigger:

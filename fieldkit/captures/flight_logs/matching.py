@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from fieldkit.captures.flight_logs.likelihood import Fit, Observed, assign, fit_to
 from fieldkit.captures.flight_logs.model import Trigger
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.wording import count
 
 _HYPOTHESES = 12
 _VOTES = 4_000_000
@@ -127,9 +128,9 @@ def match(
         ambiguous |= doubtful
     lost = [i for i in range(len(photographs)) if not timed[i] and not observed.located[i]]
     if lost:
-        remarks.append(f"{len(lost)} photographs say neither when nor where they were taken")
+        remarks.append(f"{count(len(lost), 'photograph says', 'photographs say')} neither when nor where it was taken")
     if ambiguous and fit is not None:
-        remarks.append(f"{len(ambiguous)} photographs could belong to more than one trigger")
+        remarks.append(f"{count(len(ambiguous), 'photograph')} could belong to more than one trigger")
     return _matches(photographs, observed, pairs, ambiguous, fit, remarks)
 
 

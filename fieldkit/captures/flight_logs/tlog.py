@@ -25,6 +25,7 @@ from fieldkit.captures.flight_logs.values import (
 )
 from fieldkit.errors import MetadataError
 from fieldkit.mavlink.tlog import LogReader
+from fieldkit.wording import count
 
 _TRIGGERS = {180: "CAMERA_FEEDBACK", 263: "CAMERA_IMAGE_CAPTURED", 112: "CAMERA_TRIGGER"}
 """The first of these that a log holds is used: ArduPilot's, that of MAVLink cameras and PX4, the bare trigger."""
@@ -91,7 +92,8 @@ def _flight(own: dict[str, list[Stamped]], path: Path, system: int, remarks: lis
     raw = _one_camera(raw, remarks)
     told = [(stamp, event) for stamp, m in raw if (event := _event(m, boot, offset)) is not None]
     if len(told) < len(raw):
-        remarks.append(f"{len(raw) - len(told)} trigger messages have no time that makes sense; they are not used")
+        untimed = count(len(raw) - len(told), "trigger message has", "trigger messages have")
+        remarks.append(f"{untimed} no time that makes sense; not used")
     mission = MissionRecord.from_messages(own, system)
     stamps = {event.time_s: stamp for stamp, event in told}
     triggers = complete([event for _, event in told], track, lambda time: mission.gimbal_at(stamps.get(time)))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from fieldkit import wording
 from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.model import Finding, Photo
 from fieldkit.captures.programs.model import POSITION_SHARE, PosesFile, ProgramPoses
@@ -69,7 +70,8 @@ def _of_photographs(result: ProgramPoses, photos: Sequence[Photo]) -> tuple[Prog
     ]  # fmt: skip
     if found.unoriented:
         names = ", ".join(sorted(found.unoriented)[:3])
-        message = f"{found.program} has turned {len(found.unoriented)} photographs ({names}): only positions are used"
+        turned = wording.count(len(found.unoriented), "photograph")
+        message = f"{found.program} has turned {turned} ({names}): only positions are used"
         findings.append(Finding(found.path.name, "angles-not-used", message))
     return found, [*findings, *result.findings]
 

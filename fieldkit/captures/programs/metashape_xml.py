@@ -28,6 +28,7 @@ from fieldkit.documents.xml_tree import XmlError, parse_local
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, ecef_to_geodetic
+from fieldkit.wording import count
 
 _REMEDY = "Export the cameras again: File > Export > Export Cameras, Agisoft XML."
 _MAX_BYTES = 128 << 20
@@ -86,7 +87,13 @@ def _chunk(chunk: Element, chunks: int, path: Path, frame: str) -> ProgramPoses:
     keys = [key for _, key, _ in aligned.values()]
     main = max(sorted(set(keys), key=str), key=keys.count)
     if others := len(keys) - keys.count(main):
-        findings.append(Finding(path.name, "poses-apart", f"{others} photographs are in other components; not used"))
+        findings.append(
+            Finding(
+                path.name,
+                "poses-apart",
+                f"{count(others, 'photograph is', 'photographs are')} in other components; not used",
+            )
+        )
     poses = {label: pose for label, (_, key, pose) in aligned.items() if key == main}
     motion = components.get(main) or whole
     placed = _placed(poses, motion, chunk.findtext("reference") or "", path, frame)

@@ -25,6 +25,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import SEMI_MAJOR_M, LocalFrame, on_earth, utm_epsg
 from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.wording import count
 
 TOPOCENTRIC, RECONSTRUCTION, SHOTS, CAMERAS = (
     "reconstruction.topocentric.json", "reconstruction.json", "shots.geojson", "cameras.json",
@@ -132,7 +133,8 @@ def _reconstruction(part: Mapping[str, Any], parts: list[dict[str, Any]], path: 
         else:
             cameras.append(own)
     if left := sum(len(_object(other, "shots")) for other in parts) - len(shots):
-        message = f"OpenDroneMap's reconstruction fell apart: {left} photographs are in other parts and not used"
+        others = count(left, "photograph is", "photographs are")
+        message = f"OpenDroneMap's reconstruction fell apart: {others} in other parts and not used"
         findings.append(Finding(path.name, "poses-apart", message))
     gps = {
         name: vector(shot["gps_position"], "gps_position")

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
@@ -24,6 +25,8 @@ from fieldkit.evaluation.field_check.ties import TieGraph, find_ties
 from fieldkit.evaluation.field_check.verdicts import Evidence, believed_poses, judge, tag_pose
 from fieldkit.evaluation.plots import find_plots
 from fieldkit.geometry.stations import REACH_M
+from fieldkit.missions.plan_site.fitted import flown_plan
+from fieldkit.missions.plan_site.placement import PlotFrame
 from fieldkit.missions.plan_site.site import Site, SitePlot
 from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.results.plan import Plan
@@ -31,12 +34,16 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.runtime.usage import processor_seconds
+from fieldkit.wording import count
 
 MAX_STATIONS = 200
 MAX_PHOTOGRAPHS = 300
 _PRIOR_M, _PRIOR_DEG = 0.05, 2.0
 _MOVED_M, _TOLD_SIGMAS, _TOLD_TURN_DEG = 0.5, 2.0, 2.0
 _COARSE_SCATTER_M = 0.12
+_OF_THE_WAY = 0.3  # to another plot: nearer to it than that, photographs are its
+
+Array = NDArray[np.float64]
 
 
 def check_captures(
@@ -46,6 +53,7 @@ def check_captures(
     site: Path | Site | None = None,
     plot: str | None = None,
     log: Path | None = None,
+    fit: bool | None = None,
     settings: CheckSettings | None = None,
     cache: StageCache | None = None,
     workers: int | None = None,
@@ -59,6 +67,7 @@ def check_captures(
         site: where the plots lie; None takes the plan's row heading, or fits by shape.
         plot: of the site, where there is one folder; None takes the one with the folder's name, or the only one.
         log: flight log whose poses count instead of the photographs' own.
+        fit: whether the plan was fitted to each plot of the site, as of `fieldkit.missions.export_mission`.
         settings: limits; None takes the defaults.
         cache: of stages; None keeps nothing.
         workers: threads; None takes the machine's cores.
@@ -68,6 +77,7 @@ def check_captures(
         UsageError: the site has several plots and none is named, or none of that name, or one for several folders.
         CaptureError: there are no photographs that can be read, or more than `MAX_PHOTOGRAPHS` of a plot.
         MetadataError: the plan, the site, the log or a sidecar cannot be used.
+        MissionError: the plan cannot be fitted to a plot.
     """
     plots, empty = find_plots(captures)
     if empty and progress is not None:
@@ -86,15 +96,15 @@ def check_captures(
     place = load_site(site) if isinstance(site, Path) else site
     flight = None if log is None else Flight.read(log, plots)
     read = _reader(flight)
-    run = Run(
-        loaded, settings or CheckSettings(), cache or StageCache(None), workers or this_machine().cores,
-        progress or Silent(),
+    shared = (
+        settings or CheckSettings(), cache or StageCache(None), workers or this_machine().cores, progress or Silent(),
     )  # fmt: skip
     reports = []
     for name, folder in plots:
         wall, cpu = time.perf_counter(), processor_seconds()
         chosen = None if place is None else _plot_of(place, plot, name)
-        report = run.check(name, folder, read(name, folder), place, chosen)
+        flown = loaded if chosen is None else flown_plan(loaded, chosen, fit)
+        report = Run(flown, *shared).check(name, folder, read(name, folder), place, chosen)
         spent = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
         reports.append(replace(report, **spent))  # type: ignore[arg-type]
     return tuple(reports)
@@ -125,7 +135,7 @@ def _plot_of(site: Site, name: str | None, folder: str) -> SitePlot:
 
 
 class Run:
-    """What all plots of a check share."""
+    """The check of captures of one plan."""
 
     def __init__(
         self, plan: Plan, settings: CheckSettings, cache: StageCache, workers: int, progress: Progress
@@ -167,7 +177,12 @@ class Run:
         return replace(
             report,
             stations=judged.stations,
-            findings=(*_of_capture(capture), *angles, *common_findings(placed, self.settings), *judged.findings),
+            findings=(
+                *_of_capture(capture),
+                *angles,
+                *common_findings(placed, self.settings, site, plot),
+                *judged.findings,
+            ),
             extra=judged.extra,
             shift_m=shift,  # type: ignore[arg-type]
             turn_deg=placed.turn_deg,
@@ -214,16 +229,22 @@ _SHIFTED = {
 }
 
 
-def common_findings(placed: Placed, settings: CheckSettings) -> list[CheckFinding]:
+def common_findings(
+    placed: Placed, settings: CheckSettings, site: Site | None = None, plot: SitePlot | None = None
+) -> list[CheckFinding]:
     """What all photographs have in common: of the receiver, the compass, or the whole flight.
 
     A shift is told where it is more than the positions' accuracy allows; the frame of a poses.csv may lie anywhere.
+    One that leads to another plot of the site is told as that.
     """
     found = []
     if placed.placement == "site" and np.isfinite(placed.shift_m).all():
         level, sigma = float(np.hypot(*placed.shift_m[:2])), placed.tags.sigma_m
         if level > max(settings.position_m, _TOLD_SIGMAS * sigma):
             remedy = _SHIFTED["coarse" if sigma > _MOVED_M else "exact"]
+            there = None if site is None or plot is None else _plot_there(site, plot, placed.shift_m)
+            if there is not None:
+                remedy = f"{there} lies there: are these its photographs? Check them with --plot {there}."
             found.append(CheckFinding(
                 "shifted", None, "",
                 f"all photographs lie {level:.2f} m beside the plan ({placed.shift_m[0]:+.2f} m along x, "
@@ -236,6 +257,18 @@ def common_findings(placed: Placed, settings: CheckSettings) -> list[CheckFindin
             "Calibrate the compass; nothing to do where the plants are in the pictures.",
         ))  # fmt: skip
     return found
+
+
+def _plot_there(site: Site, plot: SitePlot, shift_m: Array) -> str | None:
+    """The other plot of a site that lies about (3,) metres away in a plot's frame."""
+    others = [each for each in site.plots if each.name != plot.name]
+    if not others:
+        return None
+    latitudes, longitudes = [each.latitude_deg for each in others], [each.longitude_deg for each in others]
+    places = PlotFrame.of(site, plot).to_plot(latitudes, longitudes, np.zeros(len(others)))[:, :2]
+    off = np.hypot(*(places - shift_m[:2]).T)
+    nearest = int(np.argmin(off))
+    return others[nearest].name if off[nearest] < _OF_THE_WAY * float(np.hypot(*places[nearest])) else None
 
 
 def _unchecked(placed: Placed, graph: TieGraph, consistency: Consistency) -> list[str]:
@@ -276,7 +309,8 @@ def _without_stations(
     )
     lacking = len(plan.stations) - len(capture.photos)
     if lacking > 0:
-        message = f"{lacking} of {len(plan.stations)} stations have no photograph; which, nothing tells"
+        unseen = count(lacking, "stations has", "stations have", of=len(plan.stations))
+        message = f"{unseen} no photograph; which, nothing tells"
         findings.append(CheckFinding("missing", None, "", message, "Give --log, or fly all stations again."))
     tied = {k for pair in graph.ties for k in pair}
     return replace(
@@ -284,6 +318,6 @@ def _without_stations(
         findings=tuple(findings),
         unchecked=(
             f"Which photograph is of which station: {why}.",
-            f"{len(tied)} of {len(capture.photos)} photographs have matches with others.",
+            f"{len(tied)} of {count(len(capture.photos), 'photograph')} with matches to others.",
         ),
     )

@@ -17,13 +17,14 @@ from fieldkit.missions.export_mission import (
     write_mission,
 )
 from fieldkit.missions.mission import Mission, Shot
+from fieldkit.missions.plan_site.fitted import flown_plan
 from fieldkit.missions.plan_site.site import Site
 from fieldkit.missions.plan_site.site_file import load_site, with_plots
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
-from fieldkit.present.style import listed
 from fieldkit.results.plan import Plan, station_number
 from fieldkit.results.plan_file import load_plan
+from fieldkit.wording import listed
 
 
 def write_refly(
@@ -35,6 +36,7 @@ def write_refly(
     *,
     plot: str | None = None,
     format: str | None = None,  # noqa: A002
+    fit: bool | None = None,
     adjust: bool = False,
     overwrite: bool = False,
     seed: int = 0,
@@ -49,6 +51,7 @@ def write_refly(
         output: the mission file; its suffix may be left out.
         plot: of the site; None takes the only one.
         format: as `fieldkit.missions.export_mission.export_mission`.
+        fit: whether the plan was fitted to the plot, as of `fieldkit.missions.export_mission.export_mission`.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
         overwrite: replace files that are there.
         seed: of the search for the order.
@@ -64,11 +67,14 @@ def write_refly(
     loaded = plan if isinstance(plan, Plan) else load_plan(plan)
     profile = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     place = _one_plot(site if isinstance(site, Site) else load_site(site), plot)
+    flown = flown_plan(loaded, place.plots[0], fit)
+    own = {} if flown is loaded else {place.plots[0].name: flown}
     place = place.model_copy(update={"name": f"{place.name}, again"})
-    routed = route_for_files(part_of_plan(loaded, stations), profile, place, format, adjust=adjust, seed=seed)
+    routed = route_for_files(part_of_plan(flown, stations), profile, place, format, fit=False, adjust=adjust, seed=seed)
     contents = mission_contents(
         _renumbered(routed, sorted(set(stations))), profile, place, output, format,
-        plans=flown_plans(plan, loaded, place), profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name,
+        plans=flown_plans(plan, loaded, place, own),
+        profile=None if isinstance(vehicle, Vehicle) else Path(vehicle).name,
     )  # fmt: skip
     write_mission(contents, overwrite=overwrite)
     return tuple(contents)

@@ -15,6 +15,7 @@ from fieldkit.evaluation.field_check.placement import Placed, axis_turn_deg
 from fieldkit.evaluation.field_check.ties import TieGraph
 from fieldkit.geometry import Pose
 from fieldkit.results.plan import Plan, station_number
+from fieldkit.wording import count
 
 _FLY = "Fly this station again."
 _TAGS = "Put the tags right (poses.csv beside the photographs comes before EXIF), or fly the station again."
@@ -103,7 +104,8 @@ def judge(evidence: Evidence) -> Judged:
     findings += [
         CheckFinding(
             "few-matches", row.station, row.photograph,
-            f"only {row.matches} matches tie it to its neighbours; it may fail to register", "None needed.",
+            f"only {count(row.matches, 'match ties', 'matches tie')} it to its neighbours; it may fail to register",
+            "None needed.",
         )
         for row in rows
         if row.verdict == "fine" and row.station in joined.thin

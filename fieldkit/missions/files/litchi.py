@@ -20,6 +20,7 @@ from fieldkit.missions.files.route import RoutePoint, route_points
 from fieldkit.missions.files.stop_actions import Action, Face, Facing, Series, Shoot, Stay, Tilt
 from fieldkit.missions.mission import GeoPoint, Mission
 from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.wording import count
 
 _ACTIONS = 15
 _NONE, _STAY, _PHOTO = -1, 0, 1
@@ -98,7 +99,7 @@ def read_litchi(path: Path) -> ReadMission:
 
 def _read_row(path: Path, names: list[str], row: list[str], line: int, index: int, remarks: list[Remark]) -> ReadStop:
     if len(row) > len(names):
-        raise _error(path, f"line {line} has {len(row)} columns, its header {len(names)}")
+        raise _error(path, f"line {line} has {count(len(row), 'column')}, its header {len(names)}")
     cells = dict(zip(names, row, strict=False))
 
     def value(*keys: str) -> float | None:

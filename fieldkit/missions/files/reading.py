@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import MetadataError
 from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
 from fieldkit.missions.files.limits import REMEDY
@@ -52,6 +53,7 @@ def read_mission(path: Path) -> ReadMission:
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
+        refuse_other(path, "mission", REMEDY)
         raise MetadataError(f"is of no known mission format ({path.suffix or 'no suffix'})", path=path, remedy=REMEDY)
     try:
         return reader(path)

@@ -17,6 +17,7 @@ from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
 from fieldkit.missions.files.read_mission import ReadMission, Remark
 from fieldkit.missions.items import Command, Frame, MissionItem
 from fieldkit.missions.mission import Home
+from fieldkit.wording import count
 
 HEADER = "QGC WPL 110"
 _HEADED = frozenset({Command.NAV_WAYPOINT, Command.NAV_TAKEOFF, Command.NAV_LAND})
@@ -103,7 +104,7 @@ def _is_home(item: MissionItem) -> bool:
 
 def _read_row(path: Path, columns: list[str], line: int) -> tuple[int, MissionItem]:
     if len(columns) != 12:
-        raise _error(path, f"line {line} has {len(columns)} columns, not 12")
+        raise _error(path, f"line {line} has {count(len(columns), 'column')}, not 12")
     integers = []
     for name, text, high in (
         ("number", columns[0], 65535), ("current", columns[1], 1), ("frame", columns[2], 255),

@@ -14,6 +14,7 @@ from fieldkit.missions.items import MissionItem, command_name, plain_frame, with
 from fieldkit.missions.link.item_rules import Kind, WireItem, stored, stored_fence_item
 from fieldkit.missions.link.listener import ARDUPILOT
 from fieldkit.missions.mission import Fence, Home
+from fieldkit.wording import count
 
 _COMMON_UNITS = (1, 1, 0.011)
 """Tolerances of x and y in 1e-7 degrees and of z in metres, where an autopilot's own rounding was not measured."""
@@ -91,7 +92,7 @@ def differences(
         kind: of list. Item 0 of an ArduPilot mission is home, and skipped.
     """
     if len(sent) != len(read_back):
-        return (f"{len(sent)} items were sent, {len(read_back)} are there",)
+        return (f"{count(len(sent), 'item was', 'items were')} sent, {count(len(read_back), 'is', 'are')} there",)
     first = int(autopilot == ARDUPILOT and kind is Kind.MISSION)
     return tuple(
         f"item {number} {command_name(given.command)} is {_show(found)}, sent was {_show(given)}"

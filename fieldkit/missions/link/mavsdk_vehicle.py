@@ -24,6 +24,7 @@ from fieldkit.missions.link.item_rules import Kind, WireItem
 from fieldkit.missions.link.listener import Listener
 from fieldkit.missions.link.signing import Signer
 from fieldkit.missions.link.wires import Wire
+from fieldkit.wording import count
 
 _STATION = (245, 190)
 """MAVSDK's own system and component id as a ground station."""
@@ -109,7 +110,7 @@ class MavsdkVehicle:
         refused = 0 if self._signer is None else self._signer.refused
         if refused:
             raise LinkError(
-                f"a vehicle is heard, but {refused} packets were not signed with this key",
+                f"a vehicle is heard, but {count(refused, 'packet was', 'packets were')} not signed with this key",
                 remedy="Give the key that is set up in the vehicle, or set this one up there.",
             )
         raise LinkError(

@@ -103,6 +103,12 @@ def flown_plans(plan: Plans, plots: Sequence[SitePlot], fit: bool | None = None)
     return fitted_to(plan, plots) if fit else plan
 
 
+def flown_plan(plan: Plan, plot: SitePlot, fit: bool | None = None) -> Plan:
+    """The plan that is flown over one plot; as `flown_plans`."""
+    flown = flown_plans(plan, [plot], fit)
+    return flown if isinstance(flown, Plan) else flown[plot.name]
+
+
 def fitted_to(plan: Plan, plots: Sequence[SitePlot]) -> dict[str, Plan]:
     """A plan for each plot, by name; plots alike have one and the same. Raises MissionError, as `fitted`."""
     known: dict[object, Plan] = {}

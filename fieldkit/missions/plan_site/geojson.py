@@ -84,6 +84,8 @@ class _Reader:
         kind = document.get("type")
         if kind is None and isinstance(own := document.get("kind"), str) and own.isidentifier():
             self._fail(f"is fieldkit's {own[:40]}, not a file of plots or zones")
+        if document.get("fileType") == "Plan":
+            self._fail("is a mission of QGroundControl, not a file of plots or zones")
         if kind == "FeatureCollection":
             rows = document.get("features")
             if not isinstance(rows, list):
@@ -107,8 +109,8 @@ class _Reader:
         properties = {key: value for key, value in {"id": row.get("id"), **(given or {})}.items() if value is not None}
         kind, coordinates = geometry.get("type"), geometry.get("coordinates")
         if kind not in ("Point", "Polygon", "MultiPolygon"):
-            shown = kind if isinstance(kind, str) and len(kind) <= 40 and kind.isprintable() else "something else"
-            self._fail(f"{where}: is a {shown}, not a Point or Polygon")
+            known = isinstance(kind, str) and len(kind) <= 40 and kind.isprintable()
+            self._fail(f"{where}: is {f'a {kind}' if known else 'something else'}, not a Point or Polygon")
         if kind == "Point":
             corner, height = self._position(coordinates, where)
             return Feature(number, "Point", ((corner,),), height, properties)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fieldkit.missions.plan_site.geojson import Feature
+from fieldkit.wording import count
 
 ID_FIELDS = ("plot_id", "id", "name", "fid")
 """Looked for in this order, whatever their case."""
@@ -43,10 +44,10 @@ class PlotIds:
         """For people, who are to see it before the ids are used: ``32 plots, ids from "plot_id": A01 … D08``."""
         shown = [str(each)[:80] for each in self.ids]
         named = " … ".join([shown[0], shown[-1]]) if len(shown) > 3 else ", ".join(shown)
-        count = f"{len(shown)} plots" if len(shown) > 1 else "1 plot"
+        plots = count(len(shown), "plot")
         if self.field is None:
-            return f"{count}, counted in the file's order, which has no ids: {named}. --plot-id FIELD takes others"
-        return "; ".join([f'{count}, ids from "{self.field}": {named}', *self.passed_over])
+            return f"{plots}, counted in the file's order, which has no ids: {named}. --plot-id FIELD takes others"
+        return "; ".join([f'{plots}, ids from "{self.field}": {named}', *self.passed_over])
 
 
 def plot_ids(features: Sequence[Feature], field: str | None = None) -> PlotIds:
@@ -102,14 +103,19 @@ def _id(properties: Mapping[str, Any], name: str) -> Any:
 
 def _problem(ids: Sequence[Any], features: Sequence[Feature], name: str) -> str:
     """Why these are no ids; "" where they are."""
-    seen: dict[str, int] = {}
+    seen: dict[str, tuple[int, str]] = {}
     for feature, own in zip(features, ids, strict=True):
         if own is None:
             return f'feature {feature.number}: has no "{name}", which others have'
-        first = seen.setdefault(str(own), feature.number)
-        if first != feature.number:
-            shown = str(own)[:80]
+        first, alike = seen.setdefault(str(own).casefold(), (feature.number, str(own)))
+        shown = str(own)[:80]
+        if first != feature.number and alike == str(own):
             return f'feature {feature.number}: is called "{shown}", as feature {first} is (field "{name}")'
+        if first != feature.number:
+            return (
+                f'feature {feature.number}: is called "{shown}" and feature {first} "{alike[:80]}" (field "{name}"): '
+                "on Windows and macOS names that differ in case only are one file"
+            )
     return ""
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from pydantic import ValidationError
 
+from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.versioned_toml import read_versioned, sentence, validated_toml
 from fieldkit.errors import MetadataError
 from fieldkit.files import file_beside
@@ -95,6 +96,7 @@ def load_site(
             `FARTHEST_M` from home.
     """
     path = Path(path)
+    refuse_other(path, "site file", _REMEDY)
     _require_no_json(path)
     document = read_versioned(path, "site file", _REMEDY, _MAX_BYTES)
     document.setdefault("name", path.stem)
@@ -330,6 +332,10 @@ def _polygons(site: Site) -> Iterator[tuple[str, tuple[tuple[float, float], ...]
     yield from ((f'no_fly "{zone.name}"', zone.corners) for zone in site.no_fly)
 
 
+_ZONE_DEG, _NEAR_DEG = 6.0, 0.3
+"""Width of a UTM zone, and how well a place read in the zone beside keeps to it."""
+
+
 def _check_places(home: SiteHome, places: Sequence[tuple[str, float, float]], path: Path | None) -> None:
     """Refuse places too far from home; where they would be near it with their coordinates swapped, say so."""
     if not places:
@@ -346,6 +352,11 @@ def _check_places(home: SiteHome, places: Sequence[tuple[str, float, float]], pa
     if look_swapped(latitude, longitude, origin, FARTHEST_M):
         message += ": its latitude and longitude look swapped"
         remedy = _ORDER
+    elif abs(latitude - origin[0]) < _NEAR_DEG and abs(abs(longitude - origin[1]) - _ZONE_DEG) < _NEAR_DEG:
+        zone = int((origin[1] + 180.0) // _ZONE_DEG) + 1
+        message += ", about six degrees of longitude: the CRS looks like that of the UTM zone beside"
+        code = (32600 if origin[0] >= 0 else 32700) + zone
+        remedy = f"Home lies in zone {zone}: EPSG:{code}, if the file is in WGS 84 / UTM."
     raise MetadataError(message, path=path, remedy=remedy)
 
 

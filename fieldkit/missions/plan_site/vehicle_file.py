@@ -8,6 +8,7 @@ from __future__ import annotations
 from difflib import get_close_matches
 from pathlib import Path
 
+from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.versioned_toml import read_versioned, validated_toml
 from fieldkit.errors import MetadataError
 from fieldkit.missions.plan_site.vehicle import Vehicle
@@ -63,4 +64,5 @@ def load_vehicle(name: str | Path) -> Vehicle:
         MetadataError: it is missing, no TOML, of another format version, or a key is missing, unknown or wrong.
     """
     path = find_vehicle(name)
+    refuse_other(path, "vehicle profile", _REMEDY)
     return validated_toml(Vehicle, read_versioned(path, "vehicle profile", _REMEDY, _MAX_BYTES), path, _REMEDY)

@@ -27,6 +27,7 @@ from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.simulate import CaptureNoise, perturbed
+from fieldkit.wording import count
 
 _SAME_PLACE_SIGMAS = 5.0
 _LENT_SIGMA_DEG = 1.0
@@ -85,7 +86,7 @@ def recorded_views(
             views.append(RecordedView(name, Pose(lent.rotation, k.position), k.position_sigma_m, _LENT_SIGMA_DEG))
     if len(views) < 3:
         raise MetadataError(
-            f"positions and orientations are known of {len(views)} photographs only",
+            f"positions and orientations are known of {count(len(views), 'photograph')} only",
             path=capture.folder,
             remedy="Put a poses.csv with x_m, y_m, z_m, yaw_deg and pitch_deg beside the photographs. The angles may "
             "be missing where --reference is built of the same photographs.",

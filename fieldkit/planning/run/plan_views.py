@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ from typing import Any
 
 from fieldkit import __version__
 from fieldkit.cache import StageCache
-from fieldkit.errors import ReconstructionError, UsageError
+from fieldkit.errors import FieldkitError, ReconstructionError, UsageError
 from fieldkit.planning.methods.registry import USING_MATCHES, check_installed, make_method
 from fieldkit.planning.problem import Chooser, Limited, Trial
 from fieldkit.planning.run.executor import Evaluator, Executor, ProcessExecutor
@@ -57,11 +58,16 @@ def plan_views(
         UsageError: ``output`` exists, the settings contradict themselves, or the method's packages are not installed.
         InputError: the source cannot be used, or this machine cannot render.
         ReconstructionError: no set of cameras could be evaluated.
-        StorageError: the disk is full; the run can be resumed.
+        StorageError: the disk is full; the run can be resumed if anything was evaluated.
     """
     check_installed(settings.method)
     with create_run(output, settings, overwrite=overwrite) as run:
-        return _planned(run, cache, workers, scheduler, progress or Silent(), watch or no_watch, expect, known)
+        try:
+            return _planned(run, cache, workers, scheduler, progress or Silent(), watch or no_watch, expect, known)
+        except FieldkitError:
+            if not run.entries:  # so that the same call, put right, is not refused
+                shutil.rmtree(run.path, ignore_errors=True)
+            raise
 
 
 def resume_plan(

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from fieldkit import __version__
+from fieldkit import __version__, wording
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
@@ -200,7 +200,7 @@ def _images(request: PlanRequest, source: PlanSource) -> tuple[str | None, ...]:
         raise UsageError("--images are a reference's photographs", remedy="Give --reference, too, or leave it out.")
     if len(request.images) != count:
         raise UsageError(
-            f"--images is given {len(request.images)} times for {count} references",
+            f"--images is given {wording.count(len(request.images), 'time')} for {wording.count(count, 'reference')}",
             remedy="Give it once for each --reference, in the same order.",
         )
     return tuple(str(images.resolve()) for images in request.images)

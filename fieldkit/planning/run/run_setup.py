@@ -32,8 +32,9 @@ from fieldkit.planning.settings import EnvelopeSettings, GivenPlot, NoiseSetting
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
 from fieldkit.reconstruction.features import FeatureSettings
+from fieldkit.results.doubtful import DOUBTFUL, PLANTS_APART
 from fieldkit.results.plan import PlanEnvelope, PlanSource
-from fieldkit.results.report_files import REFERENCE_FILE, file_sha256
+from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.library import find_scene, scene_reference
 from fieldkit.scenes.plants_apart import PlantsApart
@@ -41,6 +42,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.wording import count
 
 PROXY_FOLDER, BUILT_REFERENCE, KIND_FOLDER = "proxy", "reference", "plots"
 _GOOD_POSES_M = 0.010
@@ -147,6 +149,8 @@ def set_up_run(
     """
     for plot in settings.given:
         _check_unchanged(plot)
+        for told in source_doubts(plot):
+            progress.note(told)
     if settings.source.kind == "captures":
         return _recorded(settings, folder, cache, progress, workers, count_matches)
     files = [_scene_of(plot, folder, number, progress) for number, plot in enumerate(settings.given)]
@@ -221,8 +225,8 @@ def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) ->
 def _told_apart(apart: PlantsApart) -> str:
     """A sentence on how plots of a recorded plot's kind are drawn; ``PLAN/plants.png`` shows it."""
     if apart.count:
-        plants = "plant is" if apart.count == 1 else "plants are"
-        return f"{apart.count} {plants} told apart; on other plots of the kind each is turned and scaled"
+        told = count(apart.count, "plant is", "plants are")
+        return f"{told} told apart; on other plots of the kind each is turned and scaled"
     return (
         f"the plants cannot be told apart ({apart.refused}); other plots of the kind are this one turned and mirrored"
     )
@@ -291,6 +295,14 @@ def _check_unchanged(plot: GivenPlot) -> None:
         raise UsageError("the source of this run is gone", path=file, remedy="Put it back there, or start a new run.")
     if file_sha256(file) != plot.source.sha256:
         raise UsageError("has changed since this run began", path=file, remedy="Start a new run in another folder.")
+
+
+def source_doubts(plot: GivenPlot) -> list[str]:
+    """What a reference's own findings say against a plan for it: plants that are not the plot's, above all."""
+    if plot.source.kind != "reference":
+        return []
+    found = load_reference_report(Path(plot.path)).findings
+    return [f"{plot.source.name}: {each.message}" for each in found if each.code in DOUBTFUL | {PLANTS_APART}]
 
 
 def _scene_file(path: Path) -> Path:

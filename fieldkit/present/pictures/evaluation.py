@@ -14,6 +14,7 @@ from fieldkit.present.pictures.overview import draw_plants, save_figure
 from fieldkit.present.pictures.panels import FAINT, INK, display_limits, drawable, new_figure
 from fieldkit.present.style import DISTANCE_RAMP, format_length, format_nominal
 from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.wording import count
 
 _WIDTH, _HEIGHT = 15.0, 11.7
 _AT_A_TIME = 1_000_000
@@ -99,7 +100,7 @@ def _legend(figure: Figure, plot: PlotEvaluation, limit: float) -> None:
             )  # fmt: skip
     summary = [
         f"chamfer distance {format_length(plot.chamfer_m)}",
-        f"{plot.right} of {plot.images} photographs registered right",
+        f"{plot.right} of {count(plot.images, 'photograph')} registered right",
         "no correction by ICP" if plot.correction is None else f"moved by ICP, {plot.correction.angle_deg:.2f}°",
     ]
     for line, text in enumerate(summary):

@@ -11,6 +11,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.present.pictures.panels import COLORS, INK, draw_cloud, view_row
 from fieldkit.present.pictures.projection import FRONT, SIDE, TOP
 from fieldkit.scenes.plants_apart import PlantsApart
+from fieldkit.wording import count
 
 _NO_PLANT = (196, 192, 182)
 
@@ -26,7 +27,7 @@ def draw_plants_apart(title: str, cloud: Cloud, apart: PlantsApart) -> Figure:
         apart: of these points.
     """
     found = f"not told apart: {apart.refused}" if apart.refused else "1 plant" if apart.count == 1 else (
-        f"{apart.count} plants, {apart.clear:.0%} clearly nearest to their own foot"
+        f"{count(apart.count, 'plant')}, {apart.clear:.0%} clearly nearest to their own foot"
     )  # fmt: skip
     figure, views = view_row(f"{title}: {found}", [(direction, cloud.points) for direction in (TOP, FRONT, SIDE)])
     colors = _colors(apart.numbers)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from fieldkit.present.content import Block, Details, KeyFigure, KeyFigures, Section, Statement, Statements
 from fieldkit.present.sections.loaded_results import ComparisonResult
-from fieldkit.present.style import count, listed
 from fieldkit.present.tables.comparison import difference_table, leading_figures
+from fieldkit.wording import count, listed
 
 _MOST_NAMES = 6
 

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from fieldkit.present.content import Block, Cell, Column, Level, Mark, Paragraph, Statement, Statements, Table
-from fieldkit.present.style import format_length, listed, millimetres
+from fieldkit.present.style import format_length, millimetres
+from fieldkit.wording import listed
 
 if TYPE_CHECKING:
     from fieldkit.results.demo import DemoReport, PlotName

@@ -21,11 +21,12 @@ from fieldkit.present.sections.campaign import campaign_anchor, plot_map, traits
 from fieldkit.present.sections.comparison import noise_counts
 from fieldkit.present.sections.demo import demo_blocks
 from fieldkit.present.sections.loaded_results import PlanResult, Results
-from fieldkit.present.style import count, format_length, format_range, format_seconds, format_with_error, listed
+from fieldkit.present.style import format_length, format_range, format_seconds, format_with_error
 from fieldkit.present.tables.comparison import difference_table, leading_figures
 from fieldkit.present.tables.scores import plant_tables
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.wording import count, listed
 
 HEADING = "In short"
 _LONG = 24  # rows of tables

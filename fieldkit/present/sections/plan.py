@@ -33,6 +33,7 @@ from fieldkit.present.style import (
 )
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.plan import station_number
+from fieldkit.wording import count
 
 _LATER = 0.97  # quantile of the values within the curve's axis; the first random sets are often much worse
 
@@ -123,7 +124,7 @@ def _charts(result: PlanResult) -> Iterator[LineChart]:
         value_m = None if result.outcome is None else result.outcome.chamfer_m
         confirmed = None if value_m is None else (1000.0 * value_m, f"the plan, confirmed{at}")
         first, last = (format_length(0.001 * value) for value in (known[0], known[-1]))
-        described = f"The best value fell from {first} to {last} in {len(trials)} trials."
+        described = f"The best value fell from {first} to {last} in {count(len(trials), 'trial')}."
         yield LineChart(
             "The search: every trial, and the best so far", described, "trial", "value, mm",
             (Series("trial", tuple(values), "dots"), Series("best so far", tuple(best), "step")),
@@ -162,7 +163,7 @@ def _settings(result: PlanResult) -> Iterator[tuple[str, str]]:
     yield "planned on", f"{s.source.kind} {s.source.name}"
     yield "method", f"{s.method} (preset {s.preset}, mapping {s.mapping})"
     yield "trials", f"{s.evaluations} at {s.fidelity}, seed {s.seed}"
-    yield "confirmations", f"{s.finalists} finalists, {s.repeats} each, at {s.confirm_fidelity}"
+    yield "confirmations", f"{count(s.finalists, 'finalist')}, {s.repeats} each, at {s.confirm_fidelity}"
     low, high = map(format_nominal, e.height_m)
     yield "heights", f"{low} to {high} above the ground, within {format_nominal(e.margin_m)} of the plants' box"
     yield "distances", f"{format_nominal(e.clearance_m)} from plants, {format_nominal(e.separation_m)} between stations"

@@ -9,6 +9,7 @@ from fieldkit import __version__
 from fieldkit.present.content import Block, Column, Details, Paragraph, Section, Table, Terms
 from fieldkit.present.sections.loaded_results import EvaluationResult, PlanResult, ReferenceResult, Results
 from fieldkit.results.evaluation import FileEntry
+from fieldkit.wording import count
 
 _MOST_SETTINGS = 200
 _MOST_FILES = 1000
@@ -42,7 +43,7 @@ def provenance_section(results: Results, command: str) -> Section:
         columns = (Column("file"), Column("bytes", True), Column("SHA-256", mono=True))
         note = "" if len(files) <= _MOST_FILES else f"The first {_MOST_FILES} of {len(files)}."
         table = Table("Files, as the results describe them", columns, tuple(files[:_MOST_FILES]), note)
-        blocks.append(Details(f"{len(files)} files with their SHA-256", (table,)))
+        blocks.append(Details(f"{count(len(files), 'file')} with SHA-256", (table,)))
     blocks.append(
         Paragraph(
             "The SHA-256 of a file changes with any change to it: compare it with `sha256sum FILE`. The same inputs, "

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from fieldkit.present.content import Block, Details, KeyFigure, Paragraph, Picture, Terms, View
-from fieldkit.present.style import count
 from fieldkit.present.tables.reconstruction import finding_table, photograph_table, quality_rows, stage_table
 from fieldkit.results.evaluation import ReconstructionEntry
+from fieldkit.wording import count
 
 Pictures = Mapping[str, Picture]
 """Thumbnails of photographs, by name."""

@@ -10,8 +10,9 @@ from fieldkit.campaign import Visit
 from fieldkit.present.content import Statement
 from fieldkit.present.sections.loaded_results import CampaignResult
 from fieldkit.present.sections.summary_captures import without_height
-from fieldkit.present.style import count, format_length, listed
+from fieldkit.present.style import format_length
 from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.wording import count, listed
 
 _NAMED = 5  # problems named one by one
 

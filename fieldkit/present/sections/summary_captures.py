@@ -7,11 +7,12 @@ from statistics import median
 
 from fieldkit.present.content import Statement
 from fieldkit.present.sections.loaded_results import EvaluationResult, ReferenceResult
-from fieldkit.present.style import count, decimal, format_length, listed, percent
+from fieldkit.present.style import decimal, format_length, percent
 from fieldkit.present.tables.adherence import ACHIEVED_BY
 from fieldkit.results.doubtful import DOUBTFUL, OTHER_PLANTS
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, ReconstructionEntry
 from fieldkit.results.traits import TraitsEntry
+from fieldkit.wording import count, listed
 
 _LOP_SIDED = 1.5  # ratio of the directed terms that is worth mentioning
 _SHOWN_M = "0.010"
@@ -52,7 +53,9 @@ def evaluation_statements(result: EvaluationResult, *, spread: bool = True) -> I
         yield Statement("problem", f"{plot.name} has no result: {plot.error.message}.", plot.error.remedy)
     if len(failed) > _NAMED:
         yield Statement(
-            "problem", f"{len(failed) - _NAMED} more plots of {result.name} have no result; the table says why."
+            "problem",
+            f"{result.name}: {count(len(failed) - _NAMED, 'more plot has', 'more plots have')} no result; the table "
+            "says why.",
         )
     yield from without_height((plot.name, plot.traits) for plot in plots)
     for plot in plots:

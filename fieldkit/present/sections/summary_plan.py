@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from fieldkit.planning.run.outcome import best_so_far
 from fieldkit.present.content import Statement
 from fieldkit.present.sections.loaded_results import MissionResult, PlanResult
-from fieldkit.present.style import count, format_length, format_seconds, format_with_error, percent
+from fieldkit.present.style import format_length, format_seconds, format_with_error, percent
+from fieldkit.wording import count
 
 _LATE = 0.1  # the last tenth of a search
 _GAIN = 0.01  # least improvement, as a share

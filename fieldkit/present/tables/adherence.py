@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fieldkit.present.content import Cell, Column, Mark, Table, Terms
-from fieldkit.present.style import decimal, listed, metres
+from fieldkit.present.style import decimal, metres
 from fieldkit.present.tables.tabulated import MOST_ROWS, cut_note, tabulated
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation
+from fieldkit.wording import listed
 
 ACHIEVED_BY = {
     "reported": "the autopilot's own estimate",

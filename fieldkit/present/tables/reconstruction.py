@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fieldkit.present.content import Column, Mark, Picture, Table
-from fieldkit.present.style import DASH, count, decimal, format_length, format_seconds, metres, with_unit
+from fieldkit.present.style import DASH, decimal, format_length, format_seconds, metres, with_unit
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.evaluation import CameraEntry, FindingEntry, ImageEntry, ReconstructionEntry, ReferenceReport
+from fieldkit.wording import count
 
 _MOST_CAMERAS = 4
 

@@ -10,7 +10,6 @@ from fieldkit.present.style import (
     decimal,
     format_length,
     format_with_error,
-    listed,
     metres,
     millimetres,
     percent,
@@ -19,6 +18,7 @@ from fieldkit.present.style import (
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, reasons_in_words
+from fieldkit.wording import listed
 
 if TYPE_CHECKING:
     from fieldkit.campaign import Visit

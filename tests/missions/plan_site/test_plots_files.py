@@ -167,6 +167,7 @@ def test_ids(tmp_path: Path, rows: list[dict[str, Any]], field: str | None, said
 @pytest.mark.parametrize(
     ("rows", "field", "problem", "remedy"),
     [
+        ([{"plot_id": "b1"}, {"plot_id": "B1"}], None, 'feature 2: is called "B1" and feature 1 "b1"', ""),
         ([{"name": "a", "rep": 1}, {"name": "a", "rep": 2}], None, 'feature 2: is called "a", as feature 1 is',
          "say with --plot-id which field holds the ids: rep"),
         ([{"plot_id": "X", "id": 1}, {"plot_id": "X", "id": 2}], None, 'feature 2: is called "X", as feature 1 is',
@@ -264,6 +265,7 @@ def _zip(*names: str) -> Any:
         (_swapped, "only with east and north swapped", "Swap the two"),
         (_layers, "has 2 layers: 2025, 2026", "export the one with the plots"),
         (_lines, "feature 1: is a LineString, not a Point or Polygon", "points or polygons"),
+        (_text("m.plan", '{"fileType": "Plan"}'), "is a mission of QGroundControl", ""),
         (_text("plots.csv", "plot_id;x;y\nA01;1;2\n"), "is a table (CSV)", "Delimited Text"),
         (_text("plots.geojson", "plot_id,x,y\nA01,1,2\n"), "is a table (CSV)", "Delimited Text"),
         (_text("plots.geojson", SITE), "is TOML, as site files", "KML or a GeoPackage"),

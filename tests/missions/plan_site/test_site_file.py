@@ -177,6 +177,7 @@ def test_plots_beside_in_place_of_or_instead_of(tmp_path: Path) -> None:
         ("latitude_deg = 50.8650\nlongitude_deg = 6.4473", "latitude_deg = 6.4473\nlongitude_deg = 50.8650",
          "its latitude and longitude look swapped"),
         ("latitude_deg = 50.8650", "latitude_deg = 52.8650", 'plot "plot" lies 223 km from home'),
+        ("longitude_deg = 6.4473", "longitude_deg = 12.4473", "the CRS looks like that of the UTM zone beside"),
         ("format = 1", "format = 1\nceiling_m = 4", "takeoff_m is 5, above ceiling_m, which is 4"),
         ("format = 1", "format = 1\nlanding = {latitude_deg = 0, longitude_deg = 6}",
          "landing lies 5,636 km from home"),

@@ -10,10 +10,17 @@ import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
+from fieldkit.evaluation.conversion import reference_report
 from fieldkit.planning.run.request import search_settings
-from fieldkit.planning.run.run_setup import set_up_run
+from fieldkit.planning.run.run_setup import set_up_run, source_doubts
 from fieldkit.planning.score.geometric import GeometricScore
+from fieldkit.planning.settings import GivenPlot
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import FindingEntry
+from fieldkit.results.plan import PlanSource
+from fieldkit.results.report_files import save_report
 from fieldkit.runtime.progress import Silent
+from tests.evaluation.examples import reconstruction
 
 
 def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -28,6 +35,19 @@ def test_a_scene_of_fieldkits_own_is_planned_on_by_its_name(tmp_path: Path, monk
     assert not setup.problem.exact  # photographs are taken anew at every seed
     blind = search_settings(scene=Path("demo"), cameras=4, mapping="incremental")
     assert set_up_run(blind, tmp_path, cache=StageCache(None), progress=Silent()).problem.blind
+
+
+def test_what_a_reference_says_against_itself_is_told_before_a_plan_for_it(tmp_path: Path) -> None:
+    """A weed far out made a plan of stations about it."""
+    report = reference_report(reconstruction(), ReconstructionSettings(), seconds=1.0, cpu_seconds=1.0)
+    weed, other = (
+        FindingEntry(name="plot", code=code, message=f"{code} --bounds -1,-1,0,1,1,1", left_out=False)
+        for code in ("plants-apart", "no-time")
+    )
+    save_report(tmp_path / "reference.json", report.model_copy(update={"findings": (weed, other)}))
+    given = GivenPlot(source=PlanSource(kind="reference", name="maize"), path=str(tmp_path))
+    assert source_doubts(given) == ["maize: plants-apart --bounds -1,-1,0,1,1,1"]
+    assert source_doubts(GivenPlot(source=PlanSource(kind="scene", name="demo.toml"), path="demo")) == []
 
 
 def test_plans_for_a_kind_are_stated_for_the_given_plots_height(tmp_path: Path) -> None:
