@@ -30,13 +30,10 @@ _LOW_MEMORY_BYTES = 4 * _GIB
 _LOW_SPACE_BYTES = 2 * _GIB
 _INSTALL = "In a checkout run `make setup`; elsewhere install fieldkit's wheel again."
 _INSTALL_PAGE = shipped_page("docs/install.md")
-_OPTIONAL = {
-    "laspy": "LAS files: pip install 'fieldkit[geo]'",
-    "lazrs": "LAZ files: pip install 'fieldkit[geo]'",
-    "pyogrio": "GeoPackage files: pip install 'fieldkit[geo]'",
-    "pyproj": "coordinate systems: pip install 'fieldkit[geo]'",
-    "botorch": "searches (fieldkit plan --method field, bosfm): pip install 'fieldkit[search]'",
-    "distributed": "runs on a cluster: pip install 'fieldkit[cluster]'",
+_EXTRAS = {
+    "geo": "LAS and LAZ files, GeoPackages, rasters and coordinate systems",
+    "search": "searches (fieldkit plan --method field, bosfm)",
+    "cluster": "runs on a cluster",
 }
 
 
@@ -88,7 +85,7 @@ def check_python() -> Check:
 
 def check_packages() -> Check:
     """Whether every package fieldkit needs is installed and can be imported, with versions."""
-    versions = {name: _version(name) for name in _required_packages()}
+    versions = {name: _version(name) for name in _requirements()}
     missing = [name for name, version in versions.items() if version is None]
     broken = _broken_imports(skip=missing)
     values = {"versions": versions, "missing": missing, "broken": broken}
@@ -101,9 +98,13 @@ def check_packages() -> Check:
 
 def check_optional_packages() -> Check:
     """Packages of the extras."""
-    versions = {name: _version(name) for name in _OPTIONAL}
+    extras = {extra: {name: _version(name) for name in _requirements(extra)} for extra in _EXTRAS}
+    versions = {name: version for packages in extras.values() for name, version in packages.items()}
     detail = ", ".join(f"{name} {version or 'not installed'}" for name, version in versions.items())
-    remedy = "; ".join(f"for {use}" for name, use in _OPTIONAL.items() if versions[name] is None)
+    lacking = [extra for extra, packages in extras.items() if None in packages.values()]
+    remedy = "; ".join(f"for {_EXTRAS[extra]}: pip install 'fieldkit[{extra}]'" for extra in lacking)
+    if "search" in lacking and _installed("torch") is None:
+        remedy += f" (PyTorch's CPU build first: {_INSTALL_PAGE})"
     return Check("optional packages", "ok", detail, remedy, {"versions": versions})
 
 
@@ -198,13 +199,14 @@ def check_exiftool() -> Check:
     return Check("exiftool", "ok", f"{done.stdout.strip()} at {path}", values={"version": done.stdout.strip()})
 
 
-def _required_packages() -> list[str]:
-    """Names of fieldkit's own requirements, without those of extras."""
+def _requirements(extra: str = "") -> list[str]:
+    """Names of fieldkit's own requirements, or of those that an extra adds."""
     try:
         requirements = metadata.requires("fieldkit") or []
     except metadata.PackageNotFoundError:  # run from a source folder that is not installed
         return []
-    names = [line.split(";")[0] for line in requirements if "extra ==" not in line]
+    marked = [line.partition(";") for line in requirements]
+    names = [name for name, _, marker in marked if "".join(re.findall(r"extra == ['\"](.+?)['\"]", marker)) == extra]
     return sorted(re.split(r"[^\w.-]", name.strip())[0].lower().replace("_", "-") for name in names)
 
 

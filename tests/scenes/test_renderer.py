@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
 import subprocess
@@ -226,3 +227,11 @@ def test_depth_comes_with_an_image_of_one_sample(small_scene: Scene) -> None:
         many, same = renderer.render(POSE, CAMERA)
     assert (many != image).any()
     np.testing.assert_array_equal(same, depth)
+
+
+def test_references_of_ctypes_are_known_in_every_python(renderer: Renderer) -> None:
+    """PyOpenGL 3.1.0 knows the name of Python 3.11 alone, and every texture failed from 3.12 on."""
+    from OpenGL.arrays.arraydatatype import GLuintArray
+
+    kind = type(ctypes.byref(ctypes.c_uint()))
+    assert GLuintArray.getRegistry().match(kind).name == "ctypesparameter"
