@@ -298,6 +298,10 @@ def _move_into_place(partial: Path, target: Path, overwrite: bool) -> None:
     except OSError as error:
         if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
             raise
+        with suppress(OSError):
+            target.rmdir()  # an empty folder, which Windows does not rename onto
+            partial.rename(target)
+            return
         if not overwrite:
             raise UsageError(
                 "another run wrote this result meanwhile", path=target, remedy="Choose another folder."

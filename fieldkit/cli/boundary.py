@@ -15,6 +15,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, TextIO
 
+from fieldkit.cli.signs import knows_every_sign, write_plainly
 from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError
 
 EXIT_BUG = 1
@@ -48,6 +49,8 @@ class Boundary:
         self._catch_warnings: AbstractContextManager[None] = warnings.catch_warnings()
 
     def __enter__(self) -> Boundary:
+        write_plainly(sys.stdout)
+        write_plainly(sys.stderr)
         self._catch_warnings.__enter__()
         warnings.simplefilter("default")
         warnings.showwarning = self._show_warning
@@ -164,8 +167,9 @@ def emit_json(value: Any) -> None:
     """Print one JSON object on stdout. Numbers that JSON does not know (NaN, infinity) become null."""
     import json
 
+    ascii_only = not knows_every_sign(sys.stdout)  # JSON is UTF-8
     with suppress(BrokenPipeError):
-        text = json.dumps(_plain(value), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
+        text = json.dumps(_plain(value), ensure_ascii=ascii_only, indent=2, allow_nan=False) + "\n"
         # Paths may have bytes that are no UTF-8; as JSON's own escapes they can be written.
         sys.stdout.write(text.encode("utf-8", "backslashreplace").decode())
     flush(sys.stdout)
@@ -183,7 +187,7 @@ def flush(stream: TextIO) -> None:
     try:
         stream.flush()
     except BrokenPipeError:
-        with Path(os.devnull).open("w") as nowhere:
+        with Path(os.devnull).open("wb") as nowhere:
             os.dup2(nowhere.fileno(), stream.fileno())
 
 

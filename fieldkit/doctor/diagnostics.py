@@ -193,7 +193,7 @@ def check_exiftool() -> Check:
     if path is None:
         return Check("exiftool", "ok", "not installed (fieldkit reads metadata itself)", values={"version": None})
     try:
-        done = subprocess.run([path, "-ver"], capture_output=True, text=True, timeout=30, check=True)
+        done = subprocess.run([path, "-ver"], capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=30, check=True)
     except (OSError, subprocess.SubprocessError) as error:
         return Check("exiftool", "ok", f"{path} does not run: {error} (not needed)", values={"version": None})
     return Check("exiftool", "ok", f"{done.stdout.strip()} at {path}", values={"version": done.stdout.strip()})
@@ -233,9 +233,11 @@ def _broken_imports(skip: list[str]) -> dict[str, str]:
 
 def _probe(name: str) -> tuple[list[dict[str, Any]], str]:
     """Run fieldkit.doctor.probes in a process of its own: its lines, and how it failed (empty: it did not)."""
-    command = [sys.executable, "-m", "fieldkit.doctor.probes", name]
+    command = [sys.executable, "-X", "utf8", "-m", "fieldkit.doctor.probes", name]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_PROBE_TIMEOUT_S, check=False)
+        done = subprocess.run(
+            command, capture_output=True, encoding="utf-8", errors="replace", timeout=_PROBE_TIMEOUT_S, check=False
+        )
     except subprocess.TimeoutExpired:
         return [], f"no answer within {_PROBE_TIMEOUT_S:.0f} s"
     lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]

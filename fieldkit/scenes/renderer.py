@@ -230,6 +230,9 @@ def _start(scene: Scene) -> tuple[Any, Any, Any]:
         raise ValueError(f"PYOPENGL_PLATFORM is {name!r}")
     platform.init_context()
     platform.make_current()
+    from OpenGL.GL import GL_UNPACK_ALIGNMENT, glPixelStorei
+
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1)  # pyrender's textures have no padding behind their rows
     from fieldkit.scenes._gl_renderer import GLRenderer
 
     return pyrender, platform, GLRenderer(scene.light, Path(__file__).parent / "shaders")
