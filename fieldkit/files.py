@@ -212,7 +212,7 @@ def _check_target(target: Path, overwrite: bool, marker: str | None) -> None:
             "the result exists already", path=target, remedy="Give --overwrite to replace it, or choose another folder."
         )
     here = Path.cwd()
-    if target == here or target in here.parents or target == Path.home() or target.is_mount():
+    if target == here or target in here.parents or target == Path.home() or os.path.ismount(target):
         raise UsageError("will not replace this folder", path=target, remedy="Choose a folder of the result's own.")
     if marker is not None and marker not in held:
         raise UsageError(

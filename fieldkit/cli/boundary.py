@@ -16,11 +16,13 @@ from types import FrameType, TracebackType
 from typing import Any, TextIO
 
 from fieldkit.cli.signs import knows_every_sign, write_plainly
-from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError
+from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError, UsageError
 
 EXIT_BUG = 1
 EXIT_TERMINATED = 143
 _AGAIN_S = 0.5
+_NO_TEXT = ("surrogates not allowed", "unable to parse raw data as a unicode string")
+"""What Python and pydantic say where a file's name in an unknown encoding is to be written into a result."""
 
 
 class _Terminated(SystemExit):
@@ -99,6 +101,10 @@ class Boundary:
             name = " ".join(["fieldkit", self.command]).strip()
             self._tell("UsageError", _sentence(error), None, f"'{name} --help' explains the command.")
             return int(getattr(error, "exit_code", EXIT_BUG))
+        if any(words in str(error) for words in _NO_TEXT):
+            remedy = "Rename it (a file from another system may have another encoding), or set LANG=C.UTF-8."
+            self._tell("UsageError", "a name of a file or folder is not text in this terminal", None, remedy)
+            return UsageError.exit_code
         message = f"this is a bug in fieldkit: {type(error).__name__}: {error}"
         self._tell(type(error).__name__, message, None, "Run it again with --debug and report what that shows.")
         return EXIT_BUG

@@ -193,7 +193,9 @@ def check_exiftool() -> Check:
     if path is None:
         return Check("exiftool", "ok", "not installed (fieldkit reads metadata itself)", values={"version": None})
     try:
-        done = subprocess.run([path, "-ver"], capture_output=True, text=True, encoding="utf-8", errors="replace", timeout=30, check=True)
+        done = subprocess.run(
+            [path, "-ver"], capture_output=True, encoding="utf-8", errors="replace", timeout=30, check=True
+        )
     except (OSError, subprocess.SubprocessError) as error:
         return Check("exiftool", "ok", f"{path} does not run: {error} (not needed)", values={"version": None})
     return Check("exiftool", "ok", f"{done.stdout.strip()} at {path}", values={"version": done.stdout.strip()})
