@@ -19,6 +19,7 @@ from fieldkit import __version__
 from fieldkit.cache import StageCache, default_cache_root
 from fieldkit.errors import StorageError
 from fieldkit.files import check_writable
+from fieldkit.planning.methods.registry import CPU_BUILD
 from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.shipped import shipped_page
 
@@ -104,7 +105,7 @@ def check_optional_packages() -> Check:
     lacking = [extra for extra, packages in extras.items() if None in packages.values()]
     remedy = "; ".join(f"for {_EXTRAS[extra]}: pip install 'fieldkit[{extra}]'" for extra in lacking)
     if "search" in lacking and _installed("torch") is None:
-        remedy += f" (PyTorch's CPU build first: {_INSTALL_PAGE})"
+        remedy += f" (on Linux first: {CPU_BUILD}; {_INSTALL_PAGE})"
     return Check("optional packages", "ok", detail, remedy, {"versions": versions})
 
 

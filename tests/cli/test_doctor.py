@@ -104,7 +104,7 @@ class TestPackages:
         monkeypatch.setattr(diagnostics, "_installed", lambda name: None if name in {"torch", "rasterio"} else "1")
         remedy = diagnostics.check_optional_packages().remedy
         assert "rasters and coordinate systems: pip install 'fieldkit[geo]'" in remedy
-        assert "CPU build first" in remedy
+        assert "uv pip install torch --torch-backend=cpu" in remedy
         assert "cluster" not in remedy
 
 
