@@ -84,7 +84,8 @@ def make_trips(count: int, vehicles: Sequence[Vehicle], folder: Path, seed: int)
         rng = np.random.default_rng(seed)
         missions = [random_mission(rng) for _ in range(count)]
         with mavsdk_importer(vehicle.dialect) as importer:
-            found.append(_trips(missions, vehicle, "plan", "MAVSDK", folder, lambda path: importer(path.read_text())))
+            read = lambda path: importer(path.read_text("utf-8"))  # noqa: E731
+            found.append(_trips(missions, vehicle, "plan", "MAVSDK", folder, read))
         found.append(_trips(missions, vehicle, "waypoints", "pymavlink", folder, by_pymavlink))
     return found
 

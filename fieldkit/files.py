@@ -215,7 +215,7 @@ def _check_target(target: Path, overwrite: bool, marker: str | None) -> None:
             "the result exists already", path=target, remedy="Give --overwrite to replace it, or choose another folder."
         )
     here = Path.cwd()
-    if target == here or target in here.parents or target == Path.home() or target.is_mount():
+    if target == here or target in here.parents or target == Path.home() or os.path.ismount(target):
         raise UsageError("will not replace this folder", path=target, remedy="Choose a folder of the result's own.")
     if marker is not None and marker not in held:
         raise UsageError(
@@ -301,6 +301,10 @@ def _move_into_place(partial: Path, target: Path, overwrite: bool) -> None:
     except OSError as error:
         if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
             raise
+        with suppress(OSError):
+            target.rmdir()  # an empty folder, which Windows does not rename onto
+            partial.rename(target)
+            return
         if not overwrite:
             raise UsageError(
                 "another run wrote this result meanwhile", path=target, remedy="Choose another folder."

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import configparser
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import sysconfig
 import tempfile
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from fieldkit.results.plan_file import plan_from_poses, save_plan
+from fieldkit.scenes.rigs import ring
 from tests.cli.test_scene_commands import TINY
 
 ROOT = Path(__file__).parents[1]
@@ -37,10 +42,10 @@ class Installed:
     python: Path
     user: str | None
 
-    def run(self, *arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+    def run(self, *arguments: str, code: int = 0, script: str = "fieldkit") -> subprocess.CompletedProcess[str]:
         environment = {"PATH": os.environ["PATH"], "HOME": str(self.folder), "LANG": "C.UTF-8"}
         done = subprocess.run(
-            [self.python.with_name("fieldkit"), *arguments], cwd=self.folder, env=environment, capture_output=True,
+            [self.python.with_name(script), *arguments], cwd=self.folder, env=environment, capture_output=True,
             text=True, encoding="utf-8", check=False, timeout=LIMIT_S, user=self.user,
         )  # fmt: skip
         assert done.returncode == code, done.stderr
@@ -97,15 +102,73 @@ def _do(*command: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_it_holds_every_file_of_the_package(installed: Installed) -> None:
-    tracked = subprocess.run(
-        ["git", "ls-files", "fieldkit"], cwd=ROOT, capture_output=True, text=True, check=False
-    ).stdout.splitlines()
-    if not tracked:
+def _tracked(*places: str) -> list[str]:
+    command = ["git", "ls-files", "-z", "--", *places]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
+    if done.returncode or not done.stdout:
         pytest.skip("not a git checkout")
+    return done.stdout.strip("\0").split("\0")
+
+
+def test_it_holds_every_file_of_the_package(installed: Installed) -> None:
+    """And of what lies beside it, as they are in the checkout, and nothing else than that and the built 3D view."""
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["hatch"]["build"]["targets"]["wheel"]
     sources = ("fieldkit/present/html/web/",)  # of the 3D view, which is built of them
-    missing = [name for name in tracked if not (installed.package.parent / name).is_file()]
-    assert [name for name in missing if not name.startswith(sources)] == []
+    wanted = {name: name for name in _tracked("fieldkit")}
+    for source, target in build["force-include"].items():
+        wanted |= {target + name.removeprefix(source): name for name in _tracked(source)}
+    place = installed.package.parent
+    held = {path.relative_to(place).as_posix() for path in installed.package.rglob("*") if path.is_file()}
+    held -= {name for name in held if "/__pycache__/" in name}
+    assert sorted(name for name in wanted.keys() - held if not name.startswith(sources)) == []
+    assert {Path(name).parent.name for name in held - wanted.keys()} == {"vendor"}
+    kept = (name for name in held & wanted.keys() if (ROOT / wanted[name]).is_file())
+    assert [name for name in kept if (place / name).read_bytes() != (ROOT / wanted[name]).read_bytes()] == []
+
+
+def test_it_holds_every_place_that_the_code_names(installed: Installed) -> None:
+    named = {
+        name
+        for file in installed.package.rglob("*.py")
+        for name in re.findall(r"shipped_(?:folder|page)\([\"'](.+?)[\"']\)", file.read_text("utf-8"))
+    }
+    assert {"docs/install.md", "sim/scenes"} <= named
+    assert [name for name in sorted(named) if not (installed.package / "shipped" / name).exists()] == []
+
+
+def test_every_console_script_starts(installed: Installed) -> None:
+    (declared,) = installed.package.parent.glob("fieldkit-*.dist-info/entry_points.txt")
+    scripts = configparser.ConfigParser()
+    scripts.read(declared, encoding="utf-8")
+    for script in scripts["console_scripts"]:
+        assert "Usage:" in installed.run("--help", script=script).stdout
+    assert list(scripts["console_scripts"]) == ["fieldkit"]
+
+
+def test_a_mission(installed: Installed) -> None:
+    """With the profile, the site and the plots that come along."""
+    save_plan(installed.folder / "kreis.json", plan_from_poses(ring(4, 1.5, 1.8)))
+    site = installed.package / "shipped" / "missions" / "sites" / "example.toml"
+    options = (
+        "--vehicle",
+        "ardupilot-pitch",
+        "--site",
+        str(site),
+        "--adjust",
+        "--no-picture",
+        "-o",
+        "süd-kreis.plan",
+        "--json",
+    )
+    written = json.loads(installed.run("export-mission", "kreis.json", *options).stdout)
+    assert written
+    assert (installed.folder / "süd-kreis.plan").is_file()
+    assert (installed.folder / "süd-kreis.geojson").is_file()
+    where = subprocess.run(
+        [installed.python, "-c", "import fieldkit; print(fieldkit.__file__)"],
+        cwd=installed.folder, capture_output=True, encoding="utf-8", check=True, env={"PYTHONUTF8": "1"},
+    ).stdout  # fmt: skip
+    assert Path(where.strip()).parent.samefile(installed.package)  # and not the checkout
 
 
 def test_a_machine_is_looked_at(installed: Installed) -> None:

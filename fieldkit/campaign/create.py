@@ -174,8 +174,8 @@ def _reference(plot: str, path: Path, folder: Path, plots: set[str]) -> Referenc
             remedy="Build it again with poses.csv, geo.txt, GPS or markers.toml beside the photographs.",
         )  # fmt: skip
     place = path.absolute() if path.is_dir() else path.absolute().parent
-    shared = Path(os.path.commonpath([place, folder]))
-    written = os.path.relpath(place, folder) if shared != Path(shared.anchor) else place
+    near = place.parts[:2] == folder.parts[:2]  # else a path between them, over the root or to another drive, says less
+    written = os.path.relpath(place, folder) if near else place
     return ReferenceTable(plot=plot, path=Path(written).as_posix(), sha256=file_sha256(place / REFERENCE_FILE))
 
 

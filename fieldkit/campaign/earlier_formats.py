@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ TABLE_VERSION = 2
 """Of today's table, which is made of the visits' folders; one of version 1 held what was nowhere else."""
 _BESIDE = ("-journal", "-wal", "-shm")
 _TIMEOUT_S = 30.0
+_TABLES = "SELECT count(*) FROM sqlite_master"
 _MAX_BYTES = 256 << 20
 _REMEDY = "Move it away; visits that have a folder in visits/ are kept."
 _LATER = ("fieldkit", "doubts", *TRAITS_COLUMNS)
@@ -47,20 +48,12 @@ def read_earlier_table(campaign: Path) -> list[Visit]:
     for file in (path, *(path.with_name(f"{TABLE_FILE}{end}") for end in _BESIDE)):  # SQLite would wait for a FIFO
         if is_other_than_file(file):
             raise MetadataError("is not a regular file", path=file, remedy=_REMEDY)
-    with _errors(path):
-        try:
-            database = _connect(path, "rw")  # a killed run's journal can be rolled back by a writer only
-            database.execute("SELECT count(*) FROM sqlite_master")
-        except sqlite3.OperationalError:
-            database = _connect(path, "ro")
-        try:
-            if not database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-                return []  # killed while it was made
-            if not _holds_visits(database, path):
-                return []
-            found = database.execute(f"SELECT {_COLUMNS} FROM visits ORDER BY plot, date").fetchall()
-        finally:
-            database.close()
+    with _errors(path), closing(_opened(path)) as database:
+        if not database.execute(_TABLES).fetchone()[0]:
+            return []  # killed while it was made
+        if not _holds_visits(database, path):
+            return []
+        found = database.execute(f"SELECT {_COLUMNS} FROM visits ORDER BY plot, date").fetchall()
     rows = [dict(zip((*_FIELDS, "inputs"), values, strict=True)) for values in found]
     return [_visit_of_row(row, campaign) for row in rows]
 
@@ -103,8 +96,22 @@ def _computed_by(folder: Path) -> str:
     return ""
 
 
-def _connect(path: Path, mode: str) -> sqlite3.Connection:
-    return sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True, timeout=_TIMEOUT_S)
+def _opened(path: Path) -> sqlite3.Connection:
+    try:
+        return _connected(path, "rw")  # a killed run's journal can be rolled back by a writer only
+    except sqlite3.OperationalError:
+        return _connected(path, "ro")
+
+
+def _connected(path: Path, mode: str) -> sqlite3.Connection:
+    """A connection that has read; one that cannot is closed."""
+    database = sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True, timeout=_TIMEOUT_S)
+    try:
+        database.execute(_TABLES).close()
+    except BaseException:
+        database.close()
+        raise
+    return database
 
 
 def _holds_visits(database: sqlite3.Connection, path: Path) -> bool:

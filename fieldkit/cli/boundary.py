@@ -15,11 +15,14 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, TextIO
 
-from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError
+from fieldkit.cli.signs import knows_every_sign, write_plainly
+from fieldkit.errors import EXIT_INTERRUPTED, FieldkitError, UsageError
 
 EXIT_BUG = 1
 EXIT_TERMINATED = 143
 _AGAIN_S = 0.5
+_NO_TEXT = ("surrogates not allowed", "unable to parse raw data as a unicode string")
+"""What Python and pydantic say where a file's name in an unknown encoding is to be written into a result."""
 
 
 class _Terminated(SystemExit):
@@ -49,6 +52,8 @@ class Boundary:
         self._catch_warnings: AbstractContextManager[None] = warnings.catch_warnings()
 
     def __enter__(self) -> Boundary:
+        write_plainly(sys.stdout)
+        write_plainly(sys.stderr)
         self._catch_warnings.__enter__()
         warnings.simplefilter("default")
         warnings.showwarning = self._show_warning
@@ -100,6 +105,10 @@ class Boundary:
             name = " ".join(["fieldkit", self.command]).strip()
             self._tell("UsageError", _sentence(error), None, f"'{name} --help' explains the command.")
             return int(getattr(error, "exit_code", EXIT_BUG))
+        if any(words in str(error) for words in _NO_TEXT):
+            remedy = "Rename it (a file from another system may have another encoding), or set LANG=C.UTF-8."
+            self._tell("UsageError", "a name of a file or folder is not text in this terminal", None, remedy)
+            return UsageError.exit_code
         message = f"this is a bug in fieldkit: {type(error).__name__}: {error}"
         self._tell(type(error).__name__, message, None, "Run it again with --debug and report what that shows.")
         return EXIT_BUG
@@ -174,8 +183,9 @@ def emit_json(value: Any) -> None:
     """Print one JSON object on stdout. Numbers that JSON does not know (NaN, infinity) become null."""
     import json
 
+    ascii_only = not knows_every_sign(sys.stdout)  # JSON is UTF-8
     with suppress(BrokenPipeError):
-        text = json.dumps(_plain(value), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
+        text = json.dumps(_plain(value), ensure_ascii=ascii_only, indent=2, allow_nan=False) + "\n"
         # Paths may have bytes that are no UTF-8; as JSON's own escapes they can be written.
         sys.stdout.write(text.encode("utf-8", "backslashreplace").decode())
     flush(sys.stdout)
@@ -193,7 +203,7 @@ def flush(stream: TextIO) -> None:
     try:
         stream.flush()
     except BrokenPipeError:
-        with Path(os.devnull).open("w") as nowhere:
+        with Path(os.devnull).open("wb") as nowhere:
             os.dup2(nowhere.fileno(), stream.fileno())
 
 

@@ -19,6 +19,7 @@ from fieldkit import __version__
 from fieldkit.cache import StageCache, default_cache_root
 from fieldkit.errors import StorageError
 from fieldkit.files import check_writable
+from fieldkit.planning.methods.registry import CPU_BUILD
 from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.shipped import shipped_page
 
@@ -30,13 +31,10 @@ _LOW_MEMORY_BYTES = 4 * _GIB
 _LOW_SPACE_BYTES = 2 * _GIB
 _INSTALL = "In a checkout run `make setup`; elsewhere install fieldkit's wheel again."
 _INSTALL_PAGE = shipped_page("docs/install.md")
-_OPTIONAL = {
-    "laspy": "LAS files: pip install 'fieldkit[geo]'",
-    "lazrs": "LAZ files: pip install 'fieldkit[geo]'",
-    "pyogrio": "GeoPackage files: pip install 'fieldkit[geo]'",
-    "pyproj": "coordinate systems: pip install 'fieldkit[geo]'",
-    "botorch": "searches (fieldkit plan --method field, bosfm): pip install 'fieldkit[search]'",
-    "distributed": "runs on a cluster: pip install 'fieldkit[cluster]'",
+_EXTRAS = {
+    "geo": "LAS and LAZ files, GeoPackages, rasters and coordinate systems",
+    "search": "searches (fieldkit plan --method field, bosfm)",
+    "cluster": "runs on a cluster",
 }
 
 
@@ -88,7 +86,7 @@ def check_python() -> Check:
 
 def check_packages() -> Check:
     """Whether every package fieldkit needs is installed and can be imported, with versions."""
-    versions = {name: _version(name) for name in _required_packages()}
+    versions = {name: _version(name) for name in _requirements()}
     missing = [name for name, version in versions.items() if version is None]
     broken = _broken_imports(skip=missing)
     values = {"versions": versions, "missing": missing, "broken": broken}
@@ -101,9 +99,13 @@ def check_packages() -> Check:
 
 def check_optional_packages() -> Check:
     """Packages of the extras."""
-    versions = {name: _version(name) for name in _OPTIONAL}
+    extras = {extra: {name: _version(name) for name in _requirements(extra)} for extra in _EXTRAS}
+    versions = {name: version for packages in extras.values() for name, version in packages.items()}
     detail = ", ".join(f"{name} {version or 'not installed'}" for name, version in versions.items())
-    remedy = "; ".join(f"for {use}" for name, use in _OPTIONAL.items() if versions[name] is None)
+    lacking = [extra for extra, packages in extras.items() if None in packages.values()]
+    remedy = "; ".join(f"for {_EXTRAS[extra]}: pip install 'fieldkit[{extra}]'" for extra in lacking)
+    if "search" in lacking and _installed("torch") is None:
+        remedy += f" (on Linux first: {CPU_BUILD}; {_INSTALL_PAGE})"
     return Check("optional packages", "ok", detail, remedy, {"versions": versions})
 
 
@@ -192,19 +194,22 @@ def check_exiftool() -> Check:
     if path is None:
         return Check("exiftool", "ok", "not installed (fieldkit reads metadata itself)", values={"version": None})
     try:
-        done = subprocess.run([path, "-ver"], capture_output=True, text=True, timeout=30, check=True)
+        done = subprocess.run(
+            [path, "-ver"], capture_output=True, encoding="utf-8", errors="replace", timeout=30, check=True
+        )
     except (OSError, subprocess.SubprocessError) as error:
         return Check("exiftool", "ok", f"{path} does not run: {error} (not needed)", values={"version": None})
     return Check("exiftool", "ok", f"{done.stdout.strip()} at {path}", values={"version": done.stdout.strip()})
 
 
-def _required_packages() -> list[str]:
-    """Names of fieldkit's own requirements, without those of extras."""
+def _requirements(extra: str = "") -> list[str]:
+    """Names of fieldkit's own requirements, or of those that an extra adds."""
     try:
         requirements = metadata.requires("fieldkit") or []
     except metadata.PackageNotFoundError:  # run from a source folder that is not installed
         return []
-    names = [line.split(";")[0] for line in requirements if "extra ==" not in line]
+    marked = [line.partition(";") for line in requirements]
+    names = [name for name, _, marker in marked if "".join(re.findall(r"extra == ['\"](.+?)['\"]", marker)) == extra]
     return sorted(re.split(r"[^\w.-]", name.strip())[0].lower().replace("_", "-") for name in names)
 
 
@@ -231,9 +236,11 @@ def _broken_imports(skip: list[str]) -> dict[str, str]:
 
 def _probe(name: str) -> tuple[list[dict[str, Any]], str]:
     """Run fieldkit.doctor.probes in a process of its own: its lines, and how it failed (empty: it did not)."""
-    command = [sys.executable, "-m", "fieldkit.doctor.probes", name]
+    command = [sys.executable, "-X", "utf8", "-m", "fieldkit.doctor.probes", name]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_PROBE_TIMEOUT_S, check=False)
+        done = subprocess.run(
+            command, capture_output=True, encoding="utf-8", errors="replace", timeout=_PROBE_TIMEOUT_S, check=False
+        )
     except subprocess.TimeoutExpired:
         return [], f"no answer within {_PROBE_TIMEOUT_S:.0f} s"
     lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]

@@ -45,7 +45,7 @@ def probe_imports() -> None:
 
 
 def probe_renderer() -> None:
-    """Render a red square in front of a blue background and look at colours and depth."""
+    """Render a square with a red texture in front of a blue background and look at colours and depth."""
     import numpy as np
 
     from fieldkit.geometry import Intrinsics, Pose
@@ -58,7 +58,8 @@ def probe_renderer() -> None:
         "square",
         np.array(corners, np.float32),
         np.array([[0, 1, 2], [0, 2, 3]], np.int32),
-        colors=np.tile(np.array([[1.0, 0.0, 0.0]], np.float32), (4, 1)),
+        uv=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32),
+        texture=np.full((2, 2, 3), (255, 0, 0), np.uint8),
     )
     pose = Pose.from_yaw_pitch([0.0, 0.0, distance_m], 0.0, -90.0)
     # 64 pixels see 2 m, so the square of 1 m covers the pixels 16 to 47.

@@ -66,7 +66,7 @@ def cgroup_limits(proc: Path = Path("/proc/self/cgroup"), root: Path = Path("/sy
         root: where the hierarchies are mounted.
     """
     try:
-        lines = proc.read_text().splitlines()
+        lines = proc.read_text("utf-8", "replace").splitlines()
     except OSError:
         return Limits()
     cores: list[float] = []
@@ -109,6 +109,6 @@ def _memory(folder: Path) -> int | None:
 
 def _words(path: Path) -> list[str]:
     try:
-        return path.read_text().split()
+        return path.read_text("ascii", "replace").split()
     except OSError:
         return []

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import pickle
 import signal
 import threading
-import time
 import traceback
 import warnings
 from collections.abc import Callable
@@ -21,7 +21,6 @@ from fieldkit.runtime.threads import limit_threads
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-_PARENT_POLL_S = 1.0
 _ORPHANED = 3
 
 
@@ -66,21 +65,20 @@ class Outcome(Generic[Result]):
         return self.result  # type: ignore[return-value]
 
 
-def work(connection: Connection, make: Callable[[], Callable[[Task], Result]], parent: int) -> None:
+def work(connection: Connection, make: Callable[[], Callable[[Task], Result]]) -> None:
     """Make the function and send an empty outcome, then answer tasks until the connection closes.
 
     Args:
         connection: receives tasks, sends outcomes.
         make: gives the function. An exception of it is sent as the last outcome.
-        parent: process id of the pool; this process ends with it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # held back so far by `worker_pool`
-    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+    threading.Thread(target=_watch, daemon=True).start()
     with suppress(OSError):
         # If memory runs out, the kernel should kill this process and not the one with the results.
-        Path("/proc/self/oom_score_adj").write_text("1000")
+        Path("/proc/self/oom_score_adj").write_bytes(b"1000")
     os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer draws on this thread, too; same pixels
     limit_threads(1)
     with suppress(EOFError, OSError):
@@ -117,8 +115,9 @@ def _failed(error: Exception) -> bytes:
     return pickled
 
 
-def _watch(parent: int) -> None:
+def _watch() -> None:
     """End this process when its parent is gone, even in the middle of a task."""
-    while os.getppid() == parent:
-        time.sleep(_PARENT_POLL_S)
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
     os._exit(_ORPHANED)

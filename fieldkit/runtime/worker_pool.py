@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-import os
 import signal
 import time
 import warnings
@@ -65,7 +64,7 @@ class _Worker(Generic[Task, Result]):
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self.process: SpawnProcess = context.Process(
-            target=work, args=(theirs, make, os.getpid()), daemon=True, name="fieldkit-worker"
+            target=work, args=(theirs, make), daemon=True, name="fieldkit-worker"
         )
         with _interrupts_held():
             self.process.start()

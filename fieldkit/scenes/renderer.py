@@ -7,6 +7,7 @@ taken off the pixel's centre) and its clean-up (which ends every other context o
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from collections.abc import Mapping
@@ -208,6 +209,11 @@ def _start(scene: Scene) -> tuple[Any, Any, Any]:
     os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
     if not hasattr(np, "infty"):
         setattr(np, "infty", np.inf)  # noqa: B010  # pyrender 0.1.45 uses the name NumPy 2 dropped
+    from OpenGL.plugins import FormatHandler
+
+    # PyOpenGL 3.1.0, which pyrender pins, knows references of ctypes by the name they had until Python 3.11.
+    reference = type(ctypes.byref(ctypes.c_int()))
+    FormatHandler.by_name("ctypesparameter").check.append(f"{reference.__module__}.{reference.__name__}")
     import pyrender
 
     platform: Any
@@ -224,6 +230,9 @@ def _start(scene: Scene) -> tuple[Any, Any, Any]:
         raise ValueError(f"PYOPENGL_PLATFORM is {name!r}")
     platform.init_context()
     platform.make_current()
+    from OpenGL.GL import GL_UNPACK_ALIGNMENT, glPixelStorei
+
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 1)  # pyrender's textures have no padding behind their rows
     from fieldkit.scenes._gl_renderer import GLRenderer
 
     return pyrender, platform, GLRenderer(scene.light, Path(__file__).parent / "shaders")

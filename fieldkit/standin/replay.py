@@ -240,7 +240,7 @@ class Replay:
         assert self._socket is not None
         try:
             data, peer = self._socket.recvfrom(65535)
-        except ConnectionRefusedError:
+        except (ConnectionRefusedError, ConnectionResetError):  # Windows has the second
             return  # nobody listens at the other end yet
         if self._address.scheme == "udpin" and peer not in self._peers:
             self._peers = [*self._peers[-7:], peer]

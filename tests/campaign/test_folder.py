@@ -191,7 +191,7 @@ class TestReading:
         ("plot", "name"),
         [
             ("r1c1", "r1c1"), ("a/b", "a%2Fb"), ("..", "%2E%2E"), (".x", "%2Ex"), ("100 %", "100 %25"),
-            ("x\\y:z", "x%5Cy%3Az"),
+            ("x\\y:z", "x%5Cy%3Az"), ("CON", "%43ON"), ("aux.1", "%61ux.1"), ("con1", "con1"),
         ],
     )  # fmt: skip
     def test_folder_names(self, plot: str, name: str) -> None:

@@ -6,6 +6,7 @@ import json
 import os
 import stat
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ import pytest
 from fieldkit.cli.main import main
 from fieldkit.doctor import diagnostics, probes
 from fieldkit.doctor.diagnostics import Check
+
+ROOT = Path(__file__).parents[2]
 
 
 def test_this_machine(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,7 +95,17 @@ class TestPackages:
 
     def test_every_requirement_is_probed(self) -> None:
         probed_elsewhere = {"pycolmap", "pyrender", "pyopengl", "rich", "typer", "platformdirs", "threadpoolctl"}
-        assert set(diagnostics._required_packages()) - probed_elsewhere == set(probes.IMPORTS)
+        assert set(diagnostics._requirements()) - probed_elsewhere == set(probes.IMPORTS)
+
+    def test_extras(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+        versions = diagnostics.check_optional_packages().values["versions"]
+        assert set(versions) == {line.split(">")[0] for extra in diagnostics._EXTRAS for line in extras[extra]}
+        monkeypatch.setattr(diagnostics, "_installed", lambda name: None if name in {"torch", "rasterio"} else "1")
+        remedy = diagnostics.check_optional_packages().remedy
+        assert "rasters and coordinate systems: pip install 'fieldkit[geo]'" in remedy
+        assert "uv pip install torch --torch-backend=cpu" in remedy
+        assert "cluster" not in remedy
 
 
 class TestPycolmap:

@@ -66,7 +66,7 @@ class TestHelp:
         shared = {
             "__init__", "boundary", "candidates", "common", "help_page", "live_plan", "main",
             "mission_findings", "numbers", "option_groups", "pace", "plan_options", "progress",
-            "reconstruction_options",
+            "reconstruction_options", "signs",
         }  # fmt: skip
         files = {path.stem for path in (ROOT / "fieldkit" / "cli").glob("*.py")} - shared
         assert {module_name(name) for name in COMMANDS} == files

@@ -64,6 +64,7 @@ def test_a_search_says_what_is_missing_before_it_begins(line: CommandLine, metho
     assert done.code == 2
     assert "needs PyTorch and BoTorch, which are not installed" in done.error["message"]
     assert "pip install 'fieldkit[search]'" in done.error["remedy"]
+    assert "uv pip install torch --torch-backend=cpu" in done.error["remedy"]
     assert not (line.folder / "plan").exists()
 
 

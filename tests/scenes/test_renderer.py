@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
 import subprocess
@@ -226,3 +227,22 @@ def test_depth_comes_with_an_image_of_one_sample(small_scene: Scene) -> None:
         many, same = renderer.render(POSE, CAMERA)
     assert (many != image).any()
     np.testing.assert_array_equal(same, depth)
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 5, 250])
+def test_textures_of_any_width(width: int) -> None:
+    corners = np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    texture = np.full((7, width, 3), (255, 0, 0), np.uint8)
+    square = Mesh("square", corners, faces, uv=corners[:, :2] + 0.5, texture=texture)
+    down = Pose.from_yaw_pitch([0.0, 0.0, 2.0], 0.0, -90.0)
+    image, _ = render(Scene((square,), background=(0.0, 0.0, 1.0)), down, Intrinsics.pinhole(64, 64, 64.0), samples=0)
+    assert set(map(tuple, image.reshape(-1, 3).tolist())) == {(255, 0, 0), (0, 0, 255)}
+
+
+def test_references_of_ctypes_are_known_in_every_python(renderer: Renderer) -> None:
+    """PyOpenGL 3.1.0 knows the name of Python 3.11 alone, and every texture failed from 3.12 on."""
+    from OpenGL.arrays.arraydatatype import GLuintArray
+
+    kind = type(ctypes.byref(ctypes.c_uint()))
+    assert GLuintArray.getRegistry().match(kind).name == "ctypesparameter"

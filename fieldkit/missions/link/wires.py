@@ -21,6 +21,8 @@ else:
     _SERIAL, _REFUSALS = True, (OSError, termios.error)
 
 _DATAGRAM = 65535
+_NOBODY_YET = (ConnectionRefusedError, ConnectionResetError)
+"""What UDP says at the next call after a datagram nobody listened for: the second is Windows'."""
 _REMEDY = (
     "Write udpin://0.0.0.0:14550 (wait for the vehicle), udpout://HOST:PORT, tcpout://HOST:PORT or "
     "serial:///dev/ttyUSB0:57600."
@@ -127,8 +129,8 @@ class _Udp:
             return
         try:
             self._socket.sendto(data, self._peer)
-        except ConnectionRefusedError:
-            pass  # nobody listens there yet; UDP says so at the next call
+        except _NOBODY_YET:
+            pass
         except OSError as error:
             raise LinkError(f"the link broke: {error.strerror}", remedy="Check the network.") from error
 
@@ -137,7 +139,7 @@ class _Udp:
             return b""
         try:
             data, peer = self._socket.recvfrom(_DATAGRAM)
-        except ConnectionRefusedError:
+        except _NOBODY_YET:
             return b""
         except OSError as error:
             raise LinkError(f"the link broke: {error.strerror}", remedy="Check the network.") from error

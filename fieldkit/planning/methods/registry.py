@@ -10,6 +10,8 @@ from fieldkit.planning.problem import Chooser, Method, PlanningProblem
 from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.shipped import shipped_page
 
+CPU_BUILD = "uv pip install torch --torch-backend=cpu"
+
 
 def make_method(problem: PlanningProblem, settings: SearchSettings) -> Method | Chooser:
     """The method that a run's settings name.
@@ -31,9 +33,9 @@ def check_installed(method: str) -> None:
     if method in USING_TORCH and any(importlib.util.find_spec(name) is None for name in _TORCH):
         raise UsageError(
             f"the search {method!r} needs PyTorch and BoTorch, which are not installed",
-            remedy="Install the extra: pip install 'fieldkit[search]'. On Linux take PyTorch's CPU build first "
-            f"({shipped_page('docs/install.md')}): the usual one brings gigabytes for NVIDIA GPUs. Or plan without it: "
-            "--method score.",
+            remedy="Install the extra: pip install 'fieldkit[search]'. On Linux take PyTorch's CPU build first, by "
+            f"{CPU_BUILD} (pip's line: {shipped_page('docs/install.md')}): the usual one brings gigabytes for NVIDIA "
+            "GPUs. Or plan without it: --method score.",
         )
 
 

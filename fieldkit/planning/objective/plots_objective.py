@@ -76,7 +76,7 @@ class PlotsObjective:
         if not self._shared.is_dir():  # on another machine
             return self._build(plot)
         file = self._shared / f"{plot}.pickle"
-        with (self._shared / f"{plot}.lock").open("w") as held:
+        with (self._shared / f"{plot}.lock").open("wb") as held:
             with suppress(OSError):  # without locks it is built twice
                 lock(held.fileno(), wait=True)  # the second process waits for the first one's scene
             if not file.is_file():

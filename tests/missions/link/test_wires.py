@@ -65,6 +65,28 @@ def test_udp_to_nobody_is_silence() -> None:
     wire.close()
 
 
+def test_udp_to_nobody_is_silence_on_windows_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    wire = open_wire("udpin://127.0.0.1:0")
+    place = wire._socket.getsockname()  # type: ignore[attr-defined]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.sendto(b"hello", place)
+        with monkeypatch.context() as windows:
+            windows.setattr(wire, "_socket", _Resetting(wire._socket))  # type: ignore[attr-defined]
+            assert wire.receive(5.0) == b""
+        assert wire.receive(5.0) == b"hello"
+    wire.close()
+
+
+class _Resetting:
+    """A socket of Windows after a datagram nobody listened for."""
+
+    def __init__(self, real: socket.socket) -> None:
+        self.fileno = real.fileno
+
+    def recvfrom(self, size: int) -> None:
+        raise ConnectionResetError
+
+
 def test_tcp_says_when_it_ends() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         wire = open_wire(f"tcpout://127.0.0.1:{server.getsockname()[1]}")
