@@ -18,6 +18,8 @@ from fieldkit.errors import MissionError, UsageError
 from fieldkit.files import atomic_folder
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.plan_site.fitted import fitted_to_height
+from fieldkit.missions.plan_site.plot_plants import PlanFacts, plants_on
+from fieldkit.missions.plan_site.site import SitePlot
 from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.planning.methods.geometric import Effort, optimise
@@ -27,10 +29,10 @@ from fieldkit.planning.run.outcome import plants_of
 from fieldkit.planning.run.run_setup import plan_envelope
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
 from fieldkit.planning.settings import EnvelopeSettings
-from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.space.envelope import Envelope
 from fieldkit.planning.space.plots import Plot
-from fieldkit.results.plan import Plan, PlanMethod, PlanSource
+from fieldkit.results.plan import Plan, PlanMethod, PlanPlants, PlanSource
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.runtime.parallel import map_parallel
 from fieldkit.runtime.progress import Progress
@@ -38,7 +40,7 @@ from fieldkit.scenes.plants_apart import tell_apart
 
 GROWTH = 1.15
 """By which plants are taken to have grown since the last visit, where nobody says."""
-_MARGIN_M = 0.03
+_MARGIN_M, _STEP_M = 0.03, 0.10
 _AROUND, _ANYWHERE = Effort(moves=600), Effort(designs=16, starts=2, moves=600)
 """Searches from the plan that was flown, and from elsewhere."""
 
@@ -72,7 +74,8 @@ def next_plans(
 
     Plants of the last visit with a cloud are made taller and wider by ``growth``: each about its foot where they can
     be told apart, else all of them about the plot's middle. The stations are the better optimum of the geometric score
-    of two: looked for from the campaign's plan, and from anywhere. So no plot has a worse score than the carried plan.
+    of two: looked for from the campaign's plan, and from anywhere. Where the site knows a plot's outline and plants'
+    height, they keep clear of all of it, as its mission has to.
 
     Args:
         campaign: with visits.
@@ -95,10 +98,10 @@ def next_plans(
             "the campaign's plan does not say which camera it is for", path=campaign.plan_file,
             remedy="Make it again with fieldkit plan.",
         )  # fmt: skip
-    known = [_cloud_of(campaign, plot.id) for plot in campaign.plots]
+    known = [_cloud_of(campaign, plot.name) for plot in campaign.site.plots]
     make = partial(_next_plan, vehicle, growth, seed)
-    items = [(campaign.carried_plan(plot.id), plot.id, *found)
-             for plot, found in zip(campaign.plots, known, strict=True)]  # fmt: skip
+    items = [(campaign.carried_plan(plot.name), plot, *found)
+             for plot, found in zip(campaign.site.plots, known, strict=True)]  # fmt: skip
     with progress.stage("Planning the next visit", len(items), workers=workers) as advance:
         return tuple(map_parallel(make, items, workers=workers, advance=advance))
 
@@ -123,20 +126,27 @@ def _cloud_of(campaign: Campaign, plot: str) -> tuple[str | None, Path | None]:
 
 
 def _next_plan(
-    vehicle: Vehicle | None, growth: float, seed: int, item: tuple[Plan, str, str | None, Path | None]
+    vehicle: Vehicle | None, growth: float, seed: int, item: tuple[Plan, SitePlot, str | None, Path | None]
 ) -> NextPlan:
     plan, plot, date, file = item
     if file is None:
-        return NextPlan(plot, plan)
+        return NextPlan(plot.name, plan)
     begun = time.perf_counter()
-    name = f"{plot} of {date}"
-    made, carried_m = plan_for_plants(plan, grown(read_cloud(file), growth), name, vehicle=vehicle, seed=seed)
+    name = f"{plot.name} of {date}"
+    plants = grown(read_cloud(file), growth)
+    made, carried_m = plan_for_plants(plan, plants, name, vehicle=vehicle, seed=seed, plot=plot)
     assert made.method is not None
-    return NextPlan(plot, made, date, made.method.expected_m, carried_m, time.perf_counter() - begun)
+    return NextPlan(plot.name, made, date, made.method.expected_m, carried_m, time.perf_counter() - begun)
 
 
 def plan_for_plants(
-    plan: Plan, plants: Cloud, name: str, *, vehicle: Vehicle | None = None, seed: int = 0
+    plan: Plan,
+    plants: Cloud,
+    name: str,
+    *,
+    vehicle: Vehicle | None = None,
+    seed: int = 0,
+    plot: SitePlot | None = None,
 ) -> tuple[Plan, float]:
     """Stations for known plants by the geometric score, as many as a carried plan has.
 
@@ -146,6 +156,7 @@ def plan_for_plants(
         name: of what they are, for people.
         vehicle: whose limits hold; those of the plan where None.
         seed: of the optima.
+        plot: the site's, whose plants beyond the known ones are kept clear of.
 
     Returns:
         The plan, and what the score expects there of the carried one, metres; fitted to the plants' height if it is
@@ -153,7 +164,7 @@ def plan_for_plants(
     """
     with suppress(MissionError):  # too different: searched for from where the plan's cameras are
         plan = fitted_to_height(plan, float(plants.points[:, 2].max()))
-    problem = _problem(plan, vehicle, plants)
+    problem = _problem(plan, vehicle, plants, plot)
     weights = WEIGHTS if plan.method is None or plan.method.weights is None else plan.method.weights
     cost_model = CostModel(problem)
 
@@ -184,16 +195,35 @@ def plan_for_plants(
     return made, expected_m(carried)
 
 
-def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud) -> PlanningProblem:
+def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot | None) -> PlanningProblem:
     assert plan.camera is not None
     limits = _limits(plan) if vehicle is None else EnvelopeSettings(**vehicle_envelope(vehicle, {}))
     volume = Volume.around(plants.points, margin_m=_MARGIN_M)
+    kept_clear = plants if plot is None else Cloud(np.vstack([plants.points, _beyond(plan, plants, plot)]))
     envelope = Envelope.around(
-        plants, volume, margin_m=limits.margin_m, height_m=limits.height_m, clearance_m=limits.clearance_m,
+        kept_clear, volume, margin_m=limits.margin_m, height_m=limits.height_m, clearance_m=limits.clearance_m,
         pitch_deg=limits.pitch_deg, separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
     camera = plan.camera.intrinsics.without_distortion()
     return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),), heights=True)
+
+
+def _beyond(plan: Plan, plants: Cloud, plot: SitePlot) -> Array:
+    """(m, 3) points that fill what a mission over a plot takes to be plants beyond the known ones."""
+    known = plan.model_copy(update={"plants": PlanPlants(points_m=tuple(map(tuple, _corners(plants))), cell_m=_STEP_M)})
+    found = plants_on(PlanFacts(known), plot)
+    top = float(plants.points[:, 2].max())
+    filled = [np.zeros((0, 3))]
+    for block in () if found is None else found.blocks:
+        ranges = zip((*block.low, 0.0), (*block.high, max(top, block.top_m)), strict=True)
+        axes = [np.linspace(low, high, 2 + int((high - low) / _STEP_M)) for low, high in ranges]
+        filled.append(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
+    return np.vstack(filled)
+
+
+def _corners(plants: Cloud) -> Array:
+    """(2, 3) of the box about plants."""
+    return np.array([plants.points.min(axis=0), plants.points.max(axis=0)])
 
 
 def _limits(plan: Plan) -> EnvelopeSettings:

@@ -17,6 +17,8 @@ from fieldkit.cli.main import main
 from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.plan_site.fit import fit_plot
+from fieldkit.missions.plan_site.plot_plants import PlanFacts
 from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.planning.methods.geometric import Effort
 from fieldkit.results.plan import Plan, PlanEnvelope
@@ -124,6 +126,16 @@ def test_a_plan_for_a_kind_is_fitted_to_each_plots_plants(tmp_path: Path) -> Non
     plans = {each.plot: each.plan for each in next_plans(found, None, growth=1.2, progress=Silent())}
     assert plans["r1c3"] == flown
     assert plans["r1c1"].plant_height_m is None  # for these plants: not to be fitted once more
+
+
+def test_stations_keep_clear_of_the_whole_plot_whose_size_is_known(tmp_path: Path) -> None:
+    found = season(tmp_path, ("r1c1",))
+    size = {"length_m": 2.8, "width_m": 2.4, "plant_height_m": 1.6}
+    sites = tuple(plot.model_copy(update=size) for plot in found.site.plots)
+    sized = replace(found, site=found.site.model_copy(update={"plots": sites}))
+    plans = [next_plans(each, None, growth=1.2, progress=Silent())[0].plan for each in (found, sized)]
+    codes = [{finding.code for finding in fit_plot(PlanFacts(plan), sites[0], 0.5)} for plan in plans]
+    assert ["plot-larger" in each for each in codes] == [True, False]
 
 
 def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
