@@ -211,8 +211,7 @@ def _purpose(contender: Contender, place: Place) -> dict[str, Any]:
     if place.source.kind == "captures":
         return {"plots": contender.plots, **RECORDED_CONFIRMED}
     confirmed = KIND_CONFIRMED if contender.method == KIND_METHOD else {}
-    noise = NoiseSettings(**flight_noise(None))
-    return {"plots": contender.plots, "noise": noise, "refine": True, "heights": True, **confirmed}
+    return {"plots": contender.plots, "noise": NoiseSettings(**flight_noise(None)), "refine": True, **confirmed}
 
 
 def _photographed(settings: SearchSettings) -> object:

@@ -70,7 +70,7 @@ POSIX_ONLY = {
         ),
         (),
     ),
-    "pthread_sigmask": ("runtime/colmap.py",),
+    "pthread_sigmask": ("runtime/colmap.py", "runtime/worker.py", "runtime/worker_pool.py"),
     "sched_getaffinity": ("runtime/machine.py",),
     "O_NOCTTY": ("missions/link/wires.py",),
     "O_NONBLOCK": ("missions/link/wires.py",),

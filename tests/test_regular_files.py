@@ -181,7 +181,8 @@ class TestReplacing:
         assert caught.value.remedy
         with pytest.raises(StorageError, match="cannot write"):
             write_atomic(path, "x")
-        assert path.lstat() == before
+        after = path.lstat()  # a device's times are other processes' work, too
+        assert (after.st_ino, after.st_mode, after.st_size) == (before.st_ino, before.st_mode, before.st_size)
         assert [each.name for each in tmp_path.iterdir()] == ["report.html"]
 
     def test_a_device_itself(self, tmp_path: Path) -> None:

@@ -74,7 +74,8 @@ def next_plans(
 
     Plants of the last visit with a cloud are made taller and wider by ``growth``: each about its foot where they can
     be told apart, else all of them about the plot's middle. The stations are the better optimum of the geometric score
-    of two: looked for from the campaign's plan, and from anywhere. Where the site knows a plot's outline and plants'
+    of two: looked for from the campaign's plan, and from anywhere. So no plot has a worse score than the carried plan,
+    unless that stands too near. Where the site knows a plot's outline and plants'
     height, they keep clear of all of it, as its mission has to.
 
     Args:
@@ -169,9 +170,6 @@ def plan_for_plants(
     cost_model = CostModel(problem)
 
     def cost(cameras: Cameras) -> float:
-        return cost_model.cost_m(cameras, weights, None)
-
-    def expected_m(cameras: Cameras) -> float:
         return cost_model.expected_m(cameras, weights, None)
 
     carried = problem.nearest(Cameras.from_poses(station.pose for station in plan.stations))
@@ -180,7 +178,7 @@ def plan_for_plants(
         problem.nearest(optimise(problem, cost, seed, _ANYWHERE)),
     ]
     best = min(found, key=cost)
-    method = PlanMethod(name="score", seed=seed, evaluations=0, repeats=0, expected_m=expected_m(best), weights=weights)
+    method = PlanMethod(name="score", seed=seed, evaluations=0, repeats=0, expected_m=cost(best), weights=weights)
     made = plan.model_copy(
         update={
             "stations": plan_from_poses(best.poses()).stations,
@@ -192,7 +190,7 @@ def plan_for_plants(
             "method": method,
         }
     )
-    return made, expected_m(carried)
+    return made, cost(carried)
 
 
 def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot | None) -> PlanningProblem:
@@ -205,7 +203,7 @@ def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot 
         pitch_deg=limits.pitch_deg, separation_m=limits.separation_m, vehicle_clearance_m=limits.vehicle_clearance_m,
     )  # fmt: skip
     camera = plan.camera.intrinsics.without_distortion()
-    return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),), heights=True)
+    return PlanningProblem(len(plan.stations), envelope, camera, (Plot.without_others(plants),))
 
 
 def _beyond(plan: Plan, plants: Cloud, plot: SitePlot) -> Array:

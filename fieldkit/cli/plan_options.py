@@ -103,7 +103,7 @@ class SearchOptions:
         bool | None,
         Option(
             "--heights/--no-heights",
-            help="Leave room above the plants in the pictures, as plants' heights need it; for a kind it is.",
+            help="Leave room above the plants in the pictures, as plants' heights need it.",
         ),
     ] = None
     mapping: Annotated[Mapping | None, Option("--mapping", help="Of the evaluations.")] = None

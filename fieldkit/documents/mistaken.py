@@ -57,7 +57,8 @@ def _kinds(path: Path) -> Iterator[str]:
             held = {entry.name for entry in islice(path.iterdir(), _MOST_ENTRIES)}
             yield from (kind for name, kind in _MARKERS.items() if name in held)
             inside = (entry for part in sorted(held) for entry in _first(path / part))
-            if any(entry.suffix.lower() in _PICTURES for entry in inside):
+            result = any(name.endswith((".json", ".ply")) for name in held)  # with its own pictures
+            if not result and any(entry.suffix.lower() in _PICTURES for entry in inside):
                 yield "folder of photographs"
         elif path.suffix.lower() == ".toml":
             document = safe_toml.loads(read_regular(path, _MOST_BYTES).decode("utf-8-sig"))

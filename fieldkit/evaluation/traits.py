@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,9 @@ AREA_ERROR, VOLUME_ERROR = 0.11, 0.14
 LEAST_PHOTOGRAPHS = 9
 """With fewer the errors above do not hold: of a plot of seven photographs the height was off by 0.33 m."""
 MOST_SCALE_DOUBT = 0.10
+NEAR_M, MOST_NEAR = 0.0035, 3.2
+"""What a pixel of `standard` depth maps covers from where leaves that sway by 1 cm stay within the errors above: from
+nearer the same sway is more pixels, and more of them are lost; and by how much the errors are larger at most."""
 NO_OUTLINE = "the plot's outline is not known: give --bounds, or draw the plot as a polygon"
 _NINE_IN_TEN = 1.645
 _SEEN_BY, _SEEN_SHARE = 2, 0.95
@@ -109,13 +112,15 @@ def plot_traits(
     seen = seen if corners is None else seen.within(corners)
     height, covered, volume = highest_leaf_m(points, heights, pixel), seen.covered_m2, seen.volume_m3
     cover = None if area is None else min(100.0, 100.0 * covered / area)
-    area_error = float(np.hypot(AREA_ERROR, 2.0 * _NINE_IN_TEN * doubt))
+    standard = replace(settings, fidelity="standard")
+    near = min(MOST_NEAR, max(1.0, (NEAR_M / depth_pixel_m(found, points, standard)) ** 2))
+    area_error = float(np.hypot(near * AREA_ERROR, 2.0 * _NINE_IN_TEN * doubt))
     values: dict[Trait, tuple[float | None, float]] = {
-        "height_m": (max(0.0, height), float(np.hypot(HEIGHT_ERROR_M, _NINE_IN_TEN * doubt * height))),
+        "height_m": (max(0.0, height), float(np.hypot(near * HEIGHT_ERROR_M, _NINE_IN_TEN * doubt * height))),
         # The plot's area has the scale's error only where its outline is measured in the photographs, too.
         "cover_percent": (cover, area_error * (cover or 0.0)),
         "covered_area_m2": (covered, area_error * covered),
-        "canopy_volume_m3": (volume, float(np.hypot(VOLUME_ERROR, 3.0 * _NINE_IN_TEN * doubt)) * volume),
+        "canopy_volume_m3": (volume, float(np.hypot(near * VOLUME_ERROR, 3.0 * _NINE_IN_TEN * doubt)) * volume),
     }
     known: dict[str, float | None] = {}
     for trait, (value, error) in values.items():
@@ -184,7 +189,10 @@ def _unknown(found: Reconstruction, points: Array, outline: PlotOutline) -> dict
     columns, top = _columns(points), float(ground.heights(points).max())
     above = seen_share(sparse, _at_height(columns, ground, with_room_m(top)))
     if above < _SEEN_SHARE:
-        reason = f"above {100 * (1 - above):.0f} % of the plants the pictures end: higher leaves would not be seen"
+        reason = (
+            f"above {100 * (1 - above):.0f} % of the plants the pictures end: higher leaves would not be seen "
+            "(`fieldkit plan --heights` leaves room)"
+        )
         without(_OF_HEIGHT, reason)
     matched_top = matched_share(sparse, _at_height(columns, ground, top))
     if matched_top < _MATCH_SHARE:

@@ -10,10 +10,11 @@ import pytest
 
 from fieldkit.captures import Finding
 from fieldkit.clouds import Cloud, Volume
-from fieldkit.clouds.canopy import rectangle
+from fieldkit.clouds.canopy import SEAM_PIXELS, rectangle
 from fieldkit.evaluation.traits import (
     AREA_ERROR,
     HEIGHT_ERROR_M,
+    MOST_NEAR,
     PlotOutline,
     depth_pixel_m,
     outline_of,
@@ -31,7 +32,8 @@ PLOT = PlotOutline(rectangle((-0.2, -0.2), (0.2, 0.2)))
 
 @pytest.fixture(autouse=True)
 def six_suffice(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As many as count in the example, at its 45° about the plot."""
+    """As many as count in the example, at its 45° and less than a metre about the plot."""
+    monkeypatch.setattr("fieldkit.evaluation.traits.NEAR_M", 0.0)
     monkeypatch.setattr("fieldkit.evaluation.traits.LEAST_PHOTOGRAPHS", 6)
     monkeypatch.setattr("fieldkit.evaluation.traits._MATCH_DEG", (3.0, 100.0))
 
@@ -60,7 +62,7 @@ class TestValues:
         assert told.unknown == {}
         assert told.plot_area_m2 == pytest.approx(0.16)
         assert told.height_m == pytest.approx(0.15, abs=1e-6)
-        inner = 0.1 - 3.0 * pixel  # less the seam, but for the half cell that the grid adds
+        inner = 0.1 - (2.0 * SEAM_PIXELS - 1.0) * pixel  # less the seam, but for the half cell that the grid adds
         assert told.covered_area_m2 == pytest.approx(inner**2, rel=0.03)
         assert told.cover_percent == pytest.approx(100 * told.covered_area_m2 / 0.16)
         assert told.canopy_volume_m3 == pytest.approx(0.15 * told.covered_area_m2, rel=1e-4)
@@ -79,6 +81,15 @@ class TestValues:
         result = found()
         moved = plot_traits(result, Cloud(result.plants.points + np.array([0.0, 0.0, 0.02])), SETTINGS, PLOT)
         assert moved.height_m == pytest.approx(0.17, abs=1e-6)
+
+    def test_from_near_more_of_what_sways_is_lost(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        result = found()
+        pixel = depth_pixel_m(result, result.plants.points, SETTINGS)
+        errors = []
+        for near_m in (0.9 * pixel, 1.2 * pixel, 9.0 * pixel):
+            monkeypatch.setattr("fieldkit.evaluation.traits.NEAR_M", near_m)
+            errors.append(traits(result).height_error_m)
+        assert errors == pytest.approx([HEIGHT_ERROR_M, 1.44 * HEIGHT_ERROR_M, MOST_NEAR * HEIGHT_ERROR_M], rel=0.01)
 
     def test_a_doubtful_scale_is_in_the_errors(self) -> None:
         sure, doubtful = traits(found()), traits(found(rms_m=0.08))

@@ -166,8 +166,6 @@ def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> 
         values["camera"] = _camera(request.camera)
     if plots > 1 and noise.pose_m:
         values["refine"] = True  # else the cloud's random shift would outweigh the cameras' places
-    # Of recorded photographs none shows more than it does.
-    values["heights"] = plots > 1 and source.kind != "captures"
     if plots > 1 and source.kind == "captures":
         values |= RECORDED_CONFIRMED
     elif plots > 1 and method == KIND_METHOD:

@@ -61,24 +61,23 @@ def test_plans_for_a_kind_are_chosen_and_confirmed_where_no_search_is_asked_for(
 
 
 @pytest.mark.parametrize(
-    ("asked", "noise", "refined", "heights"),
+    ("asked", "noise", "refined"),
     [
-        ({}, (0.02, 1.0), True, True),
-        ({"vehicle": "px4-gimbal"}, (0.02, 1.0), True, True),
-        ({"vehicle": "dji-mini-4-pro"}, (0.1, 1.0), True, True),
-        ({"noise": {"pose_m": 0.0, "pose_deg": 0.0}}, (0.0, 0.0), False, True),
-        ({"noise": {"pose_m": 0.05, "pose_deg": 2.0}}, (0.05, 2.0), True, True),
-        ({"refine": False, "heights": False}, (0.02, 1.0), False, False),
-        ({"purpose": "this-plot"}, (0.0, 0.0), False, False),
-        ({"purpose": "this-plot", "heights": True}, (0.0, 0.0), False, True),
+        ({}, (0.02, 1.0), True),
+        ({"vehicle": "px4-gimbal"}, (0.02, 1.0), True),
+        ({"vehicle": "dji-mini-4-pro"}, (0.1, 1.0), True),
+        ({"noise": {"pose_m": 0.0, "pose_deg": 0.0}}, (0.0, 0.0), False),
+        ({"noise": {"pose_m": 0.05, "pose_deg": 2.0}}, (0.05, 2.0), True),
+        ({"refine": False}, (0.02, 1.0), False),
+        ({"purpose": "this-plot"}, (0.0, 0.0), False),
     ],
 )
-def test_plans_for_a_kind_expect_the_flights_noise_and_leave_room_for_heights(
-    asked: dict[str, Any], noise: tuple[float, float], refined: bool, heights: bool
+def test_plans_for_a_kind_expect_the_flights_noise(
+    asked: dict[str, Any], noise: tuple[float, float], refined: bool
 ) -> None:
     settings = search_settings(scene=Path("case-1"), **asked)
     assert (settings.noise.pose_m, settings.noise.pose_deg) == noise
-    assert (settings.refine, settings.heights) == (refined, heights)
+    assert settings.refine == refined
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def test_distance_is_what_enumeration_finds(normals: bool) -> None:
 
 def test_room_above_the_plants_is_lost_where_pictures_end_below_it() -> None:
     room = room_above(PROBLEM.plots[0].reference.points)
-    assert (room[:, 2] == with_room_m(PROBLEM.plots[0].height_m)).all()
+    assert (room[:, 2] >= with_room_m(PROBLEM.plots[0].height_m)).all()
     ring = around(15.0 * np.arange(24))
     seen = in_picture(room, ring, CAMERA).mean()
     low = ring.__class__(ring.positions, ring.yaw_deg, np.full(len(ring), -80.0))
