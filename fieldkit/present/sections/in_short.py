@@ -177,7 +177,8 @@ def _grown(visits: Sequence[Visit]) -> str:
     """Heights and cover of plots, from the least to the greatest."""
     heights = [visit.height_m for visit in visits if visit.height_m is not None]
     covers = [visit.cover_percent for visit in visits if visit.cover_percent is not None]
-    parts = [f"height {format_range(heights)}"] if heights else []
+    some = f" on {len(heights)} of {count(len(visits), 'plot')}" if len(heights) < len(visits) else ""
+    parts = [f"height {format_range(heights)}{some}"] if heights else []
     parts += [f"cover {min(covers):.1f} to {max(covers):.1f} %" if len(covers) > 1 else f"cover {covers[0]:.1f} %"
               ] if covers else []  # fmt: skip
     return f" ({', '.join(parts)})" if parts else ""

@@ -10,14 +10,13 @@ from fieldkit.present.style import (
     decimal,
     format_length,
     format_with_error,
-    metres,
     millimetres,
     percent,
     with_unit,
 )
 from fieldkit.present.tables.tabulated import tabulated
 from fieldkit.results.evaluation import PlotEvaluation
-from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, reasons_in_words
+from fieldkit.results.traits import TRAITS, Trait, TraitsEntry, error_column, reasons_in_words
 from fieldkit.wording import listed
 
 if TYPE_CHECKING:
@@ -155,14 +154,21 @@ def plot_table(plots: Sequence[PlotEvaluation]) -> Table:
 
 
 def trait_columns() -> tuple[tuple[Column, Callable[[TraitsEntry], Cell]], ...]:
-    """Height with its error, cover, covered area and canopy volume."""
+    """Height, cover, covered area and canopy volume with their errors."""
     return (
-        (Column("height, m", True), lambda traits: metres(traits.height_m)),
-        (Column("± height, m", True, detail=True), lambda traits: metres(traits.height_error_m)),
-        (Column("cover, %", True), lambda traits: decimal(traits.cover_percent, 1)),
-        (Column("covered, m²", True), lambda traits: decimal(traits.covered_area_m2, 3)),
-        (Column("canopy volume, m³", True), lambda traits: decimal(traits.canopy_volume_m3, 3)),
-    )
+        (Column("height, m", True), lambda traits: _with_error(traits, "height_m", 2)),
+        (Column("cover, %", True), lambda traits: _with_error(traits, "cover_percent", 1)),
+        (Column("covered, m²", True), lambda traits: _with_error(traits, "covered_area_m2", 3)),
+        (Column("canopy volume, m³", True, short="volume, m³"),
+         lambda traits: _with_error(traits, "canopy_volume_m3", 3)),
+    )  # fmt: skip
+
+
+def _with_error(traits: TraitsEntry, trait: Trait, decimals: int) -> Cell:
+    value, error = getattr(traits, trait), getattr(traits, error_column(trait))
+    if value is None or error is None:
+        return decimal(value, decimals)
+    return f"{decimal(value, decimals)} ± {decimal(error, decimals)}"
 
 
 def plant_tables(plots: Sequence[PlotEvaluation], of: str = "") -> Iterator[Table]:
