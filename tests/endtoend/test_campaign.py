@@ -93,9 +93,10 @@ def test_plots_with_and_without_reference(line: CommandLine, season: Path, small
     assert visits["A"].chamfer_m < 0.01  # the reference is of the same photographs
     assert visits["A"].right == visits["B"].right == 8
     assert visits["B"].chamfer_m is None
-    assert visits["B"].height_m is not None
+    assert visits["B"].traits is not None
+    assert "8 photographs count, and traits need 9" in visits["B"].traits.unknown["height_m"]
     assert "needs at least two photographs" in visits["C"].error
-    assert "1 photographs, fewer than the plan's 8" in visits["C"].notes
+    assert "1 photograph, fewer than the plan's 8" in visits["C"].notes
     assert (season / visits["A"].folder / "A" / "cloud.ply").is_file()
     for plot in ("A", "B"):  # photographed at the plan's stations
         report = json.loads((season / visits[plot].folder / "evaluation.json").read_text("utf-8"))
