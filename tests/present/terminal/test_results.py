@@ -135,9 +135,9 @@ class TestTables:
             for name, traits, prediction in (("a", TRAITS, told), ("b", None, none), ("c", TRAITS, None))
         ]
         text = shown(evaluation_output(report(*plots, reference=False)))
-        assert "a 0.81 16.0 0.194 0.310" in text
+        assert "a 0.81 ± 0.03 16.0 ± 1.2 0.194 ± 0.015 0.310 ± 0.031" in text
         assert "b – – – –" in text
-        assert "c 0.81 16.0 0.194 0.310" in text
+        assert "c 0.81 ± 0.03 16.0 ± 1.2 0.194 ± 0.015 0.310 ± 0.031" in text
         assert "a 12.0 6.00 to 24.0" in text  # millimetres, in a table of their own
         assert "b [place] is too far" in text
         assert "…" not in text
