@@ -75,8 +75,8 @@ def next_plans(
     Plants of the last visit with a cloud are made taller and wider by ``growth``: each about its foot where they can
     be told apart, else all of them about the plot's middle. The stations are the better optimum of the geometric score
     of two: looked for from the campaign's plan, and from anywhere. So no plot has a worse score than the carried plan,
-    unless that stands too near. Where the site knows a plot's outline and plants'
-    height, they keep clear of all of it, as its mission has to.
+    unless that stands too near. Where the site knows a plot's outline and plants' height, they keep clear of all of it,
+    as its mission has to.
 
     Args:
         campaign: with visits.
