@@ -141,14 +141,9 @@ def _next_plan(
 
 
 def plan_for_plants(
-    plan: Plan,
-    plants: Cloud,
-    name: str,
-    *,
-    vehicle: Vehicle | None = None,
-    seed: int = 0,
+    plan: Plan, plants: Cloud, name: str, *, vehicle: Vehicle | None = None, seed: int = 0,
     plot: SitePlot | None = None,
-) -> tuple[Plan, float]:
+) -> tuple[Plan, float]:  # fmt: skip
     """Stations for known plants by the geometric score, as many as a carried plan has.
 
     Args:
@@ -208,20 +203,15 @@ def _problem(plan: Plan, vehicle: Vehicle | None, plants: Cloud, plot: SitePlot 
 
 def _beyond(plan: Plan, plants: Cloud, plot: SitePlot) -> Array:
     """(m, 3) points that fill what a mission over a plot takes to be plants beyond the known ones."""
-    known = plan.model_copy(update={"plants": PlanPlants(points_m=tuple(map(tuple, _corners(plants))), cell_m=_STEP_M)})
+    low, high = plants.points.min(axis=0).tolist(), plants.points.max(axis=0).tolist()
+    known = plan.model_copy(update={"plants": PlanPlants(points_m=(tuple(low), tuple(high)), cell_m=_STEP_M)})
     found = plants_on(PlanFacts(known), plot)
-    top = float(plants.points[:, 2].max())
     filled = [np.zeros((0, 3))]
     for block in () if found is None else found.blocks:
-        ranges = zip((*block.low, 0.0), (*block.high, max(top, block.top_m)), strict=True)
-        axes = [np.linspace(low, high, 2 + int((high - low) / _STEP_M)) for low, high in ranges]
+        ranges = zip((*block.low, 0.0), (*block.high, max(high[2], block.top_m)), strict=True)
+        axes = [np.linspace(start, end, 2 + int((end - start) / _STEP_M)) for start, end in ranges]
         filled.append(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
     return np.vstack(filled)
-
-
-def _corners(plants: Cloud) -> Array:
-    """(2, 3) of the box about plants."""
-    return np.array([plants.points.min(axis=0), plants.points.max(axis=0)])
 
 
 def _limits(plan: Plan) -> EnvelopeSettings:

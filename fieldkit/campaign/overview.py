@@ -12,9 +12,8 @@ from fieldkit.campaign.ranking import Drift, Ranked, Score, drift, measured_nois
 from fieldkit.campaign.reading import Campaign
 from fieldkit.present.content import Column, Table
 from fieldkit.present.style import metres, millimetres
-from fieldkit.present.tables.scores import interval, trait_columns
+from fieldkit.present.tables.scores import interval, traits_table
 from fieldkit.present.tables.tabulated import tabulated
-from fieldkit.results.traits import TraitsEntry
 from fieldkit.results.visit import Visit
 from fieldkit.wording import count, listed
 
@@ -65,11 +64,7 @@ def campaign_tables(campaign: Campaign) -> Iterator[Table]:
                 yield _ranking_table(own, f"Ranking on {ranked[-1]} by {of} distances, the best first")
     last = [visit for visit in campaign.visits if visit.date == campaign.dates[-1]]
     if any(visit.traits is not None for visit in last):
-        grown = [(visit.plot, visit.traits or TraitsEntry()) for visit in last]
-        yield tabulated(f"Plants on {campaign.dates[-1]}", grown, (
-            (Column("plot"), lambda row: row[0]),
-            *((column, lambda row, of=cell: of(row[1])) for column, cell in trait_columns()),
-        ))  # fmt: skip
+        yield traits_table(f"Plants on {campaign.dates[-1]}", [(visit.plot, visit.traits) for visit in last])
     changes = drift(campaign.visits, campaign.plan)
     for figures in (_DISTANCES, _TRAITS):
         own_changes = [change for change in changes if change.figure in figures]

@@ -22,7 +22,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.evaluation.georeferencing import COARSE_M
 from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.geometry import Pose, Similarity
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.plot_frame import find_ground, moved_plane
@@ -173,7 +173,7 @@ def drawn_outline(plot: CampaignPlot, source: SourceFrame) -> Outline | None:
         latitude, longitude = np.array(plot.shape, dtype=np.float64).T
     elif plot.size_m is not None:
         x, y = 0.5 * plot.size_m[0], 0.5 * plot.size_m[1]
-        ring = np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]) @ _plot_from_enu(plot)
+        ring = np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]) @ plot_from_enu(plot.row_heading_deg)
         latitude, longitude, _ = own.to_geodetic(ring)
     else:
         return None
@@ -226,14 +226,7 @@ def plan_volume(plan: Plan) -> Volume:
 
 
 def _own_axes(plot: CampaignPlot) -> Similarity:
-    return Similarity(1.0, _plot_from_enu(plot), np.zeros(3))
-
-
-def _plot_from_enu(plot: CampaignPlot) -> NDArray[np.float64]:
-    """(3, 3): x along the row's compass heading, y to its left."""
-    heading = np.radians(plot.row_heading_deg)
-    s, c = float(np.sin(heading)), float(np.cos(heading))
-    return np.array([[s, c, 0.0], [-c, s, 0.0], [0.0, 0.0, 1.0]])
+    return Similarity(1.0, plot_from_enu(plot.row_heading_deg), np.zeros(3))
 
 
 def _positions(capture: Capture) -> NDArray[np.float64]:

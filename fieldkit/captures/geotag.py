@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC
@@ -20,7 +19,7 @@ from fieldkit.captures.model import Photo
 from fieldkit.documents.csv_text import on_one_line
 from fieldkit.errors import MetadataError
 from fieldkit.files import check_writable, write_atomic
-from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame
+from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, plot_from_enu
 from fieldkit.regular_files import check_replaceable
 from fieldkit.wording import count
 
@@ -185,10 +184,9 @@ def turned(pose: PhotoPose, heading_deg: float) -> PhotoPose:
     """A pose of an east-north-up frame in the frame about the same origin whose x axis has a compass heading."""
     if heading_deg == EAST_DEG:
         return pose
-    s, c = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
-    east, north, up = pose.position
+    x, y, z = (plot_from_enu(heading_deg) @ pose.position).tolist()
     yaw = None if pose.yaw_deg is None else (pose.yaw_deg - heading_deg + EAST_DEG) % 360.0
-    return replace(pose, position=(s * east + c * north, s * north - c * east, up), yaw_deg=yaw)
+    return replace(pose, position=(x, y, z), yaw_deg=yaw)
 
 
 def poses_table(poses: Sequence[PhotoPose]) -> str:

@@ -61,6 +61,17 @@ def check_version(document: dict[str, Any], known: int, file: Path, remedy: str)
         )
 
 
+def read_model(model: type[Model], kind: str, file: Path, remedy: str, *, max_bytes: int) -> Model:
+    """A file that fieldkit wrote as a model of pydantic's, which says the version that is known.
+
+    Raises:
+        MetadataError: as `read_kind`, `check_version` and `validated`.
+    """
+    document = read_kind(file, kind, remedy, max_bytes=max_bytes)
+    check_version(document, model.model_fields["version"].default, file, remedy)
+    return validated(model, document, file, remedy)
+
+
 def validated(model: type[Model], document: dict[str, Any], file: Path, remedy: str) -> Model:
     """The document of a file as a model of pydantic's; lists may become tuples, all else is strict.
 

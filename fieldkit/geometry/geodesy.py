@@ -26,6 +26,13 @@ DATUMS = ("ellipsoid", "sea level", "unknown")
 """What an altitude is measured from."""
 
 
+def plot_from_enu(row_heading_deg: float) -> NDArray[np.float64]:
+    """(3, 3) turn from east-north-up to a plot's axes: x along the rows' compass heading, y to its left, z up."""
+    heading = np.radians(row_heading_deg)
+    s, c = float(np.sin(heading)), float(np.cos(heading))
+    return np.array([[s, c, 0.0], [-c, s, 0.0], [0.0, 0.0, 1.0]])
+
+
 def geodetic_to_ecef(latitude_deg: ArrayLike, longitude_deg: ArrayLike, altitude_m: ArrayLike) -> NDArray[np.float64]:
     """WGS 84 latitude, longitude (degrees) and height above the ellipsoid (metres) to ECEF (n, 3) metres."""
     lat = np.radians(np.atleast_1d(np.asarray(latitude_deg, dtype=np.float64)))

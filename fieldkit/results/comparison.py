@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from fieldkit.documents.json_file import check_version, read_kind, validated
+from fieldkit.documents.json_file import read_model
 from fieldkit.results.fields import Count, Length, Sha256, Strict
 
 COMPARE_FILE = "compare.json"
@@ -99,6 +99,4 @@ def load_comparison(path: Path) -> ComparisonReport:
         MetadataError: it is missing, not JSON, of another kind or version, or a field is wrong.
     """
     file = path / COMPARE_FILE if path.is_dir() else path
-    document = read_kind(file, "comparison", _AGAIN, max_bytes=_MAX_BYTES)
-    check_version(document, ComparisonReport.model_fields["version"].default, file, _AGAIN)
-    return validated(ComparisonReport, document, file, _AGAIN)
+    return read_model(ComparisonReport, "comparison", file, _AGAIN, max_bytes=_MAX_BYTES)

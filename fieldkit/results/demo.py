@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from fieldkit.documents.json_file import check_version, read_kind, validated
+from fieldkit.documents.json_file import read_model
 from fieldkit.results.fields import Count, Length, Strict
 
 DEMO_FILE = "demo.json"
@@ -56,6 +56,4 @@ def load_demo(path: Path) -> DemoReport:
         MetadataError: it is missing, not JSON, of another kind or version, or a field is wrong.
     """
     file = path / DEMO_FILE if path.is_dir() else path
-    document = read_kind(file, "demo", _AGAIN, max_bytes=_MAX_BYTES)
-    check_version(document, DemoReport.model_fields["version"].default, file, _AGAIN)
-    return validated(DemoReport, document, file, _AGAIN)
+    return read_model(DemoReport, "demo", file, _AGAIN, max_bytes=_MAX_BYTES)

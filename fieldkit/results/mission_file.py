@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fieldkit.documents.json_file import check_version, read_kind, validated
+from fieldkit.documents.json_file import read_model
 from fieldkit.results.mission import MissionRecord
 
 MISSION_FILE = "mission.json"
@@ -33,6 +33,4 @@ def load_mission(file: Path) -> MissionRecord:
     Raises:
         MetadataError: it is missing, not JSON, no mission's, of another version, or a field is wrong.
     """
-    document = read_kind(file, "mission", _AGAIN, max_bytes=_MAX_BYTES)
-    check_version(document, 1, file, _AGAIN)
-    return validated(MissionRecord, document, file, _AGAIN)
+    return read_model(MissionRecord, "mission", file, _AGAIN, max_bytes=_MAX_BYTES)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit import __version__
-from fieldkit.documents.json_file import check_version, read_kind, validated
+from fieldkit.documents.json_file import read_model
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.results.plan import Plan, PlanCamera, Station
@@ -60,6 +60,4 @@ def load_plan(path: Path) -> Plan:
     """
     path = Path(path)
     file = path / PLAN_FILE if path.is_dir() else path
-    document = read_kind(file, "plan", _AGAIN, max_bytes=_MAX_BYTES)
-    check_version(document, 1, file, _AGAIN)
-    return validated(Plan, document, file, _AGAIN)
+    return read_model(Plan, "plan", file, _AGAIN, max_bytes=_MAX_BYTES)

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.errors import MetadataError, MissionError
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
 from fieldkit.missions.mission import GeoPoint, Home, Shot
 from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.missions.plan_site.terrain import LEVEL, Gradient
@@ -198,8 +198,7 @@ class PlotFrame:
 
     @property
     def _enu_from_plot(self) -> Array:
-        x = np.radians(self.row_heading_deg)
-        return np.array([[np.sin(x), -np.cos(x), 0.0], [np.cos(x), np.sin(x), 0.0], [0.0, 0.0, 1.0]])
+        return plot_from_enu(self.row_heading_deg).T
 
 
 def place(plans: Plans, site: Site) -> tuple[Shot, ...]:

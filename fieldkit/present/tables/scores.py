@@ -164,6 +164,14 @@ def trait_columns() -> tuple[tuple[Column, Callable[[TraitsEntry], Cell]], ...]:
     )  # fmt: skip
 
 
+def traits_table(caption: str, grown: Iterable[tuple[str, TraitsEntry | None]]) -> Table:
+    """What grows on plots, by their names: a row each, empty where there are no traits."""
+    return tabulated(caption, [(plot, traits or TraitsEntry()) for plot, traits in grown], (
+        (Column("plot"), lambda row: row[0]),
+        *((column, lambda row, of=cell: of(row[1])) for column, cell in trait_columns()),
+    ))  # fmt: skip
+
+
 def _with_error(traits: TraitsEntry, trait: Trait, decimals: int) -> Cell:
     value, error = getattr(traits, trait), getattr(traits, error_column(trait))
     if value is None or error is None:
@@ -180,10 +188,7 @@ def plant_tables(plots: Sequence[PlotEvaluation], of: str = "") -> Iterator[Tabl
     """
     more = f" of {of}" if of else ""
     if any(getattr(plot.traits, trait) is not None for plot in plots if plot.traits is not None for trait in TRAITS):
-        yield tabulated(f"Plants{more}", [(plot.name, plot.traits or TraitsEntry()) for plot in plots], (
-            (Column("plot"), lambda row: row[0]),
-            *((column, lambda row, of=cell: of(row[1])) for column, cell in trait_columns()),
-        ))  # fmt: skip
+        yield traits_table(f"Plants{more}", [(plot.name, plot.traits) for plot in plots])
     predicted = [(plot.name, p) for plot in plots if (p := plot.prediction) is not None and p.chamfer_m is not None]
     if predicted:
         yield tabulated(f"Distance to the true plants{more}, predicted without a reference", predicted, (
