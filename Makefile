@@ -3,7 +3,7 @@
 SHELL := /bin/bash
 BIN := .venv/bin
 STAMP := .venv/.installed
-PAGE := fieldkit/present/html
+PAGE := fieldkit/report/html
 VIEWER := $(PAGE)/vendor/viewer.min.js
 PYTEST_ARGS ?=
 
@@ -34,11 +34,12 @@ test: setup browser ## run the tests that take less than ten seconds each
 test-all: setup browser ## run all tests
 	$(BIN)/pytest $(PYTEST_ARGS)
 
-check: $(STAMP) ## lint, check the format, the types and which way imports run
+check: $(STAMP) ## lint, check the format, the types, which way imports run, and the budget
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
+	$(BIN)/python scripts/budget.py
 
 wheel: setup ## build the wheel, which holds everything, into dist/
 	$(BIN)/python -m hatchling build -t wheel

@@ -9,9 +9,9 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fieldkit.present.pictures.overview import save_figure
-from fieldkit.present.pictures.panels import COLORS, DPI, FAINT, INK, PAPER, drawable
-from fieldkit.present.pictures.plot_axes import dress
+from fieldkit.pictures.overview import save_figure
+from fieldkit.pictures.panels import COLORS, DPI, FAINT, INK, PAPER, drawable
+from fieldkit.pictures.plot_axes import dress
 
 
 @dataclass(frozen=True)

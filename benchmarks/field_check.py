@@ -15,8 +15,8 @@ from benchmarks.field_faults import Fault, FaultyCapture, PlotPhotographs, draw_
 from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
-from fieldkit.evaluation.field_check.check import Run, check_captures
-from fieldkit.evaluation.field_check.model import CheckReport, CheckSettings
+from fieldkit.fieldcheck.check import Run, check_captures
+from fieldkit.fieldcheck.model import CheckReport, CheckSettings
 from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.progress import Progress, Silent
 

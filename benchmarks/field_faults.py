@@ -22,7 +22,6 @@ from fieldkit.captures import Capture, GeoTag, Photo, PosePrior, read_capture
 from fieldkit.captures.priors import POSES_ACCURACY_M, priors_from_gps
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.scenes.description import build
@@ -31,6 +30,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import Sidecars, poses_table, simulate_capture
 from fieldkit.scenes.simulation import wind_sway
+from fieldkit.sites.site import Site, SiteHome, SitePlot
 
 STATIONS = 13
 _RADII_M, _HEIGHTS_M, _TARGET_M = (1.25, 1.6), (0.9, 1.5), 0.25

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fieldkit.captures.flight_logs import achieved_pose, read_flight_log
 from fieldkit.errors import MetadataError
+from fieldkit.flightlogs import achieved_pose, read_flight_log
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.geodesy import LocalFrame
 

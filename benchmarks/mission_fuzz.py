@@ -10,16 +10,16 @@ import numpy as np
 
 from benchmarks.fuzzing import Fuzzed, Target, fuzz
 from benchmarks.mission_trips import random_mission
-from fieldkit.captures.flight_logs import read_flight_log
-from fieldkit.mavlink.tlog import read_messages
+from fieldkit.flightlogs import read_flight_log
+from fieldkit.flightlogs.tlog_frames import read_messages
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
-from fieldkit.missions.plan_site.site_file import load_plots, load_site
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle, missions_folder, vehicle_names
 from fieldkit.results.plan_file import load_plan
 from fieldkit.runtime.progress import Progress
+from fieldkit.sites.site_file import load_plots, load_site
+from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder, vehicle_names
 
 _LOG_BYTES = 60_000
 _SHARES = {"tlog read": 0.05, "tlog replayed": 0.05}

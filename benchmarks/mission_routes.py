@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from benchmarks.tsplib import OPTIMA, distances
 from fieldkit.missions.export import route_plan
 from fieldkit.missions.files.writing import mission_bytes
-from fieldkit.missions.plan_site.placement import SiteFrame
-from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.tour import shortest_tour
 from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.routing.tour import shortest_tour
 from fieldkit.scenes.rigs import ring
+from fieldkit.sites.placement import SiteFrame
+from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.vehicles.vehicle import Vehicle
 
 _COLUMNS, _EAST_M, _NORTH_M = 20, 10.0, 12.0
 

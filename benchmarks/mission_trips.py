@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from fieldkit.errors import FieldkitError
-from fieldkit.mavlink.dialect import mavlink
+from fieldkit.flightlogs.dialect import mavlink
 from fieldkit.missions.autopilots import render
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import definite
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.items import Command, MissionItem, same_item
-from fieldkit.missions.mission import GeoPoint, Home, Mission, Shot, Via
-from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.routing.mission import GeoPoint, Home, Mission, Shot, Via
+from fieldkit.vehicles.vehicle import Vehicle
 
 _CONNECT_S = 30.0
 

@@ -19,12 +19,12 @@ from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.suite import run_studies
 from benchmarks.upload_trials import cut_trials, upload_trials
 from fieldkit.missions.autopilots import render
-from fieldkit.missions.mission import Mission
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.routing.mission import Mission
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.rigs import ring
 from fieldkit.standin.recording import recordings_folder
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 NO_RECORDINGS = "the recordings of flights (sim/sitl) come with the repository, not with the installed package"
 _LOGS = ("mount_then_yaw", "naive", "hold0", "probe_items")

@@ -14,8 +14,6 @@ from benchmarks.result import Cell, ResultTable, StudyResult
 from fieldkit.cache import StageCache
 from fieldkit.campaign.next_visit import GROWTH, grown, plan_for_plants
 from fieldkit.clouds import Cloud
-from fieldkit.missions.plan_site.fitted import fitted
-from fieldkit.missions.plan_site.site import SitePlot
 from fieldkit.planning.methods.score import ScoreOptimum
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
@@ -34,6 +32,8 @@ from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.maize import STAGES, MaizeDescription
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.sites.fitted import fitted
+from fieldkit.sites.site import SitePlot
 
 SCENES = ("tuning-1", "tuning-2", "tuning-3")
 _SEED, _REPEATS, _CAMERAS = 7002, 2, 10

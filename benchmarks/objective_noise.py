@@ -11,11 +11,11 @@ import numpy as np
 
 from benchmarks.objective_scenes import TuningPlot, tuning_plot
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
+from fieldkit.pictures.curves import draw_bands, png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.run.executor import Job, ProcessExecutor
-from fieldkit.present.pictures.curves import draw_bands, png
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.simulate import CaptureNoise
 

@@ -11,13 +11,13 @@ from scipy.stats import spearmanr
 
 from benchmarks.objective_scenes import SCENES, VIEWS, TuningPlot, tuning_plot
 from benchmarks.result import Cell, ResultTable, StudyResult
+from fieldkit.pictures.curves import draw_agreement, png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import SimulatedSource
 from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.present.pictures.curves import draw_agreement, png
 from fieldkit.runtime.progress import Progress
 
 _NOISE_SETS = 5

@@ -18,6 +18,7 @@ from benchmarks.suite import run_studies
 from fieldkit.cache import StageCache, digest
 from fieldkit.clouds import DepthError
 from fieldkit.files import write_atomic
+from fieldkit.pictures.curves import draw_bands, png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName, Objective, ObjectiveSettings
@@ -26,7 +27,6 @@ from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.settings import GivenPlot
 from fieldkit.planning.space.plots import Plot
-from fieldkit.present.pictures.curves import draw_bands, png
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.generator import new_scene
 from fieldkit.scenes.library import find_scene

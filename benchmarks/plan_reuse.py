@@ -15,7 +15,6 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.metrics import DISTANCES_M, ReferenceIndex, nearest_distances, score_distances
 from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.errors import UsageError
-from fieldkit.missions.plan_site.terrain import LEVEL, Gradient
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
@@ -32,6 +31,7 @@ from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene_file import read_scene
+from fieldkit.sites.terrain import LEVEL, Gradient
 
 VIEWS, RADIUS_M, HEIGHT_M, TARGET_M = 13, 1.3, 1.6, (0.0, 0.0, 0.3)
 """The ring flown if no plan is given."""

@@ -23,14 +23,14 @@ from benchmarks.suite import run_studies
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.reference import build_reference
+from fieldkit.pictures.curves import png
+from fieldkit.pictures.search import draw_regret
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.run.folder import read_log, read_settings, searched
 from fieldkit.planning.run.outcome import PLAN_PICTURE
 from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.run.run_setup import set_up_run
-from fieldkit.present.pictures.curves import png
-from fieldkit.present.pictures.search import draw_regret
 from fieldkit.results.plan import PlanSource
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.generator import plots_of_kind

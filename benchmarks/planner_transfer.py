@@ -11,7 +11,6 @@ import numpy as np
 from benchmarks.planner_runs import Place, Ran, confirmed_m, figures, mean_of
 from benchmarks.result import Cell, ResultTable
 from fieldkit.cache import StageCache
-from fieldkit.missions.plan_site.fitted import fitted_to_height
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.problem import Trial
@@ -22,6 +21,7 @@ from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.progress import Progress
+from fieldkit.sites.fitted import fitted_to_height
 
 _METHOD = "given"
 """Stands for the method in search.json of such a folder."""

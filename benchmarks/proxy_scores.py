@@ -20,6 +20,7 @@ from fieldkit.captures import read_capture
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Pose
+from fieldkit.pictures.curves import draw_agreement, png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
@@ -27,7 +28,6 @@ from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.objective.source import PhotoSource
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.present.pictures.curves import draw_agreement, png
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.scene_file import read_scene

@@ -20,11 +20,11 @@ from fieldkit.captures import read_capture, read_image
 from fieldkit.captures.model import Capture
 from fieldkit.clouds import Cloud, chamfer_distance
 from fieldkit.evaluation.reference import Reference, build_reference
+from fieldkit.pictures.curves import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource
-from fieldkit.present.pictures.curves import png
 from fieldkit.reconstruction.dense import Settings as DenseSettings
 from fieldkit.reconstruction.dense import prepare_view, select_backend
 from fieldkit.reconstruction.pipeline import KnownPlot, place

@@ -9,13 +9,13 @@ import numpy as np
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose, Similarity
-from fieldkit.missions.plan_site.terrain import LEVEL, Gradient
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.scene import Mesh, Scene
+from fieldkit.sites.terrain import LEVEL, Gradient
 
 _LOWEST_M = 0.03  # as `Proxy` has it
 _ROUGHNESS_M = _LOWEST_M / 3.0  # reconstruction leaves out three times this

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.present.pictures.panels import (
+from fieldkit.pictures.panels import (
     COLORS,
     FAINT,
     INK,
@@ -26,8 +26,8 @@ from fieldkit.present.pictures.panels import (
     new_figure,
     window_around,
 )
-from fieldkit.present.pictures.plot_axes import dress
-from fieldkit.present.pictures.projection import FRONT, TOP
+from fieldkit.pictures.plot_axes import dress
+from fieldkit.pictures.projection import FRONT, TOP
 
 _WIDTH, _ROW, _MARGIN, _TITLE = 13.0, 3.6, 0.55, 0.6
 _COLORS = COLORS[:2]

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.errors import FieldkitError, LinkError
+from fieldkit.link.compare import to_wire
+from fieldkit.link.item_rules import stored
+from fieldkit.link.upload import connected, upload_to
+from fieldkit.link.upload_outcome import Held, ItemRefused, Patience, UploadError
 from fieldkit.missions.items import MissionItem
-from fieldkit.missions.link.compare import to_wire
-from fieldkit.missions.link.item_rules import stored
-from fieldkit.missions.link.upload import connected, upload_to
-from fieldkit.missions.link.upload_outcome import Held, ItemRefused, Patience, UploadError
 from fieldkit.standin.faults import Faults
 from fieldkit.standin.recording import read_recording
 from fieldkit.standin.replay import Replay

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from fieldkit.version import __version__
 
 if TYPE_CHECKING:
     from fieldkit.errors import FieldkitError
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from fieldkit.planning.run.plan_views import plan_views, resume_plan
     from fieldkit.planning.run.request import search_settings
     from fieldkit.planning.settings import SearchSettings
-    from fieldkit.present.report import write_report
     from fieldkit.reconstruction.settings import ReconstructionSettings
+    from fieldkit.report.write_report import write_report
     from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
     from fieldkit.results.plan import Plan
     from fieldkit.results.plan_file import load_plan
@@ -69,7 +69,7 @@ _HOMES = {
     "plan_views": "fieldkit.planning.run.plan_views",
     "resume_plan": "fieldkit.planning.run.plan_views",
     "search_settings": "fieldkit.planning.run.request",
-    "write_report": "fieldkit.present.report",
+    "write_report": "fieldkit.report.write_report",
 }
 
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Bundles the reports' 3D view with three.js into fieldkit/present/html/vendor, with three.js' licence. Needs npm.
+# Bundles the reports' 3D view with three.js into fieldkit/report/html/vendor, with three.js' licence. Needs npm.
 # Usage: scripts/build_viewer.sh [--if-possible]     (then a machine without npm is told so and is no error)
 set -euo pipefail
 cd "$(dirname "$0")/.."
-source=fieldkit/present/html/web
-target=fieldkit/present/html/vendor
+source=fieldkit/report/html/web
+target=fieldkit/report/html/vendor
 work=build/viewer
 
 if ! command -v npm >/dev/null || ! node -e 'process.exit(process.versions.node.split(".")[0] < 18 ? 1 : 0)' 2>/dev/null; then

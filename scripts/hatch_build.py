@@ -14,7 +14,7 @@ class ViewerHook(BuildHookInterface):
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         if version == "editable":
             return
-        folder = Path(self.root) / "fieldkit" / "present" / "html" / "vendor"
+        folder = Path(self.root) / "fieldkit" / "report" / "html" / "vendor"
         missing = [name for name in NEEDED if not (folder / name).is_file()]
         if missing:
             raise SystemExit(

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from PIL import Image
 
 from benchmarks.headless import headless_browser
-from fieldkit.present.report import write_report
+from fieldkit.report.write_report import write_report
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

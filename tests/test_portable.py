@@ -36,7 +36,7 @@ for module in pkgutil.walk_packages(fieldkit.__path__, "fieldkit."):
     if not module.name.endswith("__main__") and not module.name.startswith(heavy):
         importlib.import_module(module.name)
 from fieldkit.errors import UsageError
-from fieldkit.missions.link.wires import open_wire
+from fieldkit.link.wires import open_wire
 try:
     open_wire("serial:///dev/ttyUSB0:57600")
 except UsageError as error:
@@ -72,8 +72,8 @@ POSIX_ONLY = {
     ),
     "pthread_sigmask": ("runtime/colmap.py", "runtime/worker.py", "runtime/worker_pool.py"),
     "sched_getaffinity": ("runtime/machine.py",),
-    "O_NOCTTY": ("missions/link/wires.py",),
-    "O_NONBLOCK": ("missions/link/wires.py",),
+    "O_NOCTTY": ("link/wires.py",),
+    "O_NONBLOCK": ("link/wires.py",),
 }  # fmt: skip
 
 

@@ -15,7 +15,6 @@ from fieldkit.campaign.earlier_formats import TABLE_FILE, read_earlier_table
 from fieldkit.captures import read_capture
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.decode import read_image
-from fieldkit.captures.flight_logs.reading import read_flight_log
 from fieldkit.captures.geo_txt import read_geo_txt
 from fieldkit.captures.markers_file import read_markers_file
 from fieldkit.captures.poses_csv import read_poses_csv
@@ -24,16 +23,14 @@ from fieldkit.clouds.las import read_las
 from fieldkit.clouds.ply import read_ply
 from fieldkit.errors import CaptureError, FieldkitError, StorageError, UsageError
 from fieldkit.files import write_atomic
-from fieldkit.mavlink.tlog import read_frames
+from fieldkit.flightlogs.reading import read_flight_log
+from fieldkit.flightlogs.tlog_frames import read_frames
+from fieldkit.link.signing import read_key
 from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
 from fieldkit.missions.files.litchi import read_litchi
 from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import read_waypoints
-from fieldkit.missions.link.signing import read_key
-from fieldkit.missions.plan_site.site_file import load_plots, load_site
-from fieldkit.missions.plan_site.vector_files import read_features
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, read_log, read_settings
 from fieldkit.planning.run.outcome import OUTCOME_FILE, read_outcome
 from fieldkit.regular_files import check_replaceable, open_regular, read_regular
@@ -44,6 +41,9 @@ from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.results.visit_file import VISIT_FILE, visit_document
 from fieldkit.scenes.mesh_plant import check_mesh_file
 from fieldkit.scenes.scene_file import read_scene
+from fieldkit.sites.site_file import load_plots, load_site
+from fieldkit.sites.vector_files import read_features
+from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.special_files import KINDS, limited, put
 
 
@@ -130,7 +130,7 @@ def test_no_module_opens_a_foreign_file_by_itself() -> None:
         "campaign/export.py",  # what pyogrio wrote just before
         "evaluation/rasters.py",  # what rasterio wrote just before
         "captures/capture.py",  # candidates, which list_folder looked at
-        "cli/completion.py", "evaluation/prediction.py", "present/html/document.py", "present/html/viewer.py",
+        "cli/completion.py", "evaluation/prediction.py", "report/html/document.py", "report/html/viewer.py",
         "demo/flight.py",  # the package's own
         "planning/objective/plots_objective.py", "reconstruction/dense/cuda.py", "reconstruction/model_cache.py",
         "regular_files.py",

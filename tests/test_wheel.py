@@ -55,7 +55,7 @@ class Installed:
 
 @pytest.fixture(scope="module")
 def installed() -> Iterator[Installed]:
-    if not (ROOT / "fieldkit" / "present" / "html" / "vendor" / "viewer.min.js").is_file():
+    if not (ROOT / "fieldkit" / "report" / "html" / "vendor" / "viewer.min.js").is_file():
         pytest.skip("the 3D view is not built (scripts/build_viewer.sh), without which there is no wheel")
     # pytest's own folders are closed to other users.
     with tempfile.TemporaryDirectory(prefix="fieldkit ") as place:
@@ -113,7 +113,7 @@ def _tracked(*places: str) -> list[str]:
 def test_it_holds_every_file_of_the_package(installed: Installed) -> None:
     """And of what lies beside it, as they are in the checkout, and nothing else than that and the built 3D view."""
     build = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["hatch"]["build"]["targets"]["wheel"]
-    sources = ("fieldkit/present/html/web/",)  # of the 3D view, which is built of them
+    sources = ("fieldkit/report/html/web/",)  # of the 3D view, which is built of them
     wanted = {name: name for name in _tracked("fieldkit")}
     for source, target in build["force-include"].items():
         wanted |= {target + name.removeprefix(source): name for name in _tracked(source)}

@@ -13,7 +13,7 @@ from small_plot import plan
 from fieldkit import export_mission
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.reading import read_mission
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
 (folder / "field.toml").write_text(

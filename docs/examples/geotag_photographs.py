@@ -12,8 +12,8 @@ from pathlib import Path
 from PIL import Image
 
 import fieldkit
-from fieldkit.captures.flight_logs import read_flight_log
-from fieldkit.captures.geotag import geotag
+from fieldkit.flightlogs import read_flight_log
+from fieldkit.flightlogs.geotag import geotag
 
 folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
 

@@ -12,10 +12,10 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.documents.toml_text import toml_text
 from fieldkit.documents.versioned_toml import read_versioned, validated_toml
 from fieldkit.evaluation.rasters import Rasters
-from fieldkit.missions.plan_site.site import Name
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.fields import Strict
 from fieldkit.runtime.shipped import shipped_page
+from fieldkit.sites.site import Name
 
 DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 _MAX_BYTES = 1 << 20

@@ -22,14 +22,14 @@ from fieldkit.documents.versioned_toml import read_versioned, sentence
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.cloud_reference import is_cloud
 from fieldkit.files import atomic_folder, file_beside, write_atomic
-from fieldkit.missions.plan_site.site_file import Tell, load_site, plots_file_beside, read_plots
-from fieldkit.missions.plan_site.swapped import check_order
-from fieldkit.missions.plan_site.vector_files import parts_of
-from fieldkit.missions.plan_site.vehicle_file import find_vehicle, load_vehicle
 from fieldkit.regular_files import check_regular
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.results.visit import CAMPAIGN_FILE
+from fieldkit.sites.site_file import Tell, load_site, plots_file_beside, read_plots
+from fieldkit.sites.swapped import check_order
+from fieldkit.sites.vector_files import parts_of
+from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle
 from fieldkit.wording import listed
 
 SITE_FILE, PLOTS_FILE, VEHICLE_FILE, CAMERA_FILE = "site.toml", "plots.geojson", "vehicle.toml", "camera.toml"

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import fieldkit
 from fieldkit.cache import StageCache
 from fieldkit.campaign.campaign_file import EvaluationTable
 from fieldkit.campaign.engine import stage_versions
@@ -26,9 +25,8 @@ from fieldkit.evaluation.plots import result_folders
 from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import Scoring, Spent, score_capture
+from fieldkit.figures.spreadsheets.plots import write_plots_csv
 from fieldkit.files import atomic_folder
-from fieldkit.missions.plan_site.fit import plants_outgrown
-from fieldkit.present.spreadsheets.plots import write_plots_csv
 from fieldkit.results.doubtful import TOLD
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan
@@ -36,6 +34,8 @@ from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, descr
 from fieldkit.results.visit import Visit
 from fieldkit.results.visit_file import VISIT_FILE, save_visit
 from fieldkit.runtime.progress import Silent
+from fieldkit.sites.fit import plants_outgrown
+from fieldkit.version import __version__
 from fieldkit.wording import count
 
 WITHOUT_RASTERS = "no rasters: "
@@ -126,7 +126,7 @@ def _of_job(job: VisitJob, notes: Iterable[str]) -> dict[str, Any]:
         "date": job.date,
         "captures": clean_text(job.captures),
         "notes": tuple(dict.fromkeys(clean_text(note) for note in notes)),
-        "fieldkit": fieldkit.__version__,
+        "fieldkit": __version__,
         "stages": stage_versions(),
         "photographs": _paths(job),
     }

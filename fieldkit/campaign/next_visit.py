@@ -17,11 +17,6 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.files import atomic_folder
 from fieldkit.missions.export_mission import ExportedMission, export_mission
-from fieldkit.missions.plan_site.fitted import fitted_to_height
-from fieldkit.missions.plan_site.plot_plants import PlanFacts, plants_on
-from fieldkit.missions.plan_site.site import SitePlot
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.planning.methods.geometric import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.flyable import vehicle_envelope
@@ -37,6 +32,11 @@ from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.runtime.parallel import map_parallel
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.plants_apart import tell_apart
+from fieldkit.sites.fitted import fitted_to_height
+from fieldkit.sites.plot_plants import PlanFacts, plants_on
+from fieldkit.sites.site import SitePlot
+from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 GROWTH = 1.15
 """By which plants are taken to have grown since the last visit, where nobody says."""

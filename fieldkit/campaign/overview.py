@@ -6,15 +6,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-import fieldkit
 from fieldkit.campaign.engine import changed_stages, is_current
 from fieldkit.campaign.ranking import Drift, Ranked, Score, drift, measured_noise_m, ranking, score_of
 from fieldkit.campaign.reading import Campaign
-from fieldkit.present.content import Column, Table
-from fieldkit.present.style import metres, millimetres
-from fieldkit.present.tables.scores import interval, traits_table
-from fieldkit.present.tables.tabulated import tabulated
+from fieldkit.figures.content import Column, Table
+from fieldkit.figures.style import metres, millimetres
+from fieldkit.figures.tables.scores import interval, traits_table
+from fieldkit.figures.tables.tabulated import tabulated
 from fieldkit.results.visit import Visit
+from fieldkit.version import __version__
 from fieldkit.wording import count, listed
 
 _FIGURES = {
@@ -124,7 +124,7 @@ def _computed_by(campaign: Campaign) -> Iterator[str]:
         more = f" and {len(visits) - _NAMED} more" if len(visits) > _NAMED else ""
         why = f"by another version of {', '.join(changed)}" if changed else "by unknown versions of its stages"
         yield (
-            f"† {visited} {by}, {why} ({named}{more}). Figures of this fieldkit, {fieldkit.__version__}, may differ: "
+            f"† {visited} {by}, {why} ({named}{more}). Figures of this fieldkit, {__version__}, may differ: "
             "`fieldkit evaluate` computes anew the visits whose photographs it is given."
         )
 

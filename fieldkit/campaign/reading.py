@@ -17,15 +17,15 @@ from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.versioned_toml import read_versioned
 from fieldkit.errors import MetadataError, MissionError, UsageError
 from fieldkit.files import file_beside
-from fieldkit.missions.plan_site.fitted import flown_plans
-from fieldkit.missions.plan_site.site import Site, SitePlot
-from fieldkit.missions.plan_site.site_file import load_site
-from fieldkit.missions.plan_site.vector_files import read_features
 from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.plan import Plan, plan_on
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE, Visit
+from fieldkit.sites.fitted import flown_plans
+from fieldkit.sites.site import Site, SitePlot
+from fieldkit.sites.site_file import load_site
+from fieldkit.sites.vector_files import read_features
 
 PLANS_FOLDER = "plans"
 _REMEDY = "Make a campaign with `fieldkit campaign init`."

@@ -20,9 +20,9 @@ from fieldkit.captures import Finding
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.rasters import require_rasters
+from fieldkit.figures.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
+from fieldkit.figures.style import format_length
 from fieldkit.files import check_writable
-from fieldkit.present.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
-from fieldkit.present.style import format_length
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.results.visit import VISITS_FOLDER, Visit
 from fieldkit.runtime.parallel import each_in_workers

@@ -71,7 +71,7 @@ def command(
     from fieldkit.campaign.campaign_file import EvaluationTable
     from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
     from fieldkit.documents.versioned_toml import sentence
-    from fieldkit.missions.plan_site.site_file import load_site
+    from fieldkit.sites.site_file import load_site
     from fieldkit.wording import count
 
     try:

@@ -84,7 +84,7 @@ def command(
         ]  # fmt: skip
         emit_json({"date": day, "files": list(made.mission.files), "plots": plots})
         return
-    from fieldkit.present.style import format_length
+    from fieldkit.figures.style import format_length
 
     rows = [
         (each.plot, each.date or "none: the campaign's plan", *map(format_length, (each.expected_m, each.carried_m)))

@@ -30,6 +30,6 @@ def command(folder: CampaignArgument = None, as_json: JsonOption = False, debug:
     if as_json:
         emit_json(campaign_object(campaign))
         return
-    from fieldkit.present.terminal.blocks import rendered
+    from fieldkit.figures.terminal.blocks import rendered
 
     show(rendered(campaign_tables(campaign), most_rows=None), *remarks(campaign))

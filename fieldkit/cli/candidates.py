@@ -128,7 +128,7 @@ def _values(param: Parameter, partial: str) -> tuple[Choices, str, bool]:
 
 
 def _vehicles() -> list[str]:
-    from fieldkit.missions.plan_site.vehicle_file import vehicle_names
+    from fieldkit.vehicles.vehicle_file import vehicle_names
 
     return vehicle_names()
 

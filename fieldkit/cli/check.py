@@ -28,9 +28,9 @@ from fieldkit.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from fieldkit.evaluation.field_check import CheckReport
-    from fieldkit.missions.plan_site.site import Site
-    from fieldkit.present.content import Block, Level
+    from fieldkit.fieldcheck import CheckReport
+    from fieldkit.figures.content import Block, Level
+    from fieldkit.sites.site import Site
 
 _LEVELS: Mapping[str, Level] = {"fine": "good", "fix tags": "note", "fly again": "problem"}
 
@@ -105,7 +105,7 @@ def command(
     again.check(place.site)
     site = place.load(tell=None if as_json else say)
     cache = open_cache(no_cache=no_cache, resume=False)
-    from fieldkit.evaluation.field_check import CheckSettings, check_captures
+    from fieldkit.fieldcheck import CheckSettings, check_captures
 
     settings = CheckSettings(position_m=position_tolerance, angle_deg=angle_tolerance, seed=seed)
     with run_context(as_json=as_json) as progress:
@@ -137,7 +137,7 @@ def _missions(
     overwrite: bool, seed: int,
 ) -> Iterator[Path]:  # fmt: skip
     """Write the missions that are asked for, one for each plot with stations to fly again."""
-    from fieldkit.evaluation.field_check import write_refly
+    from fieldkit.fieldcheck import write_refly
 
     output, vehicle = again.output, again.vehicle
     if output is None or site is None or vehicle is None:
@@ -155,8 +155,8 @@ def _missions(
 def _tell(reports: Sequence[CheckReport]) -> None:
     from rich.text import Text
 
-    from fieldkit.present.style import format_seconds
-    from fieldkit.present.terminal.blocks import rendered
+    from fieldkit.figures.style import format_seconds
+    from fieldkit.figures.terminal.blocks import rendered
 
     for report in reports:
         show(rendered(check_blocks(report), most_rows=None))
@@ -187,8 +187,8 @@ def _numbers(stations: Iterable[int]) -> str:
 
 def check_blocks(report: CheckReport) -> list[Block]:
     """A plot's stations and what was found of them."""
-    from fieldkit.present.content import Column, Mark, Table
-    from fieldkit.present.style import DASH, decimal, metres
+    from fieldkit.figures.content import Column, Mark, Table
+    from fieldkit.figures.style import DASH, decimal, metres
     from fieldkit.results.plan import station_number
 
     blocks: list[Block] = []

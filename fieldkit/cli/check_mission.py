@@ -10,14 +10,14 @@ from typer import Argument, Option
 from fieldkit.cli.common import DebugOption, FitOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say
 from fieldkit.cli.mission_findings import finding_entries, show_findings, station_entry
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
-from fieldkit.present.style import format_length, format_seconds
+from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from fieldkit.missions.files.read_mission import ReadMission
     from fieldkit.missions.findings import Report
-    from fieldkit.missions.plan_site.site import Site
-    from fieldkit.missions.plan_site.vehicle import Vehicle
+    from fieldkit.sites.site import Site
+    from fieldkit.vehicles.vehicle import Vehicle
 
 
 def command(
@@ -58,9 +58,9 @@ def command(
             )
     from fieldkit.missions.check import check_mission
     from fieldkit.missions.files.reading import read_mission
-    from fieldkit.missions.plan_site.site_file import load_site
-    from fieldkit.missions.plan_site.swapped import check_order
-    from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+    from fieldkit.sites.site_file import load_site
+    from fieldkit.sites.swapped import check_order
+    from fieldkit.vehicles.vehicle_file import load_vehicle
 
     if plan is not None and site is not None:
         check_order(plan, site)
@@ -123,11 +123,11 @@ def _show(report: Report, file: Path) -> None:
 def _on_site(read: ReadMission, vehicle: Vehicle, plan: Path | None, site: Site, fit: bool | None) -> Report:
     """A check against the plan's photographs, as near as the vehicle comes to them, and all that the site says."""
     from fieldkit.missions.check import check_mission
-    from fieldkit.missions.plan_site.fitted import flown_plans
-    from fieldkit.missions.plan_site.placement import grounds_m, home_of, place
-    from fieldkit.missions.plan_site.reach import nearest
-    from fieldkit.missions.plan_site.site_obstacles import site_obstacles
     from fieldkit.results.plan_file import load_plan
+    from fieldkit.sites.fitted import flown_plans
+    from fieldkit.sites.placement import grounds_m, home_of, place
+    from fieldkit.sites.reach import nearest
+    from fieldkit.sites.site_obstacles import site_obstacles
 
     plans = None if plan is None else flown_plans(load_plan(plan), site.plots, fit)
     obstacles = site_obstacles(site, vehicle.clearance_m, plans)

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from fieldkit.missions.plan_site.site import Site
-    from fieldkit.missions.plan_site.site_file import Tell
-    from fieldkit.present.content import Cell
+    from fieldkit.figures.content import Cell
+    from fieldkit.sites.site import Site
+    from fieldkit.sites.site_file import Tell
 
 __all__ = [
     "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "FitOption", "JsonOption", "MissionFormatOption",
@@ -92,7 +92,7 @@ class SitePlotOptions:
                 if given is not None:
                     raise UsageError(f"{option} goes with a site file", remedy="Give --site, too.")
             return None
-        from fieldkit.missions.plan_site.site_file import load_site
+        from fieldkit.sites.site_file import load_site
 
         return load_site(self.site, self.plots, self.plot_id, tell=tell)
 
@@ -120,8 +120,8 @@ def show(things: Iterable[RenderableType], *lines: object) -> None:
 
 def table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> Iterator[RenderableType]:
     """A table with all its rows, for `show`; columns whose name ends in ">" hold figures."""
-    from fieldkit.present.content import Column, Table
-    from fieldkit.present.terminal.blocks import rendered
+    from fieldkit.figures.content import Column, Table
+    from fieldkit.figures.terminal.blocks import rendered
 
     labels = tuple(Column(name.rstrip(">"), numeric=name.endswith(">")) for name in columns)
     return rendered([Table(caption, labels, tuple(map(tuple, rows)))], most_rows=None)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from fieldkit.demo.loop import Demo
-    from fieldkit.present.content import Paragraph
+    from fieldkit.figures.content import Paragraph
 
 
 @grouped
@@ -46,9 +46,9 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False, 
     if as_json:
         emit_json({"output": output, **figures(demo)})
         return
-    from fieldkit.present.sections.demo import demo_blocks
-    from fieldkit.present.style import format_seconds
-    from fieldkit.present.terminal.blocks import rendered
+    from fieldkit.figures.style import format_seconds
+    from fieldkit.figures.terminal.blocks import rendered
+    from fieldkit.report.sections.demo import demo_blocks
 
     end = f"In {format_seconds(demo.seconds)}. Open the report in a browser:"
     show(rendered([*_story(demo), *demo_blocks(demo.compared)]), end, demo.report)
@@ -56,8 +56,8 @@ def command(output: OutputOption, run: RunOptions, as_json: JsonOption = False, 
 
 def _story(demo: Demo) -> Iterator[Paragraph]:
     """What was done, before the scores."""
-    from fieldkit.present.content import Paragraph
-    from fieldkit.present.style import format_length
+    from fieldkit.figures.content import Paragraph
+    from fieldkit.figures.style import format_length
 
     off = format_length(demo.compared.reference_to_true_plants_m)
     yield Paragraph(

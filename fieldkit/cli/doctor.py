@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show, table
 
 if TYPE_CHECKING:
-    from fieldkit.present.content import Level
+    from fieldkit.figures.content import Level
 
 _LEVELS: dict[str, Level] = {"ok": "good", "warn": "note", "fail": "problem"}
 EXIT_UNUSABLE = 3
@@ -36,7 +36,7 @@ def command(as_json: JsonOption = False, debug: DebugOption = False) -> int:
     if as_json:
         emit_json({"status": worst, "checks": [asdict(check) for check in checks]})
     else:
-        from fieldkit.present.content import Mark
+        from fieldkit.figures.content import Mark
 
         rows = [
             (

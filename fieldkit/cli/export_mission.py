@@ -24,14 +24,14 @@ from fieldkit.cli.common import (
     show,
     table,
 )
-from fieldkit.present.style import format_length, format_seconds
+from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.wording import count, listed
 
 if TYPE_CHECKING:
     from fieldkit.missions.export_mission import ExportedMission
-    from fieldkit.missions.mission import Shot
-    from fieldkit.missions.plan_site.fit import FitFinding
-    from fieldkit.missions.plan_site.reach import Unreachable
+    from fieldkit.routing.mission import Shot
+    from fieldkit.sites.fit import FitFinding
+    from fieldkit.sites.reach import Unreachable
 
 _MOST_MOVED = 20
 _MOST_NAMED = 3

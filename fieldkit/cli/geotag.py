@@ -15,11 +15,11 @@ from fieldkit.errors import UsageError
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
-    from fieldkit.captures.flight_logs import FixedMount
-    from fieldkit.captures.geotag import GeotagReport
+    from fieldkit.flightlogs import FixedMount
+    from fieldkit.flightlogs.geotag import GeotagReport
     from fieldkit.geometry.geodesy import LocalFrame
-    from fieldkit.missions.plan_site.site import Site
-    from fieldkit.missions.plan_site.site_file import Tell
+    from fieldkit.sites.site import Site
+    from fieldkit.sites.site_file import Tell
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def command(
         fieldkit evaluate --log
     """
     (origin, heading_deg), fixed = frame.frame(place, tell=None if as_json else say), _mount(mount)
-    from fieldkit.captures.geotag import geotag
+    from fieldkit.flightlogs.geotag import geotag
 
     report = geotag(
         images, log, output, origin=origin, heading_deg=heading_deg, mount=fixed, accuracy_m=accuracy,
@@ -169,6 +169,6 @@ def _mount(text: str) -> FixedMount | None:
     numbers = read_numbers("--mount", text, (1, 2), least=-360.0)
     if not -90.0 <= numbers[0] <= 90.0:
         raise UsageError(f"--mount: not a pitch: {text}", remedy="Write it like --mount -60 (degrees; −90 is down).")
-    from fieldkit.captures.flight_logs import FixedMount
+    from fieldkit.flightlogs import FixedMount
 
     return FixedMount(numbers[0], numbers[1] if len(numbers) > 1 else 0.0)

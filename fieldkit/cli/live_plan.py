@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.boundary import say
 from fieldkit.cli.pace import Pace
+from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.planning.objective.fidelity import FIDELITIES
 from fieldkit.planning.run.folder import LogEntry
 from fieldkit.planning.run.outcome import best_so_far, weights_of
 from fieldkit.planning.settings import SearchSettings
-from fieldkit.present.style import format_length, format_seconds
 from fieldkit.wording import count
 
 if TYPE_CHECKING:

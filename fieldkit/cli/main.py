@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from fieldkit import __version__
 from fieldkit.cli.boundary import Boundary
 from fieldkit.errors import EXIT_OK, UsageError
+from fieldkit.version import __version__
 
 if TYPE_CHECKING:
     from fieldkit.cli.help_page import HelpPage

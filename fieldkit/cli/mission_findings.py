@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from fieldkit.missions.findings import Finding
-    from fieldkit.missions.mission import Shot
+    from fieldkit.routing.mission import Shot
 
 _MOST_ROWS = 30
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from fieldkit.cli.boundary import say
 from fieldkit.cli.pace import Pace
-from fieldkit.present.style import format_seconds
+from fieldkit.figures.style import format_seconds
 from fieldkit.runtime.progress import Advance, Progress, Silent
 
 _LINE_EVERY_S = 10.0

@@ -11,7 +11,7 @@ from typer import Argument, Option
 
 from fieldkit.cli.common import DebugOption, JsonOption, SeedOption, emit_json, say
 from fieldkit.cli.option_groups import grouped
-from fieldkit.present.style import format_seconds
+from fieldkit.figures.style import format_seconds
 from fieldkit.wording import count
 
 
@@ -70,7 +70,7 @@ def command(
     See Also:
         fieldkit upload
     """
-    from fieldkit.missions.link.signing import read_key
+    from fieldkit.link.signing import read_key
     from fieldkit.standin.faults import Faults
     from fieldkit.standin.recording import read_recording
     from fieldkit.standin.replay import Replay

@@ -41,7 +41,7 @@ def command(
         fieldkit evaluate, fieldkit campaign show
     """
     from fieldkit.cli.progress import open_progress
-    from fieldkit.present.report import write_report
+    from fieldkit.report.write_report import write_report
 
     with open_progress(as_json=as_json) as progress:
         done = write_report(folder, output, points=points, title=title, overwrite=overwrite, progress=progress)

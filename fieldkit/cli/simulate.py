@@ -72,7 +72,7 @@ class StationOptions:
 
             loaded = load_plan(self.plan)
             if self.plant_height is not None:
-                from fieldkit.missions.plan_site.fitted import fitted_to_height
+                from fieldkit.sites.fitted import fitted_to_height
 
                 loaded = fitted_to_height(loaded, self.plant_height)
             return [s.pose for s in loaded.stations], None if loaded.camera is None else loaded.camera.intrinsics

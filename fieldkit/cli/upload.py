@@ -14,19 +14,19 @@ from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOpti
 from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import MissionError, UsageError
-from fieldkit.present.style import format_length
+from fieldkit.figures.style import format_length
 from fieldkit.wording import count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from fieldkit.link.mavsdk_vehicle import MavsdkVehicle
+    from fieldkit.link.start import Standing
+    from fieldkit.link.upload_outcome import UploadReport
     from fieldkit.missions.files.read_mission import ReadMission
     from fieldkit.missions.findings import Finding
-    from fieldkit.missions.link.mavsdk_vehicle import MavsdkVehicle
-    from fieldkit.missions.link.start import Standing
-    from fieldkit.missions.link.upload_outcome import UploadReport
-    from fieldkit.missions.mission import Fence
-    from fieldkit.missions.plan_site.site import Site
+    from fieldkit.routing.mission import Fence
+    from fieldkit.sites.site import Site
 
 _WORD = "START"
 _MOST_NAMED = 3
@@ -57,7 +57,7 @@ class LinkOptions:
             if self.signed:
                 raise UsageError("--signed needs a key", remedy="Give --signing-key FILE.")
             return None
-        from fieldkit.missions.link.signing import read_key
+        from fieldkit.link.signing import read_key
 
         return read_key(self.signing_key)
 
@@ -120,11 +120,11 @@ def command(
         )
 
     from fieldkit.cli.progress import open_progress
+    from fieldkit.link.upload import autopilot_name, check_size, connected, upload_to
+    from fieldkit.link.upload_outcome import Patience
     from fieldkit.missions.check_upload import findings_by_dialect
-    from fieldkit.missions.link.upload import autopilot_name, check_size, connected, upload_to
-    from fieldkit.missions.link.upload_outcome import Patience
-    from fieldkit.missions.plan_site.site_file import load_site
-    from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+    from fieldkit.sites.site_file import load_site
+    from fieldkit.vehicles.vehicle_file import load_vehicle
 
     read, place = _with_items(mission).behind_home(), None if site is None else load_site(site, plots, plot_id)
     check_size(read.items)
@@ -206,7 +206,7 @@ def _tell_findings(findings: Sequence[Finding], mission: Path) -> None:
 
 
 def _fence(read: ReadMission, site: Site | None) -> Fence | None:
-    from fieldkit.missions.mission import Fence
+    from fieldkit.routing.mission import Fence
 
     if read.fence is not None:
         return read.fence
@@ -236,8 +236,8 @@ def _tell(report: UploadReport, read: ReadMission) -> None:
 
 
 def _start(vehicle: MavsdkVehicle, site: Site, within_m: float, items: int) -> Standing:
-    from fieldkit.missions.link.start import check_standing, start_mission
-    from fieldkit.missions.mission import Home
+    from fieldkit.link.start import check_standing, start_mission
+    from fieldkit.routing.mission import Home
 
     home = Home(site.home.latitude_deg, site.home.longitude_deg, site.home.amsl_m)
     standing = check_standing(vehicle, home, within_m=within_m)

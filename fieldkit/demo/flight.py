@@ -6,13 +6,13 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from fieldkit.captures.flight_logs import read_flight_log
-from fieldkit.captures.flight_logs.adherence import PlannedPose, adherence
 from fieldkit.errors import MetadataError
 from fieldkit.evaluation.adherence import adherence_entry, angle_noise_deg, position_noise_m
+from fieldkit.flightlogs import read_flight_log
+from fieldkit.flightlogs.adherence import PlannedPose, adherence
+from fieldkit.link.upload import upload_mission
+from fieldkit.link.upload_outcome import Patience, UploadReport
 from fieldkit.missions.files.reading import read_mission
-from fieldkit.missions.link.upload import upload_mission
-from fieldkit.missions.link.upload_outcome import Patience, UploadReport
 from fieldkit.standin.recording import read_recording, recordings_folder
 from fieldkit.standin.replay import Replay
 

@@ -28,20 +28,20 @@ from fieldkit.evaluation.reference import CLOUD_FILE, Reference
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.missions.export_mission import ExportedMission, export_mission
-from fieldkit.missions.plan_site.fitted import fitted_to_height
-from fieldkit.missions.plan_site.vehicle_file import missions_folder
 from fieldkit.planning.methods.circle import expected_circle
 from fieldkit.planning.run.outcome import Outcome
 from fieldkit.planning.run.plan_views import plan_views
 from fieldkit.planning.run.request import search_settings
 from fieldkit.planning.run.run_setup import set_up_run
-from fieldkit.present.report import REPORT_FILE, write_report
+from fieldkit.report.write_report import REPORT_FILE, write_report
 from fieldkit.results.demo import DEMO_FILE, DemoEntry, DemoReport
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, ReferenceReport
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan, plan_from_poses
 from fieldkit.runtime.parallel import map_parallel
 from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.sites.fitted import fitted_to_height
+from fieldkit.vehicles.vehicle_file import missions_folder
 
 VEHICLE = "ardupilot-pitch"
 CAMERAS = 10

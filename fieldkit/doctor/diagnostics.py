@@ -15,13 +15,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal
 
-from fieldkit import __version__
 from fieldkit.cache import StageCache, default_cache_root
 from fieldkit.errors import StorageError
 from fieldkit.files import check_writable
 from fieldkit.planning.methods.registry import CPU_BUILD
 from fieldkit.runtime.machine import this_machine
 from fieldkit.runtime.shipped import shipped_page
+from fieldkit.version import __version__
 
 Status = Literal["ok", "warn", "fail"]
 

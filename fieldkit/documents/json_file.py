@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -95,3 +96,14 @@ def schema_text(schema: dict[str, Any]) -> str:
     """A JSON Schema (2020-12) as text that ends in a newline."""
     document = {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+
+
+def json_number(value: object) -> float | None:
+    """A finite number of a JSON document, or None; also for true, false and integers beyond a double."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        result = float(value)
+    except OverflowError:
+        return None
+    return result if math.isfinite(result) and abs(result) < 1e12 else None

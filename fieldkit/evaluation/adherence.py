@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.captures import Capture, Finding, PosePrior, read_capture
-from fieldkit.captures.flight_logs import FlightLog, Matches, match, read_flight_log
-from fieldkit.captures.flight_logs.adherence import Adherence, PlannedPose, adherence
-from fieldkit.captures.geotag import frame_of, local_poses, stamp
 from fieldkit.captures.priors import ANGLE_ACCURACY_DEG
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.figures import clean_text
 from fieldkit.evaluation.pose_table import ACHIEVED, station_names
+from fieldkit.flightlogs import FlightLog, Matches, match, read_flight_log
+from fieldkit.flightlogs.adherence import Adherence, PlannedPose, adherence
+from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.reconstruction.known_poses import SourceFrame

@@ -14,9 +14,9 @@ from fieldkit.geometry.stations import associate
 from fieldkit.missions.autopilots.execution import Execution
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.reading import read_mission
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import PoseEntry
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,8 +80,8 @@ def compare_evaluations(
         report = Comparer(runs, labels, known, method, seed).report()
     if output is None:
         return Comparison(report, None)
-    from fieldkit.present.pictures.comparison import write_compare_picture
-    from fieldkit.present.spreadsheets.comparison import compare_csv
+    from fieldkit.figures.spreadsheets.comparison import compare_csv
+    from fieldkit.pictures.comparison import write_compare_picture
 
     with atomic_folder(output, overwrite=overwrite, marker=COMPARE_FILE) as folder:
         write_atomic(folder / TABLE_FILE, compare_csv(report))

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-import fieldkit
 from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.errors import FieldkitError
 from fieldkit.evaluation.cloud_reference import AnyReference
@@ -37,6 +36,7 @@ from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
 from fieldkit.results.plan import PlanMethod
 from fieldkit.results.report_files import file_sha256
+from fieldkit.version import __version__
 from fieldkit.wording import listed
 
 _LEAST_PLOTS = 3
@@ -104,7 +104,7 @@ class Comparer:
         self._note_untold(differences)
         present = {value.figure for value in values}
         return ComparisonReport(
-            fieldkit=fieldkit.__version__,
+            fieldkit=__version__,
             evaluations=tuple(self._evaluation(label) for label in self.labels),
             figures=tuple(figure for figure in self.figures if figure in present),
             values=tuple(values),

@@ -8,7 +8,6 @@ from typing import Any, cast
 
 import numpy as np
 
-import fieldkit
 from fieldkit.captures.model import Finding
 from fieldkit.clouds import Cloud, CloudScore
 from fieldkit.errors import FieldkitError
@@ -29,6 +28,7 @@ from fieldkit.results.evaluation import (
     ReferenceReport,
     distance_key,
 )
+from fieldkit.version import __version__
 
 
 def reference_report(
@@ -50,7 +50,7 @@ def reference_report(
     """
     scene = reconstruction.scene
     return ReferenceReport(
-        fieldkit=fieldkit.__version__,
+        fieldkit=__version__,
         source=clean_text(reconstruction.sparse.capture.folder.name),
         scene_points=None if scene is None else len(scene),
         settings=settings_entry(settings),
@@ -203,7 +203,7 @@ def evaluation_report(
     """
     frame = {} if reference_frame is None else {"reference_frame": reference_frame}
     return EvaluationReport(
-        fieldkit=fieldkit.__version__,
+        fieldkit=__version__,
         source=clean_text(source),
         reference_sha256=reference_sha256,
         refine=refine,

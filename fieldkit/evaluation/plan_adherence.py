@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.captures import Capture, read_capture
-from fieldkit.captures.flight_logs.adherence import PlannedPose
 from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.evaluation.adherence import Flight, planned_poses
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.figures import clean_text, source_frame
 from fieldkit.evaluation.pose_table import Poses, capture_poses, plan_poses, pose_adherence, reconstructed_poses
 from fieldkit.evaluation.recorded_angles import Matrix, read_angles
+from fieldkit.flightlogs.adherence import PlannedPose
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, PoseSource
@@ -145,8 +145,8 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
     """
     if plot.adherence is None:
         return plot
-    from fieldkit.present.pictures.adherence import write_adherence_picture
-    from fieldkit.present.spreadsheets.adherence import write_adherence_csv
+    from fieldkit.figures.spreadsheets.adherence import write_adherence_csv
+    from fieldkit.pictures.adherence import write_adherence_picture
 
     write_adherence_csv(folder / place / ADHERENCE_FILE, plot.adherence)
     write_adherence_picture(folder / place / ADHERENCE_PICTURE, plot.name, plot.adherence)

@@ -18,10 +18,10 @@ from fieldkit.evaluation.conversion import reference_report, settings_entry
 from fieldkit.evaluation.figures import clean_text, source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
+from fieldkit.figures.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.present.pictures.overview import write_overview
-from fieldkit.present.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
+from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.colmap_model import color_points
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction

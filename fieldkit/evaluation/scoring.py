@@ -18,9 +18,9 @@ from fieldkit.evaluation.conversion import plot_evaluation
 from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS, Rasters, coarse_place, write_rasters
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
-from fieldkit.present.pictures.evaluation import write_comparison
-from fieldkit.present.pictures.overview import write_overview
-from fieldkit.present.style import format_length
+from fieldkit.figures.style import format_length
+from fieldkit.pictures.evaluation import write_comparison
+from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings

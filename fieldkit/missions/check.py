@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from fieldkit.errors import MissionError
+from fieldkit.figures.style import format_seconds
 from fieldkit.missions.autopilots.dji.models import dji_model
 from fieldkit.missions.autopilots.execution import Execution, distance
 from fieldkit.missions.autopilots.interpret import interpret
@@ -18,13 +19,12 @@ from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.stop_actions import Stay
 from fieldkit.missions.findings import Finding, Report, error, warning
-from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home, Shot
-from fieldkit.missions.plan_site.placement import SiteFrame
-from fieldkit.missions.plan_site.reach import Unreachable
-from fieldkit.missions.plan_site.site import SiteHome
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.obstacles import Corners, Obstacles, Volume
-from fieldkit.present.style import format_seconds
+from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
+from fieldkit.routing.obstacles import Corners, Obstacles, Volume
+from fieldkit.sites.placement import SiteFrame
+from fieldkit.sites.reach import Unreachable
+from fieldkit.sites.site import SiteHome
+from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.wording import count
 
 _MOST_LEG_FINDINGS = 50

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from fieldkit.figures.style import format_length
 from fieldkit.geometry.geodesy import great_circle_m, look_swapped, on_earth
 from fieldkit.missions.autopilots.acceptance import dropped, refusal
 from fieldkit.missions.autopilots.flight import GOING, LANDINGS, TAKEOFFS
@@ -12,9 +13,8 @@ from fieldkit.missions.autopilots.jumps import course
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding, error, warning
 from fieldkit.missions.items import Command, MissionItem, plain_frame
-from fieldkit.missions.mission import GeoPoint, Home
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.present.style import format_length
+from fieldkit.routing.mission import GeoPoint, Home
+from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.wording import count
 
 FAR_M = 5000.0

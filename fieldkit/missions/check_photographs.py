@@ -12,10 +12,10 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.stations import PoseArray, associate
 from fieldkit.missions.autopilots.execution import Execution, Photograph, distance
 from fieldkit.missions.findings import Deviation, Finding, error, warning
-from fieldkit.missions.mission import GeoPoint, Home, Shot
-from fieldkit.missions.plan_site.reach import Unreachable
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.motion import turn_deg
+from fieldkit.routing.mission import GeoPoint, Home, Shot
+from fieldkit.routing.motion import turn_deg
+from fieldkit.sites.reach import Unreachable
+from fieldkit.vehicles.vehicle import Vehicle
 
 LEAST_SETTLE_S = 0.5
 """Below it a photograph counts as not settled at all; less than the profile's time is a warning."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding
-from fieldkit.missions.plan_site.placement import home_of
-from fieldkit.missions.plan_site.site import Site
-from fieldkit.missions.plan_site.site_obstacles import site_obstacles
-from fieldkit.missions.plan_site.vehicle import Mount, Vehicle
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
+from fieldkit.sites.placement import home_of
+from fieldkit.sites.site import Site
+from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.vehicles.vehicle import Mount, Vehicle
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 _PROFILES: dict[str, str] = {"ardupilot": "ardupilot-pitch", "px4": "px4-gimbal"}
 _OF_A_PROFILE = frozenset({"too-low"})

@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.geometry import Pose
-from fieldkit.missions.mission import Fence, GeoPoint, Mission, Shot, Via
-from fieldkit.missions.plan_site.fit import FitFinding, fit_site, require_fit
-from fieldkit.missions.plan_site.fitted import flown_plans
-from fieldkit.missions.plan_site.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
-from fieldkit.missions.plan_site.plot_plants import facts_of, plants_on
-from fieldkit.missions.plan_site.reach import Unreachable, adjusted, require_reachable
-from fieldkit.missions.plan_site.site import Site
-from fieldkit.missions.plan_site.site_obstacles import site_obstacles
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.flights import Flight, Stop, plan_flights
-from fieldkit.missions.routing.legs import Place
 from fieldkit.results.plan import Plan, Plans
+from fieldkit.routing.flights import Flight, Stop, plan_flights
+from fieldkit.routing.legs import Place
+from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via
+from fieldkit.sites.fit import FitFinding, fit_site, require_fit
+from fieldkit.sites.fitted import flown_plans
+from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
+from fieldkit.sites.plot_plants import facts_of, plants_on
+from fieldkit.sites.reach import Unreachable, adjusted, require_reachable
+from fieldkit.sites.site import Site
+from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.vehicles.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -108,7 +108,7 @@ def route_plan(
         seed: of the search for the order of many plots.
 
     Raises:
-        MissionError: the plan does not fit a plot (see `fieldkit.missions.plan_site.fit`), a pose is out of reach, a
+        MissionError: the plan does not fit a plot (see `fieldkit.sites.fit`), a pose is out of reach, a
             station stands in an obstacle, there is no safe way, or a plot takes more than a battery; stations and plots
             are named.
         MetadataError: the height of a plot cannot be connected with home's.

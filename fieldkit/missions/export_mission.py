@@ -13,25 +13,25 @@ import numpy as np
 
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.errors import UsageError
+from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.files import write_atomic
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.export import Routed, route_plan
 from fieldkit.missions.export_record import mission_record
 from fieldkit.missions.files.reading import READERS, read_mission_bytes
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
-from fieldkit.missions.plan_site.placement import SiteFrame
-from fieldkit.missions.plan_site.site import Site
-from fieldkit.missions.plan_site.site_file import Tell, load_plots, load_site, with_plots
-from fieldkit.missions.plan_site.site_obstacles import site_obstacles
-from fieldkit.missions.plan_site.swapped import check_order
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
-from fieldkit.present.style import format_length, format_seconds
 from fieldkit.regular_files import check_replaceable, read_regular
 from fieldkit.results.mission import FlownPlan
 from fieldkit.results.mission_file import record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
+from fieldkit.sites.placement import SiteFrame
+from fieldkit.sites.site import Site
+from fieldkit.sites.site_file import Tell, load_plots, load_site, with_plots
+from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.sites.swapped import check_order
+from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count
 
 _BEYOND = 1.002
@@ -264,8 +264,8 @@ def write_mission(contents: Mapping[Path, bytes], *, overwrite: bool) -> None:
 
 def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     """PNG of all flights over a site: all of it, and the first plot more closely."""
-    from fieldkit.present.pictures.curves import png
-    from fieldkit.present.pictures.mission import draw_mission  # these bring Matplotlib along
+    from fieldkit.pictures.curves import png
+    from fieldkit.pictures.mission import draw_mission  # these bring Matplotlib along
 
     frame = SiteFrame(site.home)
     outlines = [np.array(frame.outline(corners)) for corners in site.fence]

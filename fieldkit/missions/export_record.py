@@ -9,13 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit import __version__
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.export import Routed, RoutedFlight
-from fieldkit.missions.mission import Fence, GeoPoint, Shot, Via
-from fieldkit.missions.plan_site.placement import PlotFrame, SiteFrame
-from fieldkit.missions.plan_site.site import Site, SiteHome
-from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.results.evaluation import FileEntry, OriginEntry
 from fieldkit.results.mission import (
     FlownPlan,
@@ -28,6 +23,11 @@ from fieldkit.results.mission import (
     MissionVehicle,
     MissionVia,
 )
+from fieldkit.routing.mission import Fence, GeoPoint, Shot, Via
+from fieldkit.sites.placement import PlotFrame, SiteFrame
+from fieldkit.sites.site import Site, SiteHome
+from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.version import __version__
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from fieldkit.missions.autopilots.execution import Photograph
-from fieldkit.missions.mission import Shot
+from fieldkit.routing.mission import Shot
 
 Severity = Literal["error", "warning"]
 

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fieldkit import __version__
 from fieldkit.documents.json_file import read_model
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.results.plan import Plan, PlanCamera, Station
+from fieldkit.version import __version__
 
 PLAN_FILE = "plan.json"
 _MAX_BYTES = 16 << 20

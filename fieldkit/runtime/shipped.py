@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import fieldkit
-
 _INSTALLED = "shipped"
 
 
@@ -28,6 +26,6 @@ def shipped_page(name: str) -> Path:
 
 
 def _shipped(name: str) -> Path:
-    package = Path(fieldkit.__file__).parent
+    package = Path(__file__).parents[1]
     installed = package / _INSTALLED / name
     return installed if installed.exists() else package.parent / name

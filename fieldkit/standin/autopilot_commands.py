@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fieldkit.mavlink.dialect import mavlink
-from fieldkit.mavlink.frames import Message
+from fieldkit.flightlogs.dialect import mavlink
+from fieldkit.flightlogs.mavlink_frames import Message
 from fieldkit.missions.autopilots.ardupilot.modes import AUTO, GUIDED, LAND, LOITER, RTL, STABILIZE
 from fieldkit.standin.autopilot_state import Autopilot, Step, sender
 

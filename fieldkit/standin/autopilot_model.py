@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fieldkit.mavlink.dialect import mavlink
-from fieldkit.mavlink.frames import Message
-from fieldkit.missions.link.item_rules import Kind, WireItem
+from fieldkit.flightlogs.dialect import mavlink
+from fieldkit.flightlogs.mavlink_frames import Message
+from fieldkit.link.item_rules import Kind, WireItem
 from fieldkit.standin import autopilot_commands
 from fieldkit.standin.autopilot_commands import text_message
 from fieldkit.standin.autopilot_state import Autopilot, Step, sender

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fieldkit.errors import MetadataError
-from fieldkit.mavlink.dialect import mavlink
-from fieldkit.mavlink.frames import Message
-from fieldkit.mavlink.tlog import read_frames
+from fieldkit.flightlogs.dialect import mavlink
+from fieldkit.flightlogs.mavlink_frames import Message
+from fieldkit.flightlogs.tlog_frames import read_frames
 from fieldkit.runtime.shipped import shipped_folder
 
 _ANSWERS = frozenset({

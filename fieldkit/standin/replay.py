@@ -14,15 +14,15 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 
 from fieldkit.errors import LinkError, UsageError
-from fieldkit.mavlink.dialect import mavlink
-from fieldkit.mavlink.frames import MAGIC_2, Message, Splitter, checksum, decode
+from fieldkit.flightlogs.dialect import mavlink
+from fieldkit.flightlogs.mavlink_frames import MAGIC_2, Message, Splitter, checksum, decode
+from fieldkit.link.compare import home_item, to_wire
+from fieldkit.link.filter_flags import uses_gps
+from fieldkit.link.item_rules import Kind, stored
+from fieldkit.link.signing import Signer
+from fieldkit.link.wires import parse_address
 from fieldkit.missions.autopilots.ardupilot.accepting import Result, in_centimetres
 from fieldkit.missions.items import MissionItem, command_name
-from fieldkit.missions.link.compare import home_item, to_wire
-from fieldkit.missions.link.filter_flags import uses_gps
-from fieldkit.missions.link.item_rules import Kind, stored
-from fieldkit.missions.link.signing import Signer
-from fieldkit.missions.link.wires import parse_address
 from fieldkit.standin import autopilot_model
 from fieldkit.standin.autopilot_state import Autopilot
 from fieldkit.standin.faults import Channel, Faults

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fieldkit.mavlink.dialect import mavlink
+from fieldkit.flightlogs.dialect import mavlink
 from fieldkit.standin.recording import Recording, Telemetry
 
 _KEPT_ALIVE = (

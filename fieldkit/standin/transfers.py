@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from fieldkit.missions.autopilots.ardupilot.accepting import Result
-from fieldkit.missions.link.item_rules import (
+from fieldkit.link.item_rules import (
     MAX_ITEMS,
     Kind,
     WireItem,
@@ -20,6 +19,7 @@ from fieldkit.missions.link.item_rules import (
     stored_fence_item,
     stored_rally_item,
 )
+from fieldkit.missions.autopilots.ardupilot.accepting import Result
 
 ASK_AGAIN_S = 1.0
 GIVE_UP_S = 8.0

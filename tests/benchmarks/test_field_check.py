@@ -15,10 +15,10 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import read_capture
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.scenes.metadata import Geotag, exif_block, xmp_packet
 from fieldkit.scenes.simulate import poses_table
+from fieldkit.sites.site import Site, SiteHome, SitePlot
 
 ORIGIN = LocalFrame(52.296, 10.437, 81.0, "ellipsoid")
 CAMERA = Intrinsics.pinhole(160, 120, 140.0)

@@ -10,8 +10,8 @@ import pytest
 from benchmarks.mission_routes import route_field, tours
 from benchmarks.missions import MissionOptions, recordings, run_missions
 from fieldkit.errors import UsageError
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.runtime.progress import Silent
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 OPTIONS = MissionOptions(None, missions=4, uploads=1, plots=3, files=120)
 

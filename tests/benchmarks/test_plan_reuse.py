@@ -22,8 +22,6 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.missions.plan_site.placement import PlotFrame
-from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.rule import Rule
 from fieldkit.planning.objective.simulated import Proxy
@@ -34,6 +32,8 @@ from fieldkit.scenes.maize import MaizeDescription
 from fieldkit.scenes.plot import PlotDescription
 from fieldkit.scenes.scene import EffectsDescription, Mesh, Scene, grid_faces
 from fieldkit.scenes.soil import SoilDescription
+from fieldkit.sites.placement import PlotFrame
+from fieldkit.sites.site import Site, SiteHome, SitePlot
 
 SLOPE = (0.06, -0.08)  # 10 %
 

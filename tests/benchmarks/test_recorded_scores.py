@@ -17,8 +17,8 @@ from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, chamfer_distance
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Similarity
+from fieldkit.pictures.curves import png
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
-from fieldkit.present.pictures.curves import png
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings

@@ -17,12 +17,12 @@ from fieldkit.cli.main import main
 from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.missions.files.reading import read_mission
-from fieldkit.missions.plan_site.fit import fit_plot
-from fieldkit.missions.plan_site.plot_plants import PlanFacts
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
 from fieldkit.planning.methods.geometric import Effort
 from fieldkit.results.plan import Plan, PlanEnvelope
 from fieldkit.runtime.progress import Silent
+from fieldkit.sites.fit import fit_plot
+from fieldkit.sites.plot_plants import PlanFacts
+from fieldkit.vehicles.vehicle_file import load_vehicle
 from tests.campaign.examples import PLAN, campaign_folder, field
 from tests.evaluation.test_compare import evaluation_folder
 from tests.scenes.conftest import make_row

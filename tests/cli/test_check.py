@@ -13,11 +13,11 @@ from rich.console import Console
 
 from fieldkit.cli.check import check_blocks
 from fieldkit.cli.main import main
-from fieldkit.evaluation.field_check.model import CheckReport, StationCheck
+from fieldkit.fieldcheck.model import CheckReport, StationCheck
+from fieldkit.figures.terminal.blocks import rendered
 from fieldkit.geometry import Pose
-from fieldkit.missions.plan_site.site_file import load_site
-from fieldkit.present.terminal.blocks import rendered
 from fieldkit.results.plan_file import plan_from_poses, save_plan
+from fieldkit.sites.site_file import load_site
 from tests.campaign.examples import field, plots_geojson
 
 

@@ -18,8 +18,8 @@ import pytest
 from fieldkit.cli.candidates import Candidates, candidates
 from fieldkit.cli.completion import Shell, script_of
 from fieldkit.cli.main import COMMANDS, main, typer_command
-from fieldkit.missions.plan_site.vehicle_file import vehicle_names
 from fieldkit.scenes.library import scene_names
+from fieldkit.vehicles.vehicle_file import vehicle_names
 
 
 def offered(line: str) -> Candidates:

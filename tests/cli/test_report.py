@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from fieldkit.cli.main import main
-from tests.present.page_checks import checked
-from tests.present.sections.examples import write_evaluation, write_reference
+from tests.report.page_checks import checked
+from tests.report.sections.examples import write_evaluation, write_reference
 
 
 @pytest.fixture

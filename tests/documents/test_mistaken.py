@@ -8,8 +8,8 @@ import pytest
 
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import MetadataError
-from fieldkit.missions.plan_site.vehicle_file import vehicles_folder
 from fieldkit.scenes.library import scenes_folder
+from fieldkit.vehicles.vehicle_file import vehicles_folder
 
 KINDS = ("plan", "reference", "evaluation", "campaign", "site file", "scene file", "vehicle profile", "mission")
 

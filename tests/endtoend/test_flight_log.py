@@ -14,13 +14,13 @@ import pytest
 from PIL import Image
 
 from fieldkit.captures import read_capture
-from fieldkit.captures.flight_logs import read_flight_log
 from fieldkit.captures.poses_csv import parse_poses_csv
 from fieldkit.evaluation.adherence import flown_noise
 from fieldkit.evaluation.reference import Reference
+from fieldkit.flightlogs import read_flight_log
+from fieldkit.flightlogs.dialect import mavlink
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.mavlink.dialect import mavlink
 from fieldkit.results.plan_file import save_plan
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.scenes.description import build
@@ -28,10 +28,10 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
 from fieldkit.scenes.simulation import dense_about
-from tests.captures.flight_logs.recordings import description, recording
 from tests.endtoend.commands import DRAFT, CommandLine
 from tests.endtoend.test_simulated_plot import run, write_scene
 from tests.evaluation.test_adherence import plan_of_the_flight
+from tests.flightlogs.recordings import description, recording
 
 HOME = Site().origin
 """Where `fieldkit simulate` puts its plots."""

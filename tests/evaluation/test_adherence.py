@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.captures.flight_logs import read_flight_log
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.adherence import Flight, flown_noise, planned_poses
 from fieldkit.evaluation.conversion import failed_plot
 from fieldkit.evaluation.evaluate import evaluate_captures
 from fieldkit.evaluation.plan_adherence import FlownPlan
+from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
@@ -21,9 +21,9 @@ from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
 from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, StationErrorEntry
 from fieldkit.results.plan import Plan, Station
 from tests.captures.conftest import photo_file
-from tests.captures.flight_logs.recordings import description, recording
 from tests.captures.photographs import MakePhoto
 from tests.captures.test_geotag import make
+from tests.flightlogs.recordings import description, recording
 
 __all__ = ["photo_file"]
 

@@ -9,19 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.captures.flight_logs import Gimbal, Place, Trigger
-from fieldkit.captures.flight_logs.adherence import Adherence, PlannedPose, adherence
-from fieldkit.evaluation.field_check.placement import place_tags
 from fieldkit.evaluation.pose_table import pose_adherence
+from fieldkit.fieldcheck.placement import place_tags
+from fieldkit.flightlogs import Gimbal, Place, Trigger
+from fieldkit.flightlogs.adherence import Adherence, PlannedPose, adherence
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.stations import MOST_OFFSET_M, PoseArray, associate
 from fieldkit.missions.autopilots.execution import Photograph
 from fieldkit.missions.check_photographs import deviations
-from fieldkit.missions.mission import GeoPoint, Home, Shot
-from fieldkit.missions.plan_site.site import Site, SiteHome, SitePlot
 from fieldkit.results.evaluation import PoseEntry
 from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.routing.mission import GeoPoint, Home, Shot
+from fieldkit.sites.site import Site, SiteHome, SitePlot
 from tests.evaluation.test_field_check import capture_of
 
 FRAME = LocalFrame(52.3, 10.4, 81.0, "ellipsoid")

@@ -11,28 +11,28 @@ import numpy as np
 import pytest
 
 from fieldkit.captures import read_capture
-from fieldkit.captures.flight_logs import read_flight_log
 from fieldkit.evaluation.adherence import Flight, flown_noise
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.pose_table import capture_poses, spread
+from fieldkit.figures.spreadsheets.adherence import adherence_csv
+from fieldkit.figures.tables.adherence import adherence_by_plot, difference_table, gaps
+from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
 from fieldkit.missions.files.waypoints import waypoints_bytes
-from fieldkit.present.pictures.adherence import draw_adherence
-from fieldkit.present.spreadsheets.adherence import adherence_csv
-from fieldkit.present.tables.adherence import adherence_by_plot, difference_table, gaps
+from fieldkit.pictures.adherence import draw_adherence
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, PlotEvaluation, PoseDifferenceEntry
 from fieldkit.results.plan import Plan, Station
 from tests.captures.conftest import photo_file
-from tests.captures.flight_logs.recordings import recording
 from tests.captures.photographs import MakePhoto
 from tests.captures.test_geotag import make
 from tests.evaluation.adherence_examples import disturbed, plot_report
 from tests.evaluation.test_adherence import flown as report_of
 from tests.evaluation.test_adherence import plan_of_the_flight
+from tests.flightlogs.recordings import recording
 from tests.missions.vehicles import HOME, recorded_items
 
 __all__ = ["photo_file"]

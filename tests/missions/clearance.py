@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from fieldkit.missions.routing.obstacles import TOLERANCE_M, Obstacles, Volume
+from fieldkit.routing.obstacles import TOLERANCE_M, Obstacles, Volume
 
 Array = NDArray[np.float64]
 SPACING_M = 0.05

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from fieldkit.missions.mission import Fence, GeoPoint, Home, Mission, Shot, Via
+from fieldkit.routing.mission import Fence, GeoPoint, Home, Mission, Shot, Via
 
 
 @st.composite

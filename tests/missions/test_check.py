@@ -22,14 +22,14 @@ from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.findings import Report, error, grouped
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home, Mission, Shot
-from fieldkit.missions.plan_site.placement import home_of, place
-from fieldkit.missions.plan_site.site_file import load_site
-from fieldkit.missions.plan_site.vehicle import Battery, Mount
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle, missions_folder
-from fieldkit.missions.routing.obstacles import Obstacles, Volume
 from fieldkit.results.plan_file import plan_from_poses, save_plan
+from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Mission, Shot
+from fieldkit.routing.obstacles import Obstacles, Volume
 from fieldkit.scenes.rigs import ring
+from fieldkit.sites.placement import home_of, place
+from fieldkit.sites.site_file import load_site
+from fieldkit.vehicles.vehicle import Battery, Mount
+from fieldkit.vehicles.vehicle_file import load_vehicle, missions_folder
 from tests.missions.vehicles import HOME, recorded_items, recorded_mission, small_mission, vehicle
 
 DATA = os.environ.get("FIELDKIT_DATA")

@@ -9,8 +9,8 @@ from fieldkit.missions.autopilots import render
 from fieldkit.missions.check_upload import findings_by_dialect
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding
-from fieldkit.missions.plan_site.site import Obstacle, Site, SiteHome, SitePlot
-from fieldkit.missions.plan_site.vehicle import Battery
+from fieldkit.sites.site import Obstacle, Site, SiteHome, SitePlot
+from fieldkit.vehicles.vehicle import Battery
 from tests.missions.vehicles import HOME, small_mission, vehicle
 
 

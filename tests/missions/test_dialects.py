@@ -10,8 +10,8 @@ import pytest
 from fieldkit.errors import MissionError
 from fieldkit.missions.autopilots import render
 from fieldkit.missions.items import Command, same_item
-from fieldkit.missions.mission import GeoPoint, Shot
-from fieldkit.missions.plan_site.vehicle import Mount, Speeds, Trigger
+from fieldkit.routing.mission import GeoPoint, Shot
+from fieldkit.vehicles.vehicle import Mount, Speeds, Trigger
 from tests.missions.vehicles import recorded_items, recorded_mission, small_mission, vehicle
 
 

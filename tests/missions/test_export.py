@@ -16,16 +16,16 @@ from fieldkit.missions.check import check_mission
 from fieldkit.missions.export import route_plan
 from fieldkit.missions.export_mission import export_mission, mission_format, route_for_files
 from fieldkit.missions.files.reading import read_mission
-from fieldkit.missions.mission import Shot
-from fieldkit.missions.plan_site.placement import SiteFrame, home_of, place
-from fieldkit.missions.plan_site.site import NoFly, Site
-from fieldkit.missions.plan_site.site_file import load_site
-from fieldkit.missions.plan_site.site_obstacles import site_obstacles
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle
-from fieldkit.present.pictures.mission import draw_mission
+from fieldkit.pictures.mission import draw_mission
 from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan import Plan, PlanPlants, Station
+from fieldkit.routing.mission import Shot
 from fieldkit.scenes.rigs import ring
+from fieldkit.sites.placement import SiteFrame, home_of, place
+from fieldkit.sites.site import NoFly, Site
+from fieldkit.sites.site_file import load_site
+from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.vehicles.vehicle_file import load_vehicle
 
 SITES = Path(__file__).parents[2] / "missions" / "sites"
 VEHICLE = load_vehicle("ardupilot-pitch")
@@ -219,7 +219,7 @@ def test_one_number_for_a_station_wherever_it_is_shown(tmp_path: Path, monkeypat
         drawn.update(options)
         return draw_mission(*given, **options)
 
-    monkeypatch.setattr("fieldkit.present.pictures.mission.draw_mission", kept)
+    monkeypatch.setattr("fieldkit.pictures.mission.draw_mission", kept)
     done = export_mission(planned(6), VEHICLE, site(), tmp_path / "m.plan")
     shots = done.routed.flights[0].mission.shots
     order = [shot.station + 1 for shot in shots]

@@ -19,7 +19,7 @@ from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.writing import FORMATS, mission_bytes
 from fieldkit.missions.items import Command, same_item
-from fieldkit.missions.mission import Circle, Fence, GeoPoint, Mission
+from fieldkit.routing.mission import Circle, Fence, GeoPoint, Mission
 from tests.missions.random_missions import missions
 from tests.missions.vehicles import HOME, small_mission, vehicle
 

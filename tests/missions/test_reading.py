@@ -13,10 +13,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from fieldkit.documents.json_file import json_number
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.archive import zip_bytes
-from fieldkit.missions.files.limits import MAX_BYTES, json_number, number
+from fieldkit.missions.files.limits import MAX_BYTES, number
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.writing import mission_bytes
 from tests.missions.vehicles import small_mission, vehicle

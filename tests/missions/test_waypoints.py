@@ -16,7 +16,7 @@ from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.waypoints import read_waypoints
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.items import Command
-from fieldkit.missions.mission import Mission, Shot
+from fieldkit.routing.mission import Mission, Shot
 from tests.missions.random_missions import missions
 from tests.missions.vehicles import HOME, small_mission, vehicle
 

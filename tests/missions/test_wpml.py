@@ -17,7 +17,7 @@ from fieldkit.missions.autopilots.dji.wpml import TEMPLATE, WAYLINES
 from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.writing import mission_bytes
-from fieldkit.missions.mission import Shot
+from fieldkit.routing.mission import Shot
 from tests.missions.vehicles import small_mission, vehicle
 
 DJI = vehicle("dji")

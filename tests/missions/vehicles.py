@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit.missions.items import MissionItem
-from fieldkit.missions.mission import GeoPoint, Home, Mission, Shot, Via
-from fieldkit.missions.plan_site.vehicle import Battery, Dialect, Mount, Speeds, Trigger, Vehicle
 from fieldkit.results.plan import PlanCamera
+from fieldkit.routing.mission import GeoPoint, Home, Mission, Shot, Via
+from fieldkit.vehicles.vehicle import Battery, Dialect, Mount, Speeds, Trigger, Vehicle
 
 SITL = Path(__file__).parents[2] / "sim" / "sitl"
 

@@ -12,13 +12,13 @@ import pytest
 from fieldkit.errors import MetadataError
 from fieldkit.missions.export_mission import ExportedMission, export_mission
 from fieldkit.missions.export_record import geo_points, plot_frame, site_frame
-from fieldkit.missions.plan_site.placement import PlotFrame, SiteFrame
-from fieldkit.missions.plan_site.site_file import load_site
 from fieldkit.results.mission import FlownPlan, MissionRecord
 from fieldkit.results.mission_file import load_mission, record_bytes, record_path, records_in
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan, save_plan
 from fieldkit.results.report_files import file_sha256
+from fieldkit.sites.placement import PlotFrame, SiteFrame
+from fieldkit.sites.site_file import load_site
 from tests.missions.test_export import SITES, VEHICLE, planned
 
 PLOTS = SITES / "plots.geojson"

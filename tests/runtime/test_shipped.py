@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import fieldkit
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle, vehicles_folder
 from fieldkit.runtime.shipped import shipped_folder, shipped_page
+from fieldkit.vehicles.vehicle_file import load_vehicle, vehicles_folder
 
 ROOT = Path(__file__).parents[2]
 

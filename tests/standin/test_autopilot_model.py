@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from fieldkit.mavlink.dialect import mavlink
-from fieldkit.mavlink.tlog import read_messages
+from fieldkit.flightlogs.dialect import mavlink
+from fieldkit.flightlogs.tlog_frames import read_messages
 from fieldkit.missions.autopilots.ardupilot.accepting import in_centimetres
 from fieldkit.missions.autopilots.ardupilot.modes import AUTO
 from fieldkit.standin import autopilot_model

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from fieldkit.errors import LinkError, UsageError
+from fieldkit.link.compare import home_item, to_wire
 from fieldkit.missions.items import MissionItem
-from fieldkit.missions.link.compare import home_item, to_wire
 from fieldkit.standin.faults import Faults
 from fieldkit.standin.recording import Recording, read_recording
 from fieldkit.standin.replay import Replay

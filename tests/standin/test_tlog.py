@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fieldkit.errors import MetadataError
-from fieldkit.mavlink.dialect import mavlink
-from fieldkit.mavlink.frames import Splitter, decode, frame_length, intact
-from fieldkit.mavlink.tlog import LogReader, read_frames, read_messages
+from fieldkit.flightlogs.dialect import mavlink
+from fieldkit.flightlogs.mavlink_frames import Splitter, decode, frame_length, intact
+from fieldkit.flightlogs.tlog_frames import LogReader, read_frames, read_messages
 from fieldkit.standin.recording import read_recording
 
 

@@ -9,8 +9,8 @@ from fieldkit.missions.autopilots.ardupilot import writing as ardupilot
 from fieldkit.missions.autopilots.item_checks import check_items
 from fieldkit.missions.autopilots.px4 import writing as px4
 from fieldkit.missions.items import MissionItem
-from fieldkit.missions.mission import Mission
-from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.routing.mission import Mission
+from fieldkit.vehicles.vehicle import Vehicle
 
 Renderer = Callable[[Mission, Vehicle], tuple[MissionItem, ...]]
 

@@ -9,9 +9,9 @@ from functools import lru_cache
 from itertools import pairwise
 
 from fieldkit.geometry.geodesy import LocalFrame, on_earth
-from fieldkit.missions.mission import GeoPoint
-from fieldkit.missions.plan_site.vehicle import Speeds
-from fieldkit.missions.routing.motion import turn_deg
+from fieldkit.routing.mission import GeoPoint
+from fieldkit.routing.motion import turn_deg
+from fieldkit.vehicles.vehicle import Speeds
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ from fieldkit.missions.autopilots.execution import (
     offset,
 )  # fmt: skip
 from fieldkit.missions.items import Command, MissionItem, plain_frame
-from fieldkit.missions.mission import GeoPoint, Home
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.flight_time import landing_s, takeoff_s
-from fieldkit.missions.routing.motion import TURN_LAG_S, Even, Leg, Way, corner, leg, turn_cosine
+from fieldkit.routing.flight_time import landing_s, takeoff_s
+from fieldkit.routing.mission import GeoPoint, Home
+from fieldkit.routing.motion import TURN_LAG_S, Even, Leg, Way, corner, leg, turn_cosine
+from fieldkit.vehicles.vehicle import Vehicle
 
 RETURN_M = 15.0
 """ArduPilot's RTL_ALT as it comes: RTL climbs there first (measured)."""

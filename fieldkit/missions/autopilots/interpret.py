@@ -19,9 +19,9 @@ from fieldkit.missions.autopilots.flight import GOING, TAKEOFFS, Flight, Nav, dw
 from fieldkit.missions.autopilots.jumps import Numbered, course
 from fieldkit.missions.files.read_mission import ReadMission, ReadStop
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.flight_time import landing_s, takeoff_s
-from fieldkit.missions.routing.motion import TURN_LAG_S
+from fieldkit.routing.flight_time import landing_s, takeoff_s
+from fieldkit.routing.motion import TURN_LAG_S
+from fieldkit.vehicles.vehicle import Vehicle
 
 # Commands up to here are NAV ones (MAVLink common.xml); so are ArduPilot's yaw-and-speed, script and attitude items.
 _LAST_NAV = 95

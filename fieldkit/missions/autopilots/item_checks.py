@@ -124,7 +124,7 @@ def _pitchyaw(item: MissionItem) -> str | None:
 
 
 def _gimbal(**angles: float) -> str | None:
-    """Of any gimbal; the vehicle's own limits are its mount's (`fieldkit.missions.plan_site.vehicle.Mount`)."""
+    """Of any gimbal; the vehicle's own limits are its mount's (`fieldkit.vehicles.vehicle.Mount`)."""
     if all(_GIMBAL_DEG[name][0] <= angle <= _GIMBAL_DEG[name][1] for name, angle in angles.items()):
         return None
     return f"a gimbal cannot turn to {', '.join(f'{name} {angle:g}°' for name, angle in angles.items())}"

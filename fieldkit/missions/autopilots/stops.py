@@ -7,9 +7,9 @@ import math
 from fieldkit.errors import MissionError
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.missions.items import Command, Frame, MissionItem
-from fieldkit.missions.mission import GeoPoint, Mission, Shot
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.motion import leg, turn_seconds
+from fieldkit.routing.mission import GeoPoint, Mission, Shot
+from fieldkit.routing.motion import leg, turn_seconds
+from fieldkit.vehicles.vehicle import Vehicle
 
 LEAST_EXPOSURE_S = 0.5
 """Stood still after the shutter command at least: a delay of 0 is none, and command and shutter take their time."""
@@ -18,7 +18,7 @@ LEAST_EXPOSURE_S = 0.5
 def check_shot(shot: Shot, vehicle: Vehicle) -> None:
     """Refuse a photograph to whose heading and pitch the vehicle cannot turn.
 
-    A mission does not say how high the ground below a photograph is: `fieldkit.missions.plan_site.reach` checks the
+    A mission does not say how high the ground below a photograph is: `fieldkit.sites.reach` checks the
     height above it, before there is a mission.
 
     Raises:

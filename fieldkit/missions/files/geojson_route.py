@@ -10,8 +10,8 @@ import json
 from itertools import pairwise
 from typing import Any
 
-from fieldkit.missions.mission import GeoPoint, Mission, Shot
 from fieldkit.results.plan import station_number
+from fieldkit.routing.mission import GeoPoint, Mission, Shot
 
 
 def geojson_bytes(mission: Mission) -> bytes:

@@ -8,7 +8,7 @@ from itertools import pairwise
 from fieldkit.documents.xml_tree import escaped
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.missions.mission import GeoPoint, Mission, Shot
+from fieldkit.routing.mission import GeoPoint, Mission, Shot
 
 _VIEW_M = 1.0
 """Length of the line that shows where a photograph looks."""

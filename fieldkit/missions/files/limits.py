@@ -54,14 +54,3 @@ def number(text: str) -> float | None:
         return None
     value = float(text)
     return value if math.isfinite(value) and abs(value) < 1e12 else None
-
-
-def json_number(value: object) -> float | None:
-    """A finite number of a JSON document, or None; also for true, false and integers beyond a double."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    try:
-        result = float(value)
-    except OverflowError:
-        return None
-    return result if math.isfinite(result) and abs(result) < 1e12 else None

@@ -18,8 +18,8 @@ from fieldkit.missions.files.limits import LONGEST_STAY_S, MAX_ITEMS, MOST_WAYPO
 from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark, in_passing
 from fieldkit.missions.files.route import RoutePoint, route_points
 from fieldkit.missions.files.stop_actions import Action, Face, Facing, Series, Shoot, Stay, Tilt
-from fieldkit.missions.mission import GeoPoint, Mission
-from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.routing.mission import GeoPoint, Mission
+from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.wording import count
 
 _ACTIONS = 15

@@ -14,13 +14,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fieldkit.documents.json_file import read_json_object
+from fieldkit.documents.json_file import json_number, read_json_object
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
-from fieldkit.missions.files.limits import MAX_BYTES, MAX_ITEMS, MAX_POINTS, json_number
+from fieldkit.missions.files.limits import MAX_BYTES, MAX_ITEMS, MAX_POINTS
 from fieldkit.missions.files.read_mission import ReadMission, Remark
 from fieldkit.missions.items import Command, MissionItem, Params, plain_frame
-from fieldkit.missions.mission import Circle, Fence, GeoPoint, Home
+from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home
 
 _FIRMWARE = {"ardupilot": 3, "px4": 12}
 _DIALECT = {number: name for name, number in _FIRMWARE.items()}

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from fieldkit.missions.files.stop_actions import FREE, Action, Facing, Series
 from fieldkit.missions.items import Command, Frame, MissionItem, with_jump_moved
-from fieldkit.missions.mission import Fence, GeoPoint, Home
+from fieldkit.routing.mission import Fence, GeoPoint, Home
 
 
 @dataclass(frozen=True)

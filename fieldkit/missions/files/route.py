@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from fieldkit.errors import MissionError
 from fieldkit.missions.autopilots.stops import check_shot
-from fieldkit.missions.mission import GeoPoint, Mission, Shot
-from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.routing.mission import GeoPoint, Mission, Shot
+from fieldkit.vehicles.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from fieldkit.missions.mission import GeoPoint
+from fieldkit.routing.mission import GeoPoint
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from fieldkit.geometry.geodesy import on_earth
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_text
 from fieldkit.missions.files.read_mission import ReadMission, Remark
 from fieldkit.missions.items import Command, Frame, MissionItem
-from fieldkit.missions.mission import Home
+from fieldkit.routing.mission import Home
 from fieldkit.wording import count
 
 HEADER = "QGC WPL 110"

@@ -12,8 +12,8 @@ from fieldkit.missions.files.kml import kml_bytes
 from fieldkit.missions.files.litchi import litchi_bytes
 from fieldkit.missions.files.qgc_plan import plan_bytes
 from fieldkit.missions.files.waypoints import waypoints_bytes
-from fieldkit.missions.mission import Mission
-from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.routing.mission import Mission
+from fieldkit.vehicles.vehicle import Vehicle
 
 
 def _plan(mission: Mission, vehicle: Vehicle) -> bytes:

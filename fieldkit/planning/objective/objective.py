@@ -10,7 +10,6 @@ from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import DISTANCES_M, nearest_distances, score_distances
 from fieldkit.errors import ReconstructionError, UsageError
-from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.planning.objective.fidelity import FIDELITIES, FidelityName
 from fieldkit.planning.objective.rule import Rule, value_m
@@ -22,6 +21,7 @@ from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.runtime.progress import Silent
+from fieldkit.sites.stretch import Stretch
 
 MappingName = Literal["prior", "incremental", "global"]
 _LEAST_CAMERAS = 2

@@ -14,11 +14,11 @@ from typing import Any
 
 from fieldkit.files import write_atomic
 from fieldkit.locks import lock
-from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
+from fieldkit.sites.stretch import Stretch
 
 _OPEN = 2
 """Number of plots that a process keeps ready to render; another renderer takes a second to start."""

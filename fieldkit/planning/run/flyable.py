@@ -1,7 +1,7 @@
 """A vehicle's limits as a flight envelope, so that a plan can be flown unchanged.
 
 A pose is limited by the mount's pitch, the least height, and the clearance to plants (`reach` and `plants` of
-`fieldkit.missions.plan_site`); roll cannot be chosen.
+`fieldkit.sites`); roll cannot be chosen.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from fieldkit.errors import UsageError
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.plan_site.vehicle_file import find_vehicle, load_vehicle, vehicles_folder
 from fieldkit.planning.settings import EnvelopeSettings, SearchSettings, SearchVehicle
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.results.report_files import file_sha256
 from fieldkit.runtime.progress import Progress
+from fieldkit.vehicles.vehicle import Vehicle
+from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicles_folder
 
 _LEAST_BAND_M = 1.0
 _RTK_M, _ONE_FLIGHT_M, _TURNED_DEG = 0.02, 0.1, 1.0

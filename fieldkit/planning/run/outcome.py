@@ -9,17 +9,17 @@ from pydantic import BaseModel
 
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.documents.json_file import read_json_object, schema_text, validated
+from fieldkit.figures.style import format_length
 from fieldkit.files import write_atomic
+from fieldkit.pictures.curves import png
+from fieldkit.pictures.plants_apart import draw_plants_apart
+from fieldkit.pictures.search import draw_plan, draw_search
 from fieldkit.planning.methods.registry import USING_WEIGHTS
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run.loop import Ending, Finalist, Stopped
 from fieldkit.planning.run.run_setup import RunSetup
 from fieldkit.planning.settings import SearchSettings
-from fieldkit.present.pictures.curves import png
-from fieldkit.present.pictures.plants_apart import draw_plants_apart
-from fieldkit.present.pictures.search import draw_plan, draw_search
-from fieldkit.present.style import format_length
 from fieldkit.results.fields import Count, Length, Strict
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants
 from fieldkit.results.plan_file import PLAN_FILE, plan_from_poses, save_plan

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from fieldkit import __version__
 from fieldkit.cache import StageCache
 from fieldkit.errors import FieldkitError, ReconstructionError, UsageError
 from fieldkit.planning.methods.registry import USING_MATCHES, check_installed, make_method
@@ -24,6 +23,7 @@ from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.runtime.usage import processor_seconds
 from fieldkit.scenes.renderer import RenderingError
+from fieldkit.version import __version__
 
 
 def plan_views(

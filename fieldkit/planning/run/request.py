@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from fieldkit import __version__, wording
+from fieldkit import wording
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
@@ -26,6 +26,7 @@ from fieldkit.planning.settings import (
     unchanging,
 )
 from fieldkit.results.plan import PlanCamera, PlanSource
+from fieldkit.version import __version__
 
 _PRESETS: dict[str, dict[str, Any]] = {
     "field": {"method": "field"},

@@ -18,7 +18,6 @@ from fieldkit.evaluation.cloud_reference import is_cloud, reference_file
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics
-from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.objective.kind import Kind
 from fieldkit.planning.objective.objective import ObjectiveSettings
 from fieldkit.planning.objective.plots_objective import PlotsObjective
@@ -42,6 +41,7 @@ from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.sites.stretch import Stretch
 from fieldkit.wording import count
 
 PROXY_FOLDER, BUILT_REFERENCE, KIND_FOLDER = "proxy", "reference", "plots"

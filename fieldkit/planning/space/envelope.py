@@ -14,10 +14,10 @@ from fieldkit.clouds.neighbors import PointIndex
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import UsageError
-from fieldkit.missions.plan_site.plants import no_fly_bands
-from fieldkit.missions.routing.prisms import Prisms
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.results.plan import PlanPlants
+from fieldkit.routing.prisms import Prisms
+from fieldkit.sites.plants import no_fly_bands
 
 TOLERANCE = 1e-9
 """Tolerance of constraints, metres or degrees, for rounding in files and changes of units."""

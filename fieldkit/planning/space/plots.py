@@ -9,12 +9,12 @@ import numpy as np
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import SceneError
-from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.plot import build_plants, sample_visible
 from fieldkit.scenes.recorded import recorded_plants
+from fieldkit.sites.stretch import Stretch
 
 _POINTS, _PIXELS = 40_000, 800
 LOWEST_M = 0.03

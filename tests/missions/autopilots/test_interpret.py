@@ -12,9 +12,9 @@ from fieldkit.missions.autopilots.execution import Execution, Photograph, Turnin
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
-from fieldkit.missions.mission import GeoPoint, Mission
-from fieldkit.missions.plan_site.vehicle import Mount
-from fieldkit.missions.routing.motion import leg, turn_deg
+from fieldkit.routing.mission import GeoPoint, Mission
+from fieldkit.routing.motion import leg, turn_deg
+from fieldkit.vehicles.vehicle import Mount
 from tests.missions.vehicles import HOME, metres, recorded_items, recording, small_mission, vehicle
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.missions.plan_site.stretch import Stretch
 from fieldkit.planning.objective.objective import ObjectiveSettings
 from fieldkit.planning.objective.plots_objective import PlotsObjective
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
@@ -16,6 +15,7 @@ from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
 from fieldkit.scenes.generator import plots_of_kind
+from fieldkit.sites.stretch import Stretch
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT
 

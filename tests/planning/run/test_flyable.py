@@ -14,10 +14,6 @@ from hypothesis import strategies as st
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.missions.export import route_plan
-from fieldkit.missions.plan_site.placement import place
-from fieldkit.missions.plan_site.reach import unreachable
-from fieldkit.missions.plan_site.site_file import load_site
-from fieldkit.missions.plan_site.vehicle_file import load_vehicle, vehicle_names, vehicles_folder
 from fieldkit.planning.run.flyable import check_views, read_vehicle, vehicle_envelope
 from fieldkit.planning.run.request import PlanRequest, resumed_settings, search_settings
 from fieldkit.planning.settings import EnvelopeSettings
@@ -27,6 +23,10 @@ from fieldkit.planning.space.projection import project
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.progress import Silent
+from fieldkit.sites.placement import place
+from fieldkit.sites.reach import unreachable
+from fieldkit.sites.site_file import load_site
+from fieldkit.vehicles.vehicle_file import load_vehicle, vehicle_names, vehicles_folder
 from tests.planning.bowl import bowl_settings
 
 SITE = load_site(Path(__file__).parents[3] / "missions" / "sites" / "example.toml")

@@ -1,7 +1,7 @@
 """What ArduCopter 4.5.6 makes of one mission item: why it is refused, and what is kept of its numbers.
 
 Measured item by item (sim/sitl/probe_items): parameters are kept in small integers or dropped, heights in centimetres.
-The checks of files and the stand-in for the autopilot (`fieldkit.missions.link`) both go by these rules.
+The checks of files and the stand-in for the autopilot (`fieldkit.link`) both go by these rules.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ from fieldkit.missions.autopilots.stops import (
     unfinished_turns,
 )  # fmt: skip
 from fieldkit.missions.items import Command, Frame, MissionItem
-from fieldkit.missions.mission import GeoPoint, Mission, Shot
-from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.routing.mission import GeoPoint, Mission, Shot
+from fieldkit.vehicles.vehicle import Vehicle
 
 LEAST_HOLD_S = 1
 """A waypoint with a hold below one second is passed through (measured)."""

@@ -33,9 +33,9 @@ from fieldkit.missions.files.stop_actions import (
     Tilt,
     Together,
 )
-from fieldkit.missions.mission import GeoPoint, Home
-from fieldkit.missions.plan_site.vehicle import Vehicle
-from fieldkit.missions.routing.motion import TURN_LAG_S, Leg, leg, turn_deg
+from fieldkit.routing.mission import GeoPoint, Home
+from fieldkit.routing.motion import TURN_LAG_S, Leg, leg, turn_deg
+from fieldkit.vehicles.vehicle import Vehicle
 
 _SLOWEST_MPS = 0.01
 """Of a waypoint's own speed; with less, 0 above all, the mission's or the app's counts."""

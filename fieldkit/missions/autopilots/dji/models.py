@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.vehicles.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

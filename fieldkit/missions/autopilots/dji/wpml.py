@@ -20,9 +20,9 @@ from fieldkit.missions.autopilots.stops import LEAST_EXPOSURE_S
 from fieldkit.missions.files.archive import zip_bytes
 from fieldkit.missions.files.limits import MOST_WAYPOINTS
 from fieldkit.missions.files.route import RoutePoint, route_points
-from fieldkit.missions.mission import Mission
-from fieldkit.missions.plan_site.vehicle import Vehicle
 from fieldkit.results.plan import station_number
+from fieldkit.routing.mission import Mission
+from fieldkit.vehicles.vehicle import Vehicle
 
 TEMPLATE, WAYLINES = "wpmz/template.kml", "wpmz/waylines.wpml"
 _LEAST_TAKEOFF_M = 1.2

@@ -22,7 +22,7 @@ from fieldkit.missions.files.archive import read_members
 from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
 from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark, in_passing
 from fieldkit.missions.files.stop_actions import Action, Facing, Lose, Series, Shoot, Tilt, Together
-from fieldkit.missions.mission import GeoPoint, Home
+from fieldkit.routing.mission import GeoPoint, Home
 
 _REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
 _MOST_ACTIONS = 20 * MAX_ITEMS

@@ -27,8 +27,8 @@ from fieldkit.missions.autopilots.stops import (
     speed,
 )  # fmt: skip
 from fieldkit.missions.items import Command, Frame, MissionItem
-from fieldkit.missions.mission import GeoPoint, Mission, Shot
-from fieldkit.missions.plan_site.vehicle import Vehicle
+from fieldkit.routing.mission import GeoPoint, Mission, Shot
+from fieldkit.vehicles.vehicle import Vehicle
 
 _HOLD_S = 1.0
 _LEVEL = 12.0

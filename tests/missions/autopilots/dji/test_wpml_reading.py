@@ -14,9 +14,9 @@ from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.archive import zip_bytes
 from fieldkit.missions.findings import Report
-from fieldkit.missions.plan_site.vehicle import Mount
-from fieldkit.missions.routing.flight_time import landing_s, takeoff_s
-from fieldkit.missions.routing.motion import leg
+from fieldkit.routing.flight_time import landing_s, takeoff_s
+from fieldkit.routing.motion import leg
+from fieldkit.vehicles.vehicle import Mount
 from tests.missions.vehicles import vehicle
 
 DJI = vehicle("dji")

@@ -1,0 +1,323 @@
+"""`fieldkit check` as a function: will the photographs of a flight do? Asked in the field, answered in seconds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.cache import StageCache
+from fieldkit.captures import Capture, read_capture
+from fieldkit.errors import CaptureError, UsageError
+from fieldkit.evaluation.adherence import Flight
+from fieldkit.evaluation.plots import find_plots
+from fieldkit.fieldcheck.angles import angles_as_meant
+from fieldkit.fieldcheck.consistency import Consistency, check_tags
+from fieldkit.fieldcheck.guided_ties import with_guided_ties
+from fieldkit.fieldcheck.model import CheckFinding, CheckReport, CheckSettings
+from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures
+from fieldkit.fieldcheck.placement import Placed, place_tags
+from fieldkit.fieldcheck.pose_graph import TagPrior
+from fieldkit.fieldcheck.ties import TieGraph, find_ties
+from fieldkit.fieldcheck.verdicts import Evidence, believed_poses, judge, tag_pose
+from fieldkit.geometry.stations import REACH_M
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import load_plan
+from fieldkit.runtime.machine import this_machine
+from fieldkit.runtime.progress import Progress, Silent
+from fieldkit.runtime.usage import processor_seconds
+from fieldkit.sites.fitted import flown_plan
+from fieldkit.sites.placement import PlotFrame
+from fieldkit.sites.site import Site, SitePlot
+from fieldkit.sites.site_file import load_site
+from fieldkit.wording import count
+
+MAX_STATIONS = 200
+MAX_PHOTOGRAPHS = 300
+_PRIOR_M, _PRIOR_DEG = 0.05, 2.0
+_MOVED_M, _TOLD_SIGMAS, _TOLD_TURN_DEG = 0.5, 2.0, 2.0
+_COARSE_SCATTER_M = 0.12
+_OF_THE_WAY = 0.3  # to another plot: nearer to it than that, photographs are its
+
+Array = NDArray[np.float64]
+
+
+def check_captures(
+    captures: Path,
+    plan: Path | Plan,
+    *,
+    site: Path | Site | None = None,
+    plot: str | None = None,
+    log: Path | None = None,
+    fit: bool | None = None,
+    settings: CheckSettings | None = None,
+    cache: StageCache | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> tuple[CheckReport, ...]:
+    """Say of one or several plots whether the photographs will do, and which stations to fly again.
+
+    Args:
+        captures: folder of the photographs of one plot, or of such folders, one per plot; they are only read.
+        plan: that was flown.
+        site: where the plots lie; None takes the plan's row heading, or fits by shape.
+        plot: of the site, where there is one folder; None takes the one with the folder's name, or the only one.
+        log: flight log whose poses count instead of the photographs' own.
+        fit: whether the plan was fitted to each plot of the site, as of `fieldkit.missions.export_mission`.
+        settings: limits; None takes the defaults.
+        cache: of stages; None keeps nothing.
+        workers: threads; None takes the machine's cores.
+        progress: told of stages.
+
+    Raises:
+        UsageError: the site has several plots and none is named, or none of that name, or one for several folders.
+        CaptureError: there are no photographs that can be read, or more than `MAX_PHOTOGRAPHS` of a plot.
+        MetadataError: the plan, the site, the log or a sidecar cannot be used.
+        MissionError: the plan cannot be fitted to a plot.
+    """
+    plots, empty = find_plots(captures)
+    if empty and progress is not None:
+        progress.note(f"passed over, for there are no photographs in them: {', '.join(empty)}")
+    if plot is not None and len(plots) > 1:
+        raise UsageError(
+            f"--plot names one plot, and there are {len(plots)} folders of photographs", path=captures,
+            remedy="Give one plot's folder, or leave it out: folders are then matched with plots by their names.",
+        )  # fmt: skip
+    loaded = plan if isinstance(plan, Plan) else load_plan(plan)
+    if len(loaded.stations) > MAX_STATIONS:
+        raise UsageError(
+            f"the plan has {len(loaded.stations)} stations; {MAX_STATIONS} are the most that are checked",
+            remedy="A dense capture is checked by building its reference.",
+        )
+    place = load_site(site) if isinstance(site, Path) else site
+    flight = None if log is None else Flight.read(log, plots)
+    read = _reader(flight)
+    shared = (
+        settings or CheckSettings(), cache or StageCache(None), workers or this_machine().cores, progress or Silent(),
+    )  # fmt: skip
+    reports = []
+    for name, folder in plots:
+        wall, cpu = time.perf_counter(), processor_seconds()
+        chosen = None if place is None else _plot_of(place, plot, name)
+        flown = loaded if chosen is None else flown_plan(loaded, chosen, fit)
+        report = Run(flown, *shared).check(name, folder, read(name, folder), place, chosen)
+        spent = {"seconds": time.perf_counter() - wall, "cpu_seconds": processor_seconds() - cpu}
+        reports.append(replace(report, **spent))  # type: ignore[arg-type]
+    return tuple(reports)
+
+
+def _reader(flight: Flight | None) -> Callable[[str, Path], Capture]:
+    def read(name: str, folder: Path) -> Capture:
+        flown = None if flight is None else flight.capture(name)
+        return read_capture(folder) if flown is None else flown
+
+    return read
+
+
+def _plot_of(site: Site, name: str | None, folder: str) -> SitePlot:
+    for wanted in (name,) if name is not None else (folder,):
+        found = next((plot for plot in site.plots if plot.name == wanted), None)
+        if found is not None:
+            return found
+    known = ", ".join(plot.name for plot in site.plots[:5]) + (" …" if len(site.plots) > 5 else "")
+    if name is not None:
+        raise UsageError(f"the site has no plot {name!r}", remedy=f"Its plots are {known}.")
+    if len(site.plots) == 1:
+        return site.plots[0]
+    raise UsageError(
+        f"the site has {len(site.plots)} plots and none is called {folder!r}, as the folder is",
+        remedy=f"Name the plot with --plot: {known}.",
+    )
+
+
+class Run:
+    """The check of captures of one plan."""
+
+    def __init__(
+        self, plan: Plan, settings: CheckSettings, cache: StageCache, workers: int, progress: Progress
+    ) -> None:
+        self.plan, self.settings, self.cache = plan, settings, cache
+        self.workers, self.progress = workers, progress
+
+    def check(
+        self, name: str, folder: Path, capture: Capture, site: Site | None, plot: SitePlot | None
+    ) -> CheckReport:  # fmt: skip
+        """One plot's report, without what it took."""
+        if len(capture.photos) > MAX_PHOTOGRAPHS:
+            raise CaptureError(
+                f"{len(capture.photos)} photographs are too many for a check; {MAX_PHOTOGRAPHS} are the most",
+                path=folder, remedy="Give the photographs of one plot.",
+            )  # fmt: skip
+        with self.progress.stage("Sharpness and exposure", len(capture.photos)) as advance:
+            pictures = load_pictures(capture.photos, cache=self.cache, workers=self.workers, advance=advance)
+        known = [capture.priors.get(name) for name in capture.names]
+        positions = [None if p is None or p.position is None else np.array(p.position) for p in known]
+        graph = find_ties(
+            capture, self.settings, cache=self.cache, workers=self.workers, progress=self.progress,
+            fallback=None if self.plan.camera is None else self.plan.camera.intrinsics, positions=positions,
+        )  # fmt: skip
+        capture, angles = angles_as_meant(capture, self.plan, site, plot, graph, seed=self.settings.seed)
+        placed = place_tags(capture, self.plan, site, plot)
+        consistency = _consistency(placed, self.plan, graph, self.settings)
+        looks = judge_pictures(capture, pictures, self.settings)
+        report = CheckReport(
+            name, folder, len(capture.photos), (), (), None if plot is None else plot.name, placement=placed.placement
+        )
+        if not placed.station_of or placed.ambiguous:
+            return _without_stations(report, capture, self.plan, looks, graph, placed)
+        with self.progress.stage("Guided matches"):
+            poses = believed_poses(placed, self.plan, consistency, looks, capture.names)
+            full = with_guided_ties(graph, poses, workers=self.workers, seed=self.settings.seed)
+        judged = judge(Evidence(capture.names, self.plan, placed, looks, full, consistency, self.settings))
+        shift = None if not np.isfinite(placed.shift_m).all() else tuple(float(v) for v in placed.shift_m)
+        return replace(
+            report,
+            stations=judged.stations,
+            findings=(
+                *_of_capture(capture),
+                *angles,
+                *common_findings(placed, self.settings, site, plot),
+                *judged.findings,
+            ),
+            extra=judged.extra,
+            shift_m=shift,  # type: ignore[arg-type]
+            turn_deg=placed.turn_deg,
+            components=judged.components,
+            unchecked=tuple(_unchecked(placed, graph, consistency)),
+        )
+
+
+def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSettings) -> Consistency:
+    """Tags against ties; a photograph whose tags put it at no station still has a place."""
+    if not placed.station_of or placed.ambiguous:
+        return Consistency({}, frozenset(), frozenset())
+    tags, sigma = placed.tags, max(_PRIOR_M, placed.scatter_m)
+    priors = {k: TagPrior(tag_pose(placed, k, plan), sigma, _PRIOR_DEG) for k in placed.station_of}
+    for k in range(len(tags.names)):
+        if k not in priors and np.isfinite(tags.poses.positions[k]).all() and np.isfinite(tags.poses.yaws[k]):
+            # An extra photograph: its tags may be right or wrong, like any other's.
+            priors[k] = TagPrior(tags.pose(k), sigma, _PRIOR_DEG)
+    doubts = dict.fromkeys(priors, REACH_M) | dict(placed.costs_m)
+    return check_tags(priors, graph, settings, doubts)
+
+
+def _of_capture(capture: Capture) -> list[CheckFinding]:
+    """Files that could not be used: their stations are missing below, and this says why."""
+    return [
+        CheckFinding(f.code, None, f.name, f.message, _REMEDIES.get(f.code, "Copy it again from the camera."))
+        for f in capture.findings
+        if f.left_out
+    ]
+
+
+_REMEDIES = {
+    "other-camera": "Nothing to do where the plan is of the camera that is used.",
+    "duplicate": "Nothing to do.",
+    "unsupported-format": "Convert it to JPEG, or let the camera write JPEG.",
+    "too-large": "Convert it to a smaller one.",
+    "bad-name": "Rename it.",
+}
+"""Of files left out by kind; the others are damaged."""
+_SHIFTED = {
+    "coarse": "More than such a receiver is off as a rule: look whether it is this plot that the pictures show.",
+    "exact": "The base station's position, or the site file's, is wrong, or the flight was off: look whether the "
+    "plants are in the pictures.",
+}
+
+
+def common_findings(
+    placed: Placed, settings: CheckSettings, site: Site | None = None, plot: SitePlot | None = None
+) -> list[CheckFinding]:
+    """What all photographs have in common: of the receiver, the compass, or the whole flight.
+
+    A shift is told where it is more than the positions' accuracy allows; the frame of a poses.csv may lie anywhere.
+    One that leads to another plot of the site is told as that.
+    """
+    found = []
+    if placed.placement == "site" and np.isfinite(placed.shift_m).all():
+        level, sigma = float(np.hypot(*placed.shift_m[:2])), placed.tags.sigma_m
+        if level > max(settings.position_m, _TOLD_SIGMAS * sigma):
+            remedy = _SHIFTED["coarse" if sigma > _MOVED_M else "exact"]
+            there = None if site is None or plot is None else _plot_there(site, plot, placed.shift_m)
+            if there is not None:
+                remedy = f"{there} lies there: are these its photographs? Check them with --plot {there}."
+            found.append(CheckFinding(
+                "shifted", None, "",
+                f"all photographs lie {level:.2f} m beside the plan ({placed.shift_m[0]:+.2f} m along x, "
+                f"{placed.shift_m[1]:+.2f} m along y), which has been taken out",
+                remedy,
+            ))  # fmt: skip
+    if placed.turn_deg is not None and abs(placed.turn_deg) > _TOLD_TURN_DEG:
+        found.append(CheckFinding(
+            "turned", None, "", f"all headings are {placed.turn_deg:+.1f}° off the plan's, which has been taken out",
+            "Calibrate the compass; nothing to do where the plants are in the pictures.",
+        ))  # fmt: skip
+    return found
+
+
+def _plot_there(site: Site, plot: SitePlot, shift_m: Array) -> str | None:
+    """The other plot of a site that lies about (3,) metres away in a plot's frame."""
+    others = [each for each in site.plots if each.name != plot.name]
+    if not others:
+        return None
+    latitudes, longitudes = [each.latitude_deg for each in others], [each.longitude_deg for each in others]
+    places = PlotFrame.of(site, plot).to_plot(latitudes, longitudes, np.zeros(len(others)))[:, :2]
+    off = np.hypot(*(places - shift_m[:2]).T)
+    nearest = int(np.argmin(off))
+    return others[nearest].name if off[nearest] < _OF_THE_WAY * float(np.hypot(*places[nearest])) else None
+
+
+def _unchecked(placed: Placed, graph: TieGraph, consistency: Consistency) -> list[str]:
+    said = []
+    if placed.placement == "row heading":
+        said.append("Where the plot lies was not checked, only how the photographs stand to each other: no --site.")
+    if placed.placement == "shape":
+        said.append(
+            "Nothing says how the photographs' positions lie to the plan: they were turned and shifted to fit it."
+        )
+    if not np.isfinite(placed.tags.poses.yaws).any():
+        said.append("The photographs have no angles, so headings were checked by matches only.")
+    if placed.scatter_m > _COARSE_SCATTER_M:
+        said.append(
+            f"Positions scatter by {placed.scatter_m:.2f} m about the plan, so they tell nearness no better than that."
+        )
+    lost = [n for k, n in enumerate(placed.tags.names) if k not in consistency.seen]
+    if lost and graph.ties:
+        said.append(f"Too few matches to check the tags of {', '.join(lost)}.")
+    elif lost:
+        said.append("There are no matches, so the tags could not be checked.")
+    return said
+
+
+def _without_stations(
+    report: CheckReport, capture: Capture, plan: Plan, looks: Mapping[str, PictureVerdict], graph: TieGraph,
+    placed: Placed,
+) -> CheckReport:  # fmt: skip
+    """Where nothing says which photograph is of which station: their number and quality only."""
+    findings = _of_capture(capture)
+    for name, look in looks.items():
+        if look.problem:
+            findings.append(CheckFinding(look.problem, None, name, look.message, "Fly its station again."))
+    why = (
+        "the photographs fit the plan in more than one way; give --site, or photographs with headings"
+        if placed.ambiguous
+        else "the photographs have no positions that fit the plan; give --log or --site"
+    )
+    lacking = len(plan.stations) - len(capture.photos)
+    if lacking > 0:
+        unseen = count(lacking, "stations has", "stations have", of=len(plan.stations))
+        message = f"{unseen} no photograph; which, nothing tells"
+        findings.append(CheckFinding("missing", None, "", message, "Give --log, or fly all stations again."))
+    tied = {k for pair in graph.ties for k in pair}
+    return replace(
+        report,
+        findings=tuple(findings),
+        unchecked=(
+            f"Which photograph is of which station: {why}.",
+            f"{len(tied)} of {count(len(capture.photos), 'photograph')} with matches to others.",
+        ),
+    )

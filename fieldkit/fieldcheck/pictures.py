@@ -1,0 +1,158 @@
+"""Sharpness and exposure of each photograph, measured once and kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.cache import StageCache, digest
+from fieldkit.captures import Capture, Photo, read_image
+from fieldkit.errors import CaptureError
+from fieldkit.fieldcheck.model import CheckSettings
+from fieldkit.fieldcheck.sharpness import DIRECTIONS, blur_ratios, edge_widths
+from fieldkit.reconstruction.stages import Advance
+from fieldkit.runtime.parallel import map_threads
+
+WORKING_SIDE = 1600
+"""Longer side in pixels at which sharpness is measured: that of features and depth maps."""
+_VERSION = 1
+_DARK, _BRIGHT = 3, 252
+_GAMMA = 2.2
+_EMPTY_CONTRAST = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """Figures of one photograph.
+
+    Attributes:
+        widths: of its edges (`edge_widths`), pixels.
+        light: mean of the scene's light, of which white is 1, as a usual tone curve (γ 2.2) has it.
+        dark, bright: shares that are clipped.
+        contrast: standard deviation of the grey values.
+        readable: whether it could be decoded; all else is 0 otherwise.
+    """
+
+    widths: NDArray[np.float64]
+    light: float
+    dark: float
+    bright: float
+    contrast: float
+    readable: bool = True
+
+
+@dataclass(frozen=True)
+class PictureVerdict:
+    """A photograph beside the others of its camera.
+
+    Attributes:
+        edge_px, blur_ratio, stops, clipped: see `StationCheck`.
+        problem: "", "unreadable", "empty", "blurred", "too-dark" or "too-bright".
+        message: the same in words.
+    """
+
+    edge_px: float
+    blur_ratio: float
+    stops: float
+    clipped: float
+    problem: str = ""
+    message: str = ""
+
+
+def measure_picture(gray: NDArray[np.uint8]) -> Picture:
+    """Figures of a grey image (h, w), which is shrunk to `WORKING_SIDE` where it is larger."""
+    scale = WORKING_SIDE / max(gray.shape)
+    if scale < 1.0:
+        size = (max(1, round(gray.shape[1] * scale)), max(1, round(gray.shape[0] * scale)))
+        gray = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    count = np.bincount(gray.ravel(), minlength=256) / gray.size
+    levels = np.arange(256) / 255.0
+    return Picture(
+        widths=edge_widths(gray),
+        light=float(count @ levels**_GAMMA),
+        dark=float(count[: _DARK + 1].sum()),
+        bright=float(count[_BRIGHT:].sum()),
+        contrast=float(gray.std()),
+    )
+
+
+def load_pictures(
+    photos: Sequence[Photo], *, cache: StageCache, workers: int, advance: Advance
+) -> dict[str, Picture]:  # fmt: skip
+    """Figures of photographs by name, from the cache where they are there."""
+
+    def load(photo: Photo) -> Picture:
+        key = digest("field-check-picture", _VERSION, photo.sha256)
+        kept = cache.get("pictures", key)
+        if kept is None:
+            found = _measured(photo)
+            values = np.array([found.light, found.dark, found.bright, found.contrast, float(found.readable)])
+            kept = {"widths": found.widths, "values": values}
+            cache.put("pictures", key, kept)
+        light, dark, bright, contrast, readable = (float(v) for v in kept["values"])
+        return Picture(kept["widths"], light, dark, bright, contrast, bool(readable))
+
+    found = map_threads(load, photos, workers=workers, advance=advance)
+    return {photo.name: each for photo, each in zip(photos, found, strict=True)}
+
+
+def judge_pictures(
+    capture: Capture, pictures: Mapping[str, Picture], settings: CheckSettings
+) -> dict[str, PictureVerdict]:
+    """Each photograph beside the others of its camera group."""
+    verdicts: dict[str, PictureVerdict] = {}
+    for group in capture.groups:
+        usable = [name for name in group.photos if pictures[name].readable and pictures[name].contrast >= 1.0]
+        ratios = dict(zip(usable, blur_ratios([pictures[name].widths for name in usable]), strict=True))
+        light, dark, bright = (
+            (np.median([(pictures[n].light, pictures[n].dark, pictures[n].bright) for n in usable], axis=0))
+            if len(usable) >= 3
+            else (None, 0.0, 0.0)
+        )
+        for name in group.photos:
+            usual = (None if light is None else float(light), float(dark), float(bright))
+            verdicts[name] = _judged(pictures[name], ratios.get(name, np.ones(DIRECTIONS)), usual, settings)
+    return verdicts
+
+
+def _judged(
+    picture: Picture, ratios: NDArray[np.float64], usual: tuple[float | None, float, float], settings: CheckSettings
+) -> PictureVerdict:
+    light, dark, bright = usual
+    stops = 0.0 if not light else float(np.log2(max(picture.light, 1e-6) / light))
+    worst = int(np.argmax(ratios))
+    ratio, edge = float(ratios[worst]), float(picture.widths.max())
+    problem, message = "", ""
+    if not picture.readable:
+        problem, message = "unreadable", "it cannot be decoded"
+    elif stops < -settings.exposure_stops or picture.dark - dark > settings.clipped_share:
+        problem = "too-dark"
+        message = f"{abs(min(stops, 0.0)):.1f} stops darker than the others, {picture.dark:.0%} of it black"
+    elif stops > settings.exposure_stops or picture.bright - bright > settings.clipped_share:
+        problem = "too-bright"
+        message = f"{max(stops, 0.0):.1f} stops brighter than the others, {picture.bright:.0%} of it white"
+    elif picture.contrast < _EMPTY_CONTRAST:
+        problem, message = "empty", "nothing can be seen in it"
+    elif ratio > settings.blur_ratio:
+        problem = "blurred"
+        message = f"{_kind(ratios)}: its edges are {ratio:.1f} times as wide as in the others"
+    elif float(np.median(picture.widths)) > settings.edge_px:
+        problem = "blurred"
+        message = f"out of focus: edges {np.median(picture.widths):.1f} px wide in a picture 1600 px wide"
+    return PictureVerdict(edge, ratio, stops, picture.dark + picture.bright, problem, message)
+
+
+def _kind(ratios: NDArray[np.float64]) -> str:
+    """Motion leaves the edges along its way sharp; a lens out of focus none."""
+    return "blurred by motion" if float(ratios.max()) > 1.25 * float(ratios.min()) else "out of focus"
+
+
+def _measured(photo: Photo) -> Picture:
+    try:
+        return measure_picture(read_image(photo, max_side=WORKING_SIDE, gray=True))
+    except CaptureError:
+        return Picture(np.zeros(DIRECTIONS), 0.0, 0.0, 0.0, 0.0, readable=False)

@@ -1,0 +1,221 @@
+"""Photographs' tags in the plan's frame, and which photograph is of which station."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.captures import Capture
+from fieldkit.fieldcheck.model import Placement
+from fieldkit.geometry import Pose
+from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.stations import PoseArray, associate
+from fieldkit.results.plan import Plan
+from fieldkit.sites.placement import PlotFrame
+from fieldkit.sites.site import Site, SitePlot
+
+_STEP_DEG = 4.0
+_ALIKE_M = 0.15
+_FITS_WELL_M = 0.2
+_FAR_BETTER = 0.5
+_MUCH_WORSE = 2.0
+_STEEP_DEG, _ROLLED_DEG = 75.0, 20.0
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Tags:
+    """What is written of n photographs.
+
+    Attributes:
+        names: of the photographs.
+        poses: NaN where nothing is known.
+        rolls: (n,) degrees about the optical axes.
+        sigma_m: of a position against the others'.
+        sigma_deg: of the angles.
+    """
+
+    names: tuple[str, ...]
+    poses: PoseArray
+    rolls: Array
+    sigma_m: float
+    sigma_deg: float
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(n,) which have a position."""
+        return np.asarray(np.isfinite(self.poses.positions).all(axis=1))
+
+    def pose(self, k: int) -> Pose:
+        """Of a photograph with position and angles."""
+        angles = (float(self.poses.yaws[k]), float(self.poses.pitches[k]), float(self.rolls[k]))
+        return Pose.from_yaw_pitch(self.poses.positions[k], *angles)
+
+    @property
+    def for_assignment(self) -> PoseArray:
+        """Without yaws of cameras that look down and are rolled: these are no headings of pictures there."""
+        unclear = (self.poses.pitches < -_STEEP_DEG) & (np.abs(self.rolls) > _ROLLED_DEG)
+        return replace(self.poses, yaws=np.where(unclear, np.nan, self.poses.yaws))
+
+    def about(self, middle: Array) -> Tags:
+        """With positions that count from a place (3,)."""
+        return replace(self, poses=self.poses.moved(0.0, -middle))
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Photographs among the stations.
+
+    Attributes:
+        tags: in the plan's frame, without what is common to all.
+        placement: how they were put there.
+        station_of: index of a photograph to its station.
+        costs_m: index of a photograph to its `fieldkit.geometry.stations.pose_costs`.
+        mean_cost_m: of all photographs with a position.
+        shift_m: (3,) by which all photographs lay beside the plan; NaN where that cannot be told.
+        turn_deg: by which all headings were off; None without headings.
+        scatter_m: of positions about their stations, per axis (1.48 times the median); of heights if much worse.
+        ambiguous: whether another assignment fits as well.
+    """
+
+    tags: Tags
+    placement: Placement = "none"
+    station_of: Mapping[int, int] = field(default_factory=dict)
+    costs_m: Mapping[int, float] = field(default_factory=dict)
+    mean_cost_m: float = float("inf")
+    shift_m: Array = field(default_factory=lambda: np.full(3, np.nan))
+    turn_deg: float | None = None
+    scatter_m: float = float("nan")
+    ambiguous: bool = False
+
+
+def place_tags(capture: Capture, plan: Plan, site: Site | None = None, plot: SitePlot | None = None) -> Placed:
+    """Put a capture's tags into the plan's frame and assign photographs to stations.
+
+    Args:
+        capture: as read; its positions from tags, sidecars or a flight log.
+        plan: whose stations are looked for.
+        site, plot: where the plan's frame lies; None fits by the plan's row heading, or by shape.
+    """
+    tags = _read_tags(capture)
+    stations = PoseArray.of([(s.position_m, s.yaw_deg, s.pitch_deg) for s in plan.stations])
+    if not tags.known.any():
+        return Placed(tags)
+    if capture.origin is None:
+        return _upright(tags, stations, 0.0, "poses.csv") or Placed(tags)
+    if site is not None and plot is not None:
+        return _fitted(_in_plot(tags, capture, site, plot), stations, 0.0, "site") or Placed(tags)
+    if plan.row_heading_deg is not None:
+        found = _upright(tags, stations, 90.0 - plan.row_heading_deg, "row heading")
+        return Placed(tags) if found is None else _without_shift(found)
+    return _by_shape(tags, stations) or Placed(tags)
+
+
+def _upright(tags: Tags, stations: PoseArray, turn_deg: float, placement: Placement) -> Placed | None:
+    """Turned as it should be; by shape where that fits far better."""
+    found = _fitted(tags, stations, turn_deg, placement)
+    if found is not None and found.mean_cost_m <= _FITS_WELL_M:
+        return found
+    shape = _by_shape(tags, stations)
+    if found is None or shape is None:
+        return shape or found
+    return shape if shape.mean_cost_m < _FAR_BETTER * found.mean_cost_m else found
+
+
+def _read_tags(capture: Capture) -> Tags:
+    count = len(capture.photos)
+    positions, yaws, pitches = np.full((count, 3), np.nan), np.full(count, np.nan), np.full(count, np.nan)
+    rolls = np.zeros(count)
+    sigmas, angles = [], []
+    for k, name in enumerate(capture.names):
+        prior = capture.priors.get(name)
+        if prior is None:
+            continue
+        if prior.position is not None:
+            positions[k] = prior.position
+            sigmas.append(prior.position_accuracy_m or 0.0)
+        if prior.yaw_deg is not None and prior.pitch_deg is not None:
+            yaws[k], pitches[k], rolls[k] = prior.yaw_deg, prior.pitch_deg, prior.roll_deg or 0.0
+            angles.append(prior.angle_accuracy_deg or 0.0)
+    return Tags(
+        capture.names, PoseArray(positions, yaws, pitches), rolls, float(np.median(sigmas)) if sigmas else 0.0,
+        float(np.median(angles)) if angles else 0.0,
+    )  # fmt: skip
+
+
+def _in_plot(tags: Tags, capture: Capture, site: Site, plot: SitePlot) -> Tags:
+    """Tags of a georeferenced capture in the frame of a site's plot; heights as well as home's is known."""
+    assert capture.origin is not None
+    frame = PlotFrame.of(site, plot)
+    known, poses = tags.known[:, None], tags.poses
+    latitude, longitude, altitude = capture.origin.to_geodetic(np.where(known, poses.positions, 0.0))
+    datums = {"ellipsoid": site.home.ellipsoid_m, "sea level": site.home.amsl_m}
+    home = datums.get(capture.origin.datum)
+    above = altitude - (capture.origin.altitude_m if home is None else home)
+    positions = frame.to_plot(latitude, longitude, above)
+    yaws = frame.yaws(latitude, longitude, np.nan_to_num(poses.yaws))
+    pitches = frame.planned_pitches(yaws, np.nan_to_num(poses.pitches))
+    there = PoseArray(
+        np.where(known, positions, np.nan),
+        np.where(np.isfinite(poses.yaws), yaws, np.nan),
+        np.where(np.isfinite(poses.pitches), pitches, np.nan),
+    )
+    return replace(tags, poses=there)
+
+
+def _fitted(
+    tags: Tags, stations: PoseArray, turn_deg: float, placement: Placement, *, turned: bool = False
+) -> Placed | None:
+    """Turned clockwise, and a little more where ``turned``; wherever the photographs lie."""
+    found = associate(tags.for_assignment.moved(turn_deg), stations, most_offset_m=np.inf, turned=turned)
+    if not found.station_of:
+        return None
+    moved = tags.poses.moved(turn_deg + found.turn_deg, -found.offset_m, -found.heading_deg)
+    apart = moved.positions[list(found.station_of)] - stations.positions[list(found.station_of.values())]
+    return Placed(
+        replace(tags, poses=moved), placement, found.station_of, found.costs_m, found.mean_cost_m, found.offset_m,
+        found.heading_deg if np.isfinite(moved.yaws).any() else None, _scatter_m(apart),
+    )  # fmt: skip
+
+
+def _scatter_m(apart: Array) -> float:
+    """Per axis, of positions less stations (n, 3); that of heights where these are much worse, as barometers are."""
+    together, up = (1.4826 * float(np.median(np.abs(each))) for each in (apart, apart[:, 2]))
+    return up if up > _MUCH_WORSE * together else together
+
+
+def _by_shape(tags: Tags, stations: PoseArray) -> Placed | None:
+    """Turned and shifted until it fits: headings say by how much to turn, or all turns are tried."""
+    differences = (stations.yaws[None] - tags.for_assignment.yaws[:, None]).ravel()
+    differences = differences[np.isfinite(differences)]
+    turns = np.arange(0.0, 360.0, _STEP_DEG)
+    if len(differences):
+        # The right turn is suggested by one pair of every photograph.
+        near = np.abs(wrapped_deg(turns[:, None] - differences[None])) <= 1.5 * _STEP_DEG
+        turns = turns[np.argsort(-near.sum(axis=1), kind="stable")[:24]]
+    centred = tags.about(np.median(tags.poses.positions[tags.known], axis=0))
+    found = [each for turn in turns if (each := _fitted(centred, stations, float(turn), "shape", turned=True))]
+    if not found:
+        return None
+    found.sort(key=lambda each: each.mean_cost_m)
+    best = found[0]
+    others = [
+        each for each in found[1:]
+        if sum(each.station_of.get(a) != b for a, b in best.station_of.items()) > len(best.station_of) // 2
+    ]  # fmt: skip
+    alike = any(each.mean_cost_m < best.mean_cost_m + _ALIKE_M for each in others)
+    return replace(_without_shift(best), ambiguous=alike, turn_deg=None)
+
+
+def _without_shift(found: Placed) -> Placed:
+    return replace(found, shift_m=np.full(3, np.nan))
+
+
+def axis_turn_deg(yaw_a: float, pitch_a: float, yaw_b: float, pitch_b: float) -> float:
+    """Angle between two optical axes, degrees."""
+    a, b = (Pose.from_yaw_pitch(np.zeros(3), *angles).forward for angles in ((yaw_a, pitch_a), (yaw_b, pitch_b)))
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))

@@ -1,0 +1,242 @@
+"""Poses that agree with ties and tags: least squares on relative rotations, directions and lengths' ratios.
+
+Unknown are each photograph's rotation and centre. A tie gives the rotation and the direction between two cameras, two
+ties of a camera the ratio of their lengths, a tag a pose. Blocks that do not fit weigh less (Cauchy, by reweighting),
+so that a wrong tie does no harm; which tags are believed is the caller's to say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from fieldkit.fieldcheck.ties import TieGraph
+from fieldkit.geometry import Pose
+
+_ROTATION_DEG, _ROTATION_PER_ROOT_DEG = 0.8, 8.0
+_DIRECTION_DEG, _DIRECTION_PER_ROOT_DEG = 2.0, 20.0
+_CAUCHY = 3.0
+_LOOSE_M, _LOOSE_DEG = 1.5, 60.0
+_STEP = 1e-6
+_SETTLED = 3e-4
+
+Array = NDArray[np.float64]
+Block = tuple[NDArray[np.int64], Callable[[list[Array]], Array], Array]
+"""(m, k) indices of m blocks' cameras; their residuals (m, r) from the k cameras' parameters (m, 6) each; the
+residuals' standard deviations (m, r)."""
+
+
+@dataclass(frozen=True, eq=False)
+class TagPrior:
+    """What a tag says, and how well: metres per axis, degrees about each axis."""
+
+    pose: Pose
+    sigma_m: float
+    sigma_deg: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Adjusted poses.
+
+    Attributes:
+        poses: by photograph.
+        index: of a photograph among the unknowns.
+        information: (6n, 6n) inverse of the covariance; six unknowns each: a rotation vector in the camera's axes,
+            radians, and the centre, metres.
+    """
+
+    poses: Mapping[int, Pose]
+    index: Mapping[int, int]
+    information: Array
+
+    def covariance(self, k: int) -> Array:
+        """(6, 6) of one photograph."""
+        at = 6 * self.index[k]
+        columns = np.zeros((len(self.information), 6))
+        columns[at : at + 6] = np.eye(6)
+        return np.asarray(np.linalg.solve(self.information, columns)[at : at + 6])
+
+
+def solve(
+    start: Mapping[int, Pose], graph: TieGraph, tags: Mapping[int, TagPrior], believed: Collection[int], *,
+    iterations: int = 12,
+) -> Solution:  # fmt: skip
+    """Adjust the poses of the photographs in ``start``.
+
+    Args:
+        start: poses to begin with.
+        graph: ties; those of photographs without a start are left out.
+        tags: priors by photograph.
+        believed: whose tags count. The others are held so loosely that nothing stays undetermined.
+        iterations: at most.
+    """
+    order = sorted(start)
+    index = {k: n for n, k in enumerate(order)}
+    rotations = np.array([start[k].rotation for k in order])
+    centers = np.array([start[k].center for k in order])
+    edges, ratios = _edge_table(graph, index), _ratio_table(graph, index)
+    targets = [tags[k].pose if k in believed else start[k] for k in order]
+    sigmas = np.array(
+        [
+            [np.radians(tags[k].sigma_deg)] * 3 + [tags[k].sigma_m] * 3
+            if k in believed
+            else [np.radians(_LOOSE_DEG)] * 3 + [_LOOSE_M] * 3
+            for k in order
+        ]
+    )
+    information = np.eye(6 * len(order))
+    damping = 1e-4
+    for _ in range(iterations):
+        blocks = [
+            *_edge_blocks(edges, rotations),
+            *_ratio_blocks(ratios),
+            _prior_block(targets, sigmas, rotations),
+        ]
+        information, gradient = _normal(blocks, centers)
+        step = np.linalg.solve(information + damping * np.diag(np.diag(information)), -gradient).reshape(-1, 6)
+        rotations = Rotation.from_rotvec(np.clip(step[:, :3], -0.5, 0.5)).as_matrix() @ rotations
+        centers = np.asarray(centers + np.clip(step[:, 3:], -1.0, 1.0), np.float64)
+        if np.abs(step).max() < _SETTLED:
+            break
+    poses = {k: Pose(rotations[n], centers[n]) for k, n in index.items()}
+    return Solution(poses, index, information)
+
+
+def spread_from(
+    known: Mapping[int, Pose], graph: TieGraph, length_m: float
+) -> dict[int, Pose]:  # fmt: skip
+    """Poses of the photographs that ties reach from known ones, the strongest tie first; the known ones are in it."""
+    found = dict(known)
+    while True:
+        reach = [(tie.matches, pair) for pair, tie in graph.ties.items() if (pair[0] in found) != (pair[1] in found)]
+        if not reach:
+            return found
+        _, (i, j) = max(reach)
+        tie = graph.ties[i, j]
+        if i in found:
+            rotation = tie.rotation @ found[i].rotation
+            found[j] = Pose(rotation, found[i].center - length_m * rotation.T @ tie.translation)
+        else:
+            along = found[j].rotation.T @ tie.translation
+            found[i] = Pose(tie.rotation.T @ found[j].rotation, found[j].center + length_m * along)
+
+
+def tie_errors_deg(a: Pose, b: Pose, rotation: Array, translation: Array) -> tuple[float, float]:
+    """By how much a tie's rotation and direction differ from those between two poses, degrees."""
+    turn = Rotation.from_matrix(rotation.T @ (b.rotation @ a.rotation.T)).magnitude()
+    between = b.rotation @ (a.center - b.center)
+    length = float(np.linalg.norm(between))
+    if length < 1e-9:
+        return float(np.degrees(turn)), 180.0
+    cross, dot = np.linalg.norm(np.cross(between, translation)), float(between @ translation)
+    return float(np.degrees(turn)), float(np.degrees(np.arctan2(cross, dot)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    ends: NDArray[np.int64]
+    rotations: Array
+    translations: Array
+    sigmas: Array
+
+
+def _edge_table(graph: TieGraph, index: Mapping[int, int]) -> _Edges:
+    pairs = [pair for pair in sorted(graph.ties) if pair[0] in index and pair[1] in index]
+    ties = [graph.ties[pair] for pair in pairs]
+    root = np.sqrt(np.array([tie.matches for tie in ties], dtype=np.float64))
+    rotation = np.radians(np.maximum(_ROTATION_DEG, _ROTATION_PER_ROOT_DEG / np.maximum(root, 1.0)))
+    direction = np.radians(np.maximum(_DIRECTION_DEG, _DIRECTION_PER_ROOT_DEG / np.maximum(root, 1.0)))
+    return _Edges(
+        np.array([[index[i], index[j]] for i, j in pairs], dtype=np.int64).reshape(-1, 2),
+        np.array([tie.rotation for tie in ties]).reshape(-1, 3, 3),
+        np.array([tie.translation for tie in ties]).reshape(-1, 3),
+        np.stack([rotation, direction], axis=1).reshape(-1, 2),
+    )
+
+
+def _edge_blocks(edges: _Edges, rotations: Array) -> list[Block]:
+    if not len(edges.ends):
+        return []
+    of_i, of_j = (rotations[edges.ends[:, n]] for n in (0, 1))
+
+    def turn(p: list[Array]) -> Array:
+        i, j = _turned(p[0], of_i), _turned(p[1], of_j)
+        return _log(np.swapaxes(edges.rotations, 1, 2) @ j @ np.swapaxes(i, 1, 2))
+
+    def direction(p: list[Array]) -> Array:
+        apart = np.einsum("nij,nj->ni", _turned(p[1], of_j), p[0][:, 3:] - p[1][:, 3:])
+        unit = apart / np.maximum(np.linalg.norm(apart, axis=1, keepdims=True), 1e-9)
+        found: Array = unit - edges.translations
+        return found
+
+    return [
+        (edges.ends, turn, np.repeat(edges.sigmas[:, :1], 3, axis=1)),
+        (edges.ends, direction, np.repeat(edges.sigmas[:, 1:], 3, axis=1)),
+    ]
+
+
+def _ratio_table(graph: TieGraph, index: Mapping[int, int]) -> tuple[NDArray[np.int64], Array, Array]:
+    kept = [r for r in graph.ratios if r.middle in index and r.a in index and r.b in index]
+    ends = np.array([[index[r.middle], index[r.a], index[r.b]] for r in kept], dtype=np.int64).reshape(-1, 3)
+    return ends, np.array([[r.log_ratio] for r in kept]).reshape(-1, 1), np.array([[r.sigma] for r in kept])
+
+
+def _ratio_blocks(table: tuple[NDArray[np.int64], Array, Array]) -> list[Block]:
+    ends, logs, sigmas = table
+    if not len(ends):
+        return []
+
+    def ratio(p: list[Array]) -> Array:
+        first, second = (
+            np.maximum(np.linalg.norm(p[0][:, 3:] - other[:, 3:], axis=1, keepdims=True), 1e-6) for other in p[1:]
+        )
+        found: Array = np.log(first) - np.log(second) - logs
+        return found
+
+    return [(ends, ratio, sigmas)]
+
+
+def _prior_block(targets: Sequence[Pose], sigmas: Array, rotations: Array) -> Block:
+    wanted = np.array([pose.rotation for pose in targets])
+    places = np.array([pose.center for pose in targets])
+
+    def prior(p: list[Array]) -> Array:
+        turn = _log(_turned(p[0], rotations) @ np.swapaxes(wanted, 1, 2))
+        return np.concatenate([turn, p[0][:, 3:] - places], axis=1)
+
+    return np.arange(len(targets))[:, None], prior, sigmas
+
+
+def _turned(parameters: Array, rotations: Array) -> Array:
+    return np.asarray(Rotation.from_rotvec(parameters[:, :3]).as_matrix() @ rotations)
+
+
+def _log(matrices: Array) -> Array:
+    return np.asarray(Rotation.from_matrix(matrices).as_rotvec())
+
+
+def _normal(blocks: Sequence[Block], centers: Array) -> tuple[Array, Array]:
+    """Information matrix and gradient of all blocks, reweighted; parameters are 0 for rotations."""
+    count = len(centers)
+    information, gradient = np.zeros((6 * count, 6 * count)), np.zeros(6 * count)
+    zero = np.concatenate([np.zeros((count, 3)), centers], axis=1)
+    for ends, function, sigmas in blocks:
+        parameters = [zero[ends[:, n]] for n in range(ends.shape[1])]
+        residual = function(parameters) / sigmas
+        jacobian = np.zeros((*residual.shape, 6 * ends.shape[1]))
+        for n in range(ends.shape[1]):
+            for q in range(6):
+                moved = [p.copy() for p in parameters]
+                moved[n][:, q] += _STEP
+                jacobian[:, :, 6 * n + q] = (function(moved) / sigmas - residual) / _STEP
+        weight = 1.0 / (1.0 + (residual**2).sum(axis=1) / (_CAUCHY**2 * residual.shape[1]))
+        columns = (6 * ends[:, :, None] + np.arange(6)).reshape(len(ends), -1)
+        weighted = weight[:, None, None] * np.swapaxes(jacobian, 1, 2)
+        np.add.at(information, (columns[:, :, None], columns[:, None, :]), weighted @ jacobian)
+        np.add.at(gradient, columns, (weighted @ residual[:, :, None])[:, :, 0])
+    return information, gradient

@@ -1,0 +1,283 @@
+"""What all measurements of a capture come to: a verdict for each station, and what else a person should know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fieldkit.fieldcheck.connection import Connection, connect
+from fieldkit.fieldcheck.consistency import Consistency, SeenPose
+from fieldkit.fieldcheck.model import CheckFinding, CheckSettings, StationCheck, Verdict
+from fieldkit.fieldcheck.pictures import PictureVerdict
+from fieldkit.fieldcheck.placement import Placed, axis_turn_deg
+from fieldkit.fieldcheck.ties import TieGraph
+from fieldkit.geometry import Pose
+from fieldkit.results.plan import Plan, station_number
+from fieldkit.wording import count
+
+_FLY = "Fly this station again."
+_TAGS = "Put the tags right (poses.csv beside the photographs comes before EXIF), or fly the station again."
+_SCATTER_SIGMAS = 4.5
+_SEEN_SIGMAS = 3.0
+_IDENTIFIED_M, _IDENTIFIED_DEG = 0.35, 12.0
+_GOOD_SCATTER_M = 0.12
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The parts of a report that come of judging."""
+
+    stations: tuple[StationCheck, ...]
+    findings: tuple[CheckFinding, ...]
+    extra: tuple[str, ...]
+    components: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Deviation:
+    """Of a photograph from its station; None where nothing tells."""
+
+    distance_m: float | None
+    turn_deg: float | None
+    source: str
+    limit_m: float
+    limit_deg: float
+
+    @property
+    def far(self) -> bool:
+        return (self.distance_m is not None and self.distance_m > self.limit_m) or (
+            self.turn_deg is not None and self.turn_deg > self.limit_deg
+        )
+
+    def words(self) -> str:
+        """For people: 0.62 m and 14° from the plan."""
+        said = [] if self.distance_m is None else [f"{self.distance_m:.2f} m"]
+        said += [] if self.turn_deg is None else [f"{self.turn_deg:.0f}°"]
+        return f"{' and '.join(said)} from the plan"
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All that was measured of a capture.
+
+    Attributes:
+        names: of the photographs, by index.
+        plan: that was flown.
+        placed: photographs among the stations, by tags.
+        pictures: sharpness and exposure by name.
+        graph: ties.
+        consistency: of tags with ties.
+        settings: limits.
+    """
+
+    names: Sequence[str]
+    plan: Plan
+    placed: Placed
+    pictures: Mapping[str, PictureVerdict]
+    graph: TieGraph
+    consistency: Consistency
+    settings: CheckSettings
+
+
+def judge(evidence: Evidence) -> Judged:
+    """Verdicts and findings of a capture's stations."""
+    shown = _shown_stations(evidence)
+    photo_of = _photographs(evidence, shown)
+    rows: list[StationCheck] = []
+    findings: list[CheckFinding] = []
+    for station in range(len(evidence.plan.stations)):
+        row, found = _judge_station(evidence, station, photo_of.get(station), shown)
+        rows.append(row)
+        findings += found
+    again = {row.station for row in rows if row.verdict == "fly again"}
+    joined = connect(evidence.plan, evidence.graph, {k: s for s, k in photo_of.items()}, again, _poses(evidence, shown))
+    for station in sorted(joined.lonely):
+        name = evidence.names[photo_of[station]]
+        findings.append(CheckFinding(
+            "no-matches", station, name,
+            "it shows nothing that its neighbours show, though they are near enough", _FLY,
+        ))  # fmt: skip
+        rows[station] = _with(rows[station], "fly again")
+    rows = [_with_ties(row, joined) for row in rows]
+    findings += [
+        CheckFinding(
+            "few-matches", row.station, row.photograph,
+            f"only {count(row.matches, 'match ties', 'matches tie')} it to its neighbours; it may fail to register",
+            "None needed.",
+        )
+        for row in rows
+        if row.verdict == "fine" and row.station in joined.thin
+    ]  # fmt: skip
+    findings += [
+        CheckFinding(
+            "few-matches", row.station, row.photograph, "nothing ties it while a station beside it is missing",
+            "Check again once the stations beside it are flown.",
+        )
+        for row in rows
+        if row.verdict == "fine" and row.station in joined.beside_gaps
+    ]  # fmt: skip
+    used = set(photo_of.values())
+    extra = tuple(name for k, name in enumerate(evidence.names) if k not in used)
+    findings.sort(key=lambda finding: (finding.station is not None, finding.station or 0))
+    return Judged(tuple(rows), (*joined.findings, *findings), extra, joined.components)
+
+
+def _shown_stations(evidence: Evidence) -> dict[int, int | None]:
+    """For photographs whose tags are wrong or missing: the station that they show, or None."""
+    found: dict[int, int | None] = {}
+    consistency, taken = evidence.consistency, set[int]()
+    asked = consistency.contradicted | consistency.untagged
+    for k in sorted(asked, key=lambda k: -consistency.seen[k].matches):
+        best, least = None, np.inf
+        for s, station in enumerate(evidence.plan.stations):
+            if s in taken:
+                continue
+            difference = consistency.seen[k].compare(station.pose, max(evidence.placed.scatter_m, 0.05), 2.0)
+            near = difference.shift_m <= _IDENTIFIED_M or difference.shift_sigmas <= _SEEN_SIGMAS
+            if near and difference.turn_deg <= _IDENTIFIED_DEG and difference.shift_sigmas < least:
+                best, least = s, difference.shift_sigmas
+        found[k] = best
+        if best is not None:
+            taken.add(best)
+    return found
+
+
+def _photographs(evidence: Evidence, shown: Mapping[int, int | None]) -> dict[int, int]:
+    """Station to photograph: as the photographs show where tags are wrong, else by tags."""
+    found = {station: k for k, station in shown.items() if station is not None}
+    for k, station in evidence.placed.station_of.items():
+        if shown.get(k) is None:
+            found.setdefault(station, k)
+    return found
+
+
+def _poses(evidence: Evidence, shown: Mapping[int, int | None]) -> dict[int, Pose]:
+    """The believed pose of each photograph, by index."""
+    poses = {}
+    for k in evidence.placed.station_of.keys() | shown.keys():
+        seen = evidence.consistency.seen.get(k)
+        if seen is not None and (k in shown or _knows_better(seen, evidence.placed.scatter_m)):
+            poses[k] = seen.pose
+        else:
+            poses[k] = tag_pose(evidence.placed, k, evidence.plan)
+    return poses
+
+
+def tag_pose(placed: Placed, k: int, plan: Plan) -> Pose:
+    """The pose that a photograph's tags say; without angles it is turned as its station is."""
+    tags, station = placed.tags, plan.stations[placed.station_of[k]]
+    if np.isfinite(tags.poses.yaws[k]):
+        return tags.pose(k)
+    return Pose.from_yaw_pitch(tags.poses.positions[k], station.yaw_deg, station.pitch_deg)
+
+
+def believed_poses(
+    placed: Placed, plan: Plan, consistency: Consistency, pictures: Mapping[str, PictureVerdict], names: Sequence[str]
+) -> dict[int, Pose]:
+    """Poses of sound photographs whose tags nothing contradicts, by index."""
+    return {
+        k: tag_pose(placed, k, plan)
+        for k in placed.station_of
+        if k not in consistency.contradicted and not pictures[names[k]].problem
+    }
+
+
+def _judge_station(
+    evidence: Evidence, station: int, k: int | None, shown: Mapping[int, int | None]
+) -> tuple[StationCheck, list[CheckFinding]]:
+    if k is None:
+        missing = CheckFinding("missing", station, "", "it has no photograph", _FLY)
+        return StationCheck(station, verdict="fly again"), [missing]
+    name = evidence.names[k]
+    picture, deviation = evidence.pictures[name], _deviation(evidence, station, k, shown)
+    verdict: Verdict = "fine"
+    findings = []
+    if picture.problem:
+        verdict = "fly again"
+        findings.append(CheckFinding(picture.problem, station, name, picture.message, _FLY))
+    else:  # where it is to be flown again anyway, its tags do not matter
+        verdict, finding = _judge_place(evidence, station, k, shown, deviation)
+        findings += [] if finding is None else [finding]
+    row = StationCheck(
+        station, name, verdict, edge_px=picture.edge_px, blur_ratio=picture.blur_ratio, stops=picture.stops,
+        clipped=picture.clipped, distance_m=deviation.distance_m, turn_deg=deviation.turn_deg, source=deviation.source,
+    )  # fmt: skip
+    return row, findings
+
+
+def _judge_place(
+    evidence: Evidence, station: int, k: int, shown: Mapping[int, int | None], deviation: _Deviation
+) -> tuple[Verdict, CheckFinding | None]:
+    """Where a good photograph was taken, and what its tags say of that."""
+    name, consistency = evidence.names[k], evidence.consistency
+    if k in shown and shown[k] is None:
+        message = f"by its matches it was taken {deviation.words()}, which its tags do not say"
+        return "fly again", CheckFinding("displaced", station, name, message, _FLY)
+    if k in consistency.contradicted:
+        return "fix tags", CheckFinding("mis-tagged", station, name, _contradiction(evidence, k), _TAGS)
+    if k in consistency.untagged:
+        message = "it has no position; by its matches it is of this station"
+        return "fix tags", CheckFinding("no-position", station, name, message, _TAGS)
+    if deviation.far:
+        alone = "" if k in consistency.seen else "; no matches tell whether the tags or the flight are wrong"
+        message = f"it was taken {deviation.words()}{alone}"
+        return "fly again", CheckFinding("displaced", station, name, message, _FLY)
+    return "fine", None
+
+
+def _deviation(evidence: Evidence, station: int, k: int, shown: Mapping[int, int | None]) -> _Deviation:
+    """By tags; by the photographs where tags are wrong, or scatter so much that the photographs know better."""
+    placed, settings = evidence.placed, evidence.settings
+    wanted = evidence.plan.stations[station]
+    seen = evidence.consistency.seen.get(k)
+    if seen is not None and (k in shown or _knows_better(seen, placed.scatter_m)):
+        return _by_matches(seen, wanted.pose, settings)
+    if placed.station_of.get(k) != station:
+        return _Deviation(None, None, "", settings.position_m, settings.angle_deg)
+    tags = placed.tags
+    distance = float(np.linalg.norm(tags.poses.positions[k] - np.array(wanted.position_m)))
+    turn = None
+    if np.isfinite(tags.poses.yaws[k]):
+        turn = axis_turn_deg(float(tags.poses.yaws[k]), float(tags.poses.pitches[k]), wanted.yaw_deg, wanted.pitch_deg)
+    limit = max(settings.position_m, _SCATTER_SIGMAS * placed.scatter_m)
+    return _Deviation(distance, turn, "tags", limit, settings.angle_deg)
+
+
+def _knows_better(seen: SeenPose, scatter_m: float) -> bool:
+    return scatter_m > _GOOD_SCATTER_M and seen.sigma_m < scatter_m
+
+
+def _by_matches(seen: SeenPose, wanted: Pose, settings: CheckSettings) -> _Deviation:
+    distance = float(np.linalg.norm(seen.pose.center - wanted.center))
+    cosine = float(np.clip(seen.pose.forward @ wanted.forward, -1.0, 1.0))
+    limit = settings.position_m + _SEEN_SIGMAS * seen.sigma_m
+    return _Deviation(distance, float(np.degrees(np.arccos(cosine))), "photographs", limit, settings.angle_deg + 4.0)
+
+
+def _contradiction(evidence: Evidence, k: int) -> str:
+    """How a photograph's tags differ from what it shows."""
+    if k not in evidence.placed.station_of:
+        return "its tags put it far from every station, but it shows what this station shows"
+    tags = tag_pose(evidence.placed, k, evidence.plan)
+    difference = evidence.consistency.seen[k].compare(tags, 0.0, 0.0)
+    told = evidence.placed.station_of[k]
+    return (
+        f"its tags (nearest station {station_number(told)}) are {difference.shift_m:.1f} m and "
+        f"{difference.turn_deg:.0f}° off what it shows beside the others"
+    )
+
+
+def _with(row: StationCheck, verdict: Verdict) -> StationCheck:
+    return StationCheck(**{**vars(row), "verdict": verdict})
+
+
+def _with_ties(row: StationCheck, joined: Connection) -> StationCheck:
+    return StationCheck(
+        **{
+            **vars(row),
+            "matches": joined.matches.get(row.station, 0),
+            "neighbours": tuple(sorted(joined.neighbours.get(row.station, ()))),
+        }
+    )

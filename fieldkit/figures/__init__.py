@@ -1,0 +1,1 @@
+"""Results as figures: tables, spreadsheets, and what a terminal shows of them."""

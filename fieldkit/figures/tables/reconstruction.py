@@ -1,0 +1,147 @@
+"""The result of a reconstruction: main figures, photographs, findings, times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from fieldkit.figures.content import Column, Mark, Picture, Table
+from fieldkit.figures.style import DASH, decimal, format_length, format_seconds, metres, with_unit
+from fieldkit.figures.tables.tabulated import tabulated
+from fieldkit.results.evaluation import CameraEntry, FindingEntry, ImageEntry, ReconstructionEntry, ReferenceReport
+from fieldkit.wording import count
+
+_MOST_CAMERAS = 4
+
+
+def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
+    """The main figures of a reconstruction, as label and value."""
+    metric = report.metric
+    wrong = sum(image.registered and image.right is False for image in report.image_reports)
+    known = any(image.right is not None for image in report.image_reports)
+    share = f" ({100 * report.registered / report.images:.0f} %)" if report.images else ""
+    pairs = f"{report.pairs_verified:,} of {report.pairs_tried:,} pairs verified"
+    tracks = f"{report.observations:,} observations, track length {decimal(report.track_length) or DASH}"
+    rows = [
+        ("photographs registered", f"{report.registered} of {report.images}{share}"),
+        ("photographs used", f"{report.right}"),
+        ("registered but wrong", f"{wrong}" if known else "not known: no positions to compare with"),
+        ("models", f"{len(report.models)} ({', '.join(map(str, report.models)) or 'no'} photographs)"),
+        ("mapping", f"{report.method or DASH}, {pairs}"),
+        ("features per photograph", decimal(report.features_per_image, 0) or DASH),
+        ("sparse points", f"{report.sparse_points:,}, {tracks}"),
+        ("reprojection error", with_unit(decimal(report.reprojection_px), "px")),
+        ("scale and place from", _metric_source(report)),
+        *(("camera", camera) for camera in _cameras(report.cameras)),
+    ]
+    if report.frame is not None:
+        ground = report.frame.ground
+        tilt = "none found" if ground is None else f"{format_length(ground.rms_m, metric=metric)} RMS"
+        rows += [("ground plane", tilt), *(("doubt about the frame", note) for note in report.frame.notes)]
+    rows.append(("ground sampling distance", f"{format_length(report.gsd_m, metric=metric)} per pixel"))
+    if report.volume is not None:
+        edges = (high - low for low, high in zip(report.volume.lower_m, report.volume.upper_m, strict=True))
+        unit = "m" if metric else "units"
+        rows.append(("volume of interest", " × ".join(f"{edge:.2f}" for edge in edges) + f" {unit}"))
+    rows.append(("plants", _plants(report)))
+    if isinstance(report, ReferenceReport) and report.scene_points is not None:
+        rows.append(("scene", f"{report.scene_points:,} points"))
+    if report.dense is not None:
+        dense = f"{report.dense.fidelity} on {report.dense.backend}, plants by mask {report.dense.mask}"
+        rows.append(("dense stereo", dense))
+    return tuple(rows)
+
+
+def was_used(image: ImageEntry) -> bool:
+    """Whether a photograph is registered and its pose not known to be wrong."""
+    return image.registered and image.right is not False
+
+
+def photograph_table(
+    images: Sequence[ImageEntry], caption: str, *, metric: bool, pictures: Mapping[str, Picture] | None = None
+) -> Table:
+    """The state of photographs, unused ones first.
+
+    Args:
+        images: to tell of.
+        caption: of the table.
+        metric: whether lengths are metres.
+        pictures: thumbnails by name.
+    """
+    return tabulated(caption, sorted(images, key=was_used), (
+        (Column("photograph"), lambda i: i.name),
+        (Column("picture", detail=True), lambda i: (pictures or {}).get(i.name)),
+        (Column("state", detail=True), state),
+        (Column("features", True), lambda i: f"{i.features:,}"),
+        (Column("points seen", True, detail=True), lambda i: f"{i.observations:,}"),
+        (Column("reprojection, px", True, detail=True), lambda i: decimal(i.reprojection_px)),
+        (Column(f"position residual{', m' * metric}", True, detail=True), lambda i: metres(i.position_residual_m, 3)),
+        (Column("direction residual, °", True, detail=True), lambda i: decimal(i.angle_residual_deg)),
+        (Column(f"height{', m' * metric}", True, detail=True), lambda i: i.center_m and metres(i.center_m[2])),
+        (Column("pitch, °", True, detail=True), lambda i: decimal(i.pitch_deg, 1)),
+        (Column("why"), lambda i: i.reason or None),
+    ))  # fmt: skip
+
+
+def state(image: ImageEntry) -> Mark:
+    """Whether a photograph was used."""
+    if not image.registered:
+        return Mark("problem", "not registered")
+    return Mark("problem", "wrong pose") if image.right is False else Mark("good", "used")
+
+
+def stage_table(report: ReconstructionEntry) -> Table:
+    """The time of each stage and of all together."""
+    columns = (
+        Column("stage"), Column("items", True), Column("from cache", True), Column("time", True),
+        Column("CPU time", True),
+    )  # fmt: skip
+    rows = [
+        (t.name, f"{t.items:,}", f"{t.cached:,}", format_seconds(t.wall_s), format_seconds(t.cpu_s))
+        for t in report.times
+    ]
+    rows.append(("all", "", "", format_seconds(report.seconds), format_seconds(report.cpu_seconds)))
+    return Table("Time per stage", columns, tuple(rows))
+
+
+def finding_table(findings: Sequence[FindingEntry], most_names: int) -> Table:
+    """One row per finding; files with the same finding share it, up to ``most_names`` by name."""
+    groups: dict[tuple[str, str, bool], list[str]] = {}
+    for finding in findings:
+        groups.setdefault((finding.code, finding.message, finding.left_out), []).append(finding.name)
+
+    def told(group: tuple[tuple[str, str, bool], list[str]]) -> str:
+        (_, message, left_out), names = group
+        more = f" and {len(names) - most_names} more" if len(names) > most_names else ""
+        return f"{', '.join(names[:most_names])}{more}: {'left out: ' if left_out else ''}{message}"
+
+    return tabulated("Findings", list(groups.items()), (
+        (Column("finding"), lambda group: group[0][0]),
+        (Column("files", True), lambda group: f"{len(group[1]):,}"),
+        (Column("what was found"), told),
+    ))  # fmt: skip
+
+
+def _metric_source(report: ReconstructionEntry) -> str:
+    source = f"{report.metric_source or DASH}" if report.metric else "nothing: lengths are not metres"
+    if report.pose_rms_m is None:
+        return source
+    bound = report.position_bound_m
+    right = "" if bound is None else f", right up to {format_length(bound, metric=report.metric)}"
+    return f"{source}, residuals {format_length(report.pose_rms_m, metric=report.metric)} RMS{right}"
+
+
+def _cameras(cameras: Sequence[CameraEntry]) -> list[str]:
+    found = [
+        f"{camera.model} {camera.width}×{camera.height}, f {camera.params[0]:.1f} px, {camera.source}, "
+        f"{count(camera.photos, 'photograph')} ({camera.key})"
+        for camera in cameras
+    ]
+    return found if len(found) <= _MOST_CAMERAS else [*found[: _MOST_CAMERAS - 1], f"and {len(found) - 3} more"]
+
+
+def _plants(report: ReconstructionEntry) -> str:
+    text = f"{report.points:,} points"
+    if report.points_per_plant_voxel is None:
+        return text
+    edge = format_length(report.plant_voxel_m, metric=report.metric)
+    return f"{text}, {report.points_per_plant_voxel:.1f} per {edge} voxel"

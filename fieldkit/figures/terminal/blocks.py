@@ -1,0 +1,122 @@
+"""Blocks of content as Rich shows them on a terminal of 80 characters and more.
+
+Charts, maps, views and pictures are left out. Text is never markup; invisible and control characters are written out.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from fieldkit.figures import content
+from fieldkit.figures.content import Block, Cell, Column, Table
+from fieldkit.figures.foreign_text import visible
+from fieldkit.figures.style import DASH, table
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+MOST_ROWS = 20
+"""Largest number of rows of a table; the number of further ones is given."""
+
+_WIDTH = 80  # characters that every table has room in
+_LEAST_WIDTH = 7  # of a column of words, if there are few columns: a narrow terminal wraps words and drops none
+_COLORS = {"good": "green", "fact": "", "note": "yellow", "problem": "red"}
+
+
+def rendered(
+    blocks: Iterable[Block], heading: str = "", *, most_rows: int | None = MOST_ROWS
+) -> Iterator[RenderableType]:
+    """The blocks for Rich to print, from top to bottom.
+
+    Args:
+        blocks: to show.
+        heading: above them; empty for none.
+        most_rows: limit of a table's rows; None shows all.
+    """
+    if heading:
+        yield _text(f"{heading}\n", "bold")
+    for block in blocks:
+        match block:
+            case Table():
+                yield _table(block, most_rows)
+            case content.Terms():
+                yield _grid([(_text(term), _text(meaning)) for term, meaning in block.items])
+            case content.KeyFigures():
+                yield _grid([(_text(f.label), _text(f.value), _text(f.meaning, "dim")) for f in block.items])
+            case content.Statements():
+                yield _grid(
+                    [(_text(f"{each.text} {each.advice}".strip(), _COLORS[each.level]),) for each in block.items]
+                )
+            case content.Paragraph():
+                yield _text(block.text + "\n", "dim" if block.faint else "")
+            case content.Details():
+                yield from rendered(block.blocks, block.summary, most_rows=most_rows)
+            case _:
+                pass
+
+
+def _table(block: Table, most_rows: int | None) -> RichTable:
+    places = [k for k, column in enumerate(block.columns) if not column.detail]
+    columns = [block.columns[k] for k in places]
+    rows = [[_cell(row[k]) for k in places] for row in block.rows]
+    result = table("")
+    result.title = _text(block.caption)
+    if block.note:
+        result.caption, result.caption_justify, result.caption_style = _text(block.note), "left", "dim"
+    result.collapse_padding, result.pad_edge = True, False
+    least = min(_LEAST_WIDTH, _WIDTH // max(1, len(columns)) - 2)
+    for place, column in enumerate(columns):
+        texts = [row[place].plain for row in rows]
+        result.add_column(
+            _label(column, texts), justify="right" if column.numeric else "left", overflow="fold",
+            no_wrap=column.numeric, min_width=max(1, min(least, max(map(len, texts), default=1))),
+        )  # fmt: skip
+    above = ""
+    for row in rows[:most_rows]:
+        name = row[0].plain
+        result.add_row(*(Text() if name == above else row[0], *row[1:]))
+        above = name
+    if most_rows is not None and len(rows) > most_rows:
+        result.add_row(f"and {len(rows) - most_rows} more")
+    return result
+
+
+def _label(column: Column, cells: list[str]) -> Text:
+    """A column's label, with its unit on a line of its own; numeric columns are no wider than needed."""
+    label = column.short or column.label
+    if not column.numeric:
+        return _text(label)
+    room = max((len(text) for text in [*cells, *label.split(" ")]), default=0)
+    return _text("\n".join(line for part in label.split(", ") for line in textwrap.wrap(part, room)))
+
+
+def _grid(rows: list[tuple[Text, ...]]) -> RichTable:
+    result = RichTable.grid(padding=(0, 2, 0, 0))
+    result.pad_edge = True
+    for _ in rows[0] if rows else ():
+        result.add_column(overflow="fold")
+    for row in rows:
+        result.add_row(*row)
+    result.add_row()
+    return result
+
+
+def _cell(cell: Cell) -> Text:
+    match cell:
+        case None | content.Picture():
+            return _text(DASH)
+        case content.Link():
+            return _text(cell.text)
+        case content.Mark():
+            return _text(cell.text, _COLORS[cell.level])
+        case _:
+            return _text(cell)
+
+
+def _text(text: str, style: str = "") -> Text:
+    return Text(visible(text), style=style)

@@ -1,0 +1,85 @@
+"""The camera's pose at a trigger."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from fieldkit.flightlogs.model import Place, Trigger
+from fieldkit.geometry import Pose
+
+AngleSource = Literal["gimbal", "commanded gimbal", "fixed mount", "vehicle"]
+
+
+@dataclass(frozen=True)
+class FixedMount:
+    """A camera that is bolted to the vehicle.
+
+    Attributes:
+        pitch_deg: against the vehicle's level: 0 forward, −90 straight down.
+        yaw_deg: clockwise from its nose.
+    """
+
+    pitch_deg: float
+    yaw_deg: float = 0.0
+
+
+@dataclass(frozen=True)
+class AchievedPose:
+    """Where a camera was and where it looked. The autopilot's estimate of the vehicle's position, not of the lens's.
+
+    Attributes:
+        place: of the vehicle; the lever arm to the camera is not in the logs.
+        yaw_deg: of the optical axis, clockwise from true north, [0, 360); None where nothing says it.
+        pitch_deg: 0 at the horizon, −90 straight down; None where nothing says it.
+        roll_deg: about the optical axis; None where nothing says it.
+        source: what the angles come from: "gimbal" (as reported), "commanded gimbal", "fixed mount", or "vehicle"
+            (heading only: the log says nothing of the camera).
+    """
+
+    place: Place | None
+    yaw_deg: float | None
+    pitch_deg: float | None
+    roll_deg: float | None
+    source: AngleSource
+
+
+def achieved_pose(trigger: Trigger, mount: FixedMount | None = None) -> AchievedPose:
+    """The camera's pose at a trigger.
+
+    A stabilising gimbal's pitch and roll are against the horizon and stand for themselves; its yaw counts from north or
+    from the vehicle's heading, to which it is then added. CAMERA_FEEDBACK's, CAM's and vehicle_attitude's angles are
+    the vehicle's: a camera without a gimbal turns with it.
+
+    Args:
+        trigger: from a flight log.
+        mount: of a camera without a gimbal; then whatever the log says of a gimbal is not used.
+    """
+    attitude, gimbal = trigger.attitude, trigger.gimbal
+    if mount is not None:
+        if attitude is None:
+            return AchievedPose(trigger.place, None, None, None, "fixed mount")
+        body = _body_to_world(attitude.roll_deg, attitude.pitch_deg, attitude.yaw_deg)
+        camera = Pose.from_yaw_pitch(np.zeros(3), mount.yaw_deg, mount.pitch_deg).rotation
+        yaw, pitch, roll = Pose(camera @ body.T, np.zeros(3)).yaw_pitch_roll_deg()
+        return AchievedPose(trigger.place, yaw % 360.0, pitch, roll, "fixed mount")
+    if gimbal is None:
+        return AchievedPose(trigger.place, None if attitude is None else attitude.yaw_deg, None, None, "vehicle")
+    heading: float | None = gimbal.yaw_deg % 360.0
+    if gimbal.frame == "vehicle":
+        heading = None if attitude is None else (attitude.yaw_deg + gimbal.yaw_deg) % 360.0
+    source: AngleSource = "gimbal" if gimbal.source == "reported" else "commanded gimbal"
+    return AchievedPose(trigger.place, heading, gimbal.pitch_deg, gimbal.roll_deg, source)
+
+
+def _body_to_world(roll_deg: float, pitch_deg: float, yaw_deg: float) -> np.ndarray:
+    """(3, 3) from the vehicle's right-forward-up axes to east-north-up; the Tait–Bryan angles of `Attitude`."""
+    r, p, y = (math.radians(a) for a in (roll_deg, pitch_deg, yaw_deg))
+    cr, sr, cp, sp, cy, sy = math.cos(r), math.sin(r), math.cos(p), math.sin(p), math.cos(y), math.sin(y)
+    # Columns are the vehicle's axes in north-east-down (Rz Ry Rx), reordered to right, forward, up in east-north-up.
+    forward = np.array([cp * sy, cp * cy, sp])
+    right = np.array([sr * sp * sy + cr * cy, sr * sp * cy - cr * sy, -sr * cp])
+    return np.stack([right, forward, np.cross(right, forward)], axis=1)

@@ -1,0 +1,225 @@
+"""Photographs and a flight log: where each was taken, as poses.csv. The photographs themselves are only read."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC
+from pathlib import Path
+
+from fieldkit.captures.capture import read_capture
+from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M
+from fieldkit.captures.model import Photo
+from fieldkit.documents.csv_text import on_one_line
+from fieldkit.errors import MetadataError
+from fieldkit.files import check_writable, write_atomic
+from fieldkit.flightlogs.achieved import AchievedPose, FixedMount, achieved_pose
+from fieldkit.flightlogs.matching import Matches, Stamp, match
+from fieldkit.flightlogs.model import FlightLog, Trigger
+from fieldkit.flightlogs.reading import read_flight_log
+from fieldkit.geometry.geodesy import EAST_DEG, LocalFrame, plot_from_enu
+from fieldkit.regular_files import check_replaceable
+from fieldkit.wording import count
+
+_HEADER = ("image", "x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "accuracy_m")
+_LENGTH_DECIMALS, _ANGLE_DECIMALS = 4, 3
+
+
+@dataclass(frozen=True)
+class PhotoPose:
+    """A photograph's pose in the local frame.
+
+    Attributes:
+        image: file name.
+        position: metres: x east, or along the rows in a plot's frame, z up.
+        yaw_deg: of the optical axis, clockwise from the y axis; None where the log does not say.
+        pitch_deg: 0 at the horizon; None where the log does not say.
+        accuracy_m: one standard deviation.
+        trigger: index in the log.
+        source: of the angles (`AchievedPose`).
+    """
+
+    image: str
+    position: tuple[float, float, float]
+    yaw_deg: float | None
+    pitch_deg: float | None
+    accuracy_m: float
+    trigger: int
+    source: str
+
+
+@dataclass(frozen=True)
+class GeotagReport:
+    """What `geotag` did.
+
+    Attributes:
+        images: photographs read.
+        poses: of those that were matched, in the order of the photographs.
+        matches: how photographs and triggers belong together.
+        origin: of the frame of the poses (z up; z = 0 at its altitude above mean sea level).
+        origin_source: where that is from: "home of the log", "given", "first trigger".
+        triggers: in the log.
+        remarks: of the log and of the matching.
+    """
+
+    images: int
+    poses: tuple[PhotoPose, ...]
+    matches: Matches
+    origin: LocalFrame
+    origin_source: str
+    triggers: int
+    remarks: tuple[str, ...]
+
+
+def geotag(
+    images: Path,
+    log: Path,
+    output: Path,
+    *,
+    origin: LocalFrame | None = None,
+    heading_deg: float = EAST_DEG,
+    mount: FixedMount | None = None,
+    accuracy_m: float | None = None,
+    offset_s: float | None = None,
+    overwrite: bool = False,
+) -> GeotagReport:
+    """Write a poses.csv for the photographs of a flight.
+
+    Positions are the autopilot's estimate of the vehicle's place, in one frame.
+
+    Args:
+        images: folder of photographs; nothing in it is changed, but for ``output`` where that lies in it.
+        log: flight log.
+        output: poses.csv to write.
+        origin: of the frame, its altitude above mean sea level; None takes the log's home.
+        heading_deg: compass heading of the frame's x axis: of a plot's rows, so that it is the plan's frame.
+        mount: of a camera without a gimbal.
+        accuracy_m: of the positions; None takes what the log's GNSS receiver states.
+        offset_s: camera's clock less UTC, where it is known.
+        overwrite: replace ``output``.
+
+    Raises:
+        UsageError: ``output`` exists.
+        CaptureError: there are no photographs.
+        MetadataError: the log cannot be read, has no triggers or no positions, or no photograph matches one.
+        StorageError: ``output`` cannot be written.
+    """
+    output = Path(output)
+    check_replaceable(output, overwrite=overwrite)
+    check_writable(output.parent)
+    flight = read_flight_log(log)
+    capture = read_capture(images, sidecars=False)
+    photos = capture.photos
+    frame, source = frame_of(flight, origin)
+    matches = match([stamp(photo) for photo in photos], _triggers(flight), offset_s=offset_s)
+    poses = local_poses(flight, matches, frame, [p.name for p in photos], mount=mount, accuracy_m=accuracy_m)
+    if not poses:
+        said = f": {matches.remarks[0]}" if matches.remarks else ""
+        raise MetadataError(
+            f"of {count(len(photos), 'photograph')} none could be matched to its "
+            f"{count(len(flight.triggers), 'trigger')}{said}",
+            path=log,
+            remedy="Check that log and photographs are of one flight; --camera-offset gives the camera's clock error.",
+        )
+    poses = [turned(pose, heading_deg) for pose in poses]
+    write_atomic(output, poses_table(poses))
+    others = (f"{f.name}: left out: {f.message}" for f in capture.findings if f.code == "other-camera")
+    remarks = (*flight.remarks, *matches.remarks, *others)
+    return GeotagReport(len(photos), tuple(poses), matches, frame, source, len(flight.triggers), remarks)
+
+
+def stamp(photo: Photo) -> Stamp:
+    """When and where a photograph says it was taken. EXIF's local time is counted as if it were UTC."""
+    taken, tag = photo.captured_at, photo.geotag
+    time = None if taken is None else taken.replace(tzinfo=UTC).timestamp()
+    if tag is None:
+        return Stamp(photo.name, time)
+    return Stamp(photo.name, time, tag.latitude_deg, tag.longitude_deg)
+
+
+def frame_of(flight: FlightLog, origin: LocalFrame | None = None) -> tuple[LocalFrame, str]:
+    """The local frame of a flight's poses, and what its origin is.
+
+    Raises:
+        MetadataError: the log holds no position.
+    """
+    if origin is not None:
+        return origin, "given"
+    first = next((t.place for t in flight.triggers if t.place is not None and t.place.amsl_m is not None), None)
+    for place, source in ((flight.home, "home of the log"), (first, "first trigger")):
+        if place is not None and place.amsl_m is not None:
+            return LocalFrame(place.latitude_deg, place.longitude_deg, place.amsl_m, "sea level"), source
+    raise MetadataError(
+        "says of no trigger where it was", path=flight.path, remedy="Give the autopilot's own log (.BIN, .ulg)."
+    )
+
+
+def local_poses(
+    flight: FlightLog,
+    matches: Matches,
+    frame: LocalFrame,
+    names: Sequence[str],
+    *,
+    mount: FixedMount | None = None,
+    accuracy_m: float | None = None,
+) -> list[PhotoPose]:
+    """Poses of the matched photographs, in the order of ``names``; those whose trigger has no place are left out."""
+    by_name = {pair.photograph: pair.trigger for pair in matches.pairs}
+    poses = []
+    for name in names:
+        if name not in by_name:
+            continue
+        trigger = flight.triggers[by_name[name]]
+        pose = achieved_pose(trigger, mount)
+        position = _position(pose, frame)
+        if position is not None:
+            accuracy = _accuracy(trigger) if accuracy_m is None else accuracy_m
+            poses.append(PhotoPose(name, position, pose.yaw_deg, pose.pitch_deg, accuracy, by_name[name], pose.source))
+    return poses
+
+
+def turned(pose: PhotoPose, heading_deg: float) -> PhotoPose:
+    """A pose of an east-north-up frame in the frame about the same origin whose x axis has a compass heading."""
+    if heading_deg == EAST_DEG:
+        return pose
+    x, y, z = (plot_from_enu(heading_deg) @ pose.position).tolist()
+    yaw = None if pose.yaw_deg is None else (pose.yaw_deg - heading_deg + EAST_DEG) % 360.0
+    return replace(pose, position=(x, y, z), yaw_deg=yaw)
+
+
+def poses_table(poses: Sequence[PhotoPose]) -> str:
+    """The text of a poses.csv: metres and degrees, one line per photograph."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_HEADER)
+    for pose in poses:
+        angles = ["" if a is None else f"{a:.{_ANGLE_DECIMALS}f}" for a in (pose.yaw_deg, pose.pitch_deg)]
+        lengths = [f"{v:.{_LENGTH_DECIMALS}f}" for v in pose.position]
+        writer.writerow([on_one_line(pose.image), *lengths, *angles, f"{pose.accuracy_m:.3g}"])
+    return text.getvalue()
+
+
+def _triggers(flight: FlightLog) -> tuple[Trigger, ...]:
+    if not flight.triggers:
+        raise MetadataError(
+            "holds no camera trigger",
+            path=flight.path,
+            remedy="Let the autopilot release the shutter (CAM1_TYPE, TRIG_INTERFACE), and log CAMERA_FEEDBACK or CAM.",
+        )
+    return flight.triggers
+
+
+def _position(pose: AchievedPose, frame: LocalFrame) -> tuple[float, float, float] | None:
+    place = pose.place
+    if place is None or place.amsl_m is None:
+        return None
+    x, y, z = frame.to_local(place.latitude_deg, place.longitude_deg, place.amsl_m)[0]
+    return float(x), float(y), float(z)
+
+
+def _accuracy(trigger: Trigger) -> float:
+    if trigger.accuracy_m is None:
+        return GPS_ACCURACY_M
+    return max(trigger.accuracy_m, RTK_ACCURACY_M)

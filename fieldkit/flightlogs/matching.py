@@ -1,0 +1,277 @@
+"""Which photograph belongs to which trigger, by time and place, never by order.
+
+Numbers of photographs and triggers often differ: a shutter does not fire, a test photograph lies in the folder, a
+trigger message is lost. A camera's clock is off by an unknown constant (its time zone, and that nobody set it) and
+drifts a little, and may count whole seconds only.
+
+The model: a photograph either belongs to a trigger, then its time is the trigger's plus offset plus rate plus noise and
+its place the trigger's plus noise; or it is an extra, anywhere in time and place. Every offset that a pair suggests is
+weighed by the likelihood of the best assignment under it, noise included in the fit. Another offset that explains the
+photographs nearly as well, one photograph missing and one extra not counted, makes the match ambiguous, and nothing
+is matched; where every photograph has its trigger and every trigger its photograph, it is only remarked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.flightlogs.likelihood import Fit, Observed, assign, fit_to
+from fieldkit.flightlogs.model import Trigger
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.wording import count
+
+_HYPOTHESES = 12
+_VOTES = 4_000_000
+_ROUNDS = 5
+_LEAST_PAIRS = 3
+_OFFSET_TOLERANCE_S = 2.0
+_DOUBT = 3.0
+_OFFSET_DOUBT = 5.0
+"""Natural logarithms of how many times likelier an assignment must be than the next one, at one clock offset and at
+another."""
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """What a photograph says of when and where it was taken.
+
+    Attributes:
+        name: of the file.
+        time_s: on the camera's clock, seconds from any zero that all photographs share; None where it has none.
+        latitude_deg, longitude_deg: WGS 84, or None.
+    """
+
+    name: str
+    time_s: float | None = None
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+
+    @property
+    def located(self) -> bool:
+        """Whether it says where."""
+        return self.latitude_deg is not None and self.longitude_deg is not None
+
+
+@dataclass(frozen=True)
+class Match:
+    """A photograph and its trigger.
+
+    Attributes:
+        photograph: name.
+        trigger: index.
+        distance_m: horizontal, between what photograph and trigger say; None where one of them says nothing.
+    """
+
+    photograph: str
+    trigger: int
+    distance_m: float | None
+
+
+@dataclass(frozen=True)
+class Matches:
+    """How photographs and triggers belong together.
+
+    Attributes:
+        pairs: in the triggers' order.
+        photographs: names of those without a trigger, in the order given.
+        triggers: indices of those without a photograph.
+        ambiguous: names of those among ``photographs`` that could belong to more than one trigger.
+        offset_s: camera's clock less the triggers' (UTC where the log knows it, else the log's clock), at the first
+            pair; None where no times were compared.
+        drift_ppm: how much faster the camera's clock runs; 0 where the flight is too short to tell.
+        remarks: what a person should know.
+    """
+
+    pairs: tuple[Match, ...]
+    photographs: tuple[str, ...]
+    triggers: tuple[int, ...]
+    ambiguous: tuple[str, ...] = ()
+    offset_s: float | None = None
+    drift_ppm: float = 0.0
+    remarks: tuple[str, ...] = ()
+
+
+def match(
+    photographs: Sequence[Stamp],
+    triggers: Sequence[Trigger],
+    *,
+    offset_s: float | None = None,
+) -> Matches:
+    """Match photographs to triggers.
+
+    Args:
+        photographs: with distinct names, in any order.
+        triggers: of one flight log.
+        offset_s: camera's clock less the triggers', where it is known; to within 2 s; it decides between
+            offsets that fit alike.
+    """
+    observed = _observed(photographs, triggers)
+    remarks: list[str] = []
+    pairs: dict[int, int] = {}
+    ambiguous: set[int] = set()
+    fit: Fit | None = None
+    timed = np.isfinite(observed.photo_time)
+    if timed.any() and len(triggers):
+        window = None if offset_s is None else (offset_s - _OFFSET_TOLERANCE_S, offset_s + _OFFSET_TOLERANCE_S)
+        fit, pairs, ambiguous = _by_time(observed, window, remarks)
+    left = [i for i in range(len(photographs)) if i not in pairs and i not in ambiguous and not timed[i]]
+    if fit is None and not ambiguous:
+        left = [i for i in range(len(photographs)) if observed.located[i]]
+    if left:
+        found, doubtful = _by_place(observed, left, [j for j in range(len(triggers)) if j not in pairs.values()])
+        pairs |= found
+        ambiguous |= doubtful
+    lost = [i for i in range(len(photographs)) if not timed[i] and not observed.located[i]]
+    if lost:
+        remarks.append(f"{count(len(lost), 'photograph says', 'photographs say')} neither when nor where it was taken")
+    if ambiguous and fit is not None:
+        remarks.append(f"{count(len(ambiguous), 'photograph')} could belong to more than one trigger")
+    return _matches(photographs, observed, pairs, ambiguous, fit, remarks)
+
+
+def _observed(photographs: Sequence[Stamp], triggers: Sequence[Trigger]) -> Observed:
+    """Times and places as arrays; places in metres about the triggers' middle."""
+    utc = [t.utc_s for t in triggers]
+    zero_free = utc if all(u is not None for u in utc) else [t.time_s for t in triggers]
+    places = [(t.place.latitude_deg, t.place.longitude_deg) if t.place else (np.nan, np.nan) for t in triggers]
+    trigger_place = np.array(places, dtype=np.float64).reshape(-1, 2)
+    stamped = [
+        (p.latitude_deg, p.longitude_deg) if p.located else (np.nan, np.nan) for p in photographs
+    ]  # fmt: skip
+    photo_place = np.array(stamped, dtype=np.float64).reshape(-1, 2)
+    known = trigger_place[np.isfinite(trigger_place).all(axis=1)]
+    if len(known):
+        frame = LocalFrame(float(np.median(known[:, 0])), float(np.median(known[:, 1])))
+        trigger_place, photo_place = _metres(frame, trigger_place), _metres(frame, photo_place)
+    else:
+        photo_place = np.full_like(photo_place, np.nan)
+    times = np.array([np.nan if p.time_s is None else p.time_s for p in photographs], dtype=np.float64)
+    return Observed(times, np.array(zero_free, dtype=np.float64).reshape(-1), photo_place, trigger_place)
+
+
+def _metres(frame: LocalFrame, degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+    result = np.full_like(degrees, np.nan)
+    good = np.isfinite(degrees).all(axis=1)
+    if good.any():
+        result[good] = frame.to_local(degrees[good, 0], degrees[good, 1], np.zeros(int(good.sum())))[:, :2]
+    return result
+
+
+def _by_time(
+    observed: Observed, window: tuple[float, float] | None, remarks: list[str]
+) -> tuple[Fit | None, dict[int, int], set[int]]:
+    """The best clock offset's assignment; no fit where none is good enough, ambiguous photographs where two are."""
+    best: list[tuple[Fit, dict[int, int], set[int]]] = []
+    for offset in _candidate_offsets(observed, window):
+        fit = Fit.start(observed, offset)
+        fit = _refined(observed, fit)
+        pairs, doubtful = assign(observed, fit, _DOUBT)
+        if window is not None and not window[0] - 1.0 <= fit.offset_s <= window[1] + 1.0:
+            continue
+        best.append((fit, pairs, doubtful))
+    best.sort(key=lambda entry: entry[0].cost(observed, entry[1]))
+    if not best:
+        remarks.append("no trigger lies at the clock offset that was given")
+        return None, {}, set()
+    fit, pairs, doubtful = best[0]
+    counted = int(np.isfinite(observed.photo_time).sum())
+    known = window is not None or observed.places_agree(pairs)
+    by_chance = math.log(counted * len(observed.trigger_time)) + _OFFSET_DOUBT
+    if len(pairs) < (1 if known else _LEAST_PAIRS) or not (known or fit.evidence(observed, pairs) > by_chance):
+        remarks.append(
+            f"at no clock offset do the photographs fall on the log's triggers: at best {len(pairs)} of {counted} do"
+        )
+        return None, {}, doubtful
+    complete, warned = len(pairs) == counted == len(observed.trigger_time), False
+    for other, other_pairs, _ in best[1:]:
+        shared = len(pairs.items() & other_pairs.items())
+        if 2 * shared >= len(pairs):
+            continue
+        worse = other.cost(observed, other_pairs) - fit.cost(observed, pairs)
+        handicap = fit.handicap(observed, pairs, other_pairs)
+        if worse < _OFFSET_DOUBT or (worse < _OFFSET_DOUBT + handicap and not complete):
+            remarks.append(
+                f"the photographs fit the triggers at clock offsets of {fit.offset_s:.1f} s ({len(pairs)} pairs) and "
+                f"{other.offset_s:.1f} s ({len(other_pairs)} pairs) alike: give the offset, or photographs with GPS"
+            )
+            return None, {}, {int(i) for i in np.flatnonzero(np.isfinite(observed.photo_time))}
+        if worse < _OFFSET_DOUBT + handicap and not warned:
+            warned = True
+            remarks.append(
+                f"every photograph has its trigger at a clock offset of {fit.offset_s:.1f} s; were one missing and one "
+                f"extra, {other.offset_s:.1f} s would fit, too"
+            )
+    return fit, pairs, doubtful
+
+
+def _refined(observed: Observed, fit: Fit) -> Fit:
+    """Assign and fit in turn until the assignment stays; doubts are for afterwards."""
+    pairs, _ = assign(observed, fit, 0.0)
+    for _ in range(_ROUNDS):
+        fit = fit_to(observed, fit, pairs)
+        again, _ = assign(observed, fit, 0.0)
+        if again == pairs:
+            break
+        pairs = again
+    return fit
+
+
+def _candidate_offsets(observed: Observed, window: tuple[float, float] | None) -> list[float]:
+    """Offsets at which most photographs have a trigger, most first, each at least half a gate from the others."""
+    photos = np.sort(observed.photo_time[np.isfinite(observed.photo_time)])
+    triggers = np.sort(observed.trigger_time)
+    every = max(1, math.ceil(len(photos) * len(triggers) / _VOTES))
+    votes = np.sort((photos[::every, None] - triggers[None, :]).ravel())
+    gate = observed.start_gate_s
+    if window is not None:
+        votes = votes[(votes >= window[0] - gate) & (votes <= window[1] + gate)]
+    if not len(votes):
+        return []
+    counts = np.searchsorted(votes, votes + 2.0 * gate, side="right") - np.arange(len(votes))
+    offsets: list[float] = []
+    taken = np.zeros(len(votes), dtype=bool)
+    while len(offsets) < _HYPOTHESES and not taken.all():
+        k = int(np.argmax(np.where(taken, -1, counts)))
+        offsets.append(float(np.median(votes[k : k + counts[k]])))
+        taken[np.searchsorted(votes, votes[k] - gate) : np.searchsorted(votes, votes[k] + gate, side="right")] = True
+    return offsets
+
+
+def _by_place(
+    observed: Observed, photographs: Sequence[int], triggers: Sequence[int]
+) -> tuple[dict[int, int], set[int]]:
+    """By place alone: these photographs among these triggers."""
+    some = observed.only_places(photographs, triggers)
+    if some is None:
+        return {}, set()
+    pairs, doubtful = assign(some, _refined(some, Fit.start(some, None)), _DOUBT)
+    return {photographs[i]: triggers[j] for i, j in pairs.items()}, {photographs[i] for i in doubtful}
+
+
+def _matches(
+    photographs: Sequence[Stamp],
+    observed: Observed,
+    pairs: dict[int, int],
+    ambiguous: set[int],
+    fit: Fit | None,
+    remarks: list[str],
+) -> Matches:
+    found = []
+    for i, j in sorted(pairs.items(), key=lambda pair: pair[1]):
+        distance = float(np.linalg.norm(observed.photo_place[i] - observed.trigger_place[j]))
+        found.append(Match(photographs[i].name, j, distance if math.isfinite(distance) else None))
+    used = set(pairs.values())
+    return Matches(
+        pairs=tuple(found),
+        photographs=tuple(p.name for i, p in enumerate(photographs) if i not in pairs),
+        triggers=tuple(j for j in range(len(observed.trigger_time)) if j not in used),
+        ambiguous=tuple(photographs[i].name for i in sorted(ambiguous)),
+        offset_s=None if fit is None else fit.offset_s,
+        drift_ppm=0.0 if fit is None else fit.rate * 1e6,
+        remarks=tuple(remarks),
+    )

@@ -1,1 +1,0 @@
-"""MAVLink frames and messages, for whatever reads or speaks them."""

@@ -1,0 +1,171 @@
+"""A page of content as one self-contained HTML document.
+
+Nothing is loaded from anywhere, which a Content Security Policy enforces (CSP level 3, https://www.w3.org/TR/CSP3/):
+only styles and scripts with the listed SHA-256 apply, pictures are data of the page itself, and nothing can be sent.
+All text is escaped by the template engine and shown without hidden characters.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from fieldkit.figures import content
+from fieldkit.figures.content import Block, Details, Page, View
+from fieldkit.figures.foreign_text import unbroken, visible
+from fieldkit.report.html.charts import draw
+from fieldkit.report.html.plot_map import draw_map
+from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
+
+_TEMPLATES = Path(__file__).parent / "templates"
+_PRINTED_ROWS = 40
+"""Rows of a table on paper, as page.css has them: a report is printed on ten pages at most."""
+_PATH = re.compile(r"[MLHVZ0-9. -]*")
+_ANCHOR = re.compile(r"[a-z][a-z0-9-]*")
+_KINDS = {
+    content.Statements: "statements",
+    content.Paragraph: "paragraph",
+    content.KeyFigures: "key_figures",
+    content.Terms: "terms",
+    content.Table: "table",
+    content.Charts: "charts",
+    content.Map: "map",
+    content.View: "view",
+    content.Still: "still",
+    content.Details: "details",
+}
+
+
+def render(page: Page) -> str:
+    """The page as HTML, ending in a newline.
+
+    Raises:
+        ValueError: an invalid or repeated anchor, or a chart's or map's coordinate that is not finite.
+    """
+    anchors = [section.anchor for section in page.sections]
+    anchors += [name for block in _blocks_of(page) if (name := _anchor(block))]
+    if len(set(anchors)) < len(anchors) or not all(_ANCHOR.fullmatch(anchor) for anchor in anchors):
+        raise ValueError(f"anchors must be unique, of letters, digits and hyphens: {anchors}")
+    has_views = any(True for _ in views_of(page))
+    styles = [_read("page.css"), *([viewer_style()] if has_views else [])]
+    scripts = [_read("page.js"), *([viewer_script()] if has_views else [])]
+    return (
+        _environment()
+        .get_template("page.html.jinja")
+        .render(
+            page=page,
+            policy=Markup(policy(styles, scripts)),
+            styles=[_raw(text, "style") for text in styles],
+            scripts=[_raw(text, "script") for text in scripts],
+        )
+    )
+
+
+def policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
+    """The Content Security Policy under which only these inline styles and scripts apply, and nothing is loaded."""
+    return "; ".join(
+        [
+            "default-src 'none'",
+            "img-src data:",
+            f"style-src {' '.join(_source(text) for text in styles)}",
+            f"script-src {' '.join(_source(text) for text in scripts)}",
+            "base-uri 'none'",
+            "form-action 'none'",
+        ]
+    )
+
+
+def views_of(page: Page) -> Iterator[View]:
+    """The page's 3D views, including folded ones."""
+    return (block for block in _blocks_of(page) if isinstance(block, View))
+
+
+def _blocks_of(page: Page) -> Iterator[Block]:
+    """All blocks, folded ones included."""
+
+    def within(blocks: Sequence[Block]) -> Iterator[Block]:
+        for block in blocks:
+            yield block
+            if isinstance(block, Details):
+                yield from within(block.blocks)
+
+    for section in page.sections:
+        yield from within(section.blocks)
+
+
+def _anchor(block: Block) -> str:
+    return block.identifier if isinstance(block, View) else block.anchor if isinstance(block, Details) else ""
+
+
+def _source(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def _raw(text: str, element: str) -> Markup:
+    """Trusted text for a raw-text element; it must not end the element (HTML, 13.1.2.6) or change on reading."""
+    if re.search(rf"</{element}|<!--", text, re.IGNORECASE) or "\r" in text or "\0" in text:
+        raise ValueError(f"this text cannot stand in a {element} element")
+    return Markup(text)
+
+
+@cache
+def _read(name: str) -> str:
+    return (_TEMPLATES / name).read_text(encoding="utf-8")
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_shown,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.globals.update(
+        printed_rows=_PRINTED_ROWS, draw=draw, draw_map=draw_map, kind=_kind, data_uri=_data_uri, view_html=_view_html,
+    )  # fmt: skip
+    environment.filters.update(path=_path, unbroken=unbroken)
+    environment.tests["text"] = lambda value: isinstance(value, str)
+    environment.tests["link"] = lambda value: isinstance(value, content.Link)
+    environment.tests["picture"] = lambda value: isinstance(value, content.Picture)
+    return environment
+
+
+def _shown(value: Any) -> Any:
+    """The engine's output for an expression: foreign text without hidden characters."""
+    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+def _path(path: str) -> Markup:
+    """The path of a drawing, marked so that it is not cut like foreign text.
+
+    Raises:
+        ValueError: it is not a path of `draw` or `draw_map`.
+    """
+    if not _PATH.fullmatch(path):
+        raise ValueError("not the path of a drawing")
+    return Markup(path)
+
+
+def _kind(block: Block) -> str:
+    return _KINDS[type(block)]
+
+
+def _data_uri(picture: content.Picture) -> Markup:
+    # Base64 has no special characters of HTML; marked so that it is not cut like foreign text.
+    return Markup("data:image/jpeg;base64," + base64.b64encode(picture.jpeg).decode())
+
+
+def _view_html(view: View) -> Markup:
+    return Markup(viewer_html(view.scene, identifier=view.identifier))

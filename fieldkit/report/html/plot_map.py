@@ -1,0 +1,243 @@
+"""A map of plots coloured by a figure of choice, as values, and its layout in a drawing of fixed width."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from fieldkit.figures.style import DISTANCE_RAMP
+
+WIDTH = 640.0
+_MARGIN, _LEGEND = 26.0, 44.0
+_MOST_HEIGHT, _FEW_HEIGHT, _LEAST_HEIGHT = 560.0, 360.0, 180.0  # few plots leave room for their figures below
+_MOST_LABELS_BELOW, _LONGEST_BELOW = 24, 12
+_LETTER, _NARROW_LETTER = 12.0, 22.0  # of the plots' names; drawings are shown smaller on a narrow screen
+_LIGHT = 0.18  # relative luminance above which black reads better than white (WCAG 2.2)
+_POINT_M = 1.0  # half the side of a plot known only as a point
+
+GREENS = ("#eef8c4", "#b3dd8b", "#5fb96a", "#1f8a50", "#00582f")
+"""Light to dark: for what is only more or less."""
+
+Corner = tuple[float, float]
+Ring = tuple[Corner, ...]
+
+
+@dataclass(frozen=True)
+class MappedPlot:
+    """A plot's place.
+
+    Attributes:
+        name: of the plot.
+        rings: its outlines, corners (east, north) in metres; a ring of one corner is a plot known as a point.
+    """
+
+    name: str
+    rings: tuple[Ring, ...]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A figure that plots are coloured by.
+
+    Attributes:
+        label: on its switch, such as "height".
+        name: of the values, such as "height of the plants".
+        unit: of the values, such as "mm".
+        values: by date and plot, in ``unit``; a plot without a value is hatched.
+        notes: by date and plot, the reason for a missing value.
+        ramp: its colours, from low to high.
+    """
+
+    label: str
+    name: str
+    unit: str
+    values: Mapping[str, Mapping[str, float]]
+    notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    ramp: tuple[str, ...] = DISTANCE_RAMP
+
+
+@dataclass(frozen=True)
+class PlotMap:
+    """A map.
+
+    Attributes:
+        title: above it.
+        plots: their places, in one frame: metres east and north.
+        measures: to choose from, the first shown first; all of the same dates.
+        anchors: by plot, the place on the page that it leads to.
+        identifier: unique on the page.
+    """
+
+    title: str
+    plots: tuple[MappedPlot, ...]
+    measures: tuple[Measure, ...]
+    anchors: Mapping[str, str] = field(default_factory=dict)
+    identifier: str = "map"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A plot in the drawing on one date.
+
+    Attributes:
+        path: its outline.
+        fill: its colour; empty without a value.
+        text: its description.
+        label: its name, within or below it; empty if there is no room.
+        label_class: "on-dark", "on-light" or "on-none" within it, "below".
+        x, y: middle of a label within it; middle of the upper edge of one below it.
+        anchor: the place on the page that it leads to; empty for none.
+    """
+
+    path: str
+    fill: str
+    text: str
+    label: str
+    label_class: str
+    x: str
+    y: str
+    anchor: str = ""
+
+
+@dataclass(frozen=True)
+class DrawnMeasure:
+    """A measure laid out.
+
+    Attributes:
+        measure: shown.
+        dates: (date, its shapes), the last one shown first.
+        low, high: the legend's ends.
+        stops: of the legend's ramp: (share, colour).
+    """
+
+    measure: Measure
+    dates: tuple[tuple[str, tuple[Shape, ...]], ...]
+    low: str
+    high: str
+    stops: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class DrawnMap:
+    """A map laid out; numbers are texts in the drawing's units.
+
+    Attributes:
+        map: the map shown.
+        width, height: of the drawing.
+        measures: to choose from, the first shown first.
+        bar: of the scale: its length in the drawing, and its text.
+        north_x, base: where the arrow stands, and the line of bar and legend.
+        narrow: whether every name has room on a narrow screen too, in letters as large as there; else the map keeps
+            its width there and is scrolled.
+    """
+
+    map: PlotMap
+    width: str
+    height: str
+    measures: tuple[DrawnMeasure, ...]
+    bar: tuple[str, str]
+    north_x: str
+    base: str
+    narrow: bool
+
+
+def draw_map(plots: PlotMap) -> DrawnMap:
+    """Lay a map out.
+
+    Raises:
+        ValueError: no plots, or a coordinate that is not finite.
+    """
+    corners = [corner for plot in plots.plots for ring in plot.rings for corner in _outline(ring)]
+    if not corners or not all(math.isfinite(v) for corner in corners for v in corner):
+        raise ValueError("a map needs plots with finite coordinates")
+    west, east = min(x for x, _ in corners), max(x for x, _ in corners)
+    south, north = min(y for _, y in corners), max(y for _, y in corners)
+    most = _MOST_HEIGHT if len(plots.plots) > _MOST_LABELS_BELOW else _FEW_HEIGHT
+    scale = min((WIDTH - 2 * _MARGIN) / (east - west), (most - 2 * _MARGIN) / (north - south))
+    drawn_height = max(_LEAST_HEIGHT, (north - south) * scale + 2 * _MARGIN)
+    left = 0.5 * (WIDTH - (east - west) * scale)
+    top = 0.5 * (drawn_height - (north - south) * scale)
+
+    def place(corner: Corner) -> Corner:
+        return left + (corner[0] - west) * scale, top + (north - corner[1]) * scale
+
+    bar_m = _round_length(0.25 * (WIDTH - 2 * _MARGIN) / scale)
+    return DrawnMap(
+        plots, f"{WIDTH:.0f}", f"{drawn_height + _LEGEND:.0f}",
+        tuple(_drawn(plots, measure, place) for measure in plots.measures),
+        (f"{bar_m * scale:.1f}", f"{bar_m:g} m"),
+        f"{WIDTH - 20:.1f}", f"{drawn_height + 14:.1f}",
+        all(_has_room(plot.name, [place(c) for ring in plot.rings for c in _outline(ring)], _NARROW_LETTER)
+            for plot in plots.plots),
+    )  # fmt: skip
+
+
+def _drawn(plots: PlotMap, measure: Measure, place: Callable[[Corner], Corner]) -> DrawnMeasure:
+    """One measure's plots on each date, to one scale of colours."""
+    found = [value for by_plot in measure.values.values() for value in by_plot.values()]
+    low, high = (min(found), max(found)) if found else (0.0, 0.0)
+    dates = []
+    for date in measure.values:
+        shapes = []
+        for plot in plots.plots:
+            value = measure.values[date].get(plot.name)
+            share = 0.0 if value is None or high <= low else (value - low) / (high - low)
+            spots = [[place(corner) for corner in _outline(ring)] for ring in plot.rings]
+            flat = [spot for ring in spots for spot in ring]
+            why = measure.notes.get(date, {}).get(plot.name, "no value")
+            said = f"{value:.3g} {measure.unit}" if value is not None else why
+            path = "".join("M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in ring) + "Z" for ring in spots)
+            fill = "" if value is None else ramp_color(share, measure.ramp)
+            label_class, x, y = _label_place(plot.name, flat, fill, len(plots.plots))
+            label = plot.name if label_class else ""
+            text = f"{plot.name}, {date}, {measure.label}: {said}"
+            anchor = plots.anchors.get(plot.name, "")
+            shapes.append(Shape(path, fill, text, label, label_class, f"{x:.1f}", f"{y:.1f}", anchor))
+        dates.append((date, tuple(shapes)))
+    stops = tuple((f"{k / (len(measure.ramp) - 1):.2f}", color) for k, color in enumerate(measure.ramp))
+    return DrawnMeasure(measure, tuple(dates), f"{low:.3g}", f"{high:.3g}", stops)
+
+
+def ramp_color(share: float, ramp: Sequence[str] = DISTANCE_RAMP) -> str:
+    """A ramp's colour at 0 (low) to 1 (high), as "#rrggbb"."""
+    at = min(max(share, 0.0), 1.0) * (len(ramp) - 1)
+    first = min(int(at), len(ramp) - 2)
+    a, b = (tuple(int(color[k : k + 2], 16) for k in (1, 3, 5)) for color in ramp[first : first + 2])
+    return "#" + "".join(f"{round(u + (v - u) * (at - first)):02x}" for u, v in zip(a, b, strict=True))
+
+
+def _outline(ring: Ring) -> Ring:
+    if len(ring) != 1:
+        return ring
+    x, y = ring[0]
+    return tuple((x + u * _POINT_M, y + v * _POINT_M) for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+
+
+def _label_place(name: str, spots: list[tuple[float, float]], fill: str, plots: int) -> tuple[str, float, float]:
+    """Style and place of a plot's name: within it, below it if plots are few, or none."""
+    xs, ys = [x for x, _ in spots], [y for _, y in spots]
+    x, y = sum(xs) / len(xs), sum(ys) / len(ys)
+    if _has_room(name, spots, _LETTER):
+        return ("on-none" if not fill else "on-light" if _lightness(fill) > _LIGHT else "on-dark"), x, y
+    if plots <= _MOST_LABELS_BELOW and len(name) <= _LONGEST_BELOW:
+        return "below", x, max(ys) + 2
+    return "", x, y
+
+
+def _has_room(name: str, spots: list[tuple[float, float]], letter: float) -> bool:
+    """Whether a name in letters of that size fits into a plot."""
+    xs, ys = [x for x, _ in spots], [y for _, y in spots]
+    return max(xs) - min(xs) > 0.63 * letter * len(name) + 8 and max(ys) - min(ys) > 1.33 * letter
+
+
+def _lightness(color: str) -> float:
+    """Relative luminance of "#rrggbb" (WCAG 2.2), 0 to 1."""
+    channels = (int(color[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def _round_length(longest_m: float) -> float:
+    step = 10.0 ** math.floor(math.log10(longest_m))
+    return max(factor * step for factor in (1.0, 2.0, 5.0) if factor * step <= longest_m)

@@ -1,0 +1,264 @@
+"""The report's interactive 3D view: a fragment of HTML per view, one script and one style for all.
+
+The page has `viewer_style` in one ``<style>`` and `viewer_script` in one ``<script>``, which starts each view when it
+comes near. Nothing is fetched, so the page works from disk, and a Content Security Policy needs to allow only these two
+elements.
+
+Colours come from custom properties (``--fk-view-ground`` …; web/viewer.css), which take the page's ``--ink``,
+``--faint``, ``--line``, ``--ground`` and ``--accent`` where it has them, and follow ``prefers-color-scheme``, or
+``data-theme="light"`` or ``"dark"`` on the root element.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Any
+
+import numpy as np
+
+from fieldkit.errors import InputError
+from fieldkit.figures.foreign_text import visible
+from fieldkit.figures.style import DISTANCE_RAMP, format_nominal
+from fieldkit.report.html.packing import PackedPoints, pack_points, plain_floats
+from fieldkit.report.html.scene import FrustumLayer, LineLayer, ViewerScene
+from fieldkit.runtime.shipped import shipped_page
+
+BUNDLE, LICENSE = "viewer.min.js", "LICENSE.three.txt"
+_PLAIN = ("#6f9a80", "#c58a4a", "#7c8fc4", "#b0739b")  # of clouds without colours and values, in turn
+_COLOR = re.compile(r"#[0-9a-fA-F]{6}")
+_FAR = 4.0  # times the cameras' box: the first view leaves out a fence about the whole farm
+_SIZES = (1.0, 8.0, 0.25)  # least, most and step of the point size, CSS pixels
+
+
+def viewer_script() -> str:
+    """The content of the page's one ``<script>``: the view with three.js and its licence.
+
+    Raises:
+        InputError: the bundle was not built.
+    """
+    bundle = _folder() / "vendor" / BUNDLE
+    try:
+        text = bundle.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(
+            "the 3D view's script is missing from this installation",
+            path=str(bundle),
+            remedy="In a checkout run `make setup`, or `scripts/build_viewer.sh` alone; both need npm "
+            f"({shipped_page('docs/install.md')}). Wheels contain it: install fieldkit's again.",
+        ) from None
+    return re.sub(r"<(?=/script|!--)", r"\\x3c", text, flags=re.IGNORECASE)  # only in strings, where both mean the same
+
+
+def viewer_style() -> str:
+    """The content of the page's one ``<style>`` for all views."""
+    style = (_folder() / "web" / "viewer.css").read_text(encoding="utf-8")
+    ramp = f"linear-gradient(90deg, {', '.join(DISTANCE_RAMP)})"
+    return f"{style}.fk-view-bar, .fk-view-mark-scale {{ background: {ramp}; }}\n"
+
+
+def viewer_html(scene: ViewerScene, *, identifier: str) -> str:
+    """A view as a fragment: its data, and the markup of its switches, scale, point size and buttons.
+
+    Args:
+        scene: the content; its text is escaped.
+        identifier: the element's id, unique in the page.
+
+    Raises:
+        ValueError: arrays of a layer do not fit each other, or a position is not finite.
+    """
+    packed = [pack_points(layer.points, layer.colors, layer.values, layer.limit) for layer in scene.points]
+    data = {
+        "points": [_point_data(number, block) for number, block in enumerate(packed)],
+        "frusta": [_frustum_data(layer) for layer in scene.frusta],
+        "lines": [_line_data(layer) for layer in scene.lines],
+        "places": [{"text": visible(place.text), "at": plain_floats(np.array(place.at))} for place in scene.places],
+        "metric": scene.metric,
+        "north": None if scene.north is None else plain_floats(np.array(scene.north), 6),
+        "palette": list(DISTANCE_RAMP),
+        "focus": _focus(scene),
+    }
+    blocks = "".join(
+        f'<script type="application/octet-stream" class="fk-view-block">{block.text}</script>\n' for block in packed
+    )
+    name, title = escape(identifier, quote=True), escape(visible(scene.title))
+    return f"""<figure class="fk-view" id="{name}" data-state="waiting" aria-labelledby="{name}-title">
+<figcaption class="fk-view-title" id="{name}-title">{title}</figcaption>
+<div class="fk-view-stage" tabindex="0" role="application"
+aria-labelledby="{name}-title" aria-describedby="{name}-help">
+<p class="fk-view-message" role="status">The 3D view needs a browser with JavaScript and WebGL 2.</p>
+</div>
+<div class="fk-view-panel">
+{_switches(scene, packed)}
+{_scales(scene)}
+<div class="fk-view-tools">
+{_tools(scene, name)}
+</div>
+</div>
+<p class="fk-view-help" id="{name}-help">Drag to turn, from above to move; right button or two fingers to move,
+pinch or wheel (after a click) to zoom. Keys: arrows turn or move, + and − zoom, 0 resets.</p>
+<script type="application/json" class="fk-view-data">{_json(data)}</script>
+{blocks}</figure>
+"""
+
+
+def _folder() -> Traversable:
+    return files("fieldkit.report.html")
+
+
+def _json(data: dict[str, Any]) -> str:
+    # An escaped < can neither end the element nor open a comment.
+    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _plain_color(number: int) -> str:
+    return _PLAIN[number % len(_PLAIN)]
+
+
+def _color(layer: FrustumLayer | LineLayer) -> str:
+    if not _COLOR.fullmatch(layer.color):
+        raise ValueError(f"{layer.name}: {layer.color!r} is not a colour such as #1a2b3c")
+    return layer.color
+
+
+def _point_data(number: int, block: PackedPoints) -> dict[str, Any]:
+    return {
+        "color": _plain_color(number),
+        "count": block.count,
+        "origin": list(block.origin),
+        "step": block.step,
+        "colored": block.colored,
+        "valued": block.valued,
+    }
+
+
+def _frustum_data(layer: FrustumLayer) -> dict[str, Any]:
+    if len(layer.labels) != len(layer.poses):
+        raise ValueError(f"{layer.name}: {len(layer.poses)} cameras have {len(layer.labels)} labels")
+    if len(layer.numbers) not in (0, len(layer.poses)):
+        raise ValueError(f"{layer.name}: {len(layer.poses)} cameras have {len(layer.numbers)} numbers")
+    return {
+        "centers": [plain_floats(pose.center) for pose in layer.poses],
+        "rotations": [plain_floats(pose.rotation, 6) for pose in layer.poses],
+        "labels": [visible(label) for label in layer.labels],
+        "numbers": [visible(number) for number in layer.numbers],
+        "width": float(layer.half_width),
+        "height": float(layer.half_height),
+        "color": _color(layer),
+    }
+
+
+def _line_data(layer: LineLayer) -> dict[str, Any]:
+    return {"lines": [plain_floats(np.reshape(line, (-1, 3))) for line in layer.lines], "color": _color(layer)}
+
+
+def _focus(scene: ViewerScene) -> dict[str, Any]:
+    """The extent of the first view: the box of the middle 98 % of the points, and the box that also holds the cameras.
+
+    Without points it holds the cameras and the ground below, and the lines unless they lead far away.
+    """
+    inner = _box([_robust_box(layer.points) for layer in scene.points])
+    cameras = _box([np.reshape([pose.center for pose in layer.poses], (-1, 3)) for layer in scene.frusta])
+    outer = _box([inner, cameras])
+    if not len(inner):
+        ways = _box([outer, *(np.reshape(line, (-1, 3)) for layer in scene.lines for line in layer.lines)])
+        outer = ways if not len(outer) or _diagonal(ways) < _FAR * _diagonal(outer) else outer
+    if not len(outer):
+        outer = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]])
+    if not len(inner):
+        outer[0, 2], outer[1, 2] = min(outer[0, 2], 0.0), max(outer[1, 2], 0.0)
+        inner = outer
+    return {"inner": plain_floats(inner), "outer": plain_floats(outer)}
+
+
+def _diagonal(box: Any) -> float:
+    return float(np.linalg.norm(box[1] - box[0]))
+
+
+def _robust_box(points: Any) -> Any:
+    p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    p = p[np.isfinite(p).all(axis=1)]
+    return np.percentile(p, (1.0, 99.0), axis=0) if len(p) else p
+
+
+def _box(arrays: Sequence[Any]) -> Any:
+    """(2, 3) lower and upper corner of all points of (n, 3) arrays; (0, 3) where there are none."""
+    stacked = np.concatenate([np.zeros((0, 3)), *arrays])
+    return np.stack([stacked.min(axis=0), stacked.max(axis=0)]) if len(stacked) else stacked
+
+
+def _switches(scene: ViewerScene, packed: Sequence[PackedPoints]) -> str:
+    rows = []
+    for number, (cloud, block) in enumerate(zip(scene.points, packed, strict=True)):
+        kind = "scale" if block.valued else "cloud" if block.colored else "plain"
+        note = f"{block.count:,} points"
+        rows.append(_switch("points", number, cloud.name, note, cloud.shown, kind, _plain_color(number)))
+    for number, cameras in enumerate(scene.frusta):
+        note = f"{len(cameras.poses):,} cameras" if len(cameras.poses) != 1 else "1 camera"
+        rows.append(_switch("frusta", number, cameras.name, note, cameras.shown, "frustum", cameras.color))
+    for number, lines in enumerate(scene.lines):
+        rows.append(_switch("lines", number, lines.name, "", lines.shown, "line", lines.color))
+    if scene.places or any(cameras.numbers for cameras in scene.frusta):
+        name = "Names and numbers" if scene.places else "Numbers of the stations"
+        rows.append(_switch("names", 0, name, "", True, "names", "#000000"))
+    if not rows:
+        return ""
+    return f'<fieldset class="fk-view-layers"><legend>Show</legend>\n{"".join(rows)}</fieldset>'
+
+
+def _switch(group: str, number: int, name: str, note: str, shown: bool, kind: str, color: str) -> str:
+    checked = " checked" if shown else ""
+    inside = "1" if kind == "names" else ""
+    mark = f'<span class="fk-view-mark fk-view-mark-{kind}" data-color="{escape(color, quote=True)}">{inside}</span>'
+    return (
+        f'<label class="fk-view-switch"><input type="checkbox" data-group="{group}" data-number="{number}"{checked}>'
+        f'{mark}<span class="fk-view-name">{escape(visible(name))}</span>'
+        f'<span class="fk-view-note">{note}</span></label>\n'
+    )
+
+
+def _scales(scene: ViewerScene) -> str:
+    """A colour bar for each end of scale of the layers."""
+    limits: dict[float, list[str]] = {}
+    for layer in scene.points:
+        if layer.values is not None:
+            limits.setdefault(float(layer.limit), []).append(layer.name)
+    bars = []
+    for limit, names in limits.items():
+        title = f"Distance: {', '.join(names)}"
+        marks = ("0", format_nominal(limit / 2), f"≥ {format_nominal(limit)}")
+        ends = "".join(f"<span>{text}</span>" for text in marks)
+        bars.append(
+            f'<div class="fk-view-scale"><div class="fk-view-scale-title">{escape(visible(title))}</div>'
+            f'<div class="fk-view-bar"></div>'
+            f'<div class="fk-view-ticks">{ends}</div></div>\n'
+        )
+    return "".join(bars)
+
+
+def _tools(scene: ViewerScene, name: str) -> str:
+    least, most, step = _SIZES
+    largest = max((len(layer.points) for layer in scene.points), default=0)
+    first = np.clip(np.round(600.0 / max(largest, 1) ** 0.5 / step) * step, 1.25, 4.0)
+    size = (
+        f'<label class="fk-view-size">Point size <input type="range" min="{least:g}" max="{most:g}" step="{step:g}" '
+        f'value="{first:g}" aria-label="Point size in pixels"></label>\n'
+    )
+    both = any(layer.values is not None and layer.colors is not None for layer in scene.points)
+    colors = (
+        '<label class="fk-view-coloring"><select aria-label="Colour of the points">'
+        '<option value="values">Coloured by distance</option><option value="colors">As photographed</option>'
+        "</select></label>\n"
+    )
+    return (
+        (size if scene.points else "")
+        + (colors if both else "")
+        + f'<button type="button" class="fk-view-reset" aria-controls="{name}">Reset view</button>\n'
+        + f'<button type="button" class="fk-view-above" aria-controls="{name}">From above</button>\n'
+        + f'<button type="button" class="fk-view-full" aria-controls="{name}" hidden>Full screen</button>'
+    )

@@ -1,0 +1,176 @@
+"""The sections of plans and missions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fieldkit.figures.content import (
+    Block,
+    Charts,
+    Column,
+    Details,
+    KeyFigure,
+    KeyFigures,
+    Paragraph,
+    Section,
+    Table,
+    Terms,
+    View,
+)
+from fieldkit.figures.style import (
+    decimal,
+    format_length,
+    format_nominal,
+    format_range,
+    format_seconds,
+    format_with_error,
+    metres,
+)
+from fieldkit.figures.tables.tabulated import tabulated
+from fieldkit.missions.export_record import geo_points, site_frame
+from fieldkit.planning.run.outcome import best_so_far, models_of, weights_of
+from fieldkit.report.html.charts import LineChart, Series
+from fieldkit.report.sections.finalists import finalist_table
+from fieldkit.report.sections.loaded_results import MissionResult, PlanResult
+from fieldkit.results.plan import station_number
+from fieldkit.wording import count
+
+_LATER = 0.97  # quantile of the values within the curve's axis; the first random sets are often much worse
+
+
+def plan_section(result: PlanResult, anchor: str, view: View | None, note: str) -> Section:
+    """A plan's stations, and the search for them."""
+    blocks: list[Block] = [KeyFigures(tuple(_figures(result)))]
+    if view is not None:
+        blocks.append(view)
+    elif note:
+        blocks.append(Paragraph(note, faint=True))
+    charts = tuple(_charts(result))
+    if charts:
+        blocks.append(Charts(charts))
+    if result.plan is not None:
+        blocks.append(_stations(result))
+    if result.outcome is not None and result.outcome.finalists:
+        blocks.append(finalist_table(result.outcome))
+    if result.settings is not None:
+        blocks.append(Details("What the search was asked for", (Terms(tuple(_settings(result))),)))
+    return Section(anchor, "Plan" if result.name == "plan" else f"Plan: {result.name}", tuple(blocks))
+
+
+def mission_section(result: MissionResult, anchor: str, view: View | None) -> Section:
+    """A mission's way over the plots."""
+    flight = result.flight
+    stations = flight.stations
+    figures = [
+        KeyFigure("photographs", f"{len(stations)}"),
+        KeyFigure("plots", f"{len(flight.plots)}"),
+        KeyFigure("length of the way", format_length(flight.length_m), "from take-off to landing"),
+        KeyFigure("time in the air", format_seconds(flight.time_s), "from take-off to landing, estimated"),
+    ]
+    if stations:
+        heights = [station.height_m for station in stations]
+        figures.append(KeyFigure("heights of photographs", format_range(heights), "above home"))
+    positions = site_frame(result.record).points(geo_points(stations)).tolist()
+    flown = [(number, *each) for number, each in enumerate(zip(stations, positions, strict=True), 1)]
+    table = tabulated("Photographs in the order they are flown", flown, (
+        (Column("photograph"), lambda row: f"{row[0]}"),
+        (Column("plot"), lambda row: row[1].plot),
+        (Column("station", True), lambda row: f"{station_number(row[1].index)}"),
+        (Column("east of home, m", True), lambda row: metres(row[2][0])),
+        (Column("north of home, m", True), lambda row: metres(row[2][1])),
+        (Column("height above home, m", True), lambda row: metres(row[2][2])),
+        (Column("yaw, °", True), lambda row: decimal(row[1].yaw_deg % 360.0, 1)),
+        (Column("pitch, °", True), lambda row: decimal(row[1].pitch_deg, 1)),
+    ))  # fmt: skip
+    blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *([view] if view is not None else []))
+    blocks += (table,) if len(table.rows) <= 14 else (Details(f"All {len(stations)} photographs", (table,)),)
+    return Section(anchor, f"Mission: {result.mission_file or result.name}", blocks)
+
+
+def _figures(result: PlanResult) -> Iterator[KeyFigure]:
+    plan, settings, outcome = result.plan, result.settings, result.outcome
+    if plan is not None:
+        yield KeyFigure("camera poses", f"{len(plan.stations)}")
+        if plan.method is not None and plan.method.chamfer_m is not None:
+            yield KeyFigure(
+                "chamfer distance", format_with_error(plan.method.chamfer_m, plan.method.known_spread_m),
+                "of what they reconstruct to its reference, on what the plan was made on",
+            )  # fmt: skip
+        elif plan.method is not None and plan.method.repeats == 0:
+            yield KeyFigure("chamfer distance", "not confirmed", "no photograph was taken of these poses")
+    if settings is not None and (result.trials or plan is None):
+        yield KeyFigure("trials", f"{len(result.trials)} of {settings.evaluations}", "sets of poses that were tried")
+    if outcome is not None:
+        yield KeyFigure(
+            "time",
+            format_seconds(outcome.seconds),
+            f"{format_seconds(outcome.evaluation_cpu_s + outcome.proposal_cpu_s)} of processor time",
+        )
+
+
+def _charts(result: PlanResult) -> Iterator[LineChart]:
+    trials = result.trials
+    if len(trials) < 2:
+        return
+    values = [(trial.number + 1.0, 1000.0 * trial.value_m if trial.measured else None) for trial in trials]
+    best = [
+        (trial.number + 1.0, None if b is None else 1000.0 * b)
+        for trial, b in zip(trials, best_so_far(trials), strict=True)
+    ]
+    measured = sorted(value for _, value in values if value is not None)
+    known = [value for _, value in best if value is not None]
+    if measured and known:
+        at = "" if result.settings is None else f" at {result.settings.confirm_fidelity}"
+        value_m = None if result.outcome is None else result.outcome.chamfer_m
+        confirmed = None if value_m is None else (1000.0 * value_m, f"the plan, confirmed{at}")
+        first, last = (format_length(0.001 * value) for value in (known[0], known[-1]))
+        described = f"The best value fell from {first} to {last} in {count(len(trials), 'trial')}."
+        yield LineChart(
+            "The search: every trial, and the best so far", described, "trial", "value, mm",
+            (Series("trial", tuple(values), "dots"), Series("best so far", tuple(best), "step")),
+            level=confirmed,
+            y_top=1.08 * measured[min(len(measured) - 1, int(_LATER * len(measured)))],
+        )  # fmt: skip
+    models = models_of(trials)
+    if models:
+        series = tuple(
+            Series(name, tuple((t.number + 1.0, weights_of(t).get(name)) for t in trials)) for name in models[:6]
+        )
+        yield LineChart(
+            "Weights of the models that proposed trials",
+            f"Models: {', '.join(models[:6])}.",
+            "trial",
+            "weight, 0 to 1",
+            series,
+        )
+
+
+def _stations(result: PlanResult) -> Table:
+    assert result.plan is not None
+    return tabulated("Stations", list(enumerate(result.plan.stations)), (
+        (Column("station"), lambda row: f"{station_number(row[0])}"),
+        (Column("x, m", True), lambda row: metres(row[1].position_m[0])),
+        (Column("y, m", True), lambda row: metres(row[1].position_m[1])),
+        (Column("z, m", True), lambda row: metres(row[1].position_m[2])),
+        (Column("yaw, °", True), lambda row: decimal(row[1].yaw_deg % 360.0, 1)),
+        (Column("pitch, °", True), lambda row: decimal(row[1].pitch_deg, 1)),
+    ), "Plot frame: metres from the plot's centre on the ground; z is the height above it.")  # fmt: skip
+
+
+def _settings(result: PlanResult) -> Iterator[tuple[str, str]]:
+    assert result.settings is not None
+    s, e = result.settings, result.settings.envelope
+    yield "planned on", f"{s.source.kind} {s.source.name}"
+    yield "method", f"{s.method} (preset {s.preset}, mapping {s.mapping})"
+    yield "trials", f"{s.evaluations} at {s.fidelity}, seed {s.seed}"
+    yield "confirmations", f"{count(s.finalists, 'finalist')}, {s.repeats} each, at {s.confirm_fidelity}"
+    low, high = map(format_nominal, e.height_m)
+    yield "heights", f"{low} to {high} above the ground, within {format_nominal(e.margin_m)} of the plants' box"
+    yield "distances", f"{format_nominal(e.clearance_m)} from plants, {format_nominal(e.separation_m)} between stations"
+    yield "gimbal pitch", f"{e.pitch_deg[0]:g}° to {e.pitch_deg[1]:g}°".replace("-", "−")
+    if s.vehicle is not None:
+        yield "vehicle", s.vehicle.title
+    n = s.noise
+    if n.any:
+        pose, wind = f"{format_nominal(n.pose_m)} and {n.pose_deg:g}°", format_nominal(n.wind_m)
+        yield "planned for", f"pose errors of {pose}, image noise {n.image_grey:g}, wind {wind}"

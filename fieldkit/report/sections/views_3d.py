@@ -1,0 +1,370 @@
+"""The report's 3D views: their clouds, cameras and ways, each in one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.clouds import Cloud, PointIndex, read_cloud
+from fieldkit.errors import CloudError, FieldkitError
+from fieldkit.evaluation.figures import source_frame
+from fieldkit.figures.style import format_length
+from fieldkit.files import file_beside
+from fieldkit.geometry import Intrinsics, Pose
+from fieldkit.missions.export_record import geo_points, plot_frame, site_frame, way
+from fieldkit.report.html.scene import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
+from fieldkit.report.sections.loaded_results import (
+    EvaluationResult,
+    MissionResult,
+    PlanResult,
+    ReferenceResult,
+    Results,
+)
+from fieldkit.results.evaluation import (
+    CameraEntry,
+    EvaluationReport,
+    ImageEntry,
+    PlotEvaluation,
+    ReconstructionEntry,
+    ReferenceReport,
+)
+from fieldkit.results.plan import Plan, station_number
+from fieldkit.results.report_files import check_file
+
+MOST_VIEWS_OF_PLOTS = 4
+"""An evaluation of more plots shows those with the greatest distances: browsers draw about a dozen views at once."""
+
+CLOUD_FILE, SCENE_FILE = "cloud.ply", "scene.ply"
+_ACHIEVED, _PLANNED, _WRONG = "#2f9e6e", "#3b7dd8", "#d0383f"
+_WAY, _FENCE, _ZONE = "#d9812b", "#7b61c4", "#d0383f"
+_HALF_VIEW = (0.55, 0.41)  # of an unknown camera
+_LARGEST_SCALE_M = 10.0
+_NEAR_M = 100.0  # a way farther from a plot is not shown with it
+_FARTHEST_M = 100_000.0
+_PLANT_GREEN = (70, 140, 70)
+_MOST_PLANTS = 1_000_000  # points over all of a mission's plots; the first ones count
+
+Points = NDArray[np.float64]
+
+
+def reference_view(result: ReferenceResult) -> tuple[ViewerScene | None, str]:
+    """The reference's cloud, with the ground if it was kept, and its cameras.
+
+    Returns:
+        The view, None if the cloud cannot be read; and a note.
+    """
+    report = result.report
+    try:
+        names = {entry.name for entry in report.files}
+        cloud = _read(check_file(result.folder, report, SCENE_FILE if SCENE_FILE in names else CLOUD_FILE))
+    except (FieldkitError, OSError) as error:
+        return None, f"No 3D view: {error}"
+    layer = PointLayer("Reference", *_drawn(cloud))
+    frusta = _camera_layers(report.image_reports, report.cameras, "Cameras")
+    title = f"{report.source}: the reference and its {report.right} cameras"
+    return ViewerScene(title, (layer,), frusta, north=_north_of(report), metric=report.metric), ""
+
+
+def plot_view(
+    result: EvaluationResult, plot: PlotEvaluation, results: Results
+) -> tuple[ViewerScene | None, str]:  # fmt: skip
+    """A plot's cloud and the reference, each coloured by its distance to the other, with cameras planned and achieved.
+
+    Distances are exact: from every point to the whole other cloud.
+
+    Returns:
+        The view, None if the plot's cloud cannot be read; and a note.
+    """
+    try:
+        cloud = _read(_plot_cloud(result, plot))
+    except (FieldkitError, OSError) as error:
+        return None, f"No 3D view: {error}"
+    reference = next((r for r in results.references if r.sha256 == result.report.reference_sha256), None)
+    note, distances = "", None
+    stations = () if plot.adherence is None else plot.adherence.stations
+    frusta = _camera_layers(
+        plot.image_reports, plot.cameras, "Cameras, achieved", {s.image: _number(s.station) for s in stations}
+    )
+    layers = []
+    lines: list[LineLayer] = []
+    if reference is not None and len(cloud):
+        try:
+            other = _read(check_file(reference.folder, reference.report, CLOUD_FILE))
+        except (FieldkitError, OSError) as error:
+            note = f"The reference is not shown: {error}"
+        else:
+            limit = min(max(result.report.distances_m, default=0.02), _LARGEST_SCALE_M)
+            distances = PointIndex(other.points).nearest(cloud.points)[0]
+            missing = PointIndex(cloud.points).nearest(other.points)[0]
+            layers.append(PointLayer("This capture", *_drawn(cloud), distances.astype(np.float32), limit))
+            layers.append(
+                PointLayer("Reference", *_drawn(other), missing.astype(np.float32), limit, shown=False)
+            )  # fmt: skip
+            note = (
+                "By distance, “This capture” shows accuracy (what should not be there stands out) and “Reference” "
+                "shows completeness (what is missing in this capture stands out)."
+            )
+        frusta += [_planned_layer(plan) for plan in _plans_on(reference, results)]
+        lines += _ways(reference.report, results)
+    elif result.report.reference_sha256 is not None:
+        note = "The reference that it was scored against is not in this folder, so distances cannot be coloured."
+    if not layers:
+        layers.append(PointLayer("This capture", *_drawn(cloud)))
+    shifts = [
+        np.array([image.known_center_m, image.center_m], dtype=np.float32)
+        for image in plot.image_reports
+        if image.known_center_m is not None and image.center_m is not None
+    ]
+    if shifts:
+        lines.append(LineLayer("From known to achieved position", shifts, _FENCE, shown=False))
+    title = f"{plot.name}: the capture{' against its reference' * (distances is not None)}"
+    return ViewerScene(title, layers, frusta, lines, north=_north_of(plot), metric=plot.metric), note
+
+
+def plan_view(result: PlanResult, results: Results) -> tuple[ViewerScene | None, str]:
+    """A plan's cameras about the plants, and the box that cameras may stand in."""
+    plan = result.plan
+    if plan is None:
+        return None, ""
+    layers, note = _plan_plants(plan, results)
+    if not layers and not note:
+        note = "The plan does not say where the plants are: they stand about the middle, on z = 0."
+    lines = []
+    envelope = plan.envelope
+    if envelope is not None and envelope.lower_m is not None and envelope.upper_m is not None:
+        lines.append(
+            LineLayer("Where cameras may stand", _box(envelope.lower_m, envelope.upper_m), _FENCE, shown=False)
+        )
+    heading = None if plan.row_heading_deg is None else np.radians(plan.row_heading_deg)
+    north = None if heading is None else (float(np.cos(heading)), float(np.sin(heading)))
+    title = "The planned cameras"
+    return ViewerScene(title, layers, (_planned_layer(result),), lines, north=north, subject="cameras"), note
+
+
+def _plan_plants(plan: Plan, results: Results) -> tuple[list[PointLayer], str]:
+    """The plants of a plan, in its plot frame: the reference's cloud, and the plants that flights keep clear of."""
+    layers: list[PointLayer] = []
+    note = ""
+    source = None if plan.source is None else plan.source.sha256
+    reference = next((r for r in results.references if source is not None and r.sha256 == source), None)
+    if reference is not None:
+        try:
+            cloud = _read(check_file(reference.folder, reference.report, CLOUD_FILE))
+            layers.append(PointLayer("Reference", *_drawn(cloud)))
+        except (FieldkitError, OSError) as error:
+            note = f"The reference is not shown: {error}"
+    if plan.plants is not None and plan.plants.points_m:
+        points = np.array(plan.plants.points_m, dtype=np.float32)
+        colors = np.tile(np.array(_PLANT_GREEN, dtype=np.uint8), (len(points), 1))
+        layers.append(PointLayer("Plants, as flights keep clear of them", points, colors, shown=not layers))
+    return layers, note
+
+
+def _mission_plants(result: MissionResult, results: Results) -> list[PointLayer]:
+    """The plants of the plots that one of the plans is flown on."""
+    home, flown = site_frame(result.record), result.flight.plots
+    for plan in results.plans:
+        plots = [plot for plot in result.record.plots if plot.name in flown and plot.plan.sha256 == plan.sha256]
+        if plan.plan is None or not plots:
+            continue
+        found = []
+        for layer in _plan_plants(plan.plan, results)[0]:
+            frames = [plot_frame(plot) for plot in plots[: max(1, _MOST_PLANTS // max(1, len(layer.points)))]]
+            points = np.concatenate([home.to_local(*frame.to_geodetic(layer.points)) for frame in frames])
+            colors = None if layer.colors is None else np.tile(layer.colors, (len(frames), 1))
+            found.append(replace(layer, points=points.astype(np.float32), colors=colors))
+        return found
+    return []
+
+
+def mission_view(result: MissionResult, results: Results) -> ViewerScene:
+    """A mission's way, photographs and limits over the plants it is planned for, in metres about home."""
+    record, flight = result.record, result.flight
+    frame = site_frame(record)
+    positions = frame.points(geo_points(flight.stations))
+    poses = [
+        Pose.from_yaw_pitch(position, s.yaw_deg, s.pitch_deg)
+        for position, s in zip(positions, flight.stations, strict=True)
+    ]
+    numbers = [f"{station_number(s.index)}" for s in flight.stations]
+    labels = [f"{s.plot}, station {number}" for s, number in zip(flight.stations, numbers, strict=True)]
+    lines = [LineLayer("Way", (frame.points(way(record, flight)).astype(np.float32),), _WAY)]
+    for name, rings, color in (("Fence", record.inside, _FENCE), ("No-fly zones", record.outside, _ZONE)):
+        if rings:
+            closed = [
+                np.pad(np.array(frame.outline((*ring, ring[0]))), ((0, 0), (0, 1))).astype(np.float32) for ring in rings
+            ]
+            lines.append(LineLayer(name, closed, color))
+    half = _half_view(record.vehicle.camera.intrinsics)
+    frusta = FrustumLayer("Photographs", poses, labels, *half, _PLANNED, numbers=numbers)
+    places = [PlaceName("home", (0.0, 0.0, 0.0))]
+    for plot in record.plots:
+        if plot.name in flight.plots:
+            x, y, z = frame.to_local(*plot_frame(plot).to_geodetic(np.zeros((1, 3))))[0].tolist()
+            places.append(PlaceName(plot.name, (x, y, z)))
+    return ViewerScene(
+        f"{flight.name}: the way and its photographs", _mission_plants(result, results), (frusta,), lines, places,
+        north=(0.0, 1.0), subject="cameras",
+    )  # fmt: skip
+
+
+def within_budget(scenes: Sequence[ViewerScene], most_points: int) -> list[ViewerScene]:
+    """The same views with a limited number of points in all: every layer keeps the same share.
+
+    The kept points are drawn at random from a fixed seed.
+    """
+    total = sum(len(layer.points) for scene in scenes for layer in scene.points)
+    if total <= most_points:
+        return list(scenes)
+    share = most_points / total
+    return [replace(scene, points=tuple(_thinned(layer, share) for layer in scene.points)) for scene in scenes]
+
+
+def points_of(scenes: Sequence[ViewerScene]) -> int:
+    """The number of points of views."""
+    return sum(len(layer.points) for scene in scenes for layer in scene.points)
+
+
+def _thinned(layer: PointLayer, share: float) -> PointLayer:
+    count = len(layer.points)
+    kept = np.sort(np.random.default_rng(0).choice(count, int(count * share), replace=False))
+    return replace(
+        layer,
+        points=layer.points[kept],
+        colors=None if layer.colors is None else layer.colors[kept],
+        values=None if layer.values is None else layer.values[kept],
+    )
+
+
+def _read(path: Path) -> Cloud:
+    """Read a cloud that can be drawn.
+
+    Raises:
+        CloudError: it cannot be read, or lies too far from the plot.
+    """
+    cloud = read_cloud(path)
+    if len(cloud) and np.abs(cloud.points).max() > _FARTHEST_M:
+        raise CloudError(f"its points lie more than {_FARTHEST_M / 1000:g} km from the plot's centre", path=path)
+    return cloud
+
+
+def _drawn(cloud: Cloud) -> tuple[NDArray[np.float32], NDArray[np.uint8] | None]:
+    return cloud.points.astype(np.float32), cloud.colors
+
+
+def _plot_cloud(result: EvaluationResult, plot: PlotEvaluation) -> Path:
+    name = f"{plot.name}/{CLOUD_FILE}"
+    try:
+        inside = file_beside(Path(name), result.folder / "evaluation.json")
+    except (RuntimeError, ValueError) as error:
+        raise FieldkitError("its name is no path") from error
+    if inside is None or Path(plot.name).is_absolute():
+        raise FieldkitError("its cloud does not lie in the evaluation's folder")
+    described = _AsReport(result.report, plot)
+    return check_file(result.folder, described, name)  # type: ignore[arg-type]
+
+
+class _AsReport:
+    """A plot's files, in the form that `check_file` takes."""
+
+    def __init__(self, report: EvaluationReport | ReferenceReport, plot: PlotEvaluation) -> None:
+        self.files, self.kind = plot.files, report.kind
+
+
+def _camera_layers(
+    images: Sequence[ImageEntry], cameras: Sequence[CameraEntry], name: str, numbers: Mapping[str, str] | None = None
+) -> list[FrustumLayer]:  # fmt: skip
+    half = _HALF_VIEW
+    if cameras:
+        camera = max(cameras, key=lambda c: c.photos)
+        try:
+            half = _half_view(Intrinsics(camera.model, camera.width, camera.height, camera.params))
+        except ValueError:
+            half = _HALF_VIEW
+    layers = []
+    for title, color, right in ((name, _ACHIEVED, True), ("Cameras, pose found wrong", _WRONG, False)):
+        chosen = [(i, pose) for i in images if (i.right is not False) is right and (pose := i.pose) is not None]
+        if chosen:
+            layers.append(FrustumLayer(
+                title, [pose for _, pose in chosen], [_label(image) for image, _ in chosen], *half, color,
+                numbers=[numbers.get(image.name, "") for image, _ in chosen] if numbers else (),
+            ))  # fmt: skip
+    return layers
+
+
+def _label(image: ImageEntry) -> str:
+    off = image.position_residual_m
+    return image.name if off is None else f"{image.name}, {format_length(off)} from its known position"
+
+
+def _plans_on(reference: ReferenceResult, results: Results) -> list[PlanResult]:
+    return [
+        result
+        for result in results.plans
+        if result.plan is not None and result.plan.source is not None and result.plan.source.sha256 == reference.sha256
+    ]
+
+
+def _ways(report: ReferenceReport, results: Results) -> list[LineLayer]:
+    """The ways of missions in the plot frame of a georeferenced reference, as far as they come near it.
+
+    Mission heights are above home. If home's height above the reference's datum is unknown, the ways cannot be placed.
+    """
+    frame = source_frame(report.metric_source, report.frame)
+    if frame.origin is None:
+        return []
+    layers = []
+    for mission in results.missions:
+        home = mission.record.home
+        height = {"sea level": home.amsl_m, "ellipsoid": home.ellipsoid_m}.get(frame.origin.datum)
+        if height is None:
+            continue
+        places = way(mission.record, mission.flight)
+        local = frame.origin.to_local(
+            [place.latitude_deg for place in places], [place.longitude_deg for place in places],
+            [height + place.height_m for place in places],
+        )  # fmt: skip
+        line = frame.from_source.apply(local).astype(np.float32)
+        if np.linalg.norm(line, axis=1).min() < _NEAR_M:
+            layers.append(LineLayer(f"Way of {mission.mission_file or mission.name}", [line], _WAY, shown=False))
+    return layers
+
+
+def _planned_layer(result: PlanResult) -> FrustumLayer:
+    plan: Plan | None = result.plan
+    assert plan is not None
+    half = _HALF_VIEW if plan.camera is None else _half_view(plan.camera.intrinsics)
+    poses = [station.pose for station in plan.stations]
+    numbers = [f"{station_number(index)}" for index in range(len(poses))]
+    labels = [f"station {number}" for number in numbers]
+    return FrustumLayer("Cameras, planned", poses, labels, *half, _PLANNED, numbers=numbers)
+
+
+def _number(station: str) -> str:
+    return station.removeprefix("station ")
+
+
+def _north_of(report: ReconstructionEntry) -> tuple[float, float] | None:
+    """True north in a plot frame; None where it is not georeferenced."""
+    if report.metric_source is None or report.frame is None or report.frame.origin is None:
+        return None
+    x, y, _ = source_frame(report.metric_source, report.frame).from_source.rotation[:, 1]
+    return float(x / np.hypot(x, y)), float(y / np.hypot(x, y))
+
+
+def _half_view(camera: Intrinsics) -> tuple[float, float]:
+    width, height = camera.width / 2 / camera.fx, camera.height / 2 / camera.fy
+    return (width, height) if 0.01 < width < 20 and 0.01 < height < 20 else _HALF_VIEW
+
+
+def _box(lower: Sequence[float], upper: Sequence[float]) -> list[NDArray[np.float32]]:
+    """The twelve edges of a box, as two rings and four posts."""
+    (x0, y0, z0), (x1, y1, z1) = lower, upper
+    ring = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
+    rings = [np.array([(x, y, z) for x, y in ring], dtype=np.float32) for z in (z0, z1)]
+    posts = [np.array([(x, y, z0), (x, y, z1)], dtype=np.float32) for x, y in ring[:4]]
+    return [*rings, *posts]

@@ -1,0 +1,106 @@
+"""fieldkit report: one HTML file from a folder of results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fieldkit.errors import UsageError
+from fieldkit.files import check_writable, write_atomic
+from fieldkit.regular_files import check_replaceable
+from fieldkit.report.html.document import render
+from fieldkit.report.sections.read_results import read_results
+from fieldkit.report.sections.report_page import build_page
+from fieldkit.runtime.progress import Progress, Silent
+
+REPORT_FILE = "report.html"
+POINTS = 1_000_000
+"""Default limit of the points of all 3D views of a report together."""
+
+MOST_POINTS = 10_000_000
+_SUFFIXES = (".html", ".htm", "")
+
+
+@dataclass(frozen=True)
+class ReportSummary:
+    """The written report.
+
+    Attributes:
+        output: the file.
+        bytes: its size.
+        references, plans, missions, evaluations, campaigns, comparisons: how many of each it shows.
+        unreadable: names of damaged results.
+        views: number of 3D views.
+        points: of all views together.
+        points_found: number of points before thinning.
+        thumbnails: number of photographs shown.
+    """
+
+    output: Path
+    bytes: int
+    references: int
+    plans: int
+    missions: int
+    evaluations: int
+    campaigns: int
+    unreadable: tuple[str, ...]
+    views: int
+    points: int
+    points_found: int
+    thumbnails: int
+    comparisons: int = 0
+
+
+def write_report(
+    folder: Path,
+    output: Path | None = None,
+    *,
+    points: int = POINTS,
+    title: str = "",
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> ReportSummary:
+    """Write the results of a folder as one HTML file that needs no network and no other file.
+
+    The same results give the same file, byte for byte.
+
+    Args:
+        folder: a result of fieldkit (a reference, a plan, a mission, an evaluation, a comparison, a campaign), or a
+            folder that holds results up to two levels below. Only the report is written to it, if ``output`` is None.
+        output: the file; None takes report.html in the folder.
+        points: largest number in all 3D views together; more are thinned at random from a fixed seed.
+        title: of the report; empty takes the folder's name.
+        overwrite: replace an older file.
+        progress: receives the stages.
+
+    Raises:
+        UsageError: the file is not HTML by its suffix, it exists and ``overwrite`` is off, no regular file is there, or
+            a number is out of range.
+        MetadataError: the folder holds no result of fieldkit, or all are damaged.
+        StorageError: the folder cannot be read, or the file not written.
+    """
+    if not 1000 <= points <= MOST_POINTS:
+        raise UsageError(f"cannot show {points} points", remedy=f"Give 1000 to {MOST_POINTS}.")
+    folder = Path(folder)
+    home = folder if folder.is_dir() else folder.parent
+    output = home / REPORT_FILE if output is None else Path(output)
+    if output.suffix.lower() not in _SUFFIXES:
+        raise UsageError(
+            f"a report is an HTML file, not {output.suffix}", path=output,
+            remedy=f"Give {output.with_suffix('.html').name}; for a PDF, open it in a browser and print it to a file.",
+        )  # fmt: skip
+    check_replaceable(output, overwrite=overwrite)
+    results = read_results(folder)
+    check_writable(output.parent)
+    progress = progress or Silent()
+    built = build_page(
+        results, title=title, command=f"fieldkit report {results.root.name}", most_points=points, progress=progress
+    )
+    with progress.stage("Writing the report"):
+        data = render(built.page).encode("utf-8")
+        write_atomic(output, data)
+    return ReportSummary(
+        output, len(data), len(results.references), len(results.plans), len(results.missions), len(results.evaluations),
+        len(results.campaigns), tuple(each.name for each in results.unreadable), built.views, built.points,
+        built.points_found, built.thumbnails, len(results.comparisons),
+    )  # fmt: skip

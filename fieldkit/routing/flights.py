@@ -1,0 +1,332 @@
+"""From stops to flights: the order of plots and stations, legs clear of obstacles, as many flights as batteries take.
+
+Plots are visited whole. Within a plot the tour over the stations is exact for every first and last station (Held and
+Karp). The order of plots comes from PyVRP: as one closed tour and, where that does not fit into one battery, as routes
+under the battery's limit; each is then cut into flights by exact dynamic programming over the stations that plots are
+entered and left by, and the better one is taken. Between plots, to the first and from the last one the vehicle keeps
+at least the transit height.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import MissionError
+from fieldkit.results.plan import station_number
+from fieldkit.routing.flight_time import FlightTime, flight_time, landing_s, takeoff_s
+from fieldkit.routing.legs import Leg, Place, check_places, leg_of, legs_between, no_way
+from fieldkit.routing.obstacles import Obstacles
+from fieldkit.routing.plot_tours import (
+    Group,
+    PlotTour,
+    Ways,
+    plot_tour,
+    representatives,
+    turn_deg,
+    ways_between,
+)
+from fieldkit.routing.splitting import Costs, Split, split
+from fieldkit.routing.tour import EXACT_PLACES, grouped_routes, ordered, shortest_tour
+from fieldkit.vehicles.vehicle import Vehicle
+
+ITEMS_A_STOP = 5
+ITEMS_A_FLIGHT = 10
+"""Mission items: a photograph's (gimbal, heading, waypoint, shutter, delay), and at most of take-off, home, landing."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A place where one photograph is taken.
+
+    Attributes:
+        position_m: east and north of home and height above it.
+        yaw_deg: heading of the vehicle there, degrees in any range.
+        pause_s: standing still: settling and exposure.
+        plot: that it is of; a plot's stops are flown one after the other.
+        name: for people; its plot and number unless given.
+    """
+
+    position_m: Place
+    yaw_deg: float
+    pause_s: float
+    plot: str
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What is flown on one battery.
+
+    Attributes:
+        stops: indices of the stops in order.
+        legs: one more than stops: from above the take-off place, between stops, and to above the landing place.
+        plots: names in order.
+        length_m: from the take-off's ground to the landing's.
+        time: its parts and the share of a battery that it takes.
+    """
+
+    stops: tuple[int, ...]
+    legs: tuple[Leg, ...]
+    plots: tuple[str, ...]
+    length_m: float
+    time: FlightTime
+
+    @property
+    def items(self) -> int:
+        """Mission items that it takes, at most: see `ITEMS_A_STOP`."""
+        return ITEMS_A_FLIGHT + ITEMS_A_STOP * len(self.stops) + sum(len(leg.via) for leg in self.legs)
+
+
+def plan_flights(
+    stops: Sequence[Stop],
+    home: Place,
+    landing: Place,
+    obstacles: Obstacles,
+    vehicle: Vehicle,
+    *,
+    takeoff_m: float,
+    transit_m: float,
+    seed: int = 0,
+) -> tuple[Flight, ...]:
+    """The flights over all stops: as few as the battery allows, of these short ones.
+
+    Deterministic for a seed. Every stretch of every leg, and the ways straight up at home and down at the landing, are
+    checked once more at the end, however they came about.
+
+    Args:
+        stops: one or more, of all plots.
+        home: on the ground; legs start ``takeoff_m`` above it.
+        landing: on the ground; legs end ``transit_m`` above it.
+        obstacles: every leg is clear of them.
+        vehicle: its speeds, battery, and how many mission items it stores.
+        takeoff_m: height above home that is climbed to before anything else.
+        transit_m: least height above home of the ways between plots and to and from them.
+        seed: of the search for the order of plots.
+
+    Raises:
+        MissionError: a stop is in an obstacle, there is no safe way to it, or a plot alone takes more than a battery
+            (or more mission items than the vehicle stores).
+    """
+    if not stops:
+        raise MissionError("there are no stations to fly to", remedy="Give a plan with stations.")
+    _check_heights(takeoff_m, transit_m, obstacles)
+    names = [stop.name or f"station {station_number(k)} of {stop.plot}" for k, stop in enumerate(stops)]
+    check_places(np.array([stop.position_m for stop in stops], dtype=np.float64), names, obstacles)
+    start = np.array([*home[:2], home[2] + takeoff_m])
+    finish = np.array([*landing[:2], max(transit_m, landing[2])])
+    _check_uprights(np.array(home), start, np.array(landing), finish, obstacles)
+    members: dict[str, list[int]] = {}
+    for index, stop in enumerate(stops):
+        members.setdefault(stop.plot, []).append(index)
+    groups = [_group(plot, [stops[k] for k in rows], [names[k] for k in rows]) for plot, rows in members.items()]
+    plots = [plot_tour(group, obstacles, vehicle.speeds, seed=seed) for group in groups]
+    ends = (_end("take-off", start), _end("landing", finish))
+    field = _Field(plots, ends, obstacles, vehicle, transit_m)
+    flights = [_flight(field, order, list(members.values()), stops) for order in _flights_of_plots(field, seed)]
+    _check(flights, obstacles)
+    return tuple(flights)
+
+
+class _Field:
+    """Plots with their ways to each other and to both ends, made when first asked for."""
+
+    def __init__(
+        self,
+        plots: Sequence[PlotTour],
+        ends: tuple[Group, Group],
+        obstacles: Obstacles,
+        vehicle: Vehicle,
+        transit_m: float,
+    ) -> None:
+        self.plots, self.ends, self.obstacles, self.vehicle, self.transit_m = plots, ends, obstacles, vehicle, transit_m
+        self._between: dict[tuple[int, int], Ways] = {}
+        self.outward = [self._ways(ends[0], plot.group) for plot in plots]
+        self.homeward = [self._ways(plot.group, ends[1]) for plot in plots]
+        speeds = vehicle.speeds
+        heights = (float(end.places[0, 2]) for end in ends)
+        self.fixed_s = takeoff_s(next(heights), speeds) + landing_s(next(heights), speeds)
+        self.limit_s = vehicle.battery.usable_s
+
+    def between(self, one: int, other: int) -> Ways:
+        """Ways from a plot's stations to another's."""
+        if (one, other) not in self._between:
+            self._between[one, other] = self._ways(self.plots[one].group, self.plots[other].group)
+        return self._between[one, other]
+
+    def costs(self, order: Sequence[int]) -> Costs:
+        """Of everything that flights over these plots in order can be made of."""
+        return Costs(
+            [self.outward[plot].seconds[0] for plot in order],
+            [self.plots[plot].seconds for plot in order],
+            [self.between(a, b).seconds for a, b in pairwise(order)],
+            [self.homeward[plot].seconds[:, 0] for plot in order],
+            self.fixed_s,
+        )
+
+    def steps(self, order: Sequence[int]) -> list[tuple[Ways, int, int, int]]:
+        """Per leg of the flight over these plots: the ways it is one of, its start and stop among them, and the plot
+        that it leads to (−1: the landing).
+        """
+        _, doors = self.costs(order).ends(0, len(order) - 1)
+        steps: list[tuple[Ways, int, int, int]] = []
+        for k, (plot, (entry, exit_)) in enumerate(zip(order, doors, strict=True)):
+            came = self.outward[plot] if k == 0 else self.between(order[k - 1], plot)
+            steps.append((came, 0 if k == 0 else doors[k - 1][1], entry, plot))
+            inner = self.plots[plot].order(entry, exit_)
+            steps.extend((self.plots[plot].ways, a, b, plot) for a, b in pairwise(inner))
+        return [*steps, (self.homeward[order[-1]], doors[-1][1], 0, -1)]
+
+    def fits_items(self, order: Sequence[int]) -> bool:
+        """Whether the vehicle stores the mission of a flight over these plots."""
+        most = self.vehicle.max_items
+        if most is None:
+            return True
+        plots = [self.plots[plot] for plot in order]
+        stops = sum(len(plot.group) for plot in plots)
+        spare = most - ITEMS_A_FLIGHT - ITEMS_A_STOP * stops
+        outer = [self.outward[order[0]], self.homeward[order[-1]], *(self.between(a, b) for a, b in pairwise(order))]
+        inner = sum((len(plot.group) - 1) * plot.ways.most_vias for plot in plots)
+        if spare >= inner + sum(ways.most_vias for ways in outer):
+            return True
+        return bool(spare >= sum(ways.legs.via_counts[ways.index(a, b)] for ways, a, b, _ in self.steps(order)))
+
+    def _ways(self, a: Group, b: Group) -> Ways:
+        ways = ways_between(a, b, self.obstacles, self.vehicle.speeds, level_m=self.transit_m)
+        if np.isinf(ways.seconds).all():
+            raise no_way(a.places[0], b.places[0], (a.names[0], b.names[0]), self.obstacles, self.transit_m)
+        return ways
+
+
+def _flights_of_plots(field: _Field, seed: int) -> list[list[int]]:
+    """Per flight its plots in order."""
+    count = len(field.plots)
+    for plot in range(count):
+        _check_alone(field, plot)
+    matrix = _plot_matrix(field)
+    order = [plot - 1 for plot in shortest_tour(matrix, seed=seed)[1:]]
+    found = [_cut(field, order)]
+    if len(found[0][0].flights) > 1:
+        service = [0.0, *(float(plot.seconds.min()) for plot in field.plots)]
+        routes = grouped_routes(matrix, service, field.limit_s - field.fixed_s, seed=seed)
+        found.append(_cut(field, [plot - 1 for route in routes for plot in route]))
+    best, order = min(found, key=lambda one: one[0].rank)
+    return [_improved(field, order[first : last + 1], matrix) for first, last in best.flights]
+
+
+def _cut(field: _Field, order: list[int]) -> tuple[Split, list[int]]:
+    cut = split(field.costs(order), field.limit_s, lambda first, last: field.fits_items(order[first : last + 1]))
+    if cut is None:
+        raise MissionError("no plot fits into a battery")
+    return cut, order
+
+
+def _improved(field: _Field, order: list[int], matrix: Array) -> list[int]:
+    """A flight's plots in the best order for it alone, where that is quicker."""
+    if not 2 < len(order) <= EXACT_PLACES:
+        return order
+    rows = np.array(order) + 1
+    again = [order[k] for k in ordered(matrix[0, rows], matrix[np.ix_(rows, rows)], matrix[rows, 0])]
+    last = len(order) - 1
+    quicker = field.costs(again).ends(0, last)[0] < field.costs(order).ends(0, last)[0]
+    return again if quicker and field.fits_items(again) else order
+
+
+def _plot_matrix(field: _Field) -> Array:
+    """(n + 1, n + 1) seconds between plots, by a station near the middle of each; 0 is take-off and landing."""
+    places = np.vstack([field.ends[0].places, representatives(field.plots)])
+    one, other = np.triu_indices(len(places), 1)
+    legs = legs_between(places[one], places[other], field.obstacles, field.vehicle.speeds, level_m=field.transit_m)
+    matrix = np.zeros((len(places), len(places)))
+    matrix[one, other] = matrix[other, one] = legs.time_s
+    matrix[1:, 0] = [ways.seconds.min() for ways in field.homeward]
+    for a, b in np.argwhere(np.isinf(matrix))[:1]:
+        names = [field.ends[0].names[0], *(plot.group.name for plot in field.plots)]
+        raise no_way(places[a], places[b], (names[a], names[b]), field.obstacles, field.transit_m)
+    return matrix
+
+
+def _check_alone(field: _Field, plot: int) -> None:
+    name = field.plots[plot].group.name
+    seconds, _ = field.costs([plot]).ends(0, 0)
+    if seconds > field.limit_s:
+        raise MissionError(
+            f"{name} alone takes {seconds:.0f} s, {math.ceil(seconds - field.limit_s)} s more than the "
+            f"{field.limit_s:.0f} s of flight that a battery has beside its reserve",
+            remedy="Plan fewer stations, take off nearer to the plot, or use a vehicle with more endurance.",
+        )
+    if not field.fits_items([plot]):
+        raise MissionError(
+            f"{name} alone takes more than the {field.vehicle.max_items} mission items that the vehicle stores",
+            remedy="Plan fewer stations.",
+        )
+
+
+def _flight(field: _Field, order: list[int], members: list[list[int]], stops: Sequence[Stop]) -> Flight:
+    speeds = field.vehicle.speeds
+    visited: list[int] = []
+    legs: list[Leg] = []
+    turns: list[float] = []
+    heading = math.nan
+    for ways, a, b, plot in field.steps(order):
+        legs.append(leg_of(ways.legs.places(ways.index(a, b)), speeds))
+        towards = math.nan
+        if plot >= 0:
+            visited.append(members[plot][b])
+            towards = stops[visited[-1]].yaw_deg
+        turns.append(turn_deg(heading, towards))
+        heading = towards
+    pauses = float(sum(stops[k].pause_s for k in visited))
+    time = flight_time([leg.points for leg in legs], turns, pauses, field.vehicle)
+    names = tuple(field.plots[plot].group.name for plot in order)
+    upright = max(legs[0].points[0][2], 0.0) + max(legs[-1].points[-1][2], 0.0)
+    return Flight(tuple(visited), tuple(legs), names, float(upright + sum(leg.length_m for leg in legs)), time)
+
+
+def _group(plot: str, stops: Sequence[Stop], names: Sequence[str]) -> Group:
+    return Group(
+        plot, np.array([stop.position_m for stop in stops], dtype=np.float64),
+        np.array([stop.yaw_deg for stop in stops]), tuple(names), float(sum(stop.pause_s for stop in stops)),
+    )  # fmt: skip
+
+
+def _end(name: str, place: Array) -> Group:
+    return Group(name, place[None], np.full(1, np.nan), (f"the {name}",))
+
+
+def _check_heights(takeoff_m: float, transit_m: float, obstacles: Obstacles) -> None:
+    for what, height in (("take-off", takeoff_m), ("transit", transit_m)):
+        if not height <= obstacles.highest_m:
+            raise MissionError(
+                f"the {what} height of {height:g} m above home is above the ceiling of {obstacles.ceiling_m} m",
+                remedy="Fly lower, or correct the ceiling.",
+            )
+
+
+def _check_uprights(home: Array, start: Array, landing: Array, finish: Array, obstacles: Obstacles) -> None:
+    for name, ground, top in (("take-off", home, start), ("landing", landing, finish)):
+        problems = obstacles.leg_problems(ground, top)
+        if problems:
+            raise MissionError(
+                f"the {name}'s way between the ground and {top[2]:.2f} m {problems[0]}",
+                remedy="Move it, or correct the site file.",
+            )
+
+
+def _check(flights: Sequence[Flight], obstacles: Obstacles) -> None:
+    """See that every stretch of every leg is clear."""
+    stretches = [
+        (one, other) for flight in flights for leg in flight.legs
+        for one, other in pairwise(leg.points)
+    ]  # fmt: skip
+    a, b = (np.array([stretch[end] for stretch in stretches]) for end in (0, 1))
+    for row in np.flatnonzero(obstacles.blocked(a, b))[:1]:
+        problem = obstacles.leg_problems(a[row], b[row])[0]
+        raise MissionError(f"a leg of the route {problem}", remedy="Report this: the route should have avoided it.")

@@ -1,0 +1,277 @@
+"""Ways between two places that are clear of every obstacle: straight, over, or around."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import MissionError
+from fieldkit.routing.flight_time import path_time_s, stretch_time_s
+from fieldkit.routing.obstacles import TOLERANCE_M, Obstacles
+from fieldkit.routing.roadmap import ways_around
+from fieldkit.vehicles.vehicle import Speeds
+
+Array = NDArray[np.float64]
+Place = tuple[float, float, float]
+_SAME_M = 1e-9
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A way from one place to another.
+
+    Attributes:
+        points: places it leads through, start and end among them: east, north and height above home, metres.
+        length_m: of all its straight stretches.
+        time_s: with a stop at each place (see `flight_time`), without turning.
+    """
+
+    points: tuple[Place, ...]
+    length_m: float
+    time_s: float
+
+    @property
+    def via(self) -> tuple[Place, ...]:
+        """The places between start and end."""
+        return self.points[1:-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Legs:
+    """n ways at once; their places are made when asked for.
+
+    Attributes:
+        a, b: (n, 3) both ends.
+        time_s: (n,) infinite where there is no safe way.
+        over_m: (n,) height at which those are flown that go straight up, straight across and straight down; else NaN.
+        around: places (k, 3) of those that are neither straight nor such.
+    """
+
+    a: Array
+    b: Array
+    time_s: Array
+    over_m: Array
+    around: dict[int, Array] = field(default_factory=dict)
+
+    @cached_property
+    def via_counts(self) -> NDArray[np.int64]:
+        """(n,) places between both ends, as `places` has them."""
+        rises = (self.over_m - self.a[:, 2] > _SAME_M).astype(np.int64) + (self.over_m - self.b[:, 2] > _SAME_M)
+        upright = np.linalg.norm((self.b - self.a)[:, :2], axis=1) <= _SAME_M
+        counts = np.where(upright, np.minimum(rises, 1), rises)
+        for index, places in self.around.items():
+            counts[index] = len(places) - 2
+        return counts
+
+    def places(self, index: int) -> Array:
+        """(k, 3) places that a way leads through, both ends included.
+
+        Raises:
+            ValueError: there is no safe way.
+        """
+        if np.isinf(self.time_s[index]):
+            raise ValueError("there is no safe way")
+        if index in self.around:
+            return self.around[index]
+        a, b, over = self.a[index], self.b[index], self.over_m[index]
+        return np.stack([a, b]) if np.isnan(over) else _without_repeats(_over(np.stack([a, b]), float(over)))
+
+
+def leg_of(places: Array, speeds: Speeds) -> Leg:
+    """A leg through these places (k, 3)."""
+    length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+    points = tuple((float(east), float(north), float(up)) for east, north, up in places)
+    return Leg(points, length, path_time_s(places, speeds))
+
+
+def check_places(places: Array, names: tuple[str, ...] | list[str], obstacles: Obstacles) -> None:
+    """See that places (n, 3) are clear of every obstacle.
+
+    Raises:
+        MissionError: one is not; it names the first of them, what it is in, and of plants from where it is clear.
+    """
+    wrong = np.flatnonzero(obstacles.blocked(places, places))
+    if not len(wrong):
+        return
+    problem = obstacles.leg_problems(places[wrong[0]], places[wrong[0]])[0]
+    east, north, up = problem.place
+    remedy = "Move it, or correct the site file."
+    if problem.kind == "plants":
+        top = obstacles.plants_top_m(problem.place)
+        over = f"over the plants of {problem.name}, which are kept clear of up to {top:.2f} m here"
+        where = f"{top - up:.2f} m too low {over}"
+        remedy = (
+            "Plan for this vehicle (fieldkit plan --vehicle), or give --adjust to fly above them: the air below leaves "
+            "counts as plants, too."
+        )
+    else:
+        where = {
+            "obstacle": f"in {problem.name}, or nearer to it than the clearance",
+            "no-fly zone": f"in the no-fly zone {problem.name}, or nearer to it than the clearance",
+            "fence": "outside the fence, or nearer to it than the clearance",
+            "ceiling": "above the ceiling",
+        }[problem.kind]
+    more = f" ({len(wrong)} places in all are like that)" if len(wrong) > 1 else ""
+    raise MissionError(
+        f"{names[wrong[0]]} is {where}: {east:.2f} m east, {north:.2f} m north, {up:.2f} m above home{more}",
+        remedy=remedy,
+    )
+
+
+def no_way(a: Array, b: Array, names: tuple[str, str], obstacles: Obstacles, level_m: float | None) -> MissionError:
+    """Why there is no safe way from a to b, (3,) each."""
+    base = max(a[2], b[2], -math.inf if level_m is None else level_m)
+    if base > obstacles.highest_m:
+        why = f"it would be flown {base:.2f} m above home, and the ceiling is {obstacles.ceiling_m:g} m"
+        return MissionError(f"no safe way from {names[0]} to {names[1]}: {why}", remedy="Fly lower between plots.")
+    level = np.array([[*a[:2], base], [*b[:2], base]])
+    met = {str(p).split(" at ")[0]: p for p in (*obstacles.leg_problems(a, b), *obstacles.leg_problems(*level))}
+    over = float(obstacles.prisms.tops_below(level[:1], level[1:], level[:1, 2])[0]) + TOLERANCE_M
+    why = "the straight way " + " and ".join(sorted(met))
+    if math.isinf(over):
+        why += ", which may not be flown over, and no way leads around"
+    else:
+        why += f"; over it, {over:.2f} m above home, is above the ceiling, and no way leads around"
+    return MissionError(
+        f"no safe way from {names[0]} to {names[1]}: {why}", remedy="Move a place, or correct the site file."
+    )
+
+
+def legs_between(a: Array, b: Array, obstacles: Obstacles, speeds: Speeds, *, level_m: float | None = None) -> Legs:
+    """The quickest safe ways found from each of a to each of b, (n, 3) each: metres east, north and above home.
+
+    Straight where that is clear. Else the quicker of two: straight up, across over everything that is in the way, and
+    straight down; or around what is in the way, past its corners, the height changing evenly. Where neither is, both
+    at once: up to a height that clears some of it and around the rest. ``level_m`` is the least height of the way
+    between the upright stretches at both ends; None where it may be straight.
+
+    Obstacles around which many of them lead are looked at once for all, so legs of a neighbourhood belong in one call.
+    """
+    time = np.full(len(a), np.inf) if level_m is not None else stretch_time_s(a, b, speeds)
+    left = np.arange(len(a)) if level_m is not None else np.flatnonzero(obstacles.blocked(a, b))
+    time[left] = np.inf
+    over = np.full(len(a), np.nan)
+    around: dict[int, Array] = {}
+    legs = Legs(a, b, time, over, around)
+    left = left[~(obstacles.blocked(a[left], a[left]) | obstacles.blocked(b[left], b[left]))]
+    base = np.maximum(a[left, 2], b[left, 2])
+    base = base if level_m is None else np.maximum(base, level_m)
+    below = obstacles.prisms.tops_below(a[left], b[left], base) + TOLERANCE_M
+    height = np.maximum(base, below)
+    low = np.isfinite(height) & (height <= obstacles.highest_m)
+    over[left[low]] = height[low]
+    time[left[low]] = _over_time_s(a[left[low]], b[left[low]], height[low], speeds)
+    if level_m is None:
+        _go_around(np.minimum(a[left, 2], b[left, 2]), None, left, legs, obstacles, speeds)
+    # What is not above the level is flown over anyway.
+    more = (below > base) & (base <= obstacles.highest_m) & ~np.isin(left, list(around))
+    _go_around(base[more], base[more], left[more], legs, obstacles, speeds)
+    for row in np.flatnonzero(np.isinf(time[left])):
+        index = int(left[row])
+        for path in _up_and_around(a[index], b[index], float(base[row]), obstacles, speeds):
+            _keep_quicker(index, path, path_time_s(path, speeds), legs)
+    return legs
+
+
+def _go_around(
+    floor: Array, level: Array | None, rows: NDArray[np.intp], legs: Legs, obstacles: Obstacles, speeds: Speeds
+) -> None:
+    """Take the ways around solids higher than the floor where they are quicker, alike rows together.
+
+    Args:
+        floor: (r,) what is not higher is flown over.
+        level: (r,) heights that are flown at; None where the height changes evenly.
+        rows: (r,) of the legs.
+        legs: that are changed.
+        obstacles: to be clear of.
+        speeds: of the vehicle.
+    """
+    if not len(rows):
+        return
+    bottom = np.full(len(rows), -1e6)
+    a, b = legs.a[rows], legs.b[rows]
+    crossed = obstacles.prisms.met(np.column_stack([a[:, :2], bottom]), np.column_stack([b[:, :2], bottom]))
+    # Whole bodies at first, so that legs at many heights share a search; those that find no way so, solid by solid.
+    by_body = np.searchsorted(np.sort(obstacles.body_tops[crossed]), floor, side="right")
+    left = _try(by_body, np.arange(len(rows)), floor, level, rows, legs, obstacles, speeds)
+    by_solid = np.searchsorted(np.sort(obstacles.tops[crossed]), floor, side="right")
+    _try(by_solid, left, floor, level, rows, legs, obstacles, speeds)
+
+
+def _try(
+    kinds: NDArray[np.intp], tried: NDArray[np.intp], floor: Array, level: Array | None, rows: NDArray[np.intp],
+    legs: Legs, obstacles: Obstacles, speeds: Speeds,
+) -> NDArray[np.intp]:  # fmt: skip
+    """Take the ways found for those of a kind together; those of the rows that are tried for which there is none."""
+    a, b = legs.a[rows], legs.b[rows]
+    none: list[int] = []
+    for kind in np.unique(kinds[tried]):
+        some = tried[kinds[tried] == kind]
+        plans = ways_around(a[some, :2], b[some, :2], float(floor[some].min()), obstacles, speeds)
+        paths = {
+            int(row): _at_level(a[row], b[row], plan, None if level is None else float(level[row]))
+            for row, plan in zip(some, plans, strict=True)
+            if plan is not None
+        }
+        none.extend(int(row) for row in some if int(row) not in paths)
+        if not paths:
+            continue
+        stretches = np.concatenate([stretch_time_s(path[:-1], path[1:], speeds) for path in paths.values()])
+        firsts = np.cumsum([0, *(len(path) - 1 for path in paths.values())])[:-1]
+        for (row, path), seconds in zip(paths.items(), np.add.reduceat(stretches, firsts), strict=True):
+            _keep_quicker(int(rows[row]), path, float(seconds), legs)
+    return np.array(none, dtype=np.intp)
+
+
+def _keep_quicker(index: int, path: Array, seconds: float, legs: Legs) -> None:
+    if seconds < legs.time_s[index]:
+        legs.time_s[index], legs.around[index] = seconds, path
+
+
+def _up_and_around(a: Array, b: Array, base: float, obstacles: Obstacles, speeds: Speeds) -> list[Array]:
+    """Ways at the heights that clear some of what is in the way, around the rest."""
+    finite = obstacles.tops[np.isfinite(obstacles.tops)]
+    straight = obstacles.prisms.met(np.array([[*a[:2], base]]), np.array([[*b[:2], base]]))
+    near = obstacles.tops[straight & np.isfinite(obstacles.tops)]
+    heights = {base, *(near + TOLERANCE_M), *([finite.max() + TOLERANCE_M] if len(finite) else [])}
+    paths = []
+    for height in sorted(h for h in heights if base <= h <= obstacles.highest_m):
+        (plan,) = ways_around(a[None, :2], b[None, :2], float(height), obstacles, speeds)
+        if plan is not None:
+            paths.append(_at_level(a, b, plan, float(height)))
+    return paths
+
+
+def _at_level(a: Array, b: Array, plan: Array, level_m: float | None) -> Array:
+    """A way in the plan (k, 2) at a level, or with its height changing evenly from a's to b's."""
+    if level_m is not None:
+        flat = np.column_stack([plan, np.full(len(plan), level_m)])
+        return _without_repeats(np.vstack([a, flat, b]))
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(plan, axis=0), axis=1))])
+    share = along / along[-1] if along[-1] > 0 else along
+    return np.column_stack([plan, a[2] + share * (b[2] - a[2])])
+
+
+def _over(ends: Array, height: float) -> Array:
+    up = ends.copy()
+    up[:, 2] = height
+    return np.stack([ends[0], up[0], up[1], ends[1]])
+
+
+def _over_time_s(a: Array, b: Array, height: Array, speeds: Speeds) -> Array:
+    above, beyond = a.copy(), b.copy()
+    above[:, 2] = beyond[:, 2] = height
+    return stretch_time_s(a, above, speeds) + stretch_time_s(above, beyond, speeds) + stretch_time_s(beyond, b, speeds)
+
+
+def _without_repeats(places: Array) -> Array:
+    kept = [places[0]]
+    for before, place in pairwise(places):
+        if np.linalg.norm(place - before) > _SAME_M:
+            kept.append(place)
+    return np.stack(kept) if len(kept) > 1 else places[[0, -1]]

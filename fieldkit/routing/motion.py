@@ -1,0 +1,219 @@
+"""How long a multicopter takes from one place to the next, and where it is meanwhile.
+
+An S-curve from rest to rest, as ArduPilot's and PX4's planners fly between waypoints: jerk j, acceleration a and speed
+are limited. Speed rises as a cosine; from rest to v it takes
+
+    v/a + a/j   where v ≥ a²/j,   else   2·√(v/j)
+
+seconds (the ramp r), over v·r/2 metres. L metres at up to v take L/v + r(v), or 2·r with the r whose two ramps are the
+whole way: 2·∛(L/2j) where L ≤ 2a³/j², else a/2j + √((a/2j)² + L/a). v is the greatest speed along the way whose
+horizontal part is not above cruise and whose vertical part is not above the climb or descent rate. Measured on the legs
+of sim/sitl/mount_then_yaw: a waypoint counts as reached about 0.8 s after the curve has ended.
+
+A waypoint without a hold is passed: ArduPilot begins the next curve while the one before still ends, and moves by the
+sum of both (`corner`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.vehicles.vehicle import Speeds
+
+JERK_MPS3 = 1.0
+"""ArduPilot's WPNAV_JERK as it comes."""
+ARRIVAL_LAG_S = 0.8
+"""From the end of the curve until the waypoint counts as reached (measured)."""
+TURN_LAG_S = 0.15
+"""Added to every turn: acceleration about the vertical axis (measured: 0.1 to 0.2 s)."""
+
+_NO_LENGTH_M = 1e-6
+_NO_TIME_S = 1e-300
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A straight way from rest to rest, or from corner to corner.
+
+    Attributes:
+        length_m: of the way.
+        top_mps: highest speed on it.
+        ramp_s: of gaining that speed, and of losing it.
+        ahead_s: flown before the waypoint at its beginning counted as reached.
+        left_s: still to fly when the waypoint at its end counts as reached, because it is passed.
+    """
+
+    length_m: float
+    top_mps: float
+    ramp_s: float
+    ahead_s: float = 0.0
+    left_s: float = 0.0
+
+    @property
+    def curve_s(self) -> float:
+        """Of the whole S-curve."""
+        return self.length_m / self.top_mps + self.ramp_s if self.length_m > 0.0 else 0.0
+
+    @property
+    def seconds(self) -> float:
+        """From one waypoint's being reached until the other's."""
+        return self.curve_s - self.ahead_s - self.left_s + (0.0 if self.left_s > 0.0 else ARRIVAL_LAG_S)
+
+    def fraction(self, after_s: float) -> float:
+        """Share of the way that lies behind, 0…1, so many seconds after the waypoint at its beginning was reached."""
+        t, whole = max(after_s, 0.0) + self.ahead_s, self.curve_s
+        if self.length_m <= 0.0 or t >= whole:
+            return 1.0
+        if t > whole / 2.0:
+            return 1.0 - self.risen(whole - t) / self.length_m
+        return self.risen(t) / self.length_m
+
+    def risen(self, t: float) -> float:
+        """Metres flown t seconds after rest, or left t seconds before it, in either half."""
+        if t >= self.ramp_s:
+            return self.top_mps * (t - self.ramp_s / 2.0)
+        # Jerk and acceleration of a cosine stay within the planner's.
+        return self.top_mps * (t / 2.0 - self.ramp_s / (2.0 * math.pi) * math.sin(math.pi * t / self.ramp_s))
+
+
+@dataclass(frozen=True)
+class Even:
+    """A way that is counted as one of even speed: take-off, landing, or standing still, without length."""
+
+    length_m: float
+    seconds: float
+
+    def fraction(self, after_s: float) -> float:
+        """As `Leg.fraction`."""
+        return min(max(after_s, 0.0) / self.seconds, 1.0) if self.seconds > 0.0 else 1.0
+
+
+@dataclass(frozen=True)
+class Way:
+    """Several parts, one after the other."""
+
+    parts: tuple[Leg | Even, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Of all parts."""
+        return sum(part.seconds for part in self.parts)
+
+    def fraction(self, after_s: float) -> float:
+        """Share of the length of all parts, 0…1."""
+        whole = sum(part.length_m for part in self.parts)
+        if whole <= 0.0:
+            return 1.0
+        behind, t = 0.0, max(after_s, 0.0)
+        for part in self.parts:
+            behind += part.length_m * part.fraction(t) if t > 0.0 else 0.0
+            t -= part.seconds
+        return min(behind / whole, 1.0)
+
+
+def leg(horizontal_m: float, up_m: float, speeds: Speeds, cruise_mps: float | None = None) -> Leg:
+    """The way over so many metres.
+
+    Args:
+        horizontal_m: not negative.
+        up_m: negative where it descends.
+        speeds: of the vehicle.
+        cruise_mps: horizontal, in place of the profile's.
+    """
+    length = math.hypot(horizontal_m, up_m)
+    if not length > _NO_LENGTH_M:
+        return Leg(0.0, 0.0, 0.0)
+    steady = float(_steady_s(np.asarray(horizontal_m), np.asarray(up_m), speeds, cruise_mps or speeds.cruise_mps))
+    ramps = _ramps_s(np.asarray(length), np.asarray(length / steady), 0.0, speeds)
+    full, short = (float(ramp) for ramp in ramps)
+    return Leg(length, length / steady, full) if steady >= full else Leg(length, length / short, short)
+
+
+def curve_s(level_m: Array, up_m: Array, speeds: Speeds) -> Array:
+    """Seconds of S-curves over so many metres on the level and up, arrays of one shape; 0 where both are 0."""
+    length = np.hypot(level_m, up_m)
+    steady = _steady_s(level_m, up_m, speeds, speeds.cruise_mps)
+    slowest = min(speeds.cruise_mps, speeds.climb_mps, speeds.descent_mps)
+    full, short = _ramps_s(length, length / np.maximum(steady, _NO_TIME_S), slowest, speeds)
+    seconds: Array = np.where(steady >= full, steady + full, 2.0 * short)
+    return seconds
+
+
+def corner(before: Leg, after: Leg, turn_cos: float, radius_m: float) -> tuple[Leg, Leg]:
+    """Two legs as they are flown where the waypoint between them is passed.
+
+    The second curve begins T before the first one ends, and the waypoint counts as reached T/2 before that end, where
+    the middle of the turn is. T is as long as the turn's middle is within the waypoint's radius and only ramps overlap,
+    as in ArduPilot's SCurve::advance_target_along_track. That also bounds the acceleration there, which is not looked
+    at here.
+
+    Args:
+        before: the leg to the waypoint.
+        after: the one from it.
+        turn_cos: cosine of the angle between their directions: 1 straight on.
+        radius_m: of the waypoint (WPNAV_RADIUS).
+    """
+    low, high = 0.0, min(before.ramp_s, after.ramp_s) / 2.0
+
+    def within(half_s: float) -> bool:
+        a, b = before.risen(half_s), after.risen(half_s)
+        return a * a + b * b - 2.0 * a * b * turn_cos <= radius_m * radius_m
+
+    if not high > 0.0:
+        return before, after
+    if within(high):
+        low = high
+    for _ in range(0 if low else 20):  # to microseconds
+        half = (low + high) / 2.0
+        low, high = (half, high) if within(half) else (low, half)
+    return replace(before, left_s=low), replace(after, ahead_s=low)
+
+
+def turn_cosine(before: Sequence[float], after: Sequence[float]) -> float:
+    """Cosine of the angle between two directions in space, of any length but 0."""
+    product = math.sqrt(sum(v * v for v in before) * sum(v * v for v in after))
+    return sum(a * b for a, b in zip(before, after, strict=True)) / product if product > 0.0 else -1.0
+
+
+def turn_seconds(from_deg: float | None, to_deg: float, speeds: Speeds) -> float:
+    """Of a turn the short way about; of half a turn where the heading before is not known."""
+    return float(turns_s(np.asarray(180.0 if from_deg is None else to_deg - from_deg), speeds))
+
+
+def turns_s(turns_deg: Array, speeds: Speeds) -> Array:
+    """Seconds of turns, degrees in either direction, the shorter way around; 0 where there is none."""
+    turns = np.abs(wrapped_deg(turns_deg))
+    seconds: Array = turns / speeds.yaw_dps + TURN_LAG_S * (turns > 0.0)
+    return seconds
+
+
+def turn_deg(from_deg: float, to_deg: float) -> float:
+    """The turn from one heading to another, clockwise positive, in [−180, 180)."""
+    return wrapped_deg(to_deg - from_deg)
+
+
+def _steady_s(level_m: Array, up_m: Array, speeds: Speeds, cruise_mps: float) -> Array:
+    """Seconds at full speed: the slowest of the parts sets the pace."""
+    upright = np.maximum(up_m / speeds.climb_mps, up_m / -speeds.descent_mps)
+    seconds: Array = np.maximum(level_m / cruise_mps, upright)
+    return seconds
+
+
+def _ramps_s(length: Array, speed: Array, slowest_mps: float, speeds: Speeds) -> tuple[Array, Array]:
+    """Seconds from rest to a speed, none below the slowest, and of each of the two ramps that are a whole way."""
+    a, j = speeds.acceleration_mps2, JERK_MPS3
+    full = speed / a + a / j
+    if slowest_mps < a * a / j:
+        full = np.where(speed >= a * a / j, full, 2.0 * np.sqrt(speed / j))
+    half = a / (2.0 * j)
+    reached = half + np.sqrt(half**2 + length / a)
+    short = np.where(length <= 2.0 * a**3 / j**2, 2.0 * np.cbrt(length / (2.0 * j)), reached)
+    return full, short

@@ -1,0 +1,149 @@
+"""Tours within plots, and the ways from plot to plot, as tables of seconds for whoever puts them together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import MissionError
+from fieldkit.routing.flight_time import turn_time_s
+from fieldkit.routing.legs import Legs, legs_between, no_way
+from fieldkit.routing.obstacles import Obstacles
+from fieldkit.routing.tour import EXACT_PLACES, shortest_paths, shortest_tour
+from fieldkit.vehicles.vehicle import Speeds
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Places that are visited one after the other: a plot's stations, or the end of a flight.
+
+    Attributes:
+        name: for people.
+        places: (k, 3) metres east, north and above home.
+        yaw_deg: (k,) headings; NaN where it is not known, as after take-off, or where any will do, as for landing.
+        names: k, of the places, for errors.
+        pauses_s: sum of all pauses at them.
+    """
+
+    name: str
+    places: Array
+    yaw_deg: Array
+    names: tuple[str, ...]
+    pauses_s: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """Ways from each of k places to each of m.
+
+    Attributes:
+        legs: k × m of them, row by row.
+        seconds: (k, m) including what turning takes beyond them; infinite where there is no safe way.
+    """
+
+    legs: Legs
+    seconds: Array
+
+    def index(self, start: int, stop: int) -> int:
+        """Of a way among the legs."""
+        return start * len(self.seconds[0]) + stop
+
+    @cached_property
+    def most_vias(self) -> int:
+        """Places between both ends of the way with the most of them."""
+        return int(self.legs.via_counts.max())
+
+
+@dataclass(frozen=True, eq=False)
+class PlotTour:
+    """A plot with all its tours.
+
+    Attributes:
+        group: its stations.
+        ways: between them.
+        seconds: (k, k) of the quickest tours, pauses included, from the first to the last station. Of a plot with more
+            than `EXACT_PLACES` stations only one tour is known, and its reverse; the others are infinite.
+        known: that tour; empty where all are exact.
+        orders: tours asked for so far.
+    """
+
+    group: Group
+    ways: Ways
+    seconds: Array
+    known: tuple[int, ...] = ()
+    orders: dict[tuple[int, int], tuple[int, ...]] = field(default_factory=dict)
+
+    def order(self, first: int, last: int) -> tuple[int, ...]:
+        """The quickest tour from one station to another."""
+        if self.known:
+            return self.known if self.known[0] == first else self.known[::-1]
+        if (first, last) not in self.orders:
+            alone = len(self.group) == 1
+            self.orders[first, last] = (
+                (0,) if alone else shortest_tour(self.ways.seconds, start=first, end=last, closed=False)
+            )
+        return self.orders[first, last]
+
+
+def ways_between(a: Group, b: Group, obstacles: Obstacles, speeds: Speeds, *, level_m: float | None = None) -> Ways:
+    """All ways from the places of one group to those of another."""
+    starts, stops = np.repeat(a.places, len(b), axis=0), np.tile(b.places, (len(a), 1))
+    legs = legs_between(starts, stops, obstacles, speeds, level_m=level_m)
+    turns = [[turn_deg(before, after) for after in b.yaw_deg.tolist()] for before in a.yaw_deg.tolist()]
+    turning = turn_time_s(turns, speeds)
+    return Ways(legs, np.maximum(legs.time_s.reshape(len(a), len(b)), turning))
+
+
+def turn_deg(before: float, after: float) -> float:
+    """By how much the heading changes on a way: half a turn where it is not known before, nothing where any will do."""
+    return 0.0 if np.isnan(after) else 180.0 if np.isnan(before) else after - before
+
+
+def plot_tour(group: Group, obstacles: Obstacles, speeds: Speeds, *, seed: int = 0) -> PlotTour:
+    """All tours over a plot's stations, with legs that are clear of every obstacle.
+
+    Raises:
+        MissionError: a station cannot be reached from the others; it names two of them.
+    """
+    ways = ways_between(group, group, obstacles, speeds)
+    known: tuple[int, ...] = ()
+    if len(group) <= EXACT_PLACES:
+        seconds = shortest_paths(ways.seconds) + group.pauses_s
+    else:
+        try:
+            known = shortest_tour(ways.seconds, closed=False, seed=seed)
+        except MissionError:
+            raise _unreached(group, ways.seconds, obstacles) from None
+        seconds = np.full((len(group), len(group)), np.inf)
+        for order in (known, known[::-1]):
+            seconds[order[0], order[-1]] = ways.seconds[list(order[:-1]), list(order[1:])].sum() + group.pauses_s
+    if np.isinf(seconds).all():
+        raise _unreached(group, ways.seconds, obstacles)
+    return PlotTour(group, ways, seconds, known)
+
+
+def representatives(plots: Sequence[PlotTour]) -> Array:
+    """(n, 3) of each plot the station nearest to its stations' mean: a place near its middle that is surely clear."""
+    middles = []
+    for places in (plot.group.places for plot in plots):
+        off = np.linalg.norm((places - places.mean(axis=0))[:, :2], axis=1)
+        middles.append(places[np.argmin(off)])
+    return np.stack(middles)
+
+
+def _unreached(group: Group, seconds: Array, obstacles: Obstacles) -> MissionError:
+    off = ~np.eye(len(group), dtype=np.bool_)
+    rows, columns = np.nonzero(np.isinf(seconds) & off)
+    # The station with the fewest ways is the one to name.
+    worst = int(np.argmax(np.bincount(rows, minlength=len(group))))
+    other = int(columns[rows == worst][0])
+    return no_way(group.places[worst], group.places[other], (group.names[worst], group.names[other]), obstacles, None)

@@ -1,0 +1,156 @@
+"""A plan fitted to another plot: its distances relative to the plants' height and to the plot's size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldkit.errors import MissionError
+from fieldkit.results.plan import Plan, PlanEnvelope, PlanFit, PlanPlants, Plans, Station
+from fieldkit.sites.plot_plants import BESIDE_M, PlanFacts
+from fieldkit.sites.site import SitePlot
+from fieldkit.sites.stretch import Stretch
+
+SMALLEST, LARGEST = 0.5, 2.0
+"""Factors of height and size between which a plan is still the same plan."""
+_SAME, _SAME_M = 0.05, 0.05
+"""Share and length by which plants may differ in height and still be the plan's."""
+_NO_SIZE = {"length_m": None, "width_m": None}
+
+Array = NDArray[np.float64]
+
+
+def fitted(plan: Plan, plot: SitePlot) -> Plan:
+    """The plan for a plot of other plants.
+
+    Along each axis the box about the plan's plants is stretched to the plot's: upwards to ``plant_height_m``, along and
+    across the row to ``length_m`` and ``width_m`` where these are beyond the plan's plants or short of them by more
+    than 0.25 m. `Stretch` says how stations are moved. Heights and pitches stay within the plan's envelope. A plan that
+    was fitted to a plot is not changed by fitting it again.
+
+    Args:
+        plan: with plants, in the plot frame.
+        plot: what the site says of it.
+
+    Returns:
+        The plan itself where the plot is the plan's as far as is known: it says no height and no size, or the same.
+
+    Raises:
+        MissionError: the plan does not say where plants are, or the plot is too different.
+    """
+    facts = PlanFacts(plan)
+    if plot.plant_height_m is None and plot.size_m is None:
+        return plan
+    if facts.box is None or facts.top_m is None or facts.top_m <= 0.0 or plan.plants is None:
+        raise MissionError(
+            f"{plot.name}: the plan does not say where its plants are, so it cannot be fitted to others",
+            remedy="Make the plan again with fieldkit plan, or leave --fit out.",
+        )
+    scale = _scale(facts, plot)
+    if (np.abs(scale - 1.0) < 1e-9).all():
+        return plan
+    if scale.min() < SMALLEST or scale.max() > LARGEST:
+        raise MissionError(
+            f"{plot.name} is too different from the plot of the plan: its plants' length, width and height are "
+            f"{scale[0]:.2f}, {scale[1]:.2f} and {scale[2]:.2f} times the plan's",
+            remedy="Plan again on a plot like it; --no-fit flies the plan as it is.",
+        )
+    limits = plan.envelope or PlanEnvelope()
+    stretch = Stretch(
+        np.append(facts.box[0], 0.0), np.append(facts.box[1], _height_m(facts)), scale, limits.plant_distance_m or 0.0,
+        None if limits.lower_m is None else limits.lower_m[2], limits.pitch_deg,
+    )  # fmt: skip
+    points = tuple((float(x), float(y), float(z)) for x, y, z in facts.points * scale)
+    cell_m = plan.plants.cell_m * float(scale.max())
+    length, width, height = (float(factor) for factor in scale)
+    return plan.model_copy(
+        update={
+            "stations": _stations(plan, stretch),
+            "plant_height_m": None if plan.plant_height_m is None else plan.plant_height_m * height,
+            "plants": PlanPlants(points_m=points, cell_m=cell_m),
+            "fit": PlanFit(plot=plot.name, length=length, width=width, height=height),
+        }
+    )
+
+
+def fitted_to_height(plan: Plan, plant_height_m: float) -> Plan:
+    """The plan for plants of a height; itself if its stations are not stated for one. Raises MissionError."""
+    if plan.plant_height_m is None:
+        return plan
+    name = f"plants of {plant_height_m:.2f} m"
+    return fitted(plan, SitePlot(name=name, latitude_deg=0.0, longitude_deg=0.0, plant_height_m=plant_height_m))
+
+
+def flown_plans(plan: Plans, plots: Sequence[SitePlot], fit: bool | None = None) -> Plans:
+    """The plans that are flown over plots.
+
+    Args:
+        plan: for all plots, or each plot's own by name, which is flown as it is.
+        plots: of the site.
+        fit: whether to fit the plan to each plot's plant height and size; None fits a plan whose stations are stated
+            for plants of a height, to the height only.
+
+    Raises:
+        MissionError: as `fitted`.
+    """
+    if not isinstance(plan, Plan):
+        return plan
+    if fit is None:
+        stated = plan.plant_height_m is not None
+        return fitted_to(plan, [plot.model_copy(update=_NO_SIZE) for plot in plots]) if stated else plan
+    return fitted_to(plan, plots) if fit else plan
+
+
+def flown_plan(plan: Plan, plot: SitePlot, fit: bool | None = None) -> Plan:
+    """The plan that is flown over one plot; as `flown_plans`."""
+    flown = flown_plans(plan, [plot], fit)
+    return flown if isinstance(flown, Plan) else flown[plot.name]
+
+
+def fitted_to(plan: Plan, plots: Sequence[SitePlot]) -> dict[str, Plan]:
+    """A plan for each plot, by name; plots alike have one and the same. Raises MissionError, as `fitted`."""
+    known: dict[object, Plan] = {}
+    found = {}
+    for plot in plots:
+        alike = (plot.plant_height_m, plot.size_m)
+        if alike not in known:
+            known[alike] = fitted(plan, plot)
+        found[plot.name] = known[alike]
+    return found
+
+
+def _height_m(facts: PlanFacts) -> float:
+    """Of the plants that the plan's stations are stated for, else of its highest."""
+    known = facts.plan.plant_height_m or facts.top_m
+    assert known is not None
+    return known
+
+
+def _scale(facts: PlanFacts, plot: SitePlot) -> Array:
+    """(3,) by which the plan's plants are stretched along, across and upwards."""
+    scale = np.ones(3)
+    assert facts.box is not None
+    height_m = _height_m(facts)
+    if plot.plant_height_m is not None and abs(plot.plant_height_m - height_m) > min(_SAME * height_m, _SAME_M):
+        scale[2] = plot.plant_height_m / height_m
+    if plot.size_m is not None:
+        reach = 2.0 * np.maximum(np.abs(facts.box[0]), np.abs(facts.box[1]))
+        for axis, side in enumerate(plot.size_m):
+            if abs(side - reach[axis]) > 2.0 * BESIDE_M:
+                scale[axis] = side / reach[axis]
+    return scale
+
+
+def _stations(plan: Plan, stretch: Stretch) -> tuple[Station, ...]:
+    poses = [station.pose for station in plan.stations]
+    positions, yaw, pitch = stretch.moved(
+        np.array([station.position_m for station in plan.stations]),
+        np.array([station.yaw_deg for station in plan.stations]),
+        np.array([pose.forward for pose in poses]),
+    )
+    return tuple(
+        Station(position_m=(x, y, z), yaw_deg=heading, pitch_deg=tilt)
+        for (x, y, z), heading, tilt in zip(positions.tolist(), yaw.tolist(), pitch.tolist(), strict=True)
+    )

@@ -1,0 +1,124 @@
+"""Which field of a plots file holds the plots' ids."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fieldkit.sites.geojson import Feature
+from fieldkit.wording import count
+
+ID_FIELDS = ("plot_id", "id", "name", "fid")
+"""Looked for in this order, whatever their case."""
+_MOST_FIELDS = 12
+
+
+class IdProblem(ValueError):
+    """No field gives every plot an id of its own.
+
+    Attributes:
+        remedy: what to do.
+    """
+
+    def __init__(self, message: str, remedy: str) -> None:
+        super().__init__(message)
+        self.remedy = remedy
+
+
+@dataclass(frozen=True)
+class PlotIds:
+    """The ids of a file's plots.
+
+    Attributes:
+        ids: one for each feature, in their order; text where the file has text or whole numbers.
+        field: that they are from, as the file writes it; None where plots are counted.
+        passed_over: why fields that come earlier in `ID_FIELDS` were not taken, as sentences without a full stop.
+    """
+
+    ids: tuple[Any, ...]
+    field: str | None
+    passed_over: tuple[str, ...] = ()
+
+    def sentence(self) -> str:
+        """For people, who are to see it before the ids are used: ``32 plots, ids from "plot_id": A01 … D08``."""
+        shown = [str(each)[:80] for each in self.ids]
+        named = " … ".join([shown[0], shown[-1]]) if len(shown) > 3 else ", ".join(shown)
+        plots = count(len(shown), "plot")
+        if self.field is None:
+            return f"{plots}, counted in the file's order, which has no ids: {named}. --plot-id FIELD takes others"
+        return "; ".join([f'{plots}, ids from "{self.field}": {named}', *self.passed_over])
+
+
+def plot_ids(features: Sequence[Feature], field: str | None = None) -> PlotIds:
+    """The ids of a file's plots: of the first of `ID_FIELDS` that every plot has and that no two share.
+
+    Args:
+        features: one or more.
+        field: that holds the ids, by its name in the file (case counts only where two differ in nothing else); None
+            looks for one.
+
+    Raises:
+        IdProblem: the field is unknown, or a plot lacks it, or two share a value; or without one, there is a
+            ``plot_id`` that will not do, or there are others of `ID_FIELDS` and none of them will.
+    """
+    fields = list(dict.fromkeys(name for feature in features for name in feature.properties))
+    others = [name for name in fields if name.casefold() not in ID_FIELDS]
+    if field is not None:
+        chosen = field if field in fields else next((n for n in fields if n.casefold() == field.casefold()), None)
+        if chosen is None:
+            raise IdProblem(
+                f'no plot has a field "{field}"', f"--plot-id takes one of the file's fields: {_list(fields)}."
+            )
+        ids = [_id(feature.properties, chosen) for feature in features]
+        if problem := _problem(ids, features, chosen):
+            raise IdProblem(problem, "Correct the file, or give another field with --plot-id.")
+        return PlotIds(tuple(ids), chosen)
+    problems: list[str] = []
+    for name in (n for wanted in ID_FIELDS for n in fields if n.casefold() == wanted):
+        ids = [_id(feature.properties, name) for feature in features]
+        problem = _problem(ids, features, name)
+        if not problem:
+            return PlotIds(tuple(ids), name, tuple(problems))
+        problems.append(problem)
+        if name.casefold() == ID_FIELDS[0]:
+            break  # it can be nothing but the ids: a mistake in them is to be put right, not passed over
+    if problems:
+        more = f", or say with --plot-id which field holds the ids: {_list(others)}" if others else ""
+        raise IdProblem(problems[0], f"Give every plot an id of its own{more}.")
+    return PlotIds(tuple(f"plot-{feature.number}" for feature in features), None)
+
+
+def _id(properties: Mapping[str, Any], name: str) -> Any:
+    """Whole numbers as text, text without blanks about it; anything else as it is."""
+    value = properties.get(name)
+    if isinstance(value, str):
+        return value.strip() or None
+    if isinstance(value, float) and value.is_integer() and abs(value) < 10**15:
+        value = int(value)
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) < 10**18:
+        return str(value)
+    return value
+
+
+def _problem(ids: Sequence[Any], features: Sequence[Feature], name: str) -> str:
+    """Why these are no ids; "" where they are."""
+    seen: dict[str, tuple[int, str]] = {}
+    for feature, own in zip(features, ids, strict=True):
+        if own is None:
+            return f'feature {feature.number}: has no "{name}", which others have'
+        first, alike = seen.setdefault(str(own).casefold(), (feature.number, str(own)))
+        shown = str(own)[:80]
+        if first != feature.number and alike == str(own):
+            return f'feature {feature.number}: is called "{shown}", as feature {first} is (field "{name}")'
+        if first != feature.number:
+            return (
+                f'feature {feature.number}: is called "{shown}" and feature {first} "{alike[:80]}" (field "{name}"): '
+                "on Windows and macOS names that differ in case only are one file"
+            )
+    return ""
+
+
+def _list(names: Sequence[str]) -> str:
+    shown = [name[:40] for name in names[:_MOST_FIELDS]]
+    return ", ".join(shown) + (f" and {len(names) - _MOST_FIELDS} more" if len(names) > _MOST_FIELDS else "")

@@ -1,0 +1,194 @@
+"""The plants that are kept clear of on one plot: the plan's, as far as is known changed to that plot's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from fieldkit.errors import MissionError
+from fieldkit.results.plan import Plan, PlanPlants, Plans, plan_on
+from fieldkit.sites.plants import BAND_M, Band, no_fly_bands
+from fieldkit.sites.rows import row_spacing_m
+from fieldkit.sites.site import SitePlot
+from fieldkit.sites.terrain import LEVEL, Gradient
+
+SAME_SPACING = 0.1
+"""Share by which a row spacing may differ and still be the plan's."""
+BESIDE_M = 0.25
+"""A plot that reaches no farther beyond the plan's plants is not larger: where its edge is drawn is a convention."""
+_STEP_M = 0.05
+_SHORT_M = BAND_M + 0.02  # by which bands may lie inside the spheres about the points
+_FARTHEST_M, _HIGHEST_M = 10_000.0, 100.0
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Block:
+    """A rectangle of a plot that plants are taken to fill, for nobody knows where in it they stand.
+
+    Attributes:
+        low, high: (x, y) of two corners, plot frame, metres.
+        top_m: above the ground.
+    """
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    top_m: float
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]:
+        """(x, y), anticlockwise."""
+        (a, b), (c, d) = self.low, self.high
+        return (a, b), (c, b), (c, d), (a, d)
+
+
+@dataclass(frozen=True, eq=False)
+class PlanFacts:
+    """What a plan says of the plot that it was made on.
+
+    Attributes:
+        plan: all of it.
+    """
+
+    plan: Plan
+
+    @cached_property
+    def points(self) -> Array:
+        """(m, 3) of the plants, plot frame; empty where the plan does not say where they are.
+
+        Raises:
+            MissionError: one lies where no plant does: kilometres away, or a hundred metres up.
+        """
+        given = () if self.plan.plants is None else self.plan.plants.points_m
+        points = np.array(given, dtype=np.float64).reshape(-1, 3)
+        if not (np.abs(points) <= (_FARTHEST_M, _FARTHEST_M, _HIGHEST_M)).all():
+            raise MissionError(
+                f"a plant of the plan lies farther than {_FARTHEST_M / 1000:g} km from the plot's origin, or "
+                f"{_HIGHEST_M:g} m above or below it",
+                remedy="Give a plan in the plot frame, in metres.",
+            )
+        return points
+
+    @property
+    def top_m(self) -> float | None:
+        """Height of the highest plant above the ground; None where the plan knows no plants."""
+        return float(self.points[:, 2].max()) if len(self.points) else None
+
+    @cached_property
+    def spacing_m(self) -> float | None:
+        """From row to row; None where that cannot be told."""
+        return row_spacing_m(self.points)
+
+    @property
+    def box(self) -> tuple[Array, Array] | None:
+        """Least and greatest (x, y) of the plants."""
+        return (self.points[:, :2].min(axis=0), self.points[:, :2].max(axis=0)) if len(self.points) else None
+
+
+def facts_of(plans: Plans, plots: Sequence[SitePlot]) -> list[PlanFacts]:
+    """Of each plot's plan; what a plan says is found out once."""
+    facts: dict[int, PlanFacts] = {}
+    found = [plan_on(plans, plot.name) for plot in plots]
+    return [facts.setdefault(id(plan), PlanFacts(plan)) for plan in found]
+
+
+@dataclass(frozen=True, eq=False)
+class PlotPlants:
+    """The plants of one plot, for flying.
+
+    Attributes:
+        points: (m, 3) plot frame, z above the ground: the plan's, stretched upwards where this plot's are higher.
+        blocks: where plants stand elsewhere than the plan has them.
+        cell_m: of the plan's grid.
+    """
+
+    points: Array
+    blocks: tuple[Block, ...]
+    cell_m: float
+
+    def bands(self, clearance_m: float, slope: Gradient = LEVEL) -> tuple[Band, ...]:
+        """The air that the points take, as `no_fly_bands`, in a frame with z above the ground at the origin.
+
+        Args:
+            clearance_m: kept from them.
+            slope: rise of the ground along x and y; the points stand on it.
+        """
+        points = self.points
+        if slope != LEVEL:
+            points = np.column_stack([points[:, :2], points[:, 2] + points[:, :2] @ np.array(slope)])
+        rows = tuple((float(x), float(y), float(z)) for x, y, z in points)
+        return no_fly_bands(PlanPlants(points_m=rows, cell_m=self.cell_m), clearance_m)
+
+    def among(self, positions: Array, clearance_m: float) -> NDArray[np.bool_]:
+        """(n,) whether places (n, 3), plot frame, lie in the air that plants take: what `bands` surely close."""
+        found = np.zeros(len(positions), dtype=np.bool_)
+        for row, (x, y, z) in enumerate(positions.tolist()):
+            away = (self.points[:, 0] - x) ** 2 + (self.points[:, 1] - y) ** 2
+            under = away < clearance_m**2
+            tops = self.points[under, 2] + np.sqrt(clearance_m**2 - away[under])
+            found[row] = bool((z < tops - _SHORT_M).any())
+        places = shapely.points(positions[:, :2])
+        for block in self.blocks:
+            plan = shapely.box(*block.low, *block.high)
+            found |= (positions[:, 2] < block.top_m + clearance_m) & (shapely.distance(plan, places) < clearance_m)
+        return found
+
+
+def plants_on(facts: PlanFacts, plot: SitePlot) -> PlotPlants | None:
+    """The plants of a plot: the plan's, changed by what the site says of this plot.
+
+    - Where ``plant_height_m`` is more than the plan's plants have, all of them are stretched upwards to it, in steps of
+      5 cm. Lower ones change nothing.
+    - Where ``row_spacing_m`` is another than the plan's rows have (by more than 10 %), the rectangle about the plan's
+      plants counts as full.
+    - Where a plot of known size and plant height reaches beyond the plan's plants, what lies beyond counts as full.
+
+    Returns:
+        None where the plan does not say where plants are, and none are known here.
+    """
+    top, box = facts.top_m, facts.box
+    if facts.plan.plants is None or top is None or box is None:
+        return None
+    steps = math.ceil(((plot.plant_height_m or 0.0) - top) / _STEP_M - 1e-6)
+    height, points = top + _STEP_M * max(steps, 0), facts.points
+    if steps > 0 and top > 0.0:
+        points = points * np.array([1.0, 1.0, height / top])
+    blocks: list[Block] = []
+    if plot.row_spacing_m is not None and other_spacing(facts.spacing_m, plot.row_spacing_m):
+        blocks.append(_block(box[0], box[1], height))
+    if plot.size_m is not None and plot.plant_height_m is not None:
+        blocks += [Block(low, high, plot.plant_height_m) for low, high in _beyond(plot.size_m, box)]
+    return PlotPlants(points, tuple(blocks), facts.plan.plants.cell_m)
+
+
+def other_spacing(plan_m: float | None, plot_m: float) -> bool:
+    """Whether rows are known to be farther apart or nearer than the plan's."""
+    return plan_m is not None and abs(plot_m - plan_m) > SAME_SPACING * plan_m
+
+
+def _beyond(size_m: tuple[float, float], box: tuple[Array, Array]) -> Iterator[tuple[tuple[float, float], ...]]:
+    """The parts of a plot that lie beyond the box about the plan's plants: both corners of each."""
+    length, width = 0.5 * size_m[0], 0.5 * size_m[1]
+    (left, low), (right, high) = (box[0] - BESIDE_M).tolist(), (box[1] + BESIDE_M).tolist()
+    parts = (
+        ((-length, -width), (min(left, length), width)),
+        ((max(right, -length), -width), (length, width)),
+        ((max(left, -length), -width), (min(right, length), min(low, width))),
+        ((max(left, -length), max(high, -width)), (min(right, length), width)),
+    )
+    for (a, b), (c, d) in parts:
+        if c > a and d > b:
+            yield (a, b), (c, d)
+
+
+def _block(low: Array, high: Array, top_m: float) -> Block:
+    (a, b), (c, d) = low.tolist(), high.tolist()
+    grow = 0.5e-3  # a row that is a line of points still has an area
+    return Block((a - grow, b - grow), (c + grow, d + grow), top_m)

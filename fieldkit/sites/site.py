@@ -1,0 +1,269 @@
+"""Where a plan is flown: the values of a site file. missions/README.md lists the keys."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from scipy.spatial import KDTree
+
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
+from fieldkit.sites.terrain import STEEPEST_PERCENT, Gradient, gradient, with_plane
+from fieldkit.vehicles.vehicle import Positive
+
+Datum = Literal["home", "amsl", "ellipsoid"]
+"""What a height is above: home, mean sea level, the WGS 84 ellipsoid."""
+
+UNDULATION_M = 110.0
+"""The geoid is nowhere farther than this from the ellipsoid (EGM96: −107 m to 86 m)."""
+_MIXED_UP_M = 10.0
+_STEEPEST = 1.0  # no field is taken off from across such a slope
+_SAME_PLACE_M = 0.1
+
+
+def _printable(name: str) -> str:
+    if not name.isprintable() or name != name.strip():
+        raise ValueError("is not plain text, or begins or ends with a space")
+    return name
+
+
+def _open_ring(corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    corners = corners[:-1] if corners[0] == corners[-1] else corners
+    if len(set(corners)) < 3:
+        raise ValueError("has fewer than three different corners")
+    return corners
+
+
+def _in_metres(value: float, least: float, most: float) -> float:
+    """A length within limits; where it would be within them as centimetres, say so."""
+    if least <= value <= most:
+        return value
+    slip = f": in centimetres? {value:g} cm are {value / 100.0:g} m" if most < value <= 100.0 * most else ""
+    raise ValueError(f"should be {least:g} to {most:g} metres and is {value:g}{slip}")
+
+
+Height = Annotated[float, Field(ge=-1000, le=10_000)]
+Side = Annotated[float, Field(ge=0.1, le=1000)]
+PlantHeight = Annotated[float, AfterValidator(lambda value: _in_metres(value, 0.0, 20.0))]
+RowSpacing = Annotated[float, AfterValidator(lambda value: _in_metres(value, 0.05, 10.0))]
+Slope = Annotated[float, Field(ge=0, le=STEEPEST_PERCENT)]
+Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_printable)]
+Polygon = Annotated[
+    tuple[tuple[Latitude, Longitude], ...], Field(min_length=3, max_length=20_000), AfterValidator(_open_ring)
+]
+"""Corners (latitude, longitude), the last not the first again."""
+
+
+class SiteHome(Strict):
+    """Where the vehicle takes off."""
+
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    amsl_m: Height | None = None
+    """Height above mean sea level."""
+    ellipsoid_m: Height | None = None
+    """Height above the WGS 84 ellipsoid."""
+
+    @model_validator(mode="after")
+    def _heights_agree(self) -> Self:
+        amsl, ellipsoid = self.amsl_m, self.ellipsoid_m
+        if amsl is not None and ellipsoid is not None and abs(ellipsoid - amsl) > UNDULATION_M:
+            raise ValueError(
+                f"ellipsoid_m {ellipsoid:g} and amsl_m {amsl:g} differ by more than {UNDULATION_M:g} m, "
+                "which they do nowhere on Earth"
+            )
+        return self
+
+    def height_m(self, datum: Datum) -> float | None:
+        """Of home above a datum; None where nobody said."""
+        return 0.0 if datum == "home" else self.amsl_m if datum == "amsl" else self.ellipsoid_m
+
+
+class SitePlot(Strict):
+    """Where a plot's frame lies: the plan's origin and its axes, its ground, and what is known of what grows there.
+
+    A file may give ``slope_deg`` in place of ``slope_percent``, or ``ground_points``, three of latitude, longitude and
+    height above ``datum``, in place of slope and ``height_m``; see `fieldkit.sites.terrain`.
+    """
+
+    name: Name = "plot"
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    height_m: Height = 0.0
+    """Of the ground at its origin."""
+    datum: Datum = "home"
+    """What that height is above."""
+    row_heading_deg: Heading = 90.0
+    """Compass heading of the plot frame's x axis: 90 where x is east."""
+    slope_percent: Slope = 0.0
+    """Rise of the ground per 100 m, towards ``uphill_heading_deg``; against the ground of the plan's own plot."""
+    uphill_heading_deg: Heading | None = None
+    """Compass heading of steepest ascent."""
+    length_m: Side | None = None
+    """Of the plot, along x and about its origin."""
+    width_m: Side | None = None
+    """Across."""
+    plant_height_m: PlantHeight | None = None
+    """Of the highest plants above the ground."""
+    row_spacing_m: RowSpacing | None = None
+    """From row to row."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _ground(cls, values: Any) -> Any:
+        return with_plane(values) if isinstance(values, dict) else values
+
+    @model_validator(mode="after")
+    def _slope_and_size(self) -> Self:
+        if self.slope_percent > 0.0 and self.uphill_heading_deg is None:
+            raise ValueError(
+                f"rises by {self.slope_percent:g} %, but where to? Give uphill_heading_deg, the compass heading of "
+                "steepest ascent"
+            )
+        if (self.length_m is None) != (self.width_m is None):
+            raise ValueError("length_m and width_m belong together; one is missing")
+        return self
+
+    @property
+    def gradient(self) -> Gradient:
+        """Rise of the ground per metre along x and y of the plot frame."""
+        return gradient(self.slope_percent, self.uphill_heading_deg, self.row_heading_deg)
+
+    @property
+    def size_m(self) -> tuple[float, float] | None:
+        """Length along x and width; None where nobody said."""
+        return None if self.length_m is None or self.width_m is None else (self.length_m, self.width_m)
+
+    @model_validator(mode="after")
+    def _height_has_a_datum(self) -> Self:
+        if self.height_m != 0.0 and "datum" not in self.model_fields_set:
+            raise ValueError(
+                f'height_m is {self.height_m:g}, but above what? Give datum = "home", "amsl" or "ellipsoid"'
+            )
+        if self.datum != "home" and "height_m" not in self.model_fields_set:
+            raise ValueError(f'datum is "{self.datum}", but height_m is missing')
+        return self
+
+
+class Landing(Strict):
+    """Where flights end."""
+
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+
+
+class Obstacle(Strict):
+    """An upright cylinder that is kept clear of: a mast, a tree, a hut."""
+
+    name: Name = "obstacle"
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    radius_m: Positive
+    top_m: Positive
+    """Above home."""
+
+
+class NoFly(Strict):
+    """A zone that is never flown over."""
+
+    name: Name = "no-fly zone"
+    corners: Polygon
+
+
+class Site(Strict):
+    """A site file, with the plots of a plots file in place of its own where one is given."""
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    format: Literal[1] = 1
+    name: Name = "site"
+    home: SiteHome
+    plots: Annotated[tuple[SitePlot, ...], Field(min_length=1, max_length=2000)]
+    plot_id: Annotated[str, Field(min_length=1, max_length=80)] | None = None
+    """Field of the plots file that ``plots`` names that holds the plots' ids."""
+    landing: Landing | None = None
+    """At home where there is none."""
+    takeoff_m: Positive = 5.0
+    """Height above home that is climbed to before anything else."""
+    transit_m: Positive = 5.0
+    """Height above home of the way to the first station, between plots and back."""
+    ceiling_m: Positive | None = None
+    """Above home; nothing is flown higher."""
+    fence: Annotated[tuple[Polygon, ...], Field(max_length=1000, validation_alias="geofence")] = ()
+    """The vehicle stays inside one of these. The file's key is ``geofence``."""
+    no_fly: Annotated[tuple[NoFly, ...], Field(max_length=1000)] = ()
+    obstacles: Annotated[tuple[Obstacle, ...], Field(max_length=1000)] = ()
+    rally: Annotated[tuple[Landing, ...], Field(max_length=100)] = ()
+
+    @model_validator(mode="after")
+    def _plots_have_names_and_ground(self) -> Self:
+        seen: set[str] = set()
+        for plot in self.plots:
+            if plot.name in seen:
+                raise ValueError(f'plots: two of them are called "{plot.name}"')
+            seen.add(plot.name)
+            self._check_datum(plot)
+        self._check_places()
+        for name, height in (("takeoff_m", self.takeoff_m), ("transit_m", self.transit_m)):
+            if self.ceiling_m is not None and height > self.ceiling_m:
+                raise ValueError(f"{name} is {height:g}, above ceiling_m, which is {self.ceiling_m:g}")
+        return self
+
+    def plot(self, name: str) -> SitePlot:
+        """The plot of a name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        found = next((plot for plot in self.plots if plot.name == name), None)
+        if found is None:
+            raise KeyError(name)
+        return found
+
+    def ground_m(self, plot: SitePlot) -> float:
+        """Height above home of the ground at a plot's origin.
+
+        Raises:
+            ValueError: home's height above that plot's datum is not known.
+        """
+        home = self.home.height_m(plot.datum)
+        if home is None:
+            above, key = ("mean sea level", "amsl_m") if plot.datum == "amsl" else ("the ellipsoid", "ellipsoid_m")
+            raise ValueError(
+                f"{plot.name} is given in metres above {above}, so home needs {key}, its height above the same"
+            )
+        return plot.height_m - home
+
+    def _check_datum(self, plot: SitePlot) -> None:
+        """Refuse a height that cannot be put to home, or that says its datum wrongly, as mixed-up files have it."""
+        self.ground_m(plot)
+        if plot.datum == "home" and abs(plot.height_m) > 2 * _MIXED_UP_M:
+            for datum, height in (("amsl", self.home.amsl_m), ("ellipsoid", self.home.ellipsoid_m)):
+                if height is not None and abs(plot.height_m - height) < _MIXED_UP_M:
+                    raise ValueError(
+                        f"{plot.name} is given as {plot.height_m:g} m above home, and home is {height:g} m high: "
+                        f'this looks like datum "{datum}"'
+                    )
+
+    def _check_places(self) -> None:
+        """Refuse plots across a slope that no field has, and two at one place: mixed-up heights, copied plots."""
+        frame = LocalFrame(self.home.latitude_deg, self.home.longitude_deg)
+        latitudes, longitudes = ([getattr(p, f"{key}_deg") for p in self.plots] for key in ("latitude", "longitude"))
+        origins = frame.to_local(latitudes, longitudes, 0.0)
+        away = np.hypot(origins[:, 0], origins[:, 1])
+        for plot, distance in zip(self.plots, away.tolist(), strict=True):
+            ground = self.ground_m(plot)
+            if abs(ground) > max(_MIXED_UP_M, _STEEPEST * distance):
+                side = "below" if ground < 0 else "above"
+                raise ValueError(
+                    f"{plot.name} lies {abs(ground):.0f} m {side} home and {distance:.0f} m away: "
+                    "is one of the heights above another datum?"
+                )
+        if len(self.plots) > 1:
+            near, other = KDTree(origins).query(origins, k=2)
+            first = int(np.argmin(near[:, 1]))
+            if near[first, 1] < _SAME_PLACE_M:
+                names = sorted({self.plots[first].name, *(self.plots[k].name for k in other[first].tolist())})
+                raise ValueError(f"plots: {' and '.join(names[:2])} lie {near[first, 1]:.2f} m apart, at one place")

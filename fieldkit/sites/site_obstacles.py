@@ -1,0 +1,133 @@
+"""What a site and the plants of a plan take from a flight, in the site's local frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from fieldkit.results.plan import Plan, Plans
+from fieldkit.routing.obstacles import Corners, Obstacles, Volume
+from fieldkit.sites.placement import PlotFrame, SiteFrame
+from fieldkit.sites.plants import BAND_M, Band
+from fieldkit.sites.plot_plants import PlotPlants, facts_of, plants_on
+from fieldkit.sites.site import Site, SitePlot
+from fieldkit.sites.terrain import LEVEL, Gradient
+
+_AROUND_M = 1.0
+_OFF_GROUND_M = 0.5
+_LEAST_AREA_M2 = 1e-6
+_MOST_STRIPS = 400
+
+Array = NDArray[np.float64]
+
+
+def site_obstacles(site: Site, clearance_m: float, plans: Plans | None = None) -> Obstacles:
+    """Obstacles, no-fly zones, fence and ceiling of a site, the plants of a plan on every plot, and sloping ground.
+
+    Plants are those of `plants_on`: the plan's, changed where the site says that a plot's are higher, reach farther or
+    stand in other rows. On a slope they stand on it, and the ground itself is kept clear of from 1 m around all that is
+    flown and photographed there; where a station is nearer to it than the clearance, to that height. On level plots
+    the ground is not among the obstacles.
+
+    Args:
+        site: the fence and the zones are kept to their edges.
+        clearance_m: kept to obstacles, plants and sloping ground.
+        plans: whose plants stand on every plot, or of each plot's own; none where they do not say where plants are.
+
+    Raises:
+        MetadataError: a plot's height cannot be connected with home's.
+        MissionError: a polygon is of no use.
+    """
+    frame = SiteFrame(site.home)
+    volumes = [
+        Volume.cylinder(o.name, _place(frame, o.latitude_deg, o.longitude_deg), o.radius_m, o.top_m, clearance_m)
+        for o in site.obstacles
+    ]
+    volumes += [Volume.no_fly(zone.name, frame.outline(zone.corners)) for zone in site.no_fly]
+    if plans is not None:
+        volumes += _of_plots(site, clearance_m, plans, frame)
+    fence = tuple(frame.outline(corners) for corners in site.fence)
+    return Obstacles(tuple(volumes), fence, ceiling_m=site.ceiling_m)
+
+
+def _of_plots(site: Site, clearance_m: float, plans: Plans, frame: SiteFrame) -> Iterator[Volume]:
+    landings = [(0.0, 0.0)]
+    if site.landing is not None:
+        landings.append(_place(frame, site.landing.latitude_deg, site.landing.longitude_deg))
+    known: dict[tuple[object, ...], tuple[Band, ...]] = {}
+    for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True):
+        to_plot, plants = PlotFrame.of(site, plot), plants_on(facts, plot)
+        if plants is not None:
+            # Plots alike take the same air.
+            alike = (id(facts), float(plants.points[:, 2].max()), to_plot.gradient)
+            if alike not in known:
+                known[alike] = plants.bands(clearance_m, to_plot.gradient)
+            yield from _placed(plot.name, known[alike], to_plot, frame)
+            for block in plants.blocks:
+                strips = _strips(shapely.box(*block.low, *block.high), to_plot.gradient)
+                bands = [Band(corners, high + block.top_m) for corners, _, high in strips]
+                for volume in _placed(plot.name, bands, to_plot, frame):
+                    yield Volume(volume.name, volume.footprint, volume.top_m, clearance_m, "plants")
+        if to_plot.gradient != LEVEL:
+            yield from _ground(facts.plan, plot, plants, to_plot, clearance_m, frame, landings)
+
+
+def _placed(name: str, bands: Sequence[Band], to_plot: PlotFrame, frame: SiteFrame) -> Iterator[Volume]:
+    outlines = np.array([(x, y, 0.0) for band in bands for x, y in band.corners]).reshape(-1, 3)
+    ends = np.cumsum([len(band.corners) for band in bands])
+    local = frame.to_local(*to_plot.level.to_geodetic(outlines))[:, :2].tolist() if bands else []
+    for band, end in zip(bands, ends.tolist(), strict=True):
+        corners = tuple((x, y) for x, y in local[end - len(band.corners) : end])
+        yield Volume(name, corners, to_plot.ground_m + band.top_m, kind="plants")
+
+
+def _ground(
+    plan: Plan, plot: SitePlot, plants: PlotPlants | None, to_plot: PlotFrame, clearance_m: float, frame: SiteFrame,
+    landings: Sequence[tuple[float, float]],
+) -> Iterator[Volume]:  # fmt: skip
+    """The ground of a sloping plot as steps, but for those that home or the landing lies on.
+
+    A step's top is that of its lower edge: it is lower than the clearance by at most `BAND_M`, and never in the way of
+    a station.
+    """
+    stations = np.array([station.position_m for station in plan.stations], dtype=np.float64)
+    above = min(clearance_m, max(float(stations[:, 2].min()), 0.0))
+    around = [stations[:, :2]]
+    if plants is not None:
+        around.append(plants.points[:, :2])
+    if plot.size_m is not None:
+        around.append(0.5 * np.array(plot.size_m) * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]))
+    area = shapely.MultiPoint(np.concatenate(around)).convex_hull.buffer(_AROUND_M, quad_segs=2)
+    bands = [Band(corners, low + above) for corners, low, _ in _strips(area, to_plot.gradient)]
+    for volume in _placed(f"the ground of {plot.name}", bands, to_plot, frame):
+        step = shapely.Polygon(volume.footprint)
+        if all(step.distance(shapely.Point(place)) > _OFF_GROUND_M for place in landings):
+            yield Volume(volume.name, volume.footprint, volume.top_m)
+
+
+def _strips(area: shapely.Geometry, slope: Gradient) -> Iterator[tuple[Corners, float, float]]:
+    """A convex area, plot frame, cut across a slope: corners of each strip, ground at its lower and its upper edge."""
+    steepness = math.hypot(*slope)
+    whole = tuple((float(x), float(y)) for x, y in shapely.get_coordinates(area)[:-1])
+    if steepness == 0.0:
+        yield whole, 0.0, 0.0
+        return
+    up = np.array(slope) / steepness
+    side = np.array([-up[1], up[0]])
+    along, aside = np.array(whole) @ up, np.array(whole) @ side
+    step = max(BAND_M / steepness, float(np.ptp(along)) / _MOST_STRIPS)
+    for start in np.arange(float(along.min()), float(along.max()), step).tolist():
+        edges = [(start, aside.min()), (start + step, aside.min()), (start + step, aside.max()), (start, aside.max())]
+        strip = area.intersection(shapely.Polygon([a * up + b * side for a, b in edges]))
+        if isinstance(strip, shapely.Polygon) and strip.area > _LEAST_AREA_M2:
+            corners = tuple((float(x), float(y)) for x, y in shapely.get_coordinates(strip.exterior)[:-1])
+            yield corners, steepness * start, steepness * (start + step)
+
+
+def _place(frame: SiteFrame, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    east, north, _ = frame.to_local(latitude_deg, longitude_deg, 0.0)[0]
+    return float(east), float(north)

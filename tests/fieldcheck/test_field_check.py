@@ -1,0 +1,553 @@
+"""Checks in the field, part by part: sharpness, exposure, placement, tags against ties, the mission to fly again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.captures import CameraGroup, Capture, Photo, PosePrior
+from fieldkit.errors import UsageError
+from fieldkit.fieldcheck import CheckSettings, StationCheck, write_refly
+from fieldkit.fieldcheck.angles import angles_as_meant
+from fieldkit.fieldcheck.check import common_findings
+from fieldkit.fieldcheck.connection import connect
+from fieldkit.fieldcheck.consistency import Consistency, check_tags
+from fieldkit.fieldcheck.model import CheckFinding, CheckReport
+from fieldkit.fieldcheck.pictures import judge_pictures, measure_picture
+from fieldkit.fieldcheck.placement import Placed, Tags, axis_turn_deg, place_tags
+from fieldkit.fieldcheck.pose_graph import TagPrior, tie_errors_deg
+from fieldkit.fieldcheck.refly import part_of_plan
+from fieldkit.fieldcheck.sharpness import DIRECTIONS, blur_ratios, edge_widths
+from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
+from fieldkit.fieldcheck.verdicts import tag_pose
+from fieldkit.geometry import Pose
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.geometry.stations import PoseArray
+from fieldkit.reconstruction.cameras import CameraSet
+from fieldkit.reconstruction.epipolar import relative_pose
+from fieldkit.report.sections.read_results import read_results
+from fieldkit.results.mission_file import load_mission
+from fieldkit.results.plan import Plan, PlanPlants
+from fieldkit.results.plan_file import plan_bytes, plan_from_poses
+from fieldkit.sites.fitted import flown_plan
+from fieldkit.sites.site import Site, SiteHome, SitePlot
+
+ROOT = Path(__file__).parents[2]
+
+
+def texture(seed: int = 0, contrast: float = 1.0) -> np.ndarray:
+    """Discs of all sizes and greys: edges of every direction, as sharp as area sampling leaves them."""
+    rng = np.random.default_rng(seed)
+    image = np.full((600, 800), 128.0, np.float32)
+    for _ in range(500):
+        center = (int(rng.integers(0, 3200)), int(rng.integers(0, 2400)))
+        cv2.circle(image, center, int(rng.integers(20, 120)), float(rng.uniform(20, 235)), -1, cv2.LINE_AA, 2)
+    image = 128.0 + contrast * (cv2.GaussianBlur(image, (0, 0), 0.7) - 128.0)
+    return np.clip(image + rng.normal(size=image.shape) * 1.5, 0, 255).astype(np.uint8)
+
+
+def defocused(image: np.ndarray, sigma: float) -> np.ndarray:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma), np.uint8)
+
+
+def moved(image: np.ndarray, length: int) -> np.ndarray:
+    """Blurred along x."""
+    return cv2.blur(image, (length, 1))
+
+
+class TestSharpness:
+    @pytest.mark.parametrize("sigma", [1.5, 2.0, 3.0])
+    def test_blur_widens_edges_in_all_directions(self, sigma: float) -> None:
+        sharp = edge_widths(texture())
+        blurred = edge_widths(defocused(texture(), sigma))
+        assert (blurred > 1.25 * sharp).all()
+        assert blurred == pytest.approx(np.sqrt(sharp**2 + sigma**2), rel=0.25)
+
+    def test_motion_widens_edges_across_its_way_only(self) -> None:
+        ratio = edge_widths(moved(texture(), 9)) / edge_widths(texture())
+        along, across = ratio[[0, DIRECTIONS - 1]], ratio[[DIRECTIONS // 2 - 1, DIRECTIONS // 2]]
+        assert (along > 1.5).all()
+        assert (across < 1.25).all()
+
+    def test_contrast_does_not_count(self) -> None:
+        assert edge_widths(texture(contrast=0.4)) == pytest.approx(edge_widths(texture()), rel=0.2)
+
+    @pytest.mark.parametrize("grey", [0, 128, 255])
+    def test_an_even_picture_has_no_edges(self, grey: int) -> None:
+        assert (edge_widths(np.full((60, 80), grey, np.uint8)) == 50.0).all()
+
+    def test_the_blurred_one_stands_out_of_a_set_of_which_two_in_five_are(self) -> None:
+        widths = [edge_widths(texture(seed)) for seed in range(3)]
+        widths += [edge_widths(moved(texture(seed), 7)) for seed in (3, 4)]
+        worst = [float(ratio.max()) for ratio in blur_ratios(widths)]
+        assert max(worst[:3]) < 1.25 < min(worst[3:])
+
+    def test_two_photographs_are_not_compared(self) -> None:
+        ratios = blur_ratios([edge_widths(texture()), edge_widths(moved(texture(), 15))])
+        assert all((ratio == 1.0).all() for ratio in ratios)
+
+
+class TestPictures:
+    @pytest.mark.parametrize(
+        ("change", "problem"),
+        [
+            (lambda i: i, ""),
+            (lambda i: cv2.GaussianBlur(i, (0, 0), 2.0), "blurred"),
+            (lambda i: (i * 0.35).astype(np.uint8), "too-dark"),
+            (lambda i: np.clip(i.astype(float) * 2.5, 0, 255).astype(np.uint8), "too-bright"),
+            (lambda i: np.full_like(i, 120), "empty"),
+        ],
+    )
+    def test_one_spoilt_photograph_of_five(self, change: object, problem: str) -> None:
+        images = {f"{k}.jpg": texture(k) for k in range(5)}
+        images["2.jpg"] = change(images["2.jpg"])  # type: ignore[operator]
+        capture = capture_of([None] * 5)
+        found = judge_pictures(capture, {n: measure_picture(i) for n, i in images.items()}, CheckSettings())
+        assert {n: v.problem for n, v in found.items()} == {n: problem if n == "2.jpg" else "" for n in images}
+
+    def test_a_capture_out_of_focus_is_blurred_without_a_sharp_one_to_compare(self) -> None:
+        pictures = {f"{k}.jpg": measure_picture(defocused(texture(k), 2.5)) for k in range(4)}
+        found = judge_pictures(capture_of([None] * 4), pictures, CheckSettings())
+        assert {v.problem for v in found.values()} == {"blurred"}
+
+
+def stations(count: int = 13, seed: int = 0) -> list[Pose]:
+    """An uneven ring that looks at the middle."""
+    rng = np.random.default_rng(seed)
+    poses = []
+    for k in range(count):
+        azimuth = 2 * np.pi * k / count + rng.normal() * 0.07
+        radius, height = rng.uniform(1.25, 1.6), rng.uniform(0.9, 1.5)
+        poses.append(Pose.look_at((radius * np.sin(azimuth), radius * np.cos(azimuth), height), (0.0, 0.0, 0.25)))
+    return poses
+
+
+def flown(poses: list[Pose], seed: int, position_m: float = 0.05, angle_deg: float = 1.2) -> list[Pose]:
+    rng = np.random.default_rng([seed, 1])
+    return [
+        Pose(
+            rotation_from_vector(rng.normal(size=3) * np.radians(angle_deg)) @ p.rotation,
+            p.center + rng.normal(size=3) * position_m,
+        )
+        for p in poses
+    ]
+
+
+def capture_of(poses: list[Pose | None], origin: LocalFrame | None = None, *, angles: bool = True) -> Capture:
+    photos, priors = [], {}
+    for k, pose in enumerate(poses):
+        name = f"{k}.jpg"
+        photos.append(Photo(Path(name), name, 800, 600, "JPEG", f"{k:064x}"))
+        if pose is not None:
+            yaw, pitch, _ = pose.yaw_pitch_roll_deg()
+            x, y, z = (float(v) for v in pose.center)
+            priors[name] = PosePrior((x, y, z), 0.05, source="test")
+            if angles:
+                priors[name] = PosePrior((x, y, z), 0.05, yaw, pitch, None, 3.0, "test")
+    names = tuple(photo.name for photo in photos)
+    group = CameraGroup("camera", names, None, "self-calibrated", False)
+    here = Path()
+    return Capture(here, here, tuple(photos), (group,), (), priors, "test" if priors else None, origin)
+
+
+class TestPlacement:
+    @settings(max_examples=10)
+    @given(
+        seed=st.integers(0, 1000), east=st.floats(-3, 3), north=st.floats(-3, 3), up=st.floats(-20, 20),
+        compass=st.floats(-8, 8), gone=st.integers(0, 12),
+    )  # fmt: skip
+    def test_a_common_offset_is_found_and_taken_out(
+        self, seed: int, east: float, north: float, up: float, compass: float, gone: int
+    ) -> None:
+        planned = stations(seed=seed)
+        origin = LocalFrame(52.3, 10.4, 81.0, "ellipsoid")
+        site = Site(
+            home=SiteHome(latitude_deg=52.3, longitude_deg=10.4, ellipsoid_m=81.0),
+            plots=(SitePlot(latitude_deg=52.3, longitude_deg=10.4),),
+        )
+        shift = np.array([east, north, up])
+        tagged: list[Pose | None] = []
+        for k, pose in enumerate(flown(planned, seed)):
+            yaw, pitch, _ = pose.yaw_pitch_roll_deg()
+            if k != gone:
+                tagged.append(Pose.from_yaw_pitch(pose.center + shift, yaw + compass, pitch))
+        found = place_tags(capture_of(tagged, origin), plan_from_poses(planned), site, site.plots[0])
+        assert found.station_of == dict(enumerate(k for k in range(13) if k != gone))
+        assert found.shift_m == pytest.approx(shift, abs=0.12)
+        assert found.turn_deg == pytest.approx(compass, abs=2.5)
+
+    @pytest.mark.parametrize("angles", [True, False])
+    def test_by_shape_alone_turned_and_shifted(self, angles: bool) -> None:
+        planned = stations(seed=4)
+        turn = Pose.from_yaw_pitch((0, 0, 0), 117.0, 0.0)
+        rotation = rotation_from_vector((0.0, 0.0, -np.radians(117.0)))
+        tagged = [Pose(p.rotation @ rotation.T, rotation @ p.center + (40.0, -20.0, 3.0)) for p in flown(planned, 1)]
+        assert turn.forward[0] > 0
+        order = np.random.default_rng(0).permutation(13)
+        found = place_tags(capture_of([tagged[k] for k in order], angles=angles), plan_from_poses(planned))
+        assert found.placement == "shape"
+        assert not found.ambiguous
+        assert found.station_of == {n: int(k) for n, k in enumerate(order)}
+
+    def test_an_even_ring_turned_anyhow_is_ambiguous(self) -> None:
+        ring = [
+            Pose.look_at((1.4 * np.sin(a), 1.4 * np.cos(a), 1.1), (0, 0, 0.2)) for a in 2 * np.pi * np.arange(12) / 12
+        ]
+        shifted: list[Pose | None] = [Pose(p.rotation, p.center + np.array([50.0, 0.0, 0.0])) for p in ring]
+        rotation = rotation_from_vector((0.0, 0.0, np.radians(41.0)))
+        turned = [Pose(p.rotation @ rotation.T, rotation @ p.center) for p in shifted if p is not None]
+        assert place_tags(capture_of(list(turned)), plan_from_poses(ring)).ambiguous
+
+    def test_without_positions_nothing_is_told(self) -> None:
+        found = place_tags(capture_of([None] * 4), plan_from_poses(stations()))
+        assert (found.placement, found.station_of) == ("none", {})
+
+
+def graph_of(true: list[Pose], seed: int, *, reach: int = 1) -> TieGraph:
+    """Ties as photographs of these poses give them: neighbours on the ring, a degree and a tenth off."""
+    rng = np.random.default_rng([seed, 2])
+    ties, ratios, count = {}, [], len(true)
+    for k in range(count):
+        for step in range(1, reach + 1):
+            i, j = sorted((k, (k + step) % count))
+            rotation, translation = relative_pose(true[i], true[j])
+            rotation = rotation_from_vector(rng.normal(size=3) * np.radians(0.6)) @ rotation
+            translation = translation / np.linalg.norm(translation) + rng.normal(size=3) * 0.02
+            ties[i, j] = Tie(60, rotation, translation / np.linalg.norm(translation), {})
+        a, b = (k - 1) % count, (k + 1) % count
+        first, second = (np.linalg.norm(true[k].center - true[other].center) for other in (a, b))
+        ratios.append(LengthRatio(k, a, b, float(np.log(first / second) + rng.normal() * 0.05), 0.05))
+    return TieGraph(ties, tuple(ratios), (), CameraSet((), (), (), (), ()))
+
+
+def priors(poses: list[Pose]) -> dict[int, TagPrior]:
+    return {k: TagPrior(pose, 0.05, 2.0) for k, pose in enumerate(poses)}
+
+
+class TestTags:
+    @settings(max_examples=8)
+    @given(seed=st.integers(0, 10_000))
+    def test_sound_tags_are_believed(self, seed: int) -> None:
+        planned = stations(seed=seed)
+        found = check_tags(priors(planned), graph_of(flown(planned, seed), seed), CheckSettings())
+        assert found.contradicted == frozenset()
+        assert len(found.seen) == 13
+
+    @settings(max_examples=8)
+    @given(seed=st.integers(0, 10_000), k=st.integers(0, 12), apart=st.integers(1, 6))
+    def test_exchanged_tags_are_found(self, seed: int, k: int, apart: int) -> None:
+        planned, other = stations(seed=seed), (k + apart) % 13
+        tags = priors(planned)
+        tags[k], tags[other] = tags[other], tags[k]
+        found = check_tags(tags, graph_of(flown(planned, seed), seed), CheckSettings())
+        assert found.contradicted == {k, other}
+        assert np.linalg.norm(found.seen[k].pose.center - planned[k].center) < 0.35
+
+    @settings(max_examples=8)
+    @given(seed=st.integers(0, 10_000), k=st.integers(0, 12), azimuth=st.floats(0, 6.28), far=st.floats(0.6, 5.0))
+    def test_a_photograph_taken_elsewhere_is_found(self, seed: int, k: int, azimuth: float, far: float) -> None:
+        planned = stations(seed=seed)
+        tags = priors(planned)
+        shift = far * np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
+        tags[k] = TagPrior(Pose(planned[k].rotation, planned[k].center + shift), 0.05, 2.0)
+        found = check_tags(tags, graph_of(flown(planned, seed), seed), CheckSettings())
+        assert found.contradicted == {k}
+
+    @settings(max_examples=8)
+    @given(seed=st.integers(0, 10_000), k=st.integers(0, 12))
+    def test_a_tag_within_the_limits_is_not_contradicted(self, seed: int, k: int) -> None:
+        """Though half of its matches and more say otherwise: 47 mm and 1° are nothing to put right."""
+        planned = stations(seed=seed)
+        graph = graph_of(flown(planned, seed, position_m=0.01), seed, reach=3)
+        wrong = dict(graph.ties)
+        for other in ((k + 2) % 13, (k + 3) % 13, (k - 3) % 13):
+            i, j = sorted((k, other))
+            wrong[i, j] = replace(wrong[i, j], rotation=rotation_from_vector((0.0, 1.2, 0.3)) @ wrong[i, j].rotation)
+        tags = priors(flown(planned, seed + 1, position_m=0.02, angle_deg=0.5))
+        found = check_tags(tags, replace(graph, ties=wrong), CheckSettings())
+        for each in found.contradicted:
+            difference = found.seen[each].compare(tags[each].pose, 0.05, 2.0)
+            assert difference.shift_m > 0.25 or difference.turn_deg > 8.0
+
+    @pytest.mark.parametrize(("matches", "turn", "wrong"), [(19, 0.35, False), (19, 1.4, True), (60, 0.35, True)])
+    def test_ties_of_few_matches_contradict_only_what_is_far_off(self, matches: int, turn: float, wrong: bool) -> None:
+        planned = stations()
+        graph = graph_of(planned, 0)
+        ties = dict(graph.ties)
+        for pair in ((3, 4), (4, 5)):  # the photograph is turned, or its few matches are chance
+            about = rotation_from_vector((0.0, turn if pair[1] == 4 else -turn, 0.0))
+            rotation = about @ ties[pair].rotation if pair[1] == 4 else ties[pair].rotation @ about
+            translation = about @ ties[pair].translation if pair[1] == 4 else ties[pair].translation
+            ties[pair] = Tie(matches, rotation, translation, {})
+        found = check_tags(priors(planned), replace(graph, ties=ties), CheckSettings())
+        assert found.contradicted == ({4} if wrong else frozenset())
+
+    def test_a_wrong_tie_does_no_harm(self) -> None:
+        planned = stations()
+        graph = graph_of(flown(planned, 0), 0)
+        rotation = rotation_from_vector((0.0, 0.9, 0.2))
+        wrong = {**graph.ties, (2, 5): Tie(16, rotation, np.array([0.0, 0.6, 0.8]), {})}
+        assert check_tags(priors(planned), replace(graph, ties=wrong), CheckSettings()).contradicted == frozenset()
+
+    def test_of_two_that_only_contradict_each_other_the_one_off_the_plan_is_to_blame(self) -> None:
+        planned = stations()
+        ties = {pair: tie for pair, tie in graph_of(planned, 0).ties.items() if set(pair) == {4, 5}}
+        graph = TieGraph(ties, (), (), CameraSet((), (), (), (), ()))
+        for culprit in (4, 5):
+            tags = priors(planned)
+            tags[culprit] = TagPrior(
+                Pose(planned[culprit].rotation, planned[culprit].center + np.array([0.0, 0.0, 4.0])), 0.05, 2.0
+            )
+            assert check_tags(tags, graph, CheckSettings(), {culprit: 4.0}).contradicted == {culprit}
+
+    def test_without_ties_nothing_is_contradicted(self) -> None:
+        empty = TieGraph({}, (), (), CameraSet((), (), (), (), ()))
+        found = check_tags(priors(stations()), empty, CheckSettings())
+        assert (found.seen, found.contradicted) == ({}, frozenset())
+
+    def test_a_tie_of_two_poses_has_no_error(self) -> None:
+        a, b = stations()[:2]
+        rotation, translation = relative_pose(a, b)
+        errors = tie_errors_deg(a, b, rotation, translation / np.linalg.norm(translation))
+        assert errors == pytest.approx((0.0, 0.0), abs=1e-4)
+
+
+Angles = tuple[float, float, float]
+
+
+class TestAngles:
+    def read(
+        self, write: Callable[[Angles], Angles], *, ties: bool = True, nadir: bool = False, only: range = range(13)
+    ) -> tuple[Placed, Consistency, list[CheckFinding], list[Pose]]:
+        """Angles of a flight written in another way, of all photographs or of some, as the check reads them."""
+        planned = stations(seed=3)
+        if nadir:
+            planned = [Pose.from_yaw_pitch(p.center, 30.0 + 180.0 * (k % 2), -90.0) for k, p in enumerate(planned)]
+        true = flown(planned, 3)
+        plan, graph = plan_from_poses(planned), graph_of(true, 3, reach=2 if ties else 0)
+        capture = capture_of([Pose((a if nadir else b).rotation, b.center) for a, b in zip(planned, true, strict=True)])
+        priors = dict(capture.priors)
+        for k in only:
+            # A gimbal's tags give the heading of the picture, and no roll.
+            angles = write((planned[k] if nadir else true[k]).yaw_pitch_roll_deg())
+            priors[f"{k}.jpg"] = replace(priors[f"{k}.jpg"], yaw_deg=angles[0], pitch_deg=angles[1], roll_deg=angles[2])
+        capture, told = angles_as_meant(replace(capture, priors=priors), plan, None, None, graph, seed=0)
+        placed = place_tags(capture, plan)
+        tags = {k: TagPrior(tag_pose(placed, k, plan), 0.05, 2.0) for k in placed.station_of}
+        return placed, check_tags(tags, graph, CheckSettings()), told, planned
+
+    @pytest.mark.parametrize("ties", [True, False])
+    @pytest.mark.parametrize(
+        "write",
+        [
+            lambda a: (a[0], a[1] + 90.0, a[2]),  # Metashape, Pix4D
+            lambda a: (a[0], -a[1], a[2]),
+            lambda a: (-a[0], a[1], a[2]),
+        ],
+    )
+    def test_another_convention_of_all_is_read_and_told_once(
+        self, write: Callable[[Angles], Angles], ties: bool
+    ) -> None:
+        placed, found, told, planned = self.read(write, ties=ties)
+        assert placed.station_of == {k: k for k in range(13)}
+        assert found.contradicted == frozenset()
+        assert [finding.code for finding in told] == ["angles-read-otherwise"]
+        assert ("the matches" if ties else "the plan") in told[0].message
+        turned = [
+            axis_turn_deg(placed.tags.poses.yaws[k], placed.tags.poses.pitches[k], s.yaw_deg, s.pitch_deg)
+            for k, s in enumerate(plan_from_poses(planned).stations)
+        ]
+        assert max(turned) < 8.0
+
+    @pytest.mark.parametrize("nadir", [True, False])
+    @pytest.mark.parametrize("ties", [True, False])
+    def test_angles_as_recorded_are_left_alone(self, ties: bool, nadir: bool) -> None:
+        placed, found, told, _ = self.read(lambda a: a, ties=ties, nadir=nadir)
+        assert (told, found.contradicted) == ([], frozenset())
+        assert placed.station_of == {k: k for k in range(13)}
+
+    @pytest.mark.parametrize("nadir", [True, False])
+    @pytest.mark.parametrize("quarter", [90.0, 180.0, -90.0])
+    @pytest.mark.parametrize("only", [range(13), range(0, 13, 2), range(1)])
+    def test_photographs_turned_about_their_axis_are_sound(self, quarter: float, only: range, nadir: bool) -> None:
+        """As EXIF's Orientation does where the pixels are not turned along."""
+        placed, found, told, _ = self.read(lambda a: (a[0], a[1], a[2] + quarter), only=only, nadir=nadir)
+        assert (told, found.contradicted) == ([], frozenset())
+        assert placed.station_of == {k: k for k in range(13)}
+
+    def test_angles_of_no_convention_are_not_used(self) -> None:
+        rng = np.random.default_rng(0)
+        placed, found, told, _ = self.read(lambda a: (rng.uniform(0, 360), rng.uniform(-30, 60), 0.0))
+        assert [finding.code for finding in told] == ["angles-not-used"]
+        assert found.contradicted == frozenset()
+        assert placed.station_of == {k: k for k in range(13)}
+
+    def test_a_mixture_is_told_once(self) -> None:
+        placed, found, told, _ = self.read(lambda a: (a[0], a[1] + 90.0, a[2]), only=range(5))
+        assert [finding.code for finding in told] == ["angles-not-used"]
+        assert "0.jpg, 1.jpg, 2.jpg, 3.jpg, 4.jpg" in told[0].message
+        assert found.contradicted == frozenset()
+        assert placed.station_of == {k: k for k in range(13)}
+
+    def test_wrong_matches_do_not_make_good_angles_bad(self) -> None:
+        """Few and wide views: matches that agree with one another, and lie, while the angles are the plan's."""
+        planned = stations(seed=3)
+        other = [Pose.from_yaw_pitch(p.center, 40.0 * k, -30.0) for k, p in enumerate(planned)]
+        capture, told = angles_as_meant(
+            capture_of(list(planned)), plan_from_poses(planned), None, None, graph_of(other, 3), seed=0
+        )
+        assert told == []
+        assert all(prior.yaw_deg is not None for prior in capture.priors.values())
+
+    def test_a_flight_that_looked_elsewhere_is_no_convention(self) -> None:
+        """The matches say that the angles are as recorded."""
+        planned = stations(seed=3)
+        true = [Pose.from_yaw_pitch(p.center, p.yaw_pitch_roll_deg()[0], -10.0) for p in planned]
+        plan = plan_from_poses(planned)
+        capture, told = angles_as_meant(capture_of(list(true)), plan, None, None, graph_of(true, 3), seed=0)
+        assert told == []
+        assert {round(prior.pitch_deg or 0.0) for prior in capture.priors.values()} == {-10}
+
+
+class TestShift:
+    @pytest.mark.parametrize(
+        ("placement", "sigma_m", "shift_m", "told"),
+        [
+            ("poses.csv", 0.05, 0.52, False),  # its origin lies anywhere
+            ("site", 3.0, 2.5, False),  # as receivers are off
+            ("site", 3.0, 7.0, True),
+            ("site", 0.03, 0.2, False),
+            ("site", 0.03, 0.4, True),
+        ],
+    )
+    def test_is_told_where_it_matters(self, placement: str, sigma_m: float, shift_m: float, told: bool) -> None:
+        tags = Tags((), PoseArray.of([]), np.zeros(0), sigma_m, 3.0)
+        placed = Placed(tags, placement, shift_m=np.array([shift_m, 0.0, 4.0]))  # type: ignore[arg-type]
+        found = common_findings(placed, CheckSettings())
+        assert [finding.code for finding in found] == ["shifted"] * told
+        assert all("nothing to do" not in finding.remedy.lower() for finding in found)
+
+    @pytest.mark.parametrize(("north_m", "there"), [(3.9, True), (2.0, False), (-4.0, False)])
+    def test_to_another_plot_names_it(self, north_m: float, there: bool) -> None:
+        latitudes = (50.0, 50.0 + 4.0 / 111_229.0)
+        plots = [SitePlot(name=n, latitude_deg=lat, longitude_deg=6.0) for n, lat in zip("AB", latitudes, strict=True)]
+        site = Site(name="trial", home=SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0), plots=tuple(plots))
+        tags = Tags((), PoseArray.of([]), np.zeros(0), 0.03, 3.0)
+        shift = np.array([0.0, north_m, 0.0])  # across the row, which leads east
+        (found,) = common_findings(Placed(tags, "site", shift_m=shift), CheckSettings(), site, plots[0])
+        assert found.code == "shifted"
+        assert ("--plot B" in found.remedy) is there
+
+
+def test_a_plan_is_checked_and_flown_again_as_it_was_fitted_to_the_plot(tmp_path: Path) -> None:
+    """The export fits it to the plot's plants: the plan's own stations would send good photographs back."""
+    poses = [Pose(p.rotation, p.center + np.array([0.0, 0.0, 1.5])) for p in stations()]
+    plants = PlanPlants(points_m=((-0.5, -0.5, 1.0), (0.5, 0.5, 1.0)), cell_m=0.05)
+    plan = plan_from_poses(poses).model_copy(update={"plant_height_m": 1.0, "plants": plants})
+    plot = SitePlot(name="B2", latitude_deg=50.0, longitude_deg=6.0, plant_height_m=1.3)
+    site = Site(name="trial", home=SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=90.0), plots=(plot,))
+    fitted = flown_plan(plan, plot)
+    assert fitted.stations[3].position_m[2] > plan.stations[3].position_m[2] + 0.1
+    assert flown_plan(plan, plot, fit=False) is plan
+    files = write_refly([3], plan, "px4-gimbal", site, tmp_path / "again.plan")
+    (station,) = (s for flight in load_mission(files[1]).flights for s in flight.stations)
+    assert station.index == 3
+    assert station.height_m == pytest.approx(fitted.stations[3].position_m[2], abs=0.01)
+
+
+class TestConnection:
+    def joined(self, again: set[int], cut: set[tuple[int, int]] | None = None) -> tuple[Plan, TieGraph, object]:
+        planned = stations()
+        plan, graph = plan_from_poses(planned), graph_of(planned, 0)
+        graph = replace(graph, ties={p: t for p, t in graph.ties.items() if p not in (cut or set())})
+        return plan, graph, connect(plan, graph, {k: k for k in range(13)}, again, dict(enumerate(planned)))
+
+    def test_a_ring_hangs_together(self) -> None:
+        _, _, found = self.joined(set())
+        assert found.components == (13,)  # type: ignore[attr-defined]
+        assert found.lonely == found.thin == frozenset()  # type: ignore[attr-defined]
+
+    def test_what_is_flown_again_is_counted_on(self) -> None:
+        _, _, found = self.joined({3, 9})
+        assert found.components == (11,)  # type: ignore[attr-defined]
+        assert not found.findings  # type: ignore[attr-defined]
+
+    def test_groups_are_told(self) -> None:
+        _, _, found = self.joined(set(), {(2, 3), (8, 9)})
+        assert found.components == (7, 6)  # type: ignore[attr-defined]
+        assert [f.code for f in found.findings] == ["disconnected"]  # type: ignore[attr-defined]
+
+    def test_a_good_photograph_beside_a_gap_is_not_sent_back(self) -> None:
+        _, _, found = self.joined({3}, {(3, 4), (4, 5)})
+        assert found.lonely == frozenset()  # type: ignore[attr-defined]
+        assert found.beside_gaps == {4}  # type: ignore[attr-defined]
+
+    def test_one_without_matches_beside_near_neighbours_is_named(self) -> None:
+        _, _, found = self.joined(set(), {(3, 4), (4, 5)})
+        assert found.lonely == {4}  # type: ignore[attr-defined]
+
+
+class TestReport:
+    @pytest.mark.parametrize(
+        ("verdicts", "said"),
+        [
+            (["fine", "fine"], "All 2 will do."),
+            (["fine", "fly again"], "Fly station 2 again."),
+            (["fly again", "fine", "fly again"], "Fly stations 1 and 3 again."),
+            (
+                ["fix tags", "fly again"],
+                "Fly station 2 again. Put the tags of station 1 right; the photograph will do.",
+            ),
+            ([], "Which photograph is of which station could not be told."),
+        ],
+    )
+    def test_summary(self, verdicts: list[str], said: str) -> None:
+        rows = tuple(StationCheck(k, verdict=v) for k, v in enumerate(verdicts))  # type: ignore[arg-type]
+        report = CheckReport("plot", Path(), 2, rows, ())
+        assert report.summary() == said
+        assert report.ok == (said == "All 2 will do.")
+
+
+class TestRefly:
+    site = ROOT / "missions" / "sites" / "example.toml"
+
+    def test_stations_keep_their_numbers(self, tmp_path: Path) -> None:
+        plan = plan_from_poses([Pose(p.rotation, p.center + np.array([0.0, 0.0, 1.5])) for p in stations()])
+        files = write_refly([9, 4], plan, "px4-gimbal", self.site, tmp_path / "again.plan")
+        assert [file.name for file in files] == ["again.plan", "again.mission.json", "again.geojson"]
+        features = json.loads(files[2].read_text("utf-8"))["features"]
+        flown = {f["properties"]["station"] for f in features if f["properties"].get("kind") == "station"}
+        assert flown == {5, 10}  # as the plan's picture numbers them
+        # What `export-mission` writes of itself, so that a report shows it.
+        record = load_mission(files[1])
+        assert {station.index for flight in record.flights for station in flight.stations} == {4, 9}
+        assert record.plots[0].plan.sha256 == hashlib.sha256(plan_bytes(plan)).hexdigest()  # the whole plan's
+        assert {entry.name for entry in record.files} == {"again.plan", "again.geojson"}
+        assert record.name.endswith(", again")
+        shown = read_results(tmp_path)
+        assert [each.record for each in shown.missions] == [record]
+        with pytest.raises(UsageError, match="exists already"):
+            write_refly([4], plan, "px4-gimbal", self.site, tmp_path / "again.plan")
+
+    def test_what_the_plan_does_not_have(self) -> None:
+        plan = plan_from_poses(stations())
+        with pytest.raises(UsageError, match="no station 14"):
+            part_of_plan(plan, [2, 13])
+        with pytest.raises(UsageError, match="no station to fly"):
+            part_of_plan(plan, [])
+        assert part_of_plan(plan, [7, 2, 7]).stations == (plan.stations[2], plan.stations[7])
+
+    def test_a_plot_that_the_site_does_not_have(self, tmp_path: Path) -> None:
+        plan = plan_from_poses(stations())
+        with pytest.raises(UsageError, match="no plot 'north'"):
+            write_refly([1], plan, "px4-gimbal", self.site, tmp_path / "again.plan", plot="north")

@@ -1,0 +1,207 @@
+"""A check of real photographs: eight of a recorded rig, as they are and with faults."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from benchmarks.rigs import RIG_FILE, read_rig
+from fieldkit.cache import StageCache
+from fieldkit.captures import read_capture
+from fieldkit.errors import CaptureError, MetadataError, UsageError
+from fieldkit.fieldcheck import CheckReport, CheckSettings, check_captures
+from fieldkit.fieldcheck.ties import find_ties
+from fieldkit.geometry import Pose
+from fieldkit.reconstruction.orientation import orient_cameras
+from fieldkit.reconstruction.verification import TwoView
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import plan_from_poses
+from fieldkit.runtime.progress import Silent
+from fieldkit.scenes.simulate import poses_table
+
+COUNT, STEP = 8, 2
+
+
+@pytest.fixture(scope="module")
+def rig(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Plan, StageCache]:
+    """A folder of eight photographs 9° apart with poses.csv, the plan that they keep to, and a warm cache."""
+    source = data_folder / "basil_rig"
+    positions = {name: position for name, (position, _) in read_rig(source / RIG_FILE).items()}
+    names = [name for name in positions if (source / "images" / name).is_file()][: COUNT * STEP : STEP]
+    folder = tmp_path_factory.mktemp("check") / "plot"
+    folder.mkdir()
+    for name in names:
+        image = cv2.imread(str(source / "images" / name))
+        assert image is not None
+        cv2.imwrite(str(folder / name), cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+    cache = StageCache(tmp_path_factory.mktemp("cache"))
+    # The rig does not say how its camera is turned: the sound photographs do.
+    graph = find_ties(read_capture(folder), CheckSettings(), cache=cache, workers=1, progress=Silent())
+    empty = np.zeros((3, 3))
+    pairs = {
+        pair: TwoView(np.zeros((tie.matches, 2), np.uint32), 2, empty, empty, empty, tie.rotation, tie.translation)
+        for pair, tie in graph.ties.items()
+    }
+    turned = orient_cameras([positions[name] for name in names], [0.002] * COUNT, pairs, seed=0)
+    poses = [Pose(turned[k], positions[name]) for k, name in enumerate(names)]
+    (folder / "poses.csv").write_text(poses_table(names, poses, accuracy_m=0.01, roll=True), "utf-8")
+    return folder, plan_from_poses(poses), cache
+
+
+@pytest.fixture
+def copy(rig: tuple[Path, Plan, StageCache], tmp_path: Path) -> Path:
+    return Path(shutil.copytree(rig[0], tmp_path / "plot"))
+
+
+def check(folder: Path, rig: tuple[Path, Plan, StageCache]) -> CheckReport:
+    (report,) = check_captures(folder, rig[1], cache=rig[2], workers=1)
+    return report
+
+
+def photographs(folder: Path) -> list[Path]:
+    return sorted(p for p in folder.iterdir() if p.suffix != ".csv")
+
+
+def codes(report: CheckReport) -> dict[int, str]:
+    return {f.station: f.code for f in report.findings if f.station is not None}
+
+
+def test_sound_photographs_will_do(rig: tuple[Path, Plan, StageCache]) -> None:
+    report = check(rig[0], rig)
+    assert report.ok, report.findings
+    assert report.placement == "poses.csv"
+    assert report.components == (COUNT,)
+    assert all(row.matches > 100 for row in report.stations)
+    assert report.summary() == f"All {COUNT} will do."
+
+
+def test_missing_and_blurred(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    order = [row.photograph for row in check(rig[0], rig).stations]
+    (copy / order[2]).unlink()
+    image = cv2.imread(str(copy / order[5]))
+    assert image is not None
+    cv2.imwrite(str(copy / order[5]), cv2.blur(image, (9, 1)))
+    report = check(copy, rig)
+    assert report.fly_again == (2, 5)
+    assert codes(report) == {2: "missing", 5: "blurred"}
+    assert report.components == (6,)
+
+
+def test_exchanged_rows(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    order = [row.photograph for row in check(rig[0], rig).stations]
+    table = (copy / "poses.csv").read_text("utf-8")
+    table = table.replace(order[1], "other").replace(order[5], order[1]).replace("other", order[5])
+    (copy / "poses.csv").write_text(table, "utf-8")
+    report = check(copy, rig)
+    assert report.fix_tags == (1, 5)
+    assert [report.stations[k].photograph for k in (1, 5)] == [order[1], order[5]]
+    assert codes(report) == {1: "mis-tagged", 5: "mis-tagged"}
+
+
+def test_without_positions_only_quality_is_told(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    (copy / "poses.csv").unlink()
+    photographs(copy)[0].unlink()
+    report = check(copy, rig)
+    assert not report.ok
+    assert report.stations == ()
+    assert [finding.code for finding in report.findings] == ["missing"]
+    assert "no positions" in report.unchecked[0]
+
+
+def test_folders_of_plots(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    Path(shutil.copytree(copy, copy.parent / "second"))
+    reports = check_captures(copy.parent, rig[1], cache=rig[2], workers=1)
+    assert [report.name for report in reports] == ["plot", "second"]
+    assert all(report.ok for report in reports)
+    with pytest.raises(UsageError, match="2 folders"):
+        check_captures(copy.parent, rig[1], plot="plot", cache=rig[2], workers=1)
+
+
+def test_what_cannot_be_used(rig: tuple[Path, Plan, StageCache], copy: Path, tmp_path: Path) -> None:
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    with pytest.raises(CaptureError, match="no photographs"):
+        check(empty, rig)
+    (copy / "poses.csv").write_text("image,x_m,y_m,z_m\nnobody.jpg,0,0,0\n", "utf-8")
+    with pytest.raises(MetadataError, match="names no photograph"):
+        check(copy, rig)
+
+
+def rewritten(folder: Path, write: Callable[[list[float]], list[float]]) -> None:
+    """poses.csv with the angles of each row (yaw, pitch, roll) written in another way."""
+    head, *rows = (folder / "poses.csv").read_text("utf-8").splitlines()
+    columns = head.split(",")
+    where = [columns.index(name) for name in ("yaw_deg", "pitch_deg", "roll_deg")]
+    lines = [head]
+    for row in rows:
+        cells = row.split(",")
+        for column, value in zip(where, write([float(cells[k]) for k in where]), strict=True):
+            cells[column] = f"{value}"
+        lines.append(",".join(cells))
+    (folder / "poses.csv").write_text("\n".join(lines) + "\n", "utf-8")
+
+
+@pytest.mark.parametrize(
+    ("write", "told"),
+    [
+        (lambda a: [0.0, 0.0, 0.0], []),
+        (lambda a: [a[0], a[1] + 90.0, a[2]], ["angles-read-otherwise"]),
+        (lambda a: [a[0], -a[1], a[2]], ["angles-read-otherwise"]),
+        (lambda a: [a[0], a[1], a[2] + 180.0], []),
+        (lambda a: [7919.0 * a[0] % 360.0, a[1] + 60.0, 0.0], ["angles-not-used"]),
+    ],
+)
+def test_no_station_is_sent_back_for_the_way_angles_are_written(
+    rig: tuple[Path, Plan, StageCache], copy: Path, write: Callable[[list[float]], list[float]], told: list[str]
+) -> None:
+    rewritten(copy, write)
+    report = check(copy, rig)
+    assert report.ok, report.findings
+    assert [finding.code for finding in report.findings] == told
+
+
+@pytest.mark.parametrize("heights", ["one for all", "of a barometer"])
+def test_no_station_is_sent_back_for_heights_that_nothing_measured(
+    rig: tuple[Path, Plan, StageCache], copy: Path, heights: str
+) -> None:
+    rng = np.random.default_rng(1)
+    head, *rows = (copy / "poses.csv").read_text("utf-8").splitlines()
+    column, lines = head.split(",").index("z_m"), [head]
+    for row in rows:
+        cells = row.split(",")
+        cells[column] = "1.2" if heights == "one for all" else f"{float(cells[column]) + rng.normal() * 0.4}"
+        lines.append(",".join(cells))
+    (copy / "poses.csv").write_text("\n".join(lines) + "\n", "utf-8")
+    report = check(copy, rig)
+    assert report.fly_again == (), report.findings
+
+
+def test_photographs_turned_by_their_orientation_will_do(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    """Some were saved again with their pixels turned by 180°, or by 90°, by a program that knows EXIF's Orientation."""
+    for k, path in enumerate(photographs(copy)[:4]):
+        with Image.open(path) as image:
+            turned = image.transpose(Image.Transpose.ROTATE_180 if k % 2 else Image.Transpose.ROTATE_90)
+            exif = Image.Exif()
+            exif[0x0112] = 3 if k % 2 else 6
+        turned.save(path, exif=exif, quality=95)
+    report = check(copy, rig)
+    assert report.ok, report.findings
+    assert report.findings == ()
+
+
+def test_a_second_lens_is_named_and_no_reason_to_fly(rig: tuple[Path, Plan, StageCache], copy: Path) -> None:
+    for k, path in enumerate(photographs(copy)):
+        with Image.open(path) as image:
+            image.convert("L").resize((160, 128)).save(copy / f"DJI_{k:04}_T.JPG", format="JPEG")
+    report = check(copy, rig)
+    assert report.ok, report.findings
+    (finding,) = report.findings
+    assert finding.code == "other-camera"
+    assert f"{COUNT} photographs" in finding.message
+    assert finding.remedy.startswith("Nothing to do")

@@ -1,0 +1,49 @@
+"""plots.csv."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+
+from fieldkit.documents.csv_text import on_one_line
+from fieldkit.figures.spreadsheets.plots import column_names, plots_csv, write_plots_csv
+from fieldkit.results.evaluation import PredictionEntry
+from tests.figures.terminal.test_results import FAILED, report, scored
+
+
+class TestCsv:
+    def test_rows(self, tmp_path: Path) -> None:
+        evaluation = report(scored("a"), FAILED)
+        write_plots_csv(tmp_path / "plots.csv", evaluation)
+        first, second = csv.DictReader((tmp_path / "plots.csv").read_text("utf-8").splitlines())
+        assert list(first) == column_names(["0.002", "0.005", "0.010", "0.020"])
+        plot = evaluation.plots[0]
+        assert float(first["chamfer_m"]) == plot.chamfer_m
+        assert float(first["f_score_0.005"]) == plot.f_score["0.005"]  # type: ignore[index]
+        assert (first["registered"], first["metric"], first["error"]) == ("7", "true", "")
+        assert (second["plot"], second["chamfer_m"], second["error"]) == ("[plot] 8", "", "no photographs")
+
+    def test_prediction(self) -> None:
+        none = PredictionEntry(chamfer_m=None, low_m=None, high_m=None, reason="=too far", model=1)
+        plot = scored("a").model_copy(update={"prediction": none})
+        (row,) = csv.DictReader(io.StringIO(plots_csv(report(plot))))
+        assert (row["predicted_chamfer_m"], row["no_prediction"]) == ("", "'=too far")
+
+    def test_columns_do_not_depend_on_the_reference(self) -> None:
+        with_reference, without = (plots_csv(report(scored("a"), reference=flag)) for flag in (True, False))
+        assert with_reference.splitlines()[0] == without.splitlines()[0]
+
+    @pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@x", "\t=1", "＝1"])
+    def test_names_are_no_formulas(self, name: str) -> None:
+        (row,) = csv.DictReader(io.StringIO(plots_csv(report(scored(name)))))
+        assert row["plot"] == "'" + on_one_line(name)
+
+    @pytest.mark.parametrize("name", ["a,b", 'a"b', "a\nb", "a\u202eb", "größe 样地"])
+    def test_any_name_comes_back_on_one_line(self, name: str) -> None:
+        text = plots_csv(report(scored(name)))
+        assert len(text.splitlines()) == 2
+        (row,) = csv.DictReader(io.StringIO(text, newline=""))
+        assert row["plot"] == on_one_line(name)

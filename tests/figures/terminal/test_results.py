@@ -1,0 +1,155 @@
+"""What commands print of a reference and an evaluation."""
+
+from __future__ import annotations
+
+import io
+import re
+
+from rich.console import Console
+
+from fieldkit.captures import Finding
+from fieldkit.clouds import score
+from fieldkit.errors import CaptureError
+from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
+from fieldkit.figures.style import table
+from fieldkit.figures.terminal.results import evaluation_output, reference_output
+from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation, PredictionEntry
+from fieldkit.results.traits import TraitsEntry
+from tests.evaluation.examples import plant_cloud, reconstruction
+
+SETTINGS = ReconstructionSettings()
+
+
+def shown(tables, width: int = 80) -> str:  # type: ignore[no-untyped-def]
+    console = Console(file=io.StringIO(), width=width, color_system=None)
+    for each in tables:
+        console.print(each)
+    return re.sub(r"[ ]+", " ", console.file.getvalue())  # type: ignore[attr-defined]
+
+
+def scored(name: str, **options: object) -> PlotEvaluation:
+    result = reconstruction()
+    reference = plant_cloud(seed=1)
+    return plot_evaluation(
+        name, result, SETTINGS, score=score(reference, result.plants), seconds=65, cpu_seconds=70, **options
+    )  # type: ignore[arg-type]
+
+
+def unscored(name: str) -> PlotEvaluation:
+    return plot_evaluation(name, reconstruction(), SETTINGS, score=None, seconds=65, cpu_seconds=70)
+
+
+def report(*plots: PlotEvaluation, reference: bool = True) -> EvaluationReport:
+    return evaluation_report(
+        "field", plots, SETTINGS, reference_sha256="a" * 64 if reference else None, refine=False,
+        distances_m=(0.002, 0.005, 0.01, 0.02), seconds=1, cpu_seconds=1,
+    )  # fmt: skip
+
+
+FAILED = failed_plot("[plot] 8", CaptureError("no photographs", remedy="Copy [them]."), seconds=0, cpu_seconds=0)
+
+TRAITS = TraitsEntry(
+    height_m=0.81,
+    height_error_m=0.03,
+    cover_percent=16.0,
+    cover_error_percent=1.2,
+    covered_area_m2=0.1936,
+    covered_area_error_m2=0.0155,
+    canopy_volume_m3=0.31,
+    canopy_volume_error_m3=0.031,
+    plot_area_m2=1.21,
+)
+
+
+class TestTables:
+    def test_folds_words_where_the_terminal_is_narrow(self) -> None:
+        rows = table("Values", "mapping", "chamfer distance>")
+        rows.add_row("incremental", "1234.5 mm")
+        wide, narrow = (sorted(re.sub(r"[\s─]", "", shown([rows], width=width))) for width in (80, 16))
+        assert narrow == wide
+
+    def test_reference(self) -> None:
+        text = shown(reference_output(reference_report(reconstruction(), SETTINGS, seconds=12, cpu_seconds=14)))
+        for part in (
+            "photographs registered 7 of 8 (88 %)", "photographs used 6", "registered but wrong 1", "models 1 (7 ",
+            "20 of 28 pairs verified",
+            "features per photograph 1,035", "40, 280 observations, track length 7.00", "reprojection error 0.50 px",
+            "geo.txt, residuals 3.00 mm RMS, right up to 0.15 m", "SIMPLE_RADIAL 1600×1200, f 1400.0 px, camera.toml",
+            "IMG_0008.jpg 1,070 no pair verified", "Features 8 2 1.5 s 1.4 s", "all 12.0 s 14.0 s",
+            "not-an-image 1 notes.txt: left out: is a text file",
+        ):  # fmt: skip
+            assert part in text
+
+    def test_files_with_the_same_finding_share_a_row(self) -> None:
+        result = reconstruction()
+        findings = [Finding(f"{i}.jpg", "blurred", "is less sharp than the others") for i in range(9)]
+        plot = plot_evaluation("p", result, SETTINGS, score=None, seconds=1, cpu_seconds=1, findings=findings)
+        assert "blurred 9 0.jpg, 1.jpg, 2.jpg and 6 more: is less sharp" in shown(evaluation_output(report(plot)), 120)
+
+    def test_without_positions_nothing_is_called_right(self) -> None:
+        text = shown(
+            reference_output(reference_report(reconstruction(metric=False), SETTINGS, seconds=1, cpu_seconds=1))
+        )
+        assert "registered but wrong not known" in text
+        assert "nothing: lengths are not metres" in text
+        assert "units per pixel" in text
+
+    def test_many_plots(self) -> None:
+        text = shown(evaluation_output(report(scored("plot 7"), FAILED, scored("plot 9"))))
+        assert re.search(r"plot 7 6 of 8 \d\.\d\d \d\.\d\d \d\.\d\d 0\.\d{3} 0\.\d{3} [01]\.\d{3} 1\.000 3\.00", text)
+        assert "[plot] 8 no photographs \n → Copy [them]." in text
+        assert "plot 9 no pair verified 1" in text
+        assert "…" not in text
+
+    def test_without_reference(self) -> None:
+        text = shown(evaluation_output(report(unscored("a"), unscored("b"), reference=False)))
+        assert "chamfer" not in text
+        assert "a 6 of 8 7 of 8 1 0.50 7.00 4,000 8.6 0.40" in text
+
+    def test_one_plot_is_shown_in_full(self) -> None:
+        moved = CorrectionEntry(translation_m=(0.003, 0.0, 0.004), angle_deg=0.5, scale=1.001, rms_m=0.002)
+        text = shown(evaluation_output(report(scored("a", correction=moved))))
+        assert "chamfer distance" in text
+        assert re.search(r"\b5 \d\d\.\d \d\d\.\d 0\.\d{3}", text)
+        moved_by = (
+            "by 5.00 mm (3.00 mm east, 0.00 mm north, 4.00 mm up), turned by 0.50° and scaled by 1.0010; then 2.00"
+        )
+        assert moved_by in " ".join(text.split())
+        assert "Scores against" not in text
+
+    def test_plants_and_prediction_of_one_plot(self) -> None:
+        told = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
+        plot = scored("a").model_copy(update={"traits": TRAITS, "prediction": told})
+        text = shown(evaluation_output(report(plot, reference=False)), 120)
+        assert "plant height 0.81 ± 0.03 m of the highest leaf" in text
+        assert "cover 16.0 % ± 1.2 %; of 1.21 m², seen from above" in text
+        assert "canopy volume 0.310 m³ ± 0.031 m³" in text
+        assert "distance to its plants 12.0 mm predicted; nine in ten such plots: 6.00 to 24.0 mm" in text
+
+    def test_plants_and_predictions_of_many(self) -> None:
+        told = PredictionEntry(chamfer_m=0.012, low_m=0.006, high_m=0.024, reason="", model=1)
+        none = PredictionEntry(chamfer_m=None, low_m=None, high_m=None, reason="[place] is too far", model=1)
+        plots = [
+            scored(name).model_copy(update={"traits": traits, "prediction": prediction})
+            for name, traits, prediction in (("a", TRAITS, told), ("b", None, none), ("c", TRAITS, None))
+        ]
+        text = shown(evaluation_output(report(*plots, reference=False)))
+        assert "a 0.81 ± 0.03 16.0 ± 1.2 0.194 ± 0.015 0.310 ± 0.031" in text
+        assert "b – – – –" in text
+        assert "c 0.81 ± 0.03 16.0 ± 1.2 0.194 ± 0.015 0.310 ± 0.031" in text
+        assert "a 12.0 6.00 to 24.0" in text  # millimetres, in a table of their own
+        assert "b [place] is too far" in text
+        assert "…" not in text
+
+    def test_plants_without_a_ground(self) -> None:
+        plot = scored("a").model_copy(update={"traits": TRAITS.model_copy(update={"height_m": None})})
+        assert "plant height" not in shown(evaluation_output(report(plot)))
+
+    def test_one_failed_plot(self) -> None:
+        text = shown(evaluation_output(report(FAILED)))
+        assert "no photographs" in text
+
+    def test_long_lists_are_cut(self) -> None:
+        text = shown(evaluation_output(report(*[scored(f"plot {i}") for i in range(15)])))
+        assert "and 10 more" in text

@@ -1,0 +1,31 @@
+"""The recordings of real flights (sim/sitl; the larger ones lie beside the recorded image sets)."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+NEAR = Path(__file__).parents[2] / "sim" / "sitl"
+
+
+def recording(name: str) -> Path:
+    """A recording's file; the test is skipped where it is not at hand."""
+    if (NEAR / name).is_file():
+        return NEAR / name
+    data = os.environ.get("FIELDKIT_DATA")
+    if not data:
+        pytest.skip(f"FIELDKIT_DATA is unset: {name} lies in the folder sitl beside it")
+    path = Path(data).parent / "sitl" / name
+    if not path.is_file():
+        pytest.skip(f"there is no {path}")
+    return path
+
+
+def description(name: str) -> dict[str, Any]:
+    """A recording's JSON."""
+    document: dict[str, Any] = json.loads(recording(f"{name}.json").read_text())
+    return document

@@ -1,0 +1,209 @@
+"""Poses achieved at every trigger of the recorded flights, against what the recordings' JSON says of them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink import DFReader, mavutil
+
+from fieldkit.flightlogs import (
+    Attitude,
+    FixedMount,
+    FlightLog,
+    Gimbal,
+    Series,
+    Trigger,
+    achieved_pose,
+    read_flight_log,
+)
+from fieldkit.flightlogs.adherence import PlannedPose, adherence
+from fieldkit.flightlogs.dataflash_messages import read_messages
+from fieldkit.flightlogs.reading import _unpacked
+from fieldkit.flightlogs.values import euler_deg, gimbal_yaw_frame
+from fieldkit.geometry import Pose
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.pose import rotation_angle_deg
+from tests.flightlogs.recordings import description, recording
+
+FLOWN = ["mount_then_yaw", "wind4turb_settled", "roi_settled", "naive", "hold0"]
+LOGS = [*(f"{name}.tlog" for name in FLOWN), "mount_then_yaw.BIN.gz"]
+SETTLED = ["mount_then_yaw.tlog", "wind4turb_settled.tlog", "roi_settled.tlog", "mount_then_yaw.BIN.gz"]
+
+
+def turn(a: float, b: float) -> float:
+    return abs((a - b + 180.0) % 360.0 - 180.0)
+
+
+def apart_m(latitude: float, longitude: float, to: dict[str, float]) -> float:
+    frame = LocalFrame(to["lat"], to["lon"])
+    return float(np.linalg.norm(frame.to_local(latitude, longitude, 0.0)[0]))
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_poses_are_those_of_the_triggers(name: str) -> None:
+    log = read_flight_log(recording(name))
+    told = description(name.split(".")[0])["triggers"]
+    assert log.clock == "boot"
+    assert [t.image for t in log.triggers] == [t["img"] for t in told]
+    for trigger, t in zip(log.triggers, told, strict=True):
+        pose = achieved_pose(trigger)
+        assert abs(trigger.time_s - t["t_s"]) < 0.020
+        assert pose.place is not None
+        assert apart_m(pose.place.latitude_deg, pose.place.longitude_deg, t["est"]) < 0.02
+        assert pose.place.above_home_m == pytest.approx(t["est"]["rel_alt"], abs=0.02)
+        assert pose.yaw_deg is not None
+        assert turn(pose.yaw_deg, t["est"]["yaw"] + t["gimbal"]["yaw_body"]) < 0.2
+        assert pose.pitch_deg == pytest.approx(t["gimbal"]["pitch"], abs=0.2)
+        assert pose.source == "gimbal"
+        assert trigger.attitude is not None
+        assert trigger.attitude.roll_deg == pytest.approx(t["est"]["roll"], abs=0.2)
+        assert trigger.attitude.pitch_deg == pytest.approx(t["est"]["pitch"], abs=0.2)
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_the_track_between_messages_leads_to_the_same_poses(name: str) -> None:
+    """Interpolated at the trigger's time, from messages that are 50 or 100 ms apart and nothing of the trigger's own.
+
+    Positions have the grid of 1e-7° (1.1 cm) and the motion between; hold0 turns at 60 °/s while it photographs.
+    """
+    log = read_flight_log(recording(name))
+    settled = name in SETTLED
+    for trigger, t in zip(log.triggers, description(name.split(".")[0])["triggers"], strict=True):
+        place, attitude = log.track.position.at(trigger.time_s), log.track.attitude.at(trigger.time_s)
+        velocity = log.track.velocity.at(trigger.time_s)
+        assert place is not None
+        assert attitude is not None
+        assert velocity is not None
+        assert apart_m(place[0], place[1], t["est"]) < (0.02 if settled else 0.05)
+        assert place[3] == pytest.approx(t["est"]["rel_alt"], abs=0.02 if settled else 0.06)
+        assert turn(attitude[2], t["est"]["yaw"]) < (0.2 if settled else 2.0)
+        assert math.hypot(velocity[0], velocity[1]) == pytest.approx(t["true_speed"], abs=0.12)
+
+
+def test_mavsdk4_holds_only_the_triggers() -> None:
+    """Its log has no attitude, no position and no gimbal reports, and its JSON no poses: compared with its mission."""
+    path = recording("mavsdk4.tlog")
+    log = read_flight_log(path)
+    assert (log.clock, len(log.triggers)) == ("UTC", description("mavsdk4")["flight"]["photos"])
+    link = mavutil.mavlink_connection(str(path))
+    told = list(iter(lambda: link.recv_match(type="CAMERA_FEEDBACK"), None))
+    link.close()
+    stations = description("mount_then_yaw")["stations"]
+    planned = [
+        PlannedPose(f"station {s['i']}", s["lat"] * 1e-7, s["lon"] * 1e-7, s["h"], s["yaw"], s["pitch"])
+        for s in stations
+    ]
+    for trigger, m in zip(log.triggers, told, strict=True):
+        assert trigger.place is not None
+        assert trigger.place.latitude_deg == pytest.approx(m.lat * 1e-7, abs=1e-10)
+        assert trigger.utc_s == pytest.approx(m.time_usec * 1e-6, abs=1e-5)
+    found = adherence(planned, log.triggers)
+    assert [e.trigger for e in found.errors] == list(range(13))
+    assert max(e.horizontal_m for e in found.errors) < 0.1
+    assert max(abs(e.yaw_deg or 0.0) for e in found.errors) < 3.0
+    assert max(abs(e.pitch_deg or 0.0) for e in found.errors) < 0.01
+    assert {achieved_pose(t).source for t in log.triggers} == {"commanded gimbal"}
+
+
+def test_utc_of_the_two_logs_agree() -> None:
+    """The dataflash log's UTC is late by its GPS receiver's latency."""
+    tlog, dataflash = (read_flight_log(recording(f"mount_then_yaw.{kind}")) for kind in ("tlog", "BIN.gz"))
+    offsets = [[t.utc_s - t.time_s for t in log.triggers if t.utc_s is not None] for log in (tlog, dataflash)]
+    assert np.median(offsets[1]) == pytest.approx(np.median(offsets[0]), abs=0.2)
+    assert tlog.home is not None
+    assert dataflash.home == tlog.home
+
+
+def test_dataflash_messages_are_those_that_pymavlink_reads(tmp_path: Path) -> None:
+    packed = recording("mount_then_yaw.BIN.gz")
+    data = _unpacked(packed.read_bytes(), packed, 1 << 30)
+    file = tmp_path / "flight.BIN"
+    file.write_bytes(data)
+    names = {"CAM", "MNT", "ATT", "POS", "GPS", "XKF1", "ORGN", "GPA"}
+    found, _ = read_messages(data, names)
+    reader = DFReader.DFReader_binary(str(file))
+    for name in names:
+        reader.rewind()
+        theirs = []
+        while (m := reader.recv_match(type=name)) is not None:
+            theirs.append(m)
+        ours = found[name]
+        assert len(ours) == len(theirs)
+        for column in ours.scales:
+            expected = np.array([float(getattr(m, column)) for m in theirs])
+            np.testing.assert_allclose(ours.column(column), expected, rtol=1e-6, atol=1e-9)
+    reader.close()
+
+
+@pytest.mark.parametrize(
+    ("flags", "frame"),
+    [(32, "vehicle"), (46, "vehicle"), (60, "vehicle"), (64, "north"), (16, "north"), (0, "vehicle")],
+)
+def test_gimbal_yaw_frames(flags: int, frame: str) -> None:
+    assert gimbal_yaw_frame(flags) == frame
+
+
+angles = st.tuples(st.floats(-180, 180), st.floats(-89, 89), st.floats(-180, 180))
+
+
+@given(angles)
+def test_euler_angles_of_quaternions(rpy: tuple[float, float, float]) -> None:
+    half = np.radians(rpy) / 2.0
+    (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
+    q = [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+         cr * cp * sy - sr * sp * cy]  # fmt: skip
+    for found, wanted in zip(euler_deg(q)[0], rpy, strict=True):
+        assert turn(float(found), wanted) < 1e-6
+
+
+def trigger(attitude: Attitude | None, gimbal: Gimbal | None) -> Trigger:
+    return Trigger(0.0, None, 1, None, attitude, gimbal, None, None, "test")
+
+
+def test_a_gimbals_heading() -> None:
+    nose = Attitude(5.0, -3.0, 350.0)
+    assert achieved_pose(trigger(nose, Gimbal(0, -40, 20, "vehicle"))).yaw_deg == pytest.approx(10.0)
+    assert achieved_pose(trigger(nose, Gimbal(0, -40, 20, "north"))).yaw_deg == pytest.approx(20.0)
+    assert achieved_pose(trigger(nose, Gimbal(0, -40, 20, "vehicle"))).pitch_deg == -40
+    assert achieved_pose(trigger(None, Gimbal(0, -40, 20, "vehicle"))).yaw_deg is None
+    assert achieved_pose(trigger(nose, None)).pitch_deg is None
+
+
+@given(st.floats(-60, 60), st.floats(0, 359), st.floats(-40, 40))
+def test_a_fixed_camera_turns_with_the_vehicle(pitch: float, yaw: float, mounted: float) -> None:
+    """In pitch and heading angles add; a roll about the optical axis is the camera's roll."""
+    level = achieved_pose(trigger(Attitude(0.0, pitch / 2, yaw), None), FixedMount(mounted))
+    assert level.pitch_deg == pytest.approx(pitch / 2 + mounted, abs=1e-6)
+    assert level.yaw_deg is not None
+    assert turn(level.yaw_deg, yaw) < 1e-6
+    rolled = achieved_pose(trigger(Attitude(pitch, 0.0, yaw), None), FixedMount(0.0))
+    assert rolled.roll_deg == pytest.approx(pitch, abs=1e-6)
+    sideways = achieved_pose(trigger(Attitude(0.0, 0.0, yaw), None), FixedMount(mounted, 90.0))
+    straight = Pose.from_yaw_pitch(np.zeros(3), yaw + 90.0, mounted)
+    assert sideways.yaw_deg is not None
+    assert sideways.pitch_deg is not None
+    got = Pose.from_yaw_pitch(np.zeros(3), sideways.yaw_deg, sideways.pitch_deg)
+    assert rotation_angle_deg(got.rotation, straight.rotation) < 1e-5
+
+
+def test_series_wrap_and_end() -> None:
+    series = Series.of([2.0, 0.0, 1.0, 1.0, math.nan], [[10], [350], [358], [0], [5]], 1, (0,))
+    assert len(series) == 3
+    middle = series.at(1.5)
+    assert middle is not None
+    assert turn(float(middle[0]), 4.0) < 1e-9
+    assert series.at(3.5) is None
+    assert series.at(2.5) == pytest.approx([10.0])
+    assert Series.empty(2).at(0.0) is None
+
+
+def test_naive_triggers_come_while_the_camera_turns() -> None:
+    log: FlightLog = read_flight_log(recording("naive.tlog"))
+    assert sum((t.turning_dps or 0.0) > 50.0 for t in log.triggers) >= 10
+    calm = read_flight_log(recording("mount_then_yaw.tlog"))
+    assert all((t.turning_dps or 0.0) < 2.0 for t in calm.triggers)

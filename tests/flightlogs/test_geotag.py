@@ -1,0 +1,168 @@
+"""Photographs of a recorded flight, geotagged from its log."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.captures import read_capture
+from fieldkit.captures.poses_csv import parse_poses_csv
+from fieldkit.cli import geotag as geotag_command
+from fieldkit.errors import CaptureError, MetadataError, UsageError
+from fieldkit.flightlogs import FixedMount, read_flight_log
+from fieldkit.flightlogs.geotag import PhotoPose, geotag, poses_table, turned
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.sites.placement import PlotFrame
+from tests.captures.photographs import MakePhoto, exif_block, gps_tags
+from tests.flightlogs.recordings import description, recording
+
+CAMERA_OFFSET_S = 7200.0 - 41.0
+"""Central European summer time, and 41 s slow."""
+
+
+@pytest.fixture
+def photographs(photo_file: MakePhoto) -> Path:
+    """The photographs of mount_then_yaw without the fifth, named in no order, and a test photograph in between."""
+    triggers = read_flight_log(recording("mount_then_yaw.tlog")).triggers
+    for k, trigger in enumerate(triggers):
+        if k == 4:
+            continue
+        assert trigger.utc_s is not None
+        make(photo_file, f"P{(7 * k) % 13:02d}_{k}.jpg", trigger.utc_s + CAMERA_OFFSET_S + 0.12)
+    last = triggers[8].utc_s
+    assert last is not None
+    return make(photo_file, "P99_test.jpg", last + CAMERA_OFFSET_S + 3.4).parent
+
+
+def make(photo_file: MakePhoto, name: str, time_s: float, gps: dict[int, object] | None = None) -> Path:
+    taken = datetime.fromtimestamp(time_s, UTC)
+    stamps = {36867: taken.strftime("%Y:%m:%d %H:%M:%S"), 37521: f"{taken.microsecond // 1000:03d}"}
+    return photo_file(name, size=(48, 36), exif=exif_block(detail=stamps, gps=gps))
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()}
+
+
+def test_poses_of_a_recorded_flight(photographs: Path, tmp_path: Path) -> None:
+    before = digests(photographs)
+    output = tmp_path / "poses.csv"
+    report = geotag(photographs, recording("mount_then_yaw.tlog"), output)
+    assert digests(photographs) == before
+    assert (report.images, report.triggers, len(report.poses)) == (13, 13, 12)
+    assert report.matches.photographs == ("P99_test.jpg",)
+    assert report.matches.triggers == (4,)
+    assert report.matches.offset_s == pytest.approx(CAMERA_OFFSET_S + 0.12, abs=0.002)
+    assert report.origin_source == "home of the log"
+    rows, findings = parse_poses_csv(output.read_text())
+    assert findings == []
+    told = description("mount_then_yaw")["triggers"]
+    home = report.origin
+    for row in rows:
+        t = told[int(row.image.removesuffix(".jpg").split("_")[1])]
+        east, north, _ = home.to_local(t["est"]["lat"], t["est"]["lon"], home.altitude_m)[0]
+        assert row.position == pytest.approx((east, north, t["est"]["rel_alt"]), abs=0.02)
+        assert row.yaw_deg == pytest.approx(t["est"]["yaw"], abs=0.2)
+        assert row.pitch_deg == pytest.approx(t["gimbal"]["pitch"], abs=0.2)
+        assert row.accuracy_m == pytest.approx(0.3)
+
+
+def test_what_is_written_is_read_as_priors(photographs: Path) -> None:
+    report = geotag(photographs, recording("mount_then_yaw.tlog"), photographs / "poses.csv", accuracy_m=0.02)
+    capture = read_capture(photographs)
+    assert capture.metric_source == "poses.csv"
+    assert len(capture.priors) == 12
+    assert {p.position_accuracy_m for p in capture.priors.values()} == {0.02}
+    with pytest.raises(UsageError, match="exists already"):
+        geotag(photographs, recording("mount_then_yaw.tlog"), photographs / "poses.csv")
+    again = geotag(photographs, recording("mount_then_yaw.tlog"), photographs / "poses.csv", overwrite=True)
+    assert [p.position for p in again.poses] == [p.position for p in report.poses]
+
+
+def test_another_origin_and_a_fixed_camera(photographs: Path, tmp_path: Path) -> None:
+    log = recording("mount_then_yaw.tlog")
+    centre = LocalFrame(50.865, 6.4473, 92.06, "sea level")
+    report = geotag(photographs, log, tmp_path / "poses.csv", origin=centre, mount=FixedMount(-45.0))
+    assert report.origin_source == "given"
+    for pose in report.poses:
+        assert (pose.position[0] ** 2 + pose.position[1] ** 2) ** 0.5 == pytest.approx(2.5, abs=0.1)
+        assert pose.pitch_deg == pytest.approx(-45.0, abs=0.3)
+        assert pose.source == "fixed mount"
+
+
+@given(st.floats(0.0, 360.0, exclude_max=True), st.floats(0.0, 359.0), st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
+def test_a_plots_frame_is_the_plans(heading_deg: float, yaw_deg: float, x: float, y: float) -> None:
+    origin = LocalFrame(50.865, 6.4473, 92.06, "sea level")
+    plot = PlotFrame(origin, 0.0, heading_deg)
+    latitude, longitude, height = plot.to_geodetic((x, y, 1.5))
+    compass = float(plot.headings((x, y, 1.5), yaw_deg)[0])
+    east, north, up = origin.to_local(latitude, longitude, height + origin.altitude_m)[0]
+    found = turned(PhotoPose("a.jpg", (east, north, up), compass, -45.0, 0.02, 0, "gimbal"), heading_deg)
+    assert found.position == pytest.approx((x, y, 1.5), abs=1e-6)
+    assert found.yaw_deg is not None
+    assert abs((found.yaw_deg - yaw_deg + 180.0) % 360.0 - 180.0) < 1e-3
+    assert found.pitch_deg == -45.0
+
+
+def test_whole_seconds_with_gps(photo_file: MakePhoto, tmp_path: Path) -> None:
+    triggers = read_flight_log(recording("hold0.tlog")).triggers
+    for k, trigger in enumerate(triggers):
+        if k == 0:
+            continue
+        assert trigger.utc_s is not None
+        assert trigger.place is not None
+        place = trigger.place
+        tags = gps_tags(place.latitude_deg + 3e-7, place.longitude_deg - 2e-7, place.amsl_m)
+        taken = datetime.fromtimestamp(int(trigger.utc_s), UTC).strftime("%Y:%m:%d %H:%M:%S")
+        path = photo_file(f"{k}.jpg", size=(48, 36), exif=exif_block(detail={36867: taken}, gps=tags))
+    report = geotag(path.parent, recording("hold0.tlog"), tmp_path / "poses.csv")
+    assert [(p.photograph, p.trigger) for p in report.matches.pairs] == [(f"{k}.jpg", k) for k in range(1, 13)]
+
+
+def test_what_cannot_be_done(photo_file: MakePhoto, tmp_path: Path) -> None:
+    folder = make(photo_file, "a.jpg", 1.7e9).parent
+    with pytest.raises(MetadataError, match="of 1 photograph none could"):
+        geotag(folder, recording("mount_then_yaw.tlog"), tmp_path / "poses.csv")
+    assert not (tmp_path / "poses.csv").exists()
+    with pytest.raises(MetadataError, match="holds no camera trigger"):
+        geotag(folder, recording("probe_items.tlog"), tmp_path / "poses.csv", origin=LocalFrame(50, 6))
+    with pytest.raises(CaptureError):
+        geotag(tmp_path / "none", recording("mount_then_yaw.tlog"), tmp_path / "poses.csv")
+    assert poses_table([]).startswith("image,x_m")
+
+
+def test_the_command(photographs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    site = tmp_path / "site.toml"
+    site.write_text(
+        'format = 1\n[home]\nlatitude_deg = 50.8649\nlongitude_deg = 6.4473\namsl_m = 92.06\n'
+        '[[plots]]\nname = "plot"\nlatitude_deg = 50.865\nlongitude_deg = 6.4473\n'
+    )  # fmt: skip
+    output = tmp_path / "poses.csv"
+    log = recording("mount_then_yaw.tlog")
+    geotag_command.command(photographs, log, output, site=site, as_json=True)
+    told = json.loads(capsys.readouterr().out)
+    assert told["matched"] == 12
+    assert told["images_without_trigger"] == ["P99_test.jpg"]
+    assert told["origin"]["altitude_m"] == pytest.approx(92.06)
+    rows = list(csv.DictReader(output.read_text().splitlines()))
+    assert len(rows) == 12
+    assert all(float(r["x_m"]) ** 2 + float(r["y_m"]) ** 2 == pytest.approx(6.25, abs=0.4) for r in rows)
+    geotag_command.command(photographs, log, output, origin="50.8649,6.4473,92.06", mount="-40,0", overwrite=True)
+    assert "12 of 13" in capsys.readouterr().err
+    for wrong in (
+        {"origin": "1,2"},
+        {"origin": "99,6,0"},
+        {"mount": "-100"},
+        {"plot": "x"},
+        {"origin": "1,2,3", "site": site},
+    ):
+        with pytest.raises(UsageError):
+            geotag_command.command(photographs, log, tmp_path / "other.csv", **wrong)
+    assert not (tmp_path / "other.csv").exists()

@@ -1,0 +1,202 @@
+"""Photographs matched to triggers: by time and place, with some missing, some extra and a clock that is wrong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.flightlogs import Place, Stamp, Trigger, match, read_flight_log
+from tests.flightlogs.recordings import recording
+
+HOME = (50.865, 6.4473)
+M_NORTH, M_EAST = 1.0 / 111_240.0, 1.0 / 70_370.0
+
+
+def flown(intervals: list[float], ring_m: float = 2.5, plot_m: float = 30.0) -> list[Trigger]:
+    """Triggers on rings of 13 about plots that lie in a row."""
+    triggers, time = [], 1_795_000_000.0
+    for k, interval in enumerate(intervals):
+        time += interval
+        angle = 2 * math.pi * (k % 13) / 13
+        place = Place(
+            HOME[0] + ring_m * math.cos(angle) * M_NORTH,
+            HOME[1] + (ring_m * math.sin(angle) + plot_m * (k // 13)) * M_EAST, 100.0, 2.0,
+        )  # fmt: skip
+        triggers.append(Trigger(time - 1_794_999_000.0, time, k + 1, place, None, None, None, None, "test"))
+    return triggers
+
+
+def photograph(trigger: Trigger, name: str, *, offset: float, noise: tuple[float, float, float], whole: bool,
+               gps: bool) -> Stamp:  # fmt: skip
+    assert trigger.utc_s is not None
+    assert trigger.place is not None
+    time = trigger.utc_s + offset + noise[0]
+    stamp = Stamp(name, float(math.floor(time)) if whole else time)
+    if not gps:
+        return stamp
+    return replace(
+        stamp,
+        latitude_deg=trigger.place.latitude_deg + noise[1] * M_NORTH,
+        longitude_deg=trigger.place.longitude_deg + noise[2] * M_EAST,
+    )
+
+
+def series(count: int, seed: int, low: float = 4.0, high: float = 14.0) -> list[float]:
+    return list(np.random.default_rng(seed).uniform(low, high, count))
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    plots=st.integers(1, 3),
+    drop=st.integers(0, 12),
+    extra=st.floats(-20.0, 1.0),
+    offset=st.floats(-50_000, 50_000),
+    drift=st.floats(-1e-4, 1e-4),
+    kind=st.sampled_from([(False, False), (True, True), (False, True)]),
+)
+@settings(max_examples=40)
+def test_one_missing_and_one_extra_anywhere(
+    seed: int, plots: int, drop: int, extra: float, offset: float, drift: float, kind: tuple[bool, bool]
+) -> None:
+    """Fractions of seconds, or whole ones with GPS (5 cm): every photograph finds its own trigger."""
+    whole, gps = kind
+    rng = np.random.default_rng(seed)
+    triggers = flown(series(13 * plots, seed))
+    start = triggers[0].time_s
+    stamps = []
+    for k, trigger in enumerate(triggers):
+        if k == drop:
+            continue
+        noise = (float(rng.normal(0, 0.03)), float(rng.normal(0, 0.05)), float(rng.normal(0, 0.05)))
+        clock = offset + drift * (trigger.time_s - start)
+        stamps.append(photograph(trigger, f"P{k}", offset=clock, noise=noise, whole=whole, gps=gps))
+    # The extra lies between two triggers or before the first, at least 2 s from any.
+    at = int(rng.integers(len(triggers)))
+    lone = photograph(triggers[at], "X", offset=offset - 2.0 + min(extra, -0.5), noise=(0, 30.0, 9.0), whole=whole,
+                      gps=gps)  # fmt: skip
+    apart = min(abs((t.utc_s or 0.0) + offset - (lone.time_s or 0.0)) for t in triggers)
+    if apart > 1.7:
+        stamps.append(lone)
+    rng.shuffle(stamps)
+    found = match(stamps, triggers)
+    assert all(pair.photograph == f"P{pair.trigger}" for pair in found.pairs)
+    assert not found.ambiguous
+    assert len(found.pairs) == 13 * plots - 1
+    assert found.triggers == (drop,)
+    assert found.photographs == (("X",) if apart > 1.7 else ())
+    assert found.offset_s is not None
+    assert abs(found.offset_s - offset) < (0.6 if whole else 0.1)
+
+
+@given(seed=st.integers(0, 10_000), drop=st.integers(0, 12), phase=st.floats(0, 1), rhythm=st.sampled_from([0.1, 2.0]))
+@settings(max_examples=40)
+def test_whole_seconds_without_gps_are_right_or_ambiguous(seed: int, drop: int, phase: float, rhythm: float) -> None:
+    """The less the intervals differ, the less whole seconds say: then it is reported, and never guessed."""
+    rng = np.random.default_rng(seed)
+    triggers = flown(series(13, seed, 9.0 - rhythm, 9.0 + rhythm))
+    stamps = [
+        photograph(t, f"P{k}", offset=7200.0 + phase, noise=(float(rng.normal(0, 0.03)), 0, 0), whole=True, gps=False)
+        for k, t in enumerate(triggers)
+        if k != drop
+    ]
+    found = match(stamps, triggers)
+    assert all(pair.photograph == f"P{pair.trigger}" for pair in found.pairs)
+    assert len(found.pairs) == 12 or found.ambiguous
+    assert found.remarks or not found.ambiguous
+    known = match(stamps, triggers, offset_s=7200.0 + phase - 0.5)
+    assert all(pair.photograph == f"P{pair.trigger}" for pair in known.pairs)
+    assert len(known.pairs) == 12
+
+
+def test_an_even_rhythm_with_whole_seconds_needs_the_offset() -> None:
+    triggers = flown([9.0] * 13)
+    stamps = [
+        photograph(t, f"P{k}", offset=30.3, noise=(0, 0, 0), whole=True, gps=False)
+        for k, t in enumerate(triggers)
+        if k not in (0, 12)
+    ]
+    found = match(stamps, triggers)
+    assert not found.pairs
+    assert len(found.ambiguous) == 11
+    assert "give the offset" in found.remarks[0]
+    assert len(match(stamps, triggers, offset_s=30.0).pairs) == 11
+
+
+def test_places_decide_where_times_cannot() -> None:
+    triggers = flown([9.0] * 13)
+    stamps = [
+        photograph(t, f"P{k}", offset=30.3, noise=(0, 0.02, -0.02), whole=True, gps=True)
+        for k, t in enumerate(triggers)
+        if k not in (0, 12)
+    ]
+    found = match(stamps, triggers)
+    assert [(p.photograph, p.trigger) for p in found.pairs] == [(f"P{k}", k) for k in range(1, 12)]
+    assert found.triggers == (0, 12)
+
+
+def test_by_place_alone() -> None:
+    triggers = flown([9.0] * 13)
+    stamps = [
+        replace(photograph(t, f"P{k}", offset=0, noise=(0, 0.05, 0.02), whole=False, gps=True), time_s=None)
+        for k, t in enumerate(triggers)
+        if k != 4
+    ]
+    found = match(stamps[::-1], triggers)
+    assert [(p.photograph, p.trigger) for p in found.pairs] == [(f"P{k}", k) for k in range(13) if k != 4]
+    # Two photographs at one place, one trigger: which one it was cannot be told.
+    twin = replace(stamps[0], name="twin")
+    again = match([*stamps, twin], triggers)
+    assert {"P0", "twin"} <= set(again.ambiguous)
+    assert len(again.pairs) == 11
+
+
+def test_two_plots_flown_alike_in_one_log() -> None:
+    """The photographs of the second plot only; the first has the same rhythm, so only places tell."""
+    rhythm = series(13, 3)
+    triggers = flown([*rhythm, *rhythm])
+    with_gps = [
+        photograph(t, f"P{k}", offset=12.0, noise=(0.01, 0.5, -0.5), whole=True, gps=True)
+        for k, t in enumerate(triggers)
+    ][13:]
+    found = match(with_gps, triggers)
+    assert [(p.photograph, p.trigger) for p in found.pairs] == [(f"P{k}", k) for k in range(13, 26)]
+    without = [replace(s, latitude_deg=None, longitude_deg=None) for s in with_gps]
+    assert not match(without, triggers).pairs
+    assert match(without, triggers).ambiguous
+
+
+def test_nothing_to_go_by() -> None:
+    triggers = flown(series(5, 1))
+    found = match([Stamp("a"), Stamp("b")], triggers)
+    assert not found.pairs
+    assert found.photographs == ("a", "b")
+    assert "neither when nor where" in found.remarks[0]
+    assert match([], triggers).triggers == (0, 1, 2, 3, 4)
+    assert match([Stamp("a", 3.0)], []).photographs == ("a",)
+
+
+def test_photographs_of_another_flight() -> None:
+    triggers = flown(series(13, 1))
+    others = [photograph(t, f"P{k}", offset=0, noise=(0, 0, 0), whole=False, gps=False)
+              for k, t in enumerate(flown(series(13, 2)))]  # fmt: skip
+    found = match(others, triggers)
+    assert not found.pairs
+    assert found.remarks
+
+
+def test_recorded_flights_with_every_photograph_missing_in_turn() -> None:
+    """hold0 photographs every 2 s, mount_then_yaw every 9.5 s in an almost even rhythm."""
+    for name in ("hold0", "mount_then_yaw"):
+        triggers = read_flight_log(recording(f"{name}.tlog")).triggers
+        for drop in range(13):
+            stamps = [
+                Stamp(f"P{k}", (t.utc_s or 0.0) - 3600.0 + 0.15) for k, t in enumerate(triggers) if k != drop
+            ]  # fmt: skip
+            lone = (triggers[12 - drop].utc_s or 0.0) - 3600.0 - 1.0
+            found = match([Stamp("X", lone), *stamps], triggers)
+            assert [(p.photograph, p.trigger) for p in found.pairs] == [(f"P{k}", k) for k in range(13) if k != drop]
+            assert found.photographs == ("X",)

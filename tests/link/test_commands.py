@@ -1,0 +1,185 @@
+"""fieldkit replay and fieldkit upload."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import socket
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fieldkit.cli import replay as replay_command
+from fieldkit.cli import upload as upload_command
+from fieldkit.errors import MetadataError, MissionError, UsageError
+from fieldkit.missions.items import MissionItem
+from fieldkit.standin.recording import Recording
+from fieldkit.standin.replay import Replay
+from fieldkit.vehicles.vehicle_file import missions_folder
+
+SITE = """\
+format = 1
+
+[home]
+latitude_deg = 50.8649
+longitude_deg = 6.4473
+amsl_m = 92.0
+
+[[plots]]
+latitude_deg = 50.865
+longitude_deg = 6.4473
+"""
+
+
+@pytest.fixture
+def mission(tmp_path: Path, flown: tuple[MissionItem, ...]) -> Path:
+    rows = ["QGC WPL 110", "0\t1\t0\t16\t0\t0\t0\t0\t50.86490000\t6.44730000\t92.000000\t1"]
+    for number, item in enumerate(flown, start=1):
+        numbers = "\t".join(f"{value:.8f}" for value in item.params)
+        rows.append(f"{number}\t0\t{item.frame}\t{item.command}\t{numbers}\t1")
+    file = tmp_path / "field.waypoints"
+    file.write_text("\n".join(rows) + "\n")
+    (tmp_path / "site.toml").write_text(SITE)
+    return file
+
+
+@pytest.fixture
+def vehicle(recording: Recording) -> Replay:
+    return Replay(recording, speed=10.0, begin_s=60.0, rate_hz=5.0)
+
+
+def test_upload(mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[str]) -> None:
+    with vehicle:
+        upload_command.command(mission, vehicle.url, as_json=True)
+        printed = json.loads(capsys.readouterr().out)
+        assert len(vehicle.autopilot.items) == 68
+        upload_command.command(mission, vehicle.url)
+        assert "The ArduPilot holds the new mission whole: 67 items" in capsys.readouterr().err
+    assert printed["vehicle_holds"] == "new mission"
+    assert (printed["items"], printed["attempts"], printed["started"], printed["signed"]) == (67, 1, False, False)
+
+
+def swapped(mission: Path) -> Path:
+    """The mission with longitude first, as one column for the other."""
+    file = mission.with_name("swapped.waypoints")
+    rows = [line.split("\t") for line in mission.read_text().splitlines()]
+    file.write_text("\n".join("\t".join([*row[:8], *row[9:7:-1], *row[10:]]) for row in rows) + "\n")
+    return file
+
+
+def test_a_mission_with_errors_is_refused_before_anybody_is_called(mission: Path) -> None:
+    """Nobody is at this address: what speaks against the mission is said first."""
+    nowhere, site = "udpin://127.0.0.1:0", mission.parent / "site.toml"
+    with pytest.raises(
+        MissionError, match=r"the file's home is \d+\.\d km from the site's.*Nothing was sent"
+    ) as caught:
+        upload_command.command(swapped(mission), nowhere, site=site)
+    assert caught.value.exit_code == 5
+    assert "--force" in caught.value.remedy
+    text = mission.read_text()
+    never = mission.with_name("never.waypoints")
+    never.write_text(text.replace("\t2000\t0.00000000\t0.00000000\t1.0", "\t2000\t0.00000000\t0.00000000\t0.0"))
+    with pytest.raises(MissionError, match=r"13 items: .*without end"):
+        upload_command.command(never, nowhere)
+    zone = mission.with_name("zone.toml")
+    zone.write_text(SITE + '[[obstacles]]\nname = "mast"\nlatitude_deg = 50.865\nlongitude_deg = 6.4473\n'
+                    "radius_m = 5.0\ntop_m = 20.0\n")  # fmt: skip
+    with pytest.raises(MissionError, match="legs, the first at item"):
+        upload_command.command(mission, nowhere, site=zone)
+
+
+def test_what_only_a_profile_says_is_checked_with_one(mission: Path) -> None:
+    mini = mission.with_name("mini.toml")
+    known = (missions_folder() / "vehicles" / "ardupilot-pitch.toml").read_text()
+    mini.write_text(re.sub(r"pitch_deg = .*", "pitch_deg = [-30.0, 0.0]", known))
+    with pytest.raises(MissionError, match="beyond the mount"):
+        upload_command.command(mission, "udpin://127.0.0.1:0", vehicle=str(mini))
+    with pytest.raises(MissionError, match="does not fly waypoints files"):
+        upload_command.command(mission, "udpin://127.0.0.1:0", vehicle="dji-mini-4-pro")
+
+
+def test_force_sends_what_has_errors_and_says_so(
+    mission: Path, vehicle: Replay, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = mission.parent / "site.toml"
+    with vehicle:
+        upload_command.command(swapped(mission), vehicle.url, site=site, force=True)
+        assert "sent in spite of" in capsys.readouterr().err
+        assert len(vehicle.autopilot.items) == 68
+        upload_command.command(swapped(mission), vehicle.url, site=site, force=True, as_json=True)
+    printed = json.loads(capsys.readouterr().out)
+    assert "other-home" in {finding["code"] for finding in printed["findings"]}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"signed": True}, "needs a key"),
+        ({"start": True, "site": "site.toml", "force": True}, "what was forced"),
+        ({"start": True}, "where home is"),
+        ({"start": True, "site": "site.toml"}, "no terminal"),
+    ],
+)
+def test_refused_before_anything(
+    mission: Path, options: dict[str, Any], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", (mission.parent / "site.toml").open())
+    if "site" in options:
+        options = {**options, "site": mission.parent / options["site"]}
+    with pytest.raises(UsageError, match=message):
+        upload_command.command(mission, "udpin://127.0.0.1:0", **options)
+    sys.stdin.close()
+
+
+def test_the_key_is_read_from_a_file_only_its_owner_reads(mission: Path, tmp_path: Path) -> None:
+    (tmp_path / "key").write_bytes(bytes(32))
+    (tmp_path / "key").chmod(0o644)
+    with pytest.raises(MetadataError, match="others may read"):
+        upload_command.command(mission, "udpin://127.0.0.1:0", signed=True, signing_key=tmp_path / "key")
+
+
+@pytest.mark.parametrize("typed", ["START\n", "yes\n"])
+def test_start_is_typed(
+    mission: Path, vehicle: Replay, typed: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "r") as terminal, vehicle:
+        monkeypatch.setattr("sys.stdin", terminal)
+        monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+        os.write(master, typed.encode())
+        options: dict[str, Any] = {"site": mission.parent / "site.toml", "start": True, "as_json": True}
+        if typed == "START\n":
+            upload_command.command(mission, vehicle.url, **options)
+            assert (vehicle.autopilot.armed, vehicle.autopilot.mode) == (True, 3)
+        else:
+            with pytest.raises(MissionError, match="not started"):
+                upload_command.command(mission, vehicle.url, **options)
+            assert not vehicle.autopilot.armed
+            assert len(vehicle.autopilot.items) == 68
+    os.close(master)
+    assert "ARM, TAKE OFF" in capsys.readouterr().err
+
+
+def test_replay(sitl: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", 0))
+        station.settimeout(10)
+        heard = []
+        listen = threading.Thread(target=lambda: heard.append(station.recv(300)))
+        listen.start()
+        url = f"udpout://127.0.0.1:{station.getsockname()[1]}"
+        replay_command.command(
+            sitl / "probe_items.tlog", serve=url, begin=60.0, speed=10.0, duration=0.3, loss=0.2, as_json=True
+        )  # fmt: skip
+        listen.join()
+    printed = json.loads(capsys.readouterr().out)
+    assert heard
+    assert heard[0][:1] == b"\xfd"
+    assert printed["said"] > 50
+    assert printed["lost"] > 0
+    assert (printed["items"], printed["heard"]) == (0, 0)

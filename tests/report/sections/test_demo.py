@@ -1,0 +1,42 @@
+"""The demo's verdict: planned views against the circle, by both judges."""
+
+from __future__ import annotations
+
+import pytest
+
+from fieldkit.figures.content import Mark, Table
+from fieldkit.report.sections.demo import demo_blocks, demo_verdict
+from fieldkit.results.demo import DemoEntry, DemoReport
+
+
+def report(**planned_mm: float) -> DemoReport:
+    """The circle at 4 mm everywhere; planned views as given to the true plants, by plot."""
+    entries = [
+        DemoEntry(plot=plot, views=views, images=10, right=10, to_reference_m=0.003, to_true_plants_m=value / 1000)
+        for plot, value_mm in planned_mm.items()
+        for views, value in (("circle", 4.0), ("planned", value_mm))
+    ]  # fmt: skip
+    return DemoReport(seed=0, pose_noise=(0.02, 1.0), reference_to_true_plants_m=0.004, scores=tuple(entries))
+
+
+@pytest.mark.parametrize(
+    ("seen", "unseen", "level", "said"),
+    [
+        (3.6, 3.4, "good", "10 % nearer on the plot that was planned on and 15 % nearer on a plot never seen"),
+        (3.6, 4.1, "fact", "10 % nearer on the plot that was planned on and level (2 % farther) on a plot never seen"),
+        (4.0, 4.0, "fact", "level with the circle on the plot that was planned on and level with"),
+        (4.4, 4.8, "problem", "10 % farther on the plot that was planned on and 20 % farther on a plot never seen"),
+    ],
+)
+def test_the_verdict_claims_no_more_than_a_flight_can_tell(seen: float, unseen: float, level: str, said: str) -> None:
+    verdict = demo_verdict(report(seen=seen, unseen=unseen))
+    assert verdict.level == level
+    assert said in verdict.text
+
+
+def test_every_plot_and_judge_has_a_row() -> None:
+    _, table, _ = demo_blocks(report(seen=3.6, unseen=4.4))
+    assert isinstance(table, Table)
+    assert [row[1] for row in table.rows] == ["its reference", "the true plants"] * 2
+    marks = [row[4] for row in table.rows]
+    assert [mark.level for mark in marks if isinstance(mark, Mark)] == ["fact", "good", "fact", "problem"]

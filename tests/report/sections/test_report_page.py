@@ -1,0 +1,395 @@
+"""What a report says of results: the summary's rules, views, and the file as a whole."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fieldkit
+from fieldkit.clouds import PointIndex, read_cloud
+from fieldkit.errors import MetadataError, StorageError, UsageError
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.report.sections.glossary import MEANINGS, meanings
+from fieldkit.report.sections.in_short import next_step, verdict
+from fieldkit.report.sections.loaded_results import PlanResult, Results
+from fieldkit.report.sections.read_results import read_results
+from fieldkit.report.sections.summary import summarise
+from fieldkit.report.sections.views_3d import plan_view, plot_view, points_of, within_budget
+from fieldkit.report.write_report import write_report
+from fieldkit.results.doubtful import OTHER_PLANTS
+from fieldkit.results.evaluation import EvaluationReport, FindingEntry, PlotEvaluation, PredictionEntry
+from fieldkit.results.mission import MissionHome, MissionPlace
+from fieldkit.results.traits import TraitsEntry
+from tests.report.page_checks import checked
+from tests.report.sections.examples import (
+    HOSTILE,
+    SHOWN,
+    write_comparison,
+    write_evaluation,
+    write_everything,
+    write_mission,
+    write_photographs,
+    write_reference,
+    write_run,
+)
+
+
+@pytest.fixture(scope="module")
+def season(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("results") / "season"
+    write_everything(root)
+    return root
+
+
+@pytest.fixture
+def scored(tmp_path: Path) -> Results:
+    write_reference(tmp_path / "ref")
+    write_evaluation(tmp_path / "eval", tmp_path / "ref")
+    return read_results(tmp_path)
+
+
+class TestFile:
+    def test_it_shows_every_part_in_order_and_hostile_names_stay_text(self, season: Path, tmp_path: Path) -> None:
+        done = write_report(season, tmp_path / "report.html")
+        assert (done.references, done.plans, done.missions, done.evaluations, done.campaigns) == (1, 1, 1, 1, 1)
+        assert done.comparisons == 1
+        assert done.unreadable == ("broken/evaluation.json",)
+        assert (done.views, done.thumbnails) == (5, 8)
+        assert done.bytes == (tmp_path / "report.html").stat().st_size
+        parsed = checked((tmp_path / "report.html").read_text(encoding="utf-8"))
+        ids = [a["id"] for a in parsed.all("section")]
+        assert ids == [
+            "summary", "reference-1", "plan-1", "mission-1", "evaluation-1", "comparison-1", "campaign-1",
+            "glossary", "provenance",
+        ]  # fmt: skip
+        assert SHOWN in parsed.text
+        assert "\u202e" not in (tmp_path / "report.html").read_text(encoding="utf-8")
+        printed = [a.get("class") == "printed" for a in parsed.all("img")]
+        assert (printed.count(True), printed.count(False)) == (5, 8)
+        assert "broken/evaluation.json is damaged" in parsed.text
+        assert "No photograph" in parsed.text or "no photograph" in parsed.text
+
+    def test_the_same_results_give_the_same_bytes(self, season: Path, tmp_path: Path) -> None:
+        for name in ("a.html", "b.html"):
+            write_report(season, tmp_path / name, points=1000)
+        assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+    def test_title(self, scored: Results, tmp_path: Path) -> None:
+        write_report(scored.root / "eval", tmp_path / "r.html", title=HOSTILE)
+        page = checked((tmp_path / "r.html").read_text())
+        assert SHOWN in page.text
+
+    def test_never_overwrites_unasked_and_never_leaves_half_a_file(self, scored: Results, tmp_path: Path) -> None:
+        folder = scored.root / "eval"
+        file = tmp_path / "r.html"
+        file.write_text("mine")
+        with pytest.raises(UsageError, match="exists already"):
+            write_report(folder, file)
+        assert file.read_text() == "mine"
+        write_report(folder, file, overwrite=True)
+        checked(file.read_text())
+        with pytest.raises(UsageError, match="is a folder"):
+            write_report(folder, folder, overwrite=True)
+        with pytest.raises(UsageError, match="cannot show"):
+            write_report(folder, tmp_path / "x.html", points=5)
+        with pytest.raises(StorageError):
+            write_report(folder, file / "below.html")
+        with pytest.raises(MetadataError, match="no result"):
+            write_report(_empty(tmp_path), tmp_path / "x.html")
+        assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []
+
+    def test_it_goes_into_the_folder_where_no_name_is_given(self, scored: Results) -> None:
+        done = fieldkit.write_report(scored.root)
+        assert done.output == scored.root / "report.html"
+        with pytest.raises(UsageError):
+            fieldkit.write_report(scored.root)
+
+    def test_provenance_names_versions_seeds_and_hashes(self, scored: Results, tmp_path: Path) -> None:
+        write_report(scored.root, tmp_path / "r.html", overwrite=True)
+        text = checked((tmp_path / "r.html").read_text()).text
+        assert scored.references[0].sha256 in text
+        assert scored.evaluations[0].sha256 in text
+        assert fieldkit.__version__ in text
+        assert f"fieldkit report {scored.root.name}" in text
+        assert scored.references[0].report.files[0].sha256 in text
+
+    def test_hostile_names_of_plots_read_nothing_outside(self, tmp_path: Path) -> None:
+        write_reference(tmp_path / "r" / "ref")
+        write_evaluation(tmp_path / "r" / "eval", tmp_path / "r" / "ref")
+        write_evaluation(tmp_path / "outside", tmp_path / "r" / "ref", plots=("secret",))
+        document = json.loads((tmp_path / "r" / "eval" / "evaluation.json").read_text())
+        secret = json.loads((tmp_path / "outside" / "evaluation.json").read_text())["plots"][0]
+        secret["name"] = "../../outside/secret"
+        secret["files"][0]["name"] = "../../outside/secret/cloud.ply"
+        document["plots"] = [secret]
+        (tmp_path / "r" / "eval" / "evaluation.json").write_text(json.dumps(document))
+        done = write_report(tmp_path / "r")
+        assert done.views == 1  # the reference's
+        assert "does not lie in the evaluation" in (tmp_path / "r" / "report.html").read_text()
+
+
+class TestSummary:
+    def test_of_a_scored_capture(self, scored: Results) -> None:
+        plot = scored.evaluations[0].report.plots[0]
+        told = [s for s in summarise(scored) if s.text.startswith("plot 7")]
+        assert told[0].text == "plot 7: 6 of 8 photographs registered and used, 2,577 points of plants."
+        left_out = next(s for s in told if "not used" in s.text)
+        assert (left_out.level, "2 of 8 photographs were not used" in left_out.text) == ("problem", True)
+        assert "1 no pair verified" in left_out.text
+        assert "1 wrong pose" in left_out.text
+        distances = next(s for s in told if "chamfer" in s.text)
+        assert plot.chamfer_m is not None
+        assert f"{1000 * plot.chamfer_m:.1f} mm (chamfer distance)" in distances.text
+        # A leaf is missing, and nothing is there that should not be.
+        assert any("the larger part of that distance is completeness" in s.text for s in told)
+
+    def test_rules_follow_the_figures(self, scored: Results) -> None:
+        def told(**changed: object) -> str:
+            return _told(scored, **changed)
+
+        base = {"accuracy_m": 0.004, "completeness_m": 0.004, "chamfer_m": 0.008, "pose_rms_m": 0.001, "gsd_m": 0.0005}
+        assert "is completeness:" not in told(**base)
+        assert "beside the reference" not in told(**base)
+        assert "--refine" not in told(**base)
+        assert "details below" not in told(**base)
+        assert "beside the reference" in told(**base | {"accuracy_m": 0.009})
+        assert "is completeness:" in told(**base | {"completeness_m": 0.009})
+        assert "displace the whole cloud by about 4.08 mm" in told(**base | {"pose_rms_m": 0.01})
+        assert "details below 6.00 mm" in told(**base | {"gsd_m": 0.003})
+        assert "not metres" in told(**base | {"metric": False})
+        assert "fell apart into 2 groups" in told(**base | {"models": (5, 3)})
+        assert "reprojection error is 1.50 px" in told(**base | {"reprojection_px": 1.5})
+        unscored = {"chamfer_m": None, "accuracy_m": None, "completeness_m": None}
+        assert "chamfer" not in told(**base | unscored)
+
+    def test_of_plants_and_predictions(self, tmp_path: Path) -> None:
+        write_evaluation(tmp_path / "eval")
+        results = read_results(tmp_path)
+        traits = TraitsEntry(height_m=0.42, cover_percent=31.0, covered_area_m2=0.1, canopy_volume_m3=0.012)
+        likely = PredictionEntry(chamfer_m=0.011, low_m=0.008, high_m=0.016, reason="", model=1)
+        none = PredictionEntry(
+            chamfer_m=None, low_m=None, high_m=None, reason="nothing like it was in the fit", model=1
+        )
+        assert "likely to be 11.0 mm from its true plants" in _told(results, prediction=likely)
+        assert "lie between 8.00 mm and 16.0 mm" in _told(results, prediction=likely)
+        assert "is not known: nothing like it was in the fit." in _told(results, prediction=none)
+        assert "is not known." in _told(results, prediction=None)
+        part = results.evaluations[0]
+        plot = part.report.plots[0].model_copy(update={"traits": traits, "prediction": likely})
+        document = part.report.model_copy(update={"plots": (plot,)}).model_dump_json()
+        (tmp_path / "eval" / "evaluation.json").write_text(document)
+        write_report(tmp_path / "eval", tmp_path / "r.html")
+        text = checked((tmp_path / "r.html").read_text()).text
+        for told in (
+            "plant height 0.42\u00a0m",
+            "cover 31.0\u00a0%",
+            "canopy volume 0.012\u00a0m³",
+            "8.00 to 16.0\u00a0mm",
+        ):
+            assert " ".join(told.split()) in text
+
+    def test_of_flights_and_failures(self, season: Path) -> None:
+        texts = " ".join(s.text + s.advice for s in summarise(read_results(season)))
+        assert "5 of 7 planned stations were photographed; the flight was off by 0.21 m over ground" in texts
+        assert "no photograph at station 6 and station plot 7" in texts
+        assert "empty has no result: no photographs in it." in texts
+        assert "16 captures of 8 plots on 2 dates from 2026-06-30 to 2026-07-14" in texts
+        assert "maize-8, 2026-07-14: no score." in texts
+        assert "2026-06-30: distance to the reference (chamfer) 10.5 mm in the middle (median of 6 plots)" in texts
+        assert "as predicted, where there is no reference, 11.0 mm in maize-7." in texts
+        assert "From 2026-06-30 to 2026-07-14 the distance changed by 2.00 mm in the middle (median of 6 plots" in texts
+
+    def test_of_plans(self, tmp_path: Path) -> None:
+        write_run(tmp_path / "run")
+        (part,) = read_results(tmp_path / "run").plans
+        first, circles = summarise(Results(tmp_path, plans=(part,)))[:2]
+        assert "7 camera poses" in first.text
+        assert "4.10 ± 0.20 mm (standard deviation of 3 confirmations)" in first.text
+        best = min(t.value_m for t in part.trials if t.origin.startswith("circle"))
+        assert f"{100 * (1 - 0.0051 / best):.0f} % lower than the best of 3 circles" in circles.text
+        assert circles.level == "good"
+        assert not _improving(tmp_path, part)
+        late = [t.model_copy(update={"value_m": t.value_m * (0.9 if t.number > 37 else 1.0)}) for t in part.trials]
+        assert "--evaluations 60" in _improving(tmp_path, replace(part, trials=tuple(late)))
+        unfinished = summarise(Results(tmp_path, plans=(replace(part, plan=None, outcome=None),)))
+        assert [s.level for s in unfinished] == ["problem"]
+        assert "40 of 40 trials" in unfinished[0].text
+
+
+class TestViews:
+    def test_distances_are_exact_both_ways(self, scored: Results) -> None:
+        part = scored.evaluations[0]
+        scene, note = plot_view(part, part.report.plots[0], scored)
+        assert scene is not None
+        assert "completeness" in note
+        ours, theirs = scene.points
+        reference, cloud = (read_cloud(scored.root / p) for p in ("ref/cloud.ply", "eval/plot 7/cloud.ply"))
+        np.testing.assert_allclose(ours.values, PointIndex(reference.points).nearest(cloud.points)[0], atol=1e-6)
+        np.testing.assert_allclose(theirs.values, PointIndex(cloud.points).nearest(reference.points)[0], atol=1e-6)
+        assert np.mean(ours.values) == pytest.approx(part.report.plots[0].accuracy_m, rel=1e-4)  # type: ignore[arg-type]
+        assert [layer.name for layer in scene.frusta] == ["Cameras, achieved", "Cameras, pose found wrong"]
+        assert [len(layer.poses) for layer in scene.frusta] == [6, 1]
+
+    def test_planned_cameras_are_shown_where_they_are_in_the_same_frame(self, scored: Results) -> None:
+        write_run(scored.root / "plan", scored.root / "ref")
+        write_run(scored.root / "other")
+        results = read_results(scored.root)
+        part = results.evaluations[0]
+        scene, _ = plot_view(part, part.report.plots[0], results)
+        assert scene is not None
+        assert [layer.name for layer in scene.frusta][2:] == ["Cameras, planned"]
+        scenes = {plan.name: plan_view(plan, results)[0] for plan in results.plans}
+        assert [layer.name for layer in scenes["plan"].points] == ["Reference", "Plants, as flights keep clear of them"]  # type: ignore[union-attr]
+        assert [layer.shown for layer in scenes["other"].points] == [True]  # type: ignore[union-attr]
+
+    def test_a_missions_way_lies_where_the_reference_is_on_the_earth(self, scored: Results) -> None:
+        # The example's source frame has its origin at 50.6° N 6.98° E, 70 m; the plot frame lies 1.2 m above it.
+        write_mission(scored.root / "mission")
+        (mission,) = read_results(scored.root).missions
+        for home_amsl, distance, shown in ((70.0, 0.0, 1), (None, 0.0, 0), (70.0, 0.01, 0)):
+            frame = LocalFrame(50.6 + distance, 6.98, 70.0)
+            latitude, longitude, altitude = (float(value[0]) for value in frame.to_geodetic([10.0, -4.0, 5.0]))
+            end = MissionPlace(latitude_deg=latitude, longitude_deg=longitude, height_m=altitude - 70.0)
+            home = MissionHome(latitude_deg=50.6 + distance, longitude_deg=6.98, amsl_m=home_amsl)
+            moved = replace(
+                mission, record=mission.record.model_copy(update={"home": home}),
+                flight=mission.flight.model_copy(update={"stops": (), "landing": end}), mission_file="m.plan",
+            )  # fmt: skip
+            takeoff_m = mission.flight.takeoff_m
+            way = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, takeoff_m], [10.0, -4.0, 5.0], [10.0, -4.0, 0.0]])
+            part = scored.evaluations[0]
+            scene, _ = plot_view(part, part.report.plots[0], replace(scored, missions=(moved,)))
+            assert scene is not None
+            ways = [layer for layer in scene.lines if layer.name == "Way of m.plan"]
+            assert len(ways) == shown
+            if ways:
+                np.testing.assert_allclose(ways[0].lines[0], way - (0, 0, 1.2), atol=2e-5)
+
+    def test_a_cloud_that_was_changed_is_not_shown(self, scored: Results) -> None:
+        cloud = scored.root / "eval" / "plot 7" / "cloud.ply"
+        cloud.write_bytes(cloud.read_bytes()[:-4] + b"\0\0\0\0")
+        part = scored.evaluations[0]
+        scene, note = plot_view(part, part.report.plots[0], scored)
+        assert scene is None
+        assert "was changed" in note
+
+    def test_points_are_thinned_out_the_same_every_time(self, scored: Results) -> None:
+        part = scored.evaluations[0]
+        scene, _ = plot_view(part, part.report.plots[0], scored)
+        assert scene is not None
+        (thin,), (again,) = (within_budget([scene], 1000) for _ in range(2))
+        assert 990 <= points_of([thin]) <= 1000
+        assert within_budget([scene], 10_000) == [scene]
+        for layer, other, whole in zip(thin.points, again.points, scene.points, strict=True):
+            np.testing.assert_array_equal(layer.points, other.points)
+            assert layer.values is not None
+            assert whole.values is not None
+            rows = {tuple(p): v for p, v in zip(whole.points.tolist(), whole.values.tolist(), strict=True)}
+            assert all(rows[tuple(p)] == v for p, v in zip(layer.points.tolist(), layer.values.tolist(), strict=True))
+
+
+def test_thumbnails_show_what_was_left_out_first(tmp_path: Path) -> None:
+    write_evaluation(tmp_path / "eval", source="plot 7")
+    write_photographs(tmp_path / "captures" / "plot 7")
+    done = write_report(tmp_path / "eval", tmp_path / "r.html")
+    assert done.thumbnails == 8
+    parsed = checked((tmp_path / "r.html").read_text())
+    assert [a["alt"] for a in parsed.all("img") if a["alt"].startswith("photograph")][:2] == [
+        "photograph IMG_0007.jpg",
+        "photograph IMG_0008.jpg",
+    ]
+
+
+def test_other_plants_than_the_references_are_no_success(scored: Results) -> None:
+    (found,) = scored.evaluations
+    (plot,) = found.report.plots
+    finding = FindingEntry(name="plot 7", code=OTHER_PLANTS, message="far off; check the plot", left_out=False)
+    odd = replace(found, report=found.report.model_copy(
+        update={"plots": (plot.model_copy(update={"findings": (finding,), "right": plot.images}),)}
+    ))  # fmt: skip
+    said = summarise(replace(scored, references=(), evaluations=(odd,)))
+    count = f"{plot.images} of {plot.images} photographs registered and used"
+    assert (said[0].level, said[0].text) == ("fact", f"plot 7: {count}, {plot.points:,} points of plants.")
+    assert ("problem", "plot 7: far off.", "Check the plot.") in [(s.level, s.text, s.advice) for s in said]
+    assert not any("on average its points lie" in each.text for each in said)
+    assert verdict(scored, said).level == "problem"
+
+
+def test_what_is_the_same_of_many_plots_is_said_once(tmp_path: Path) -> None:
+    write_reference(tmp_path / "ref")
+    write_evaluation(tmp_path / "eval", tmp_path / "ref", plots=tuple(f"p{k}" for k in range(30)), adherence=True)
+    write_report(tmp_path)
+    text = checked((tmp_path / "report.html").read_text()).text
+    assert text.count("Fly these stations again.") == 5 + 26  # the others are folded
+    assert "The same of 26 more" in text
+
+
+def test_a_comparison_says_what_is_more_than_noise(tmp_path: Path) -> None:
+    write_comparison(tmp_path / "cmp")
+    write_report(tmp_path / "cmp")
+    text = checked((tmp_path / "cmp" / "report.html").read_text()).text
+    assert "a comparison of 2 evaluations (1 of 2 differences beyond noise)" in text
+    assert "1 difference to “may” may be noise" in text
+    assert re.search(r"a june 13\.2 −3\.4 ±0\.2 yes", text)
+    (tmp_path / "cmp" / "compare.json").write_text('{"kind": "comparison", "version": 1}')
+    with pytest.raises(MetadataError, match="fieldkit"):
+        read_results(tmp_path / "cmp")
+
+
+def test_a_report_begins_with_its_figures_and_ends_with_the_next_step(tmp_path: Path) -> None:
+    write_reference(tmp_path / "ref")
+    write_evaluation(tmp_path / "eval", tmp_path / "ref", plots=("a", "b"))
+    write_run(tmp_path / "plan")
+    write_mission(tmp_path / "mission")
+    said = {}
+    for name in ("ref", "eval", "plan", "mission"):
+        results = read_results(tmp_path / name)
+        said[name] = verdict(results, ()).text, next_step(results)
+    assert "1 reference from 6 of 8 photographs" in said["ref"][0]
+    assert re.search(r"2 of 2 captures reconstructed \(chamfer distance [\d.]+ to [\d.]+ mm\)", said["eval"][0])
+    assert "a plan of 7 views (4.10 ± 0.20 mm from its reference)" in said["plan"][0]
+    assert re.search(r"1 mission of \d+ photographs \(\d+ plots?, [\d.]+ m, \d+:\d\d min\)", said["mission"][0])
+    for name, command in (
+        ("ref", "plan"),
+        ("plan", "export-mission"),
+        ("mission", "check-mission"),
+        ("eval", "campaign"),
+    ):
+        assert f"fieldkit {command}" in said[name][1]
+    assert next_step(read_results(tmp_path)) == ""
+
+
+@pytest.mark.parametrize("name", ["r.pdf", "r.zip", "r.html.gz"])
+def test_a_report_is_html(scored: Results, name: str) -> None:
+    with pytest.raises(UsageError, match="HTML"):
+        write_report(scored.root, scored.root / name)
+
+
+def test_terms_are_explained() -> None:
+    assert [name for name, _ in meanings(["F-score", "accuracy"])] == ["accuracy", "F-score"]
+    with pytest.raises(KeyError):
+        meanings(["nonsense"])
+    assert all(meaning.endswith(".") for meaning in MEANINGS.values())
+
+
+def _told(results: Results, **changed: object) -> str:
+    part = results.evaluations[0]
+    plot: PlotEvaluation = part.report.plots[0].model_copy(update=changed)
+    report: EvaluationReport = part.report.model_copy(update={"plots": (plot,)})
+    return " ".join(
+        s.text + s.advice for s in summarise(Results(results.root, evaluations=(replace(part, report=report),)))
+    )
+
+
+def _improving(root: Path, part: PlanResult) -> str:
+    return next((s.advice for s in summarise(Results(root, plans=(part,))) if "still got better" in s.text), "")
+
+
+def _empty(tmp_path: Path) -> Path:
+    (tmp_path / "empty").mkdir()
+    return tmp_path / "empty"

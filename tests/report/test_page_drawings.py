@@ -1,0 +1,139 @@
+"""Charts and maps: where their marks lie."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from fieldkit.figures.style import DISTANCE_RAMP
+from fieldkit.report.html.charts import HEIGHT, WIDTH, LineChart, Series, draw, number_text, round_ticks
+from fieldkit.report.html.plot_map import MappedPlot, Measure, PlotMap, draw_map, ramp_color
+
+FINITE = st.floats(-1e9, 1e9)
+
+
+def chart(*series: Series, **more: object) -> LineChart:
+    return LineChart("t", "d", "x", "y", series, **more)  # type: ignore[arg-type]
+
+
+def numbers(path: str) -> list[float]:
+    return [float(n) for n in re.findall(r"-?[\d.]+", path)]
+
+
+def test_a_line_goes_through_its_points_and_breaks_at_gaps() -> None:
+    drawing = draw(chart(Series("a", ((0, 0.0), (5, 10.0), (6, None), (8, 5.0), (10, 0.0)))))
+    (line,) = drawing.series
+    assert line.path.count("M") == 2
+    left, right, top, bottom = (float(v) for v in (drawing.left, drawing.right, drawing.top, drawing.bottom))
+    assert numbers(line.path) == pytest.approx(
+        [left, bottom, (left + right) / 2, top, left + 0.8 * (right - left), (top + bottom) / 2, right, bottom], abs=0.1
+    )
+
+
+def test_steps_hold_a_value_until_the_next() -> None:
+    (line,) = draw(chart(Series("best", ((1, 3.0), (2, 2.0)), "step"))).series
+    assert re.fullmatch(r"M[\d.]+ [\d.]+H[\d.]+V[\d.]+", line.path)
+
+
+def test_what_lies_above_the_axis_is_drawn_on_its_edge_and_counted() -> None:
+    drawing = draw(chart(Series("a", ((0, 1.0), (1, 99.0)), "dots"), y_top=2.0))
+    assert drawing.above == 1
+    assert [over for *_, over in drawing.series[0].dots] == [False, True]
+    assert drawing.series[0].dots[1][1] == drawing.top
+
+
+def test_colours_of_lines_differ_and_the_background_is_grey() -> None:
+    point = ((0.0, 1.0), (1.0, 2.0))
+    series = [Series("", point, "dots"), Series("", point, "band"), *(Series("", point) for _ in range(5))]
+    assert [s.number for s in draw(chart(*series)).series] == [2, 2, 1, 3, 4, 5, 6]
+
+
+@given(
+    st.lists(st.tuples(FINITE, st.none() | FINITE), min_size=1, max_size=20), st.sampled_from(["line", "dots", "step"])
+)
+@example([(0.0, 5e-324)], "line")
+@example([(0.0, 1.0), (5e-324, 2.0)], "line")
+def test_everything_lies_in_the_drawing(points: list[tuple[float, float | None]], style: str) -> None:
+    drawing = draw(chart(Series("a", tuple(points), style)))  # type: ignore[arg-type]
+    spots = [(float(x), float(y)) for line in drawing.series for x, y, _ in line.dots]
+    path = drawing.series[0].path
+    spots += [(float(a), float(b)) for a, b in re.findall(r"[ML](-?[\d.]+) (-?[\d.]+)", path)]
+    assert all(0 <= x <= WIDTH and 0 <= y <= HEIGHT for x, y in spots)
+    assert len(drawing.x_ticks) <= 7
+    assert len(drawing.y_ticks) <= 6
+
+
+@given(FINITE, st.floats(1e-6, 1e9), st.integers(2, 9))
+def test_ticks_are_round_few_and_inside(low: float, size: float, most: int) -> None:
+    high = low + size
+    if high <= low:
+        return
+    ticks = round_ticks(low, high, most)
+    assert 1 <= len(ticks) <= most
+    if len(ticks) > 1:
+        step = ticks[1] - ticks[0]
+        slack = 1e-6 * max(abs(low), abs(high), step)
+        assert all(low - slack <= tick <= high + slack for tick in ticks)
+
+
+def test_ticks() -> None:
+    assert round_ticks(0, 100, 6) == [0, 20, 40, 60, 80, 100]
+    assert round_ticks(0.0, 0.012, 6) == [0, 0.005, 0.01]
+    assert round_ticks(1, 3, 9, whole=True) == [1, 2, 3]
+    assert number_text(-0.5) == "−0.5"
+
+
+def test_not_finite_is_an_error() -> None:
+    with pytest.raises(ValueError, match="finite"):
+        draw(chart(Series("a", ((0.0, math.nan),))))
+    with pytest.raises(ValueError, match="finite"):
+        draw_map(PlotMap("t", (MappedPlot("a", (((math.inf, 0.0),),)),), ()))
+    with pytest.raises(ValueError, match="plots"):
+        draw_map(PlotMap("t", (), ()))
+
+
+def test_a_map_keeps_shape_direction_and_scale() -> None:
+    wide = MappedPlot("wide", (((0.0, 0.0), (40.0, 0.0), (40.0, 10.0), (0.0, 10.0)),))
+    north = MappedPlot("north", (((0.0, 20.0), (10.0, 20.0), (10.0, 30.0), (0.0, 30.0)),))
+    height = Measure("height", "of plants", "m", {"d1": {"wide": 1.0}})
+    distance = Measure("quality", "distance", "mm", {"d1": {"wide": 5.0, "north": 9.0}})
+    drawn = draw_map(PlotMap("t", (wide, north), (height, distance), {"wide": "plot-1"}))
+    measure = drawn.measures[1]
+    ((_, (first, second)),) = measure.dates
+    assert (first.anchor, second.anchor) == ("plot-1", "")
+    a, b = numbers(first.path), numbers(second.path)
+    width, tall = max(a[::2]) - min(a[::2]), max(a[1::2]) - min(a[1::2])
+    assert width == pytest.approx(4 * tall, abs=0.5)
+    assert max(b[1::2]) < min(a[1::2])  # north is up
+    assert float(drawn.bar[0]) == pytest.approx(width / 40 * float(drawn.bar[1].removesuffix(" m")), abs=0.2)
+    assert (first.fill, second.fill) == (DISTANCE_RAMP[0], DISTANCE_RAMP[-1])
+    assert first.text == "wide, d1, quality: 5 mm"
+    assert (measure.low, measure.high) == ("5", "9")
+
+
+@pytest.mark.parametrize(("name", "narrow"), [("A1", True), ("a-plot-of-a-long-name", False)])
+def test_a_map_on_a_phone_keeps_the_plots_names(name: str, narrow: bool) -> None:
+    rings = [((x, 0.0), (x + 2.0, 0.0), (x + 2.0, 1.5), (x, 1.5)) for x in (0.0, 3.0, 6.0)]
+    plots = tuple(MappedPlot(f"{name}{k}", (ring,)) for k, ring in enumerate(rings))
+    drawn = draw_map(PlotMap("t", plots, (Measure("height", "of plants", "m", {"d": {}}),)))
+    assert all(shape.label for shape in drawn.measures[0].dates[0][1]) or not narrow
+    assert drawn.narrow is narrow
+
+
+def test_plots_without_a_value_say_why() -> None:
+    plot = MappedPlot("a", (((0.0, 0.0),),))
+    drawn = draw_map(
+        PlotMap("t", (plot,), (Measure("quality", "distance", "mm", {"d": {}}, {"d": {"a": "no photographs"}}),))
+    )
+    shape = drawn.measures[0].dates[0][1][0]
+    assert (shape.fill, shape.text) == ("", "a, d, quality: no photographs")
+
+
+@given(st.floats(0, 1))
+def test_ramp(share: float) -> None:
+    assert re.fullmatch(r"#[0-9a-f]{6}", ramp_color(share))
+    assert [ramp_color(k / 4) for k in range(5)] == list(DISTANCE_RAMP)

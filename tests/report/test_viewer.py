@@ -1,0 +1,205 @@
+"""The 3D view's markup, without a browser."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from fieldkit.errors import InputError
+from fieldkit.figures.foreign_text import visible
+from fieldkit.figures.style import DISTANCE_RAMP
+from fieldkit.report.html import viewer
+from fieldkit.report.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
+from tests.report.views import HOSTILE, cameras, hostile_scene, leaves, small_scene
+
+
+class Elements(HTMLParser):
+    """What a parser sees: elements with their attributes, and text by element."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.text: list[tuple[str, str]] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in ("input", "img"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text.append((self.open[-1] if self.open else "", data))
+
+
+def data_of(html: str) -> dict[str, object]:
+    found = re.search(r'class="fk-view-data">(.*?)</script>', html, re.DOTALL)
+    assert found
+    data = json.loads(found[1])
+    assert isinstance(data, dict)
+    return data
+
+
+def test_elements_are_balanced_and_need_no_leave() -> None:
+    page = Elements(viewer.viewer_html(small_scene(), identifier="view-1"))
+    assert page.open == []
+    names = {name for _, attributes in page.elements for name in attributes}
+    assert not {name for name in names if name.startswith("on")} | (names & {"style", "src", "href"})
+    assert [a["type"] for tag, a in page.elements if tag == "script"] == [
+        "application/json", "application/octet-stream", "application/octet-stream",
+    ]  # fmt: skip
+
+
+def test_every_layer_has_its_switch() -> None:
+    scene = small_scene()
+    hidden = PointLayer("Hidden", leaves(10).points, shown=False)
+    page = Elements(
+        viewer.viewer_html(ViewerScene("t", [*scene.points, hidden], scene.frusta, scene.lines), identifier="v")
+    )
+    switches = [a for tag, a in page.elements if tag == "input" and a["type"] == "checkbox"]
+    assert [(a["data-group"], a["data-number"]) for a in switches] == [
+        ("points", "0"), ("points", "1"), ("points", "2"), ("frusta", "0"), ("frusta", "1"), ("lines", "0"),
+        ("names", "0"),
+    ]  # fmt: skip
+    assert ["checked" in a for a in switches] == [True, True, False, True, True, True, True]
+    words = "".join(text for _, text in page.text)
+    for name in ("Capture", "6,000 points", "Reference", "Planned", "6 cameras", "Legs", "≥ 20 mm"):
+        assert name in words
+
+
+def test_labels_and_names_stay_text() -> None:
+    html = viewer.viewer_html(hostile_scene(), identifier="v")
+    page = Elements(html)
+    assert page.open == []
+    assert {tag for tag, _ in page.elements} <= {
+        "figure", "figcaption", "div", "p", "fieldset", "legend", "label", "input", "span", "select", "option",
+        "button", "script",
+    }  # fmt: skip
+    assert sum(HOSTILE in text for tag, text in page.text if tag != "script") == 5  # title, three switches, the scale
+    frusta = data_of(html)["frusta"]
+    assert isinstance(frusta, list)
+    assert frusta[0]["labels"] == [HOSTILE]
+    assert not any("<" in text for tag, text in page.text if tag == "script")
+
+
+@settings(max_examples=60)
+@given(st.text(max_size=60))
+def test_any_name_stays_text(name: str) -> None:
+    html = viewer.viewer_html(
+        ViewerScene(
+            name, [PointLayer(name, leaves(3).points)], [replace(cameras(name, "#112233", count=1), name=name)]
+        ),
+        identifier="v",
+    )
+    plain = viewer.viewer_html(
+        ViewerScene("t", [PointLayer("p", leaves(3).points)], [cameras("c", "#112233", count=1)]), identifier="v"
+    )
+    assert [tag for tag, _ in Elements(html).elements] == [tag for tag, _ in Elements(plain).elements]
+    frusta = data_of(html)["frusta"]
+    assert isinstance(frusta, list)
+    assert frusta[0]["labels"] == [visible(f"{name} 1")]
+
+
+def test_a_mission_is_seen_from_its_lines_and_the_ground() -> None:
+    way = LineLayer("Way", [np.array([[0, 0, 0], [0, 0, 5], [3, 0, 5]], dtype=np.float32)], "#112233")
+    fence = LineLayer("Fence", [np.array([[-900, 0, 0], [900, 0, 0]], dtype=np.float32)], "#112233")
+    photographs = cameras("Photographs", "#112233")
+    near = data_of(viewer.viewer_html(ViewerScene("t", frusta=[photographs], lines=[way]), identifier="v"))["focus"]
+    far = data_of(viewer.viewer_html(ViewerScene("t", frusta=[photographs], lines=[fence]), identifier="v"))["focus"]
+    assert isinstance(near, dict)
+    assert isinstance(far, dict)
+    assert near["outer"][1] == [3.0, near["outer"][1][1], 5.0]
+    assert near["outer"][0][2] == 0
+    assert far["outer"][1][0] < 2
+    assert far["outer"][0][2] == 0
+
+
+def test_hidden_characters_are_written_out() -> None:
+    html = viewer.viewer_html(ViewerScene("plot\u202egnp.exe"), identifier="v")
+    assert "\u202e" not in html
+    assert "\\u202e" in html
+
+
+def test_identifier_is_an_attribute() -> None:
+    page = Elements(viewer.viewer_html(ViewerScene("t"), identifier='a"b'))
+    assert page.elements[0][1]["id"] == 'a"b'
+
+
+def test_the_first_view_shows_the_plants_not_the_strays() -> None:
+    points = np.vstack([leaves().points, [[500.0, 0.0, 0.0]], [[np.nan, 0.0, 0.0]]]).astype(np.float32)
+    focus = data_of(viewer.viewer_html(ViewerScene("t", [PointLayer("p", points)]), identifier="v"))["focus"]
+    assert isinstance(focus, dict)
+    assert np.abs(focus["outer"]).max() < 2
+    assert focus["inner"] == focus["outer"]
+
+
+def test_an_empty_scene_and_empty_layers_are_views() -> None:
+    none = np.zeros((0, 3), dtype=np.float32)
+    scene = ViewerScene(
+        "t", [PointLayer("p", none)], [FrustumLayer("f", [], [], 0.5, 0.5, "#ffffff")],
+        [LineLayer("l", [none], "#ffffff")],
+    )  # fmt: skip
+    for each in (scene, ViewerScene("t")):
+        focus = data_of(viewer.viewer_html(each, identifier="v"))["focus"]
+        assert isinstance(focus, dict)
+        assert np.isfinite(focus["outer"]).all()
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    planned = cameras("f", "#123456", count=2)
+    wrong = [
+        ViewerScene("t", frusta=[FrustumLayer("f", planned.poses, ["one"], 0.5, 0.4, "#123456")]),
+        ViewerScene("t", frusta=[replace(planned, numbers=["1"])]),
+        ViewerScene("t", frusta=[cameras("f", "red")]),
+        ViewerScene("t", lines=[LineLayer("l", [], 'x"')]),
+        ViewerScene("t", lines=[LineLayer("l", [np.full((2, 3), np.nan, dtype=np.float32)], "#123456")]),
+    ]
+    for scene in wrong:
+        with pytest.raises(ValueError):
+            viewer.viewer_html(scene, identifier="v")
+
+
+def test_distances_have_one_scale_of_colours_that_is_seen_on_light_and_dark() -> None:
+    assert data_of(viewer.viewer_html(small_scene(), identifier="v"))["palette"] == list(DISTANCE_RAMP)
+    assert all(color in viewer.viewer_style() for color in DISTANCE_RAMP)
+    light, dark = luminances(["#f5f8f6"])[0], luminances(["#262d2b"])[0]
+    for each in luminances(DISTANCE_RAMP):
+        assert (light + 0.05) / (each + 0.05) > 1.3
+        assert (each + 0.05) / (dark + 0.05) > 1.3
+
+
+def luminances(colors: Sequence[str]) -> NDArray[np.float64]:
+    """Relative luminances of "#rrggbb" (WCAG 2.2)."""
+    tones = np.array([[int(color[i : i + 2], 16) for i in (1, 3, 5)] for color in colors]) / 255
+    linear = np.where(tones <= 0.04045, tones / 12.92, ((tones + 0.055) / 1.055) ** 2.4)
+    return np.asarray(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def test_missing_script_is_an_error_with_a_remedy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(viewer, "_folder", lambda: tmp_path)
+    with pytest.raises(InputError, match="3D view's script is missing") as caught:
+        viewer.viewer_script()
+    assert caught.value.path == tmp_path / "vendor" / viewer.BUNDLE
+    assert "make setup" in caught.value.remedy
+
+
+def test_script_and_style_can_stand_in_their_elements(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "</style" not in viewer.viewer_style().lower()
+    (tmp_path / "vendor").mkdir()
+    (tmp_path / "vendor" / viewer.BUNDLE).write_text("a = '</Script><!--'", encoding="utf-8")
+    monkeypatch.setattr(viewer, "_folder", lambda: tmp_path)
+    assert viewer.viewer_script() == r"a = '\x3c/Script>\x3c!--'"

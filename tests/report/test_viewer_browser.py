@@ -1,0 +1,381 @@
+"""The 3D view in a browser: what people see and do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from benchmarks.headless import ARGUMENTS, find_chromium, offline_page
+from fieldkit.errors import InputError
+from fieldkit.report.html.scene import ViewerScene
+from tests.browser import changed, colors_in, opened, picture
+from tests.report.views import HOSTILE, hostile_scene, leaves, page_of, small_scene
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Locator, Page
+
+READY = '.fk-view[data-state="ready"]'
+EYE = "document.querySelector('.fk-view').fieldkitView.camera.position.toArray()"
+_SPOTS = """() => {
+    const view = document.querySelector(".fk-view").fieldkitView;
+    const box = view.renderer.domElement.getBoundingClientRect();
+    return view.layers.frusta.map((layer) => layer.userData.cameras.map(({ WHERE }) => {
+        const p = WHERE.clone().project(view.camera);
+        return { x: 0.5 * (p.x + 1) * box.width, y: 0.5 * (1 - p.y) * box.height };
+    }));
+}"""
+AT, PLACES = _SPOTS.replace("WHERE", "at"), _SPOTS.replace("WHERE", "middle")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Writes a page of scenes and gives its file."""
+    folder = tmp_path_factory.mktemp("pages")
+
+    def write(name: str, *scenes: ViewerScene, gap_px: int = 0) -> Path:
+        file = folder / f"{name}.html"
+        try:
+            file.write_text(page_of(*scenes, gap_px=gap_px), encoding="utf-8")
+        except InputError as error:
+            pytest.skip(f"{error} {error.remedy}")
+        return file
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def small(written: Callable[..., Path]) -> Path:
+    return written("small", small_scene())
+
+
+@contextmanager
+def ready(browser: Browser, file: Path, **options: object) -> Iterator[tuple[Page, Locator]]:
+    """The page and its stage when the first frame has been drawn."""
+    with opened(browser, file, **{"height": 520, **options}) as page:  # type: ignore[arg-type]
+        page.wait_for_selector(READY)
+        yield page, page.locator(".fk-view-stage")
+
+
+def settled(page: Page) -> None:
+    """Wait until the view has drawn what was asked for, and that is on the screen."""
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def test_points_arrive_where_they_were(browser: Browser, written: Callable[..., Path]) -> None:
+    layer = leaves(500)
+    with ready(browser, written("few", ViewerScene("t", [layer]))) as (page, _):
+        found = page.evaluate(
+            """() => {
+                const cloud = document.querySelector(".fk-view").fieldkitView.layers.points[0];
+                const { layer, arrays } = cloud.userData;
+                return {
+                    layer, positions: [...arrays.positions], colors: [...arrays.colors], values: [...arrays.values],
+                };
+            }"""
+        )
+    grid = np.array(found["positions"]).reshape(-1, 4)[:, :3]
+    points = grid * found["layer"]["step"] + found["layer"]["origin"]
+    colors = np.array(found["colors"]).reshape(-1, 4)[:, :3]
+    distances = np.linalg.norm(points[:, None] - layer.points[None], axis=2)
+    match = distances.argmin(axis=1)
+    assert sorted(match) == list(range(500))
+    assert np.abs(points - layer.points[match]).max() <= 0.51 * found["layer"]["step"]
+    assert layer.colors is not None
+    assert layer.values is not None
+    np.testing.assert_array_equal(colors, layer.colors[match])
+    expected = np.clip(layer.values[match] / layer.limit, 0, 1) * 254
+    np.testing.assert_allclose(found["values"], expected, atol=0.51)
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_something_is_seen_in_light_and_dark(browser: Browser, small: Path, width: int) -> None:
+    grounds = []
+    for dark in (False, True):
+        with ready(browser, small, width=width, dark=dark) as (page, stage):
+            image = picture(stage)
+            assert colors_in(image) > 300
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            grounds.append(image[20, image.shape[1] // 2].mean())
+    assert grounds[0] > 200
+    assert grounds[1] < 60
+
+
+def test_switches_point_size_and_colours_change_the_picture(browser: Browser, small: Path) -> None:
+    with ready(browser, small) as (page, stage):
+        before = picture(stage)
+        for switch in page.locator(".fk-view-switch input").all():
+            switch.uncheck()
+            settled(page)
+            assert changed(before, picture(stage)) > 100
+            switch.check()
+        settled(page)
+        assert changed(before, picture(stage)) == 0
+        size = page.locator(".fk-view-size input")
+        size.fill("8")
+        settled(page)
+        large = picture(stage)
+        assert changed(before, large) > 1000
+        page.locator(".fk-view-coloring select").select_option("colors")
+        settled(page)
+        assert changed(large, picture(stage)) > 1000
+
+
+def test_keys_turn_zoom_and_reset(browser: Browser, small: Path) -> None:
+    with ready(browser, small) as (page, stage):
+        first = page.evaluate(EYE)
+        stage.focus()
+        for key in ("ArrowLeft", "ArrowUp", "+"):
+            before = page.evaluate(EYE)
+            page.keyboard.press(key)
+            assert not np.allclose(page.evaluate(EYE), before)
+        turned = page.evaluate(EYE)
+        assert np.linalg.norm(turned) < np.linalg.norm(first)
+        assert turned[2] / np.linalg.norm(turned) > first[2] / np.linalg.norm(first)  # the eye goes up
+        page.keyboard.press("0")
+        np.testing.assert_allclose(page.evaluate(EYE), first, atol=1e-9)
+        page.keyboard.press("Tab")
+        before = page.evaluate(EYE)
+        page.keyboard.press("ArrowLeft")  # now of the next control
+        assert page.evaluate(EYE) == before
+
+
+def test_drag_turns_and_buttons_go_to_views(browser: Browser, small: Path) -> None:
+    with ready(browser, small) as (page, stage):
+        first, before = page.evaluate(EYE), picture(stage)
+        box = stage.bounding_box()
+        assert box
+        page.mouse.move(box["x"] + 300, box["y"] + 200)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 420, box["y"] + 230, steps=3)
+        page.mouse.up()
+        settled(page)
+        eye = page.evaluate(EYE)
+        assert np.isclose(np.linalg.norm(eye), np.linalg.norm(first), rtol=0.2)
+        assert not np.allclose(eye, first, atol=0.1)
+        assert changed(before, picture(stage)) > 1000
+        page.get_by_role("button", name="From above").click()
+        x, y, z = page.evaluate(EYE)
+        assert np.hypot(x, y) < 0.01 * z
+        page.get_by_role("button", name="Reset view").click()
+        np.testing.assert_allclose(page.evaluate(EYE), first, atol=1e-9)
+
+
+@pytest.mark.parametrize("north", [None, (0.6, 0.8)])
+def test_from_above_the_view_is_a_map(
+    browser: Browser, written: Callable[..., Path], north: tuple[float, float] | None
+) -> None:
+    scene = replace(small_scene(), north=north)
+    with ready(browser, written(f"north-{north is None}", scene)) as (page, stage):
+        length = page.locator(".fk-view-length")
+        assert not length.is_visible()
+        page.get_by_role("button", name="From above").click()
+        settled(page)
+        spots = page.evaluate(
+            """() => {
+                const view = document.querySelector(".fk-view").fieldkitView;
+                const { clientWidth: width, clientHeight: height } = view.stage;
+                const place = (at) => view.camera.position.clone().set(...at);
+                return [[0.4, -0.3, 0], [0.4, -0.3, 0.9], [1.4, -0.3, 0], [0.4, 0.7, 0]].map((at) => {
+                    const p = place(at.map((value, axis) => value - view.center[axis])).project(view.camera);
+                    return [0.5 * (p.x + 1) * width, 0.5 * (1 - p.y) * height];
+                });
+            }"""
+        )
+        low, high, to_x, to_y = map(np.array, spots)
+        assert np.abs(low - high).max() < 0.05  # one pixel, whatever the height
+        metre = np.linalg.norm(to_x - low)
+        assert np.isclose(np.linalg.norm(to_y - low), metre, rtol=1e-3)
+        up = north or (0.0, 1.0)
+        np.testing.assert_allclose(up[0] * (to_x - low) + up[1] * (to_y - low), [0.0, -metre], atol=0.05)
+        text, box = length.inner_text(), length.bounding_box()
+        assert box
+        unit = {"mm": 0.001, "cm": 0.01, "m": 1.0}[text.split()[1]]
+        assert box["width"] == pytest.approx(float(text.split()[0]) * unit * metre, abs=0.6)
+        before = page.evaluate(EYE)
+        page.mouse.move(300, 200)
+        page.mouse.down()
+        page.mouse.move(340, 200, steps=2)
+        page.mouse.up()
+        moved = np.subtract(page.evaluate(EYE), before)
+        assert np.linalg.norm(moved) == pytest.approx(40 / metre, rel=0.05)  # a drag moves the map, and turns nothing
+        assert abs(moved[2]) < 1e-3
+        stage.focus()
+        page.keyboard.press("+")
+        settled(page)
+        assert float(length.inner_text().split()[0]) * unit <= float(text.split()[0]) * unit
+
+
+def test_stations_bear_their_numbers_and_plots_their_names(browser: Browser, small: Path) -> None:
+    with ready(browser, small) as (page, stage):
+        outer = stage.bounding_box()
+        assert outer
+        for button in ("Reset view", "From above"):
+            page.get_by_role("button", name=button).click()
+            settled(page)
+            places = page.evaluate(AT)[0]
+            shown = page.locator(".fk-view-number:visible").all()
+            assert len(shown) >= 5  # those in front of one another share a place
+            for each in shown:
+                at, box = places[int(each.inner_text()) - 1], each.bounding_box()
+                assert box
+                assert box["x"] + box["width"] / 2 - outer["x"] - 1 == pytest.approx(at["x"], abs=1.5)
+                assert 0 <= at["y"] - (box["y"] + box["height"] - outer["y"] - 1) < 9  # just above it
+            assert page.locator(".fk-view-place:visible").all_inner_texts() == ["Plot 7"]
+        page.get_by_label("Names and numbers").uncheck()
+        settled(page)
+        assert page.locator(".fk-view-names span:visible").count() == 0
+
+
+def test_views_are_reached_step_by_step_unless_motion_is_unwelcome(browser: Browser, small: Path) -> None:
+    with offline_page(browser, reduced_motion=False) as (page, complaints):
+        page.goto(small.as_uri())
+        page.wait_for_selector(READY)
+        first = page.evaluate(EYE)
+        frames = page.evaluate("document.querySelector('.fk-view').fieldkitView.frames")
+        page.get_by_role("button", name="From above").click()
+        page.wait_for_function(f"() => {{ const [x, y, z] = {EYE}; return Math.hypot(x, y) < 0.01 * z; }}")
+        assert page.evaluate("document.querySelector('.fk-view').fieldkitView.frames") > frames + 1
+        assert not np.allclose(page.evaluate(EYE), first)
+        assert complaints == []
+
+
+def test_full_screen_and_back(browser: Browser, small: Path) -> None:
+    with ready(browser, small) as (page, stage):
+        before = stage.bounding_box()
+        assert before
+        page.get_by_role("button", name="Full screen").click()
+        page.wait_for_function("() => document.fullscreenElement?.matches('.fk-view-stage')")
+        page.wait_for_function("() => document.querySelector('canvas').height === innerHeight * devicePixelRatio")
+        page.evaluate("document.exitFullscreen()")
+        page.wait_for_function(f"() => document.querySelector('canvas').clientHeight < {before['height']}")
+
+
+def test_the_wheel_is_the_pages_until_the_view_is_clicked(browser: Browser, written: Callable[..., Path]) -> None:
+    with ready(browser, written("tall", small_scene(), small_scene(), gap_px=500)) as (page, _):
+        stage = page.locator(".fk-view-stage").first
+        first = page.evaluate(EYE)
+        stage.hover()
+        page.mouse.wheel(0, 120)
+        page.wait_for_function("() => scrollY > 50")
+        assert page.evaluate(EYE) == first
+        page.evaluate("scrollTo(0, 0)")
+        stage.click(position={"x": 15, "y": 15})
+        page.mouse.wheel(0, -120)
+        page.wait_for_function(f"() => Math.hypot(...{EYE}) < 0.99 * {np.linalg.norm(first)}")
+        assert page.evaluate("scrollY") == 0
+
+
+def test_labels_are_shown_over_cameras(browser: Browser, small: Path) -> None:
+    with ready(browser, small) as (page, stage):
+        tip = page.locator(".fk-view-tip")
+        achieved = page.evaluate(PLACES)[1]
+        top = min(range(len(achieved)), key=lambda i: achieved[i]["y"])
+        before = picture(stage)
+        stage.hover(position=achieved[top])
+        assert tip.inner_text() == f"Achieved {top + 1}"
+        settled(page)
+        assert changed(before, picture(stage)) > 200
+        page.get_by_label("Achieved").uncheck()
+        stage.hover(position={"x": achieved[top]["x"] + 1, "y": achieved[top]["y"]})
+        assert not tip.is_visible() or tip.inner_text().startswith("Planned")
+        stage.hover(position={"x": 5, "y": 5})
+        assert not tip.is_visible()
+
+
+def test_labels_are_shown_on_a_tap(browser: Browser, small: Path) -> None:
+    with ready(browser, small, width=390, height=844, touch=True) as (page, stage):
+        place = page.evaluate(PLACES)[0][0]
+        stage.tap(position=place)
+        assert page.locator(".fk-view-tip").inner_text().startswith(("Planned", "Achieved"))
+
+
+def test_names_that_look_like_script_are_inert(browser: Browser, written: Callable[..., Path]) -> None:
+    with ready(browser, written("hostile", hostile_scene())) as (page, stage):
+        stage.hover(position=page.evaluate(PLACES)[0][0])
+        assert page.locator(".fk-view-tip").inner_text() == HOSTILE
+        assert page.locator(".fk-view-title").inner_text() == HOSTILE
+        assert page.evaluate("window.broken") is None
+        assert page.locator("img").count() == 0
+
+
+def test_nothing_is_drawn_while_nothing_happens(browser: Browser, small: Path) -> None:
+    with ready(browser, small) as (page, _):
+        settled(page)
+        frames = "document.querySelector('.fk-view').fieldkitView.frames"
+        before = page.evaluate(frames)
+        page.wait_for_timeout(500)
+        assert page.evaluate(frames) == before
+
+
+def test_a_lost_context_is_told_and_comes_back(browser: Browser, small: Path) -> None:
+    # The browser itself warns of a lost context on the console, so this page may complain.
+    with offline_page(browser) as (page, complaints):
+        page.goto(small.as_uri())
+        page.wait_for_selector(READY)
+        stage, message = page.locator(".fk-view-stage"), page.locator(".fk-view-message")
+        before = picture(stage)
+        page.evaluate("document.querySelector('.fk-view').fieldkitView.renderer.forceContextLoss()")
+        page.wait_for_selector('.fk-view[data-state="lost"]')
+        assert "graphics driver has stopped" in message.inner_text()
+        page.evaluate("document.querySelector('.fk-view').fieldkitView.renderer.forceContextRestore()")
+        page.wait_for_selector(READY)
+        settled(page)
+        assert not message.is_visible()
+        assert changed(before, picture(stage)) == 0
+        assert not [text for text in complaints if "ontext" not in text]
+
+
+def test_a_browser_without_webgl_says_so(browser: Browser, small: Path) -> None:
+    arguments = [*ARGUMENTS, "--disable-3d-apis"]
+    other = browser.browser_type.launch(executable_path=find_chromium(), args=arguments)
+    try:
+        with opened(other, small) as page:
+            page.wait_for_selector('.fk-view[data-state="failed"]')
+            assert "needs WebGL 2" in page.locator(".fk-view-message").inner_text()
+            assert page.locator(".fk-view-stage canvas").count() == 0
+    finally:
+        other.close()
+
+
+def test_a_browser_without_javascript_says_so(browser: Browser, small: Path) -> None:
+    context = browser.new_context(java_script_enabled=False)
+    try:
+        page = context.new_page()
+        page.goto(small.as_uri())
+        assert "needs a browser with JavaScript" in page.locator(".fk-view-message").inner_text()
+    finally:
+        context.close()
+
+
+def test_damaged_data_is_told(browser: Browser, small: Path) -> None:
+    text = small.read_text(encoding="utf-8")
+    at = text.index('class="fk-view-block">') + 400
+    broken = small.with_name("broken.html")
+    broken.write_text(text[:at] + text[at + 8 :], encoding="utf-8")
+    with opened(browser, broken) as page:
+        page.wait_for_selector('.fk-view[data-state="failed"]')
+        assert "could not be started" in page.locator(".fk-view-message").inner_text()
+
+
+@pytest.mark.slow
+def test_many_views_start_when_they_come_near_and_make_way(browser: Browser, written: Callable[..., Path]) -> None:
+    scenes = [ViewerScene(f"Plot {i}", [leaves(300, seed=i)]) for i in range(20)]  # more than a page has contexts
+    with ready(browser, written("many", *scenes, gap_px=900)) as (page, _):
+        figures = page.locator(".fk-view")
+        before = picture(page.locator(".fk-view-stage").first)
+        assert figures.last.get_attribute("data-state") == "waiting"
+        for i in range(20):
+            figures.nth(i).scroll_into_view_if_needed()
+            page.wait_for_selector(f'#view-{i}[data-state="ready"]')
+        assert page.locator(".fk-view-stage canvas").count() <= 8
+        assert figures.first.get_attribute("data-state") == "waiting"
+        page.evaluate("scrollTo(0, 0)")
+        page.wait_for_selector('#view-0[data-state="ready"]')
+        settled(page)
+        assert changed(before, picture(page.locator(".fk-view-stage").first)) == 0

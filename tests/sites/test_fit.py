@@ -1,0 +1,275 @@
+"""Whether a plan fits a plot, and what is said where it does not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from fieldkit.cli.main import main
+from fieldkit.errors import MissionError
+from fieldkit.missions.export import route_plan
+from fieldkit.results.plan import Plan, PlanCamera, PlanPlants
+from fieldkit.results.plan_file import save_plan
+from fieldkit.sites.fit import FitFinding, fit_site, plants_outgrown, require_fit
+from fieldkit.sites.plot_plants import PlanFacts, plants_on
+from fieldkit.sites.rows import row_spacing_m
+from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.vehicles.vehicle_file import load_vehicle
+from tests.missions.test_export import planned
+
+VEHICLE = load_vehicle("ardupilot-pitch")
+CAMERA = PlanCamera(model="PINHOLE", width=2000, height=1500, params=(1700.0, 1700.0, 1000.0, 750.0))
+
+
+def rows_of_plants(spacing: float, *, rows: int = 3, turn_deg: float = 0.0, seed: int = 0) -> NDArray[np.float64]:
+    """(n, 3) points of plants in rows along x: stems, and leaves that hang into the gaps higher up."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for row in range(rows):
+        for along in np.arange(-1.5, 1.5, 0.18):
+            foot = np.array([along, (row - (rows - 1) / 2) * spacing, 0.0]) + rng.normal(0, (0.02, 0.02, 0.0))
+            stem = foot + np.column_stack([rng.normal(0, 0.01, (12, 2)), np.linspace(0.05, 0.6, 12)])
+            leaves = foot + rng.normal(0, (0.12, 0.12, 0.12), (25, 3)) + [0.0, 0.0, 0.65]
+            found += [stem, leaves]
+    points = np.concatenate(found)
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    turned: NDArray[np.float64] = points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return turned
+
+
+def with_plants(plan: Plan, points: NDArray[np.float64]) -> Plan:
+    rows = tuple((float(x), float(y), float(z)) for x, y, z in points)
+    return plan.model_copy(update={"plants": PlanPlants(points_m=rows, cell_m=0.05)})
+
+
+def site_with(*plots: dict[str, Any]) -> Site:
+    home = SiteHome(latitude_deg=50.8649, longitude_deg=6.4473)
+    return Site(
+        home=home,
+        plots=tuple(
+            SitePlot(**{"name": f"p{k}", "latitude_deg": 50.8650 + 2e-4 * k, "longitude_deg": 6.4473, **plot})
+            for k, plot in enumerate(plots)
+        ),
+    )
+
+
+def findings(plan: Plan, **plot: Any) -> dict[str, FitFinding]:
+    return {finding.code: finding for finding in fit_site(plan, site_with(plot), VEHICLE.clearance_m)}
+
+
+def test_nothing_is_said_of_what_nobody_said() -> None:
+    assert findings(planned()) == {}
+    assert findings(planned(plants=False)) == {}
+
+
+def test_the_plans_plants_are_09_m_high() -> None:
+    top = PlanFacts(planned()).top_m
+    assert top == pytest.approx(0.9, abs=0.01)
+
+
+def test_higher_plants_are_flown_clear_of_or_refused() -> None:
+    high, low = planned(height_m=2.2), planned(height_m=1.5)
+    assert findings(low, plant_height_m=0.93) == {}
+    warned = findings(high, plant_height_m=1.4)
+    assert warned["plants-higher"].severity == "warning"
+    assert "plants of 1.40 m are 0.50 m higher than the plan's" in warned["plants-higher"].message
+    assert findings(low, plant_height_m=1.4).keys() == {"plants-higher"}  # they stand beside these plants
+    over = low.model_copy(update={"stations": (*low.stations, low.stations[0].model_copy(
+        update={"position_m": (0.0, 0.0, 1.7), "pitch_deg": -90.0})),
+    })  # fmt: skip
+    assert findings(over, plant_height_m=1.1).keys() == {"plants-higher"}
+    refused = findings(over, plant_height_m=1.4)["plants-too-high"]
+    assert refused.severity == "error"
+    assert "station 8 would stand in them, or nearer to them than 0.5 m" in refused.message
+    with pytest.raises(
+        MissionError, match=r"does not fit p1: plants of 1\.40 m.*\(1 more plot does not fit\)"
+    ) as caught:
+        route_plan(over, VEHICLE, site_with({}, {"plant_height_m": 1.4}, {"plant_height_m": 1.5}))
+    assert caught.value.exit_code == 5
+    assert "--fit, or plan again" in caught.value.remedy
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.9, 2.5))
+def test_what_is_flown_keeps_clear_of_plants_as_high_as_said(height: float) -> None:
+    plan = planned(5, height_m=2.2)
+    routed = route_plan(plan, VEHICLE, site_with({"plant_height_m": height}))
+    top = PlanFacts(plan).top_m
+    assert top is not None
+    assert max(height, top) - 1e-6 <= routed.plants[:, 2].max() <= max(height, top) + 0.05
+    assert routed.plants_m is not None
+    assert routed.plants_m > VEHICLE.clearance_m - 0.07
+
+
+def test_lower_plants_are_noted_and_change_nothing() -> None:
+    plan = planned()
+    found = findings(plan, plant_height_m=0.5)
+    assert found.keys() == {"plants-lower"}
+    assert found["plants-lower"].severity == "note"
+    volumes = [site_obstacles(site_with(plot), 0.5, plan).volumes for plot in ({}, {"plant_height_m": 0.5})]
+    assert volumes[0] == volumes[1]
+
+
+def test_a_plan_without_plants_cannot_keep_clear_of_them() -> None:
+    found = findings(planned(plants=False), plant_height_m=1.5, row_spacing_m=0.75, length_m=3.0, width_m=2.0)
+    assert found.keys() == {"plants-unknown", "row-spacing-unknown", "size-unknown"}
+    assert {finding.severity for finding in found.values()} == {"note"}
+
+
+def test_a_plot_that_is_not_all_photographed() -> None:
+    plan = planned(8, height_m=1.6).model_copy(update={"camera": CAMERA})
+    assert findings(plan, length_m=0.9, width_m=0.8) == {}
+    small = findings(plan, length_m=12.0, width_m=3.0)["plot-size"]
+    assert small.severity == "warning"
+    assert "of the plot of 12.0 × 3.0 m is in 3 or more of the plan's photographs" in small.message
+    assert "the plan knows plants on 0.6 × 0.6 m" in small.message
+    blind = findings(planned(8), length_m=12.0, width_m=3.0)["plot-size"]
+    assert "reaches beyond the plan's; the plan knows plants on 0.6 × 0.6 m" in blind.message
+
+
+def test_stations_over_a_plot_that_is_larger_than_the_plans() -> None:
+    """The ring stands where the plan's plot had no plants; this one has some there."""
+    larger = {"length_m": 6.0, "width_m": 3.0, "plant_height_m": 0.9}
+    refused = findings(planned(height_m=1.2), **larger)["plot-larger"]
+    assert refused.severity == "error"
+    assert "stations 1, 2, 3, 4 and 3 more would stand among its plants of 0.90 m" in refused.message
+    above = planned(height_m=2.0)
+    assert findings(above, **larger).keys() == {"plot-size"}
+    assert "plot-larger" not in findings(planned(height_m=1.2), length_m=6.0, width_m=3.0)
+    routed = route_plan(above, VEHICLE, site_with(larger))
+    assert min(leg[:, 2].min() for leg in routed.legs()[1:-1]) > 0.9 + VEHICLE.clearance_m - 0.03
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(0.2, 20), st.floats(0.2, 20))
+def test_what_lies_beyond_the_plans_plants_counts_as_full(length: float, width: float) -> None:
+    facts = PlanFacts(planned())
+    assert facts.box is not None
+    plot = site_with({"length_m": length, "width_m": width, "plant_height_m": 1.0}).plots[0]
+    plants = plants_on(facts, plot)
+    assert plants is not None
+    low, high = facts.box[0] - 0.25, facts.box[1] + 0.25
+    rng = np.random.default_rng(0)
+    places = rng.uniform(-0.5, 0.5, (300, 2)) * [length, width]
+    known = ((places > low) & (places < high)).all(axis=1)
+    full = np.zeros(len(places), dtype=int)
+    for block in plants.blocks:
+        full += ((places >= block.low) & (places <= block.high)).all(axis=1)
+    np.testing.assert_array_equal(full, (~known).astype(int))
+
+
+@pytest.mark.parametrize("spacing", [0.4, 0.5, 0.75, 1.0])
+@pytest.mark.parametrize("turn", [0.0, 8.0])
+def test_rows_are_found(spacing: float, turn: float) -> None:
+    found = row_spacing_m(rows_of_plants(spacing, turn_deg=turn))
+    assert found == pytest.approx(spacing, rel=0.06)
+
+
+def test_what_has_no_rows_has_no_spacing() -> None:
+    rng = np.random.default_rng(3)
+    assert row_spacing_m(rng.uniform((-1, -1, 0), (1, 1, 0.9), (3000, 3))) is None
+    assert row_spacing_m(rows_of_plants(0.75, rows=1)) is None
+    assert row_spacing_m(rows_of_plants(0.75)[:20]) is None
+    assert row_spacing_m(np.full((100, 3), np.nan)) is None
+    assert row_spacing_m(np.zeros((0, 3))) is None
+    assert row_spacing_m(rows_of_plants(0.75, turn_deg=90.0)) is None  # they run along y
+    assert row_spacing_m(1e6 * rng.normal(size=(100, 3))) is None
+    # Single plants beside each other are no rows: three of them, 0.3 m apart in y.
+    clumps = [rng.normal((0.0, 0.3 * k, 0.3), (0.03, 0.03, 0.1), (200, 3)) for k in range(3)]
+    assert row_spacing_m(np.concatenate(clumps)) is None
+
+
+def test_other_rows() -> None:
+    plan = with_plants(planned(height_m=2.0), rows_of_plants(0.75))
+    assert findings(plan, row_spacing_m=0.78) == {}
+    warned = findings(plan, row_spacing_m=0.5)
+    assert warned.keys() == {"row-spacing"}
+    assert "rows are 0.50 m apart, the plan's 0.7" in warned["row-spacing"].message
+    low = with_plants(planned(height_m=1.2), rows_of_plants(0.75))
+    refused = findings(low, row_spacing_m=0.5)["rows-elsewhere"]
+    assert refused.severity == "error"
+    assert "may stand among plants" in refused.message
+    assert findings(planned(), row_spacing_m=0.5).keys() == {"row-spacing-unknown"}
+
+
+@pytest.mark.parametrize(
+    ("own", "plot", "message", "remedy"),
+    [
+        (90.0, 100.0, None, ""), (350.0, 20.0, None, ""), (None, 270.0, None, ""),
+        (90.0, 150.0, "turned by 60°", ""), (10.0, 190.0, "turned by 180°", "row_heading_deg = 10.0, turns it by 0°"),
+        (90.0, 220.0, "turned by 130°", "row_heading_deg = 40.0, turns it by 50°"),
+    ],
+)  # fmt: skip
+def test_headings(own: float | None, plot: float, message: str | None, remedy: str) -> None:
+    found = findings(planned().model_copy(update={"row_heading_deg": own}), row_heading_deg=plot)
+    if message is None:
+        assert found == {}
+        return
+    assert message in found["turned"].message
+    assert remedy in found["turned"].remedy
+    assert found["turned"].severity == "note"
+
+
+def test_slopes() -> None:
+    note = findings(planned(), slope_percent=8.0, uphill_heading_deg=90.0)["slope"]
+    assert note.severity == "note"
+    assert "rises by 8.0 %: stations are shifted by −0.1" in note.message
+    steep = findings(planned(), slope_percent=14.0, uphill_heading_deg=90.0)["slope-steep"]
+    assert steep.severity == "warning"
+    assert "plans have been tried to 10 %" in steep.message
+
+
+def test_measured_plants_that_have_outgrown_the_plan() -> None:
+    plan = planned()
+    told = plants_outgrown(plan, 1.31, plot="plot-7")
+    assert told is not None
+    assert (told.plot, told.code, told.severity) == ("plot-7", "plants-outgrown", "warning")
+    assert "1.31 m high, 0.4" in told.message
+    assert "plant_height_m = 1.35" in told.remedy
+    assert plants_outgrown(plan, 0.92) is None
+    assert plants_outgrown(plan, float("nan")) is None
+    assert plants_outgrown(planned(plants=False), 3.0) is None
+
+
+def test_plants_where_none_can_be() -> None:
+    for place in ((0.0, 0.0, 1e300), (1e300, 0.0, 0.5), (0.0, 0.0, -500.0)):
+        plan = with_plants(planned(), np.array([place, (0.0, 0.0, 0.5)]))
+        with pytest.raises(MissionError, match="a plant of the plan lies farther than 10 km"):
+            route_plan(plan, VEHICLE, site_with({"plant_height_m": 1.0}))
+
+
+def test_only_errors_are_refused() -> None:
+    some = (FitFinding("a", "plot-size", "warning", "small"), FitFinding("b", "slope", "note", "rises"))
+    assert require_fit(some) == some
+    with pytest.raises(MissionError, match=r"the plan does not fit c: too high$"):
+        require_fit((*some, FitFinding("c", "plants-too-high", "error", "too high")))
+
+
+def test_the_command_says_what_does_not_fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_plan(tmp_path / "plan.json", planned(4, height_m=2.0))
+    site = tmp_path / "site.toml"
+    site.write_text("format = 1\n[home]\nlatitude_deg = 50.8649\nlongitude_deg = 6.4473\n", encoding="utf-8")
+    features = [
+        {"type": "Feature", "properties": {"row_heading_deg": 90, "plant_height_m": height, "name": f"n{k}"},
+         "geometry": {"type": "Point", "coordinates": [6.4473, 50.865 + 1e-4 * k]}}
+        for k, height in enumerate([1.3, 1.3, 1.3, 1.3, 0.9])
+    ]  # fmt: skip
+    plots = tmp_path / "plots.geojson"
+    plots.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    call = ["export-mission", str(tmp_path / "plan.json"), "--vehicle", "ardupilot-pitch", "--site", str(site)]
+    call += ["--plots", str(plots), "--no-picture", "-o", str(tmp_path / "m.plan")]
+    assert main(call) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "Warning: n0, n1, n2 and 1 more: plants of 1.30 m are 0.40 m higher than the plan's" in told
+    assert main([*call, "--overwrite", "--json"]) == 0
+    fit = json.loads(capsys.readouterr().out)["fit"]
+    assert [(each["plot"], each["code"]) for each in fit] == [(f"n{k}", "plants-higher") for k in range(4)]
+    assert fit[0].keys() == {"plot", "code", "severity", "message", "remedy"}

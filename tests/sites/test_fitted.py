@@ -1,0 +1,180 @@
+"""Plans fitted to plots of higher, lower, larger and smaller plants."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fieldkit.cli.main import main
+from fieldkit.errors import MissionError
+from fieldkit.missions.export_mission import export_mission
+from fieldkit.results.plan import Plan, PlanEnvelope
+from fieldkit.results.plan_file import load_plan, save_plan
+from fieldkit.sites.fit import fit_site
+from fieldkit.sites.fitted import fitted, fitted_to, fitted_to_height, flown_plans
+from fieldkit.sites.plot_plants import PlanFacts
+from fieldkit.sites.site import SitePlot
+from fieldkit.vehicles.vehicle_file import load_vehicle
+from tests.missions.test_export import planned
+from tests.sites.test_fit import site_with
+
+VEHICLE = load_vehicle("ardupilot-pitch")
+ENVELOPE = PlanEnvelope(
+    lower_m=(-3.0, -3.0, 0.6), upper_m=(3.0, 3.0, 2.5), plant_distance_m=0.5, pitch_deg=(-90.0, 0.0)
+)
+
+
+def plot(**known: Any) -> SitePlot:
+    return SitePlot(latitude_deg=50.0, longitude_deg=6.0, **known)
+
+
+def plan_in_envelope(height_m: float = 1.3) -> Plan:
+    return planned(height_m=height_m).model_copy(update={"envelope": ENVELOPE})
+
+
+def aims(plan: Plan) -> np.ndarray:
+    """(n, 3) places nearest the plants' middle that the stations look at."""
+    points = PlanFacts(plan).points
+    middle = np.append(0.5 * (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)), 0.5 * points[:, 2].max())
+    poses = [station.pose for station in plan.stations]
+    return np.array([p.center + float((middle - p.center) @ p.forward) * p.forward for p in poses])
+
+
+def positions(plan: Plan) -> np.ndarray:
+    return np.array([station.position_m for station in plan.stations])
+
+
+def test_a_plot_as_the_plans_has_the_plan_itself() -> None:
+    plan = plan_in_envelope()
+    top = PlanFacts(plan).top_m
+    for same in (plot(), plot(plant_height_m=top), plot(plant_height_m=0.93), plot(length_m=0.9, width_m=0.6)):
+        assert fitted(plan, same) is plan
+
+
+def test_of_plants_larger_on_all_sides_the_pictures_are_the_same() -> None:
+    """Everything twice as large and as far away: what is looked at is where it was in the picture."""
+    plan = plan_in_envelope()
+    top = PlanFacts(plan).top_m
+    reach = 2.0 * np.abs(PlanFacts(plan).points[:, :2]).max(axis=0)
+    found = fitted(plan, plot(plant_height_m=2.0 * top, length_m=2.0 * reach[0], width_m=2.0 * reach[1]))
+    np.testing.assert_allclose(positions(found), 2.0 * positions(plan), atol=1e-9)
+    for before, after in zip(plan.stations, found.stations, strict=True):
+        assert after.pitch_deg == pytest.approx(before.pitch_deg)
+        assert (after.yaw_deg - before.yaw_deg + 180.0) % 360.0 == pytest.approx(180.0, abs=1e-6)
+    assert found.fit is not None
+    assert (found.fit.length, found.fit.width, found.fit.height) == pytest.approx((2.0, 2.0, 2.0))
+
+
+@given(height=st.floats(0.5, 1.7), length=st.none() | st.floats(0.4, 1.1), station_m=st.floats(0.7, 2.2))
+def test_whatever_the_plot_the_plan_keeps_its_limits_and_fits_once(
+    height: float, length: float | None, station_m: float
+) -> None:
+    plan = plan_in_envelope(station_m)
+    there = plot(plant_height_m=height, **({} if length is None else {"length_m": length, "width_m": length}))
+    found = fitted(plan, there)
+    facts, before = PlanFacts(found), PlanFacts(plan)
+    assert fitted(found, there) is found
+    assert facts.top_m == pytest.approx(height, abs=0.051)
+    assert positions(found)[:, 2].min() >= 0.6
+    assert all(-90.0 <= station.pitch_deg <= 0.0 for station in found.stations)
+    away, was = (
+        np.linalg.norm(positions(p)[:, None] - f.points[None], axis=2).min(axis=1)
+        for p, f in ((found, facts), (plan, before))
+    )
+    low, high = np.append(before.points[:, :2].min(axis=0), 0.0), before.points.max(axis=0)
+    from_box = np.linalg.norm(positions(plan) - np.clip(positions(plan), low, high), axis=1)
+    assert (away >= np.minimum(from_box, 0.5) - 1e-9).all()
+    assert (was >= from_box - 1e-9).all()
+
+
+def test_cameras_keep_looking_at_the_same_part_of_the_plants() -> None:
+    plan = plan_in_envelope()
+    found = fitted(plan, plot(plant_height_m=1.35 * 0.9))
+    np.testing.assert_allclose(aims(found)[:, 2], 1.35 * aims(plan)[:, 2], rtol=0.12)
+    assert (positions(found)[:, 2] > positions(plan)[:, 2]).all()
+
+
+def test_a_plan_stated_for_plants_of_a_height_is_fitted_unless_it_must_not_be() -> None:
+    """Its plants are those of several plots, of which one may be higher than the height it is stated for."""
+    plan = plan_in_envelope().model_copy(update={"plant_height_m": 0.8})
+    plots = [plot(name="a", plant_height_m=0.8), plot(name="b", plant_height_m=1.2), plot(name="c")]
+    flown = flown_plans(plan, plots)
+    assert isinstance(flown, dict)
+    assert flown["a"] is flown["c"] is plan
+    assert flown["b"].fit is not None
+    assert flown["b"].fit.height == pytest.approx(1.5)
+    assert flown["b"].plant_height_m == pytest.approx(1.2)
+    assert flown["b"].stations == fitted_to_height(plan, 1.2).stations
+    assert flown_plans(plan, plots, fit=False) is plan
+    assert flown_plans(flown, plots) is flown
+    assert flown_plans(plan_in_envelope(), plots) == plan_in_envelope()
+    assert fitted_to_height(plan_in_envelope(), 1.2) == plan_in_envelope()
+
+
+def test_where_no_height_is_known_that_is_said() -> None:
+    plan = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
+    site = site_with({"name": "a"}, {"name": "b", "plant_height_m": 0.9})
+    (finding,) = fit_site(flown_plans(plan, site.plots), site, VEHICLE.clearance_m)
+    assert (finding.plot, finding.code, finding.severity) == ("a", "plant-height-unknown", "note")
+
+
+@pytest.mark.parametrize(
+    ("plan", "known", "message"),
+    [
+        (planned(plants=False), {"plant_height_m": 1.2}, "does not say where its plants are"),
+        (planned(), {"plant_height_m": 2.4}, "too different"),
+        (planned(), {"plant_height_m": 0.3}, "too different"),
+        (planned(), {"length_m": 12.0, "width_m": 0.6}, "too different"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(plan: Plan, known: dict[str, Any], message: str) -> None:
+    with pytest.raises(MissionError, match=message):
+        fitted(plan, plot(**known))
+
+
+def test_every_plot_has_its_own_plan_and_its_file(tmp_path: Path) -> None:
+    plan = plan_in_envelope()
+    site = site_with(
+        {"name": "as/planned"}, {"name": "high/1", "plant_height_m": 1.2}, {"name": "high:1", "plant_height_m": 1.1}
+    )
+    plans = fitted_to(plan, site.plots)
+    assert plans["as/planned"] is plan
+    done = export_mission(plan, VEHICLE, site, tmp_path / "m.plan", fit=True, picture=False)
+    assert {name: file.name for name, file in done.plans.items()} == {
+        "high/1": "m-high_1.json", "high:1": "m-high_1-2.json"
+    }  # fmt: skip
+    for name, file in done.plans.items():
+        assert load_plan(file).stations == plans[name].stations
+    shots = [shot for each in done.routed.flights for shot in each.mission.shots]
+    heights = {name: [s.place.height_m for s in shots if s.plot == name] for name in plans}
+    for name, found in heights.items():
+        assert sorted(found) == pytest.approx(sorted(positions(plans[name])[:, 2]), abs=1e-6)
+
+
+def test_a_fitted_mission_is_checked_against_the_fitted_stations(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_plan(tmp_path / "plan.json", plan_in_envelope())
+    site = tmp_path / "site.toml"
+    site.write_text(
+        'format = 1\nname = "field"\n[home]\nlatitude_deg = 50.8649\nlongitude_deg = 6.4473\n'
+        '[[plots]]\nname = "a"\nlatitude_deg = 50.8650\nlongitude_deg = 6.4473\nplant_height_m = 1.2\n'
+    )
+    where, what = ["--site", str(site)], ["--vehicle", "ardupilot-pitch"]
+    file = str(tmp_path / "m.plan")
+    assert main(["export-mission", str(tmp_path / "plan.json"), *what, *where, "--fit", "-o", file]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "Fitted to a: plants 1.3" in said
+    assert "m-a.json" in said
+    stated = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
+    save_plan(tmp_path / "kind.json", stated)
+    for plan, fit, code in (
+        ("plan.json", ["--fit"], 0), ("m-a.json", [], 0), ("plan.json", [], 5), ("kind.json", [], 0),
+        ("kind.json", ["--no-fit"], 5),
+    ):  # fmt: skip
+        assert main(["check-mission", file, *what, *where, "--plan", str(tmp_path / plan), *fit]) == code

@@ -1,0 +1,390 @@
+"""Plots files as people have them: kinds, reference systems, ids, and what is wrong with them."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import warnings
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyogrio
+import pytest
+import shapely
+from pyogrio.raw import write
+from pyproj import Transformer
+
+from benchmarks.fuzzing import Target, fuzz
+from fieldkit.campaign.create import CampaignSources, init_campaign
+from fieldkit.campaign.reading import read_campaign
+from fieldkit.errors import MetadataError, UsageError
+from fieldkit.results.plan import Plan, Station
+from fieldkit.results.plan_file import save_plan
+from fieldkit.sites.plot_ids import IdProblem, plot_ids
+from fieldkit.sites.site import SitePlot
+from fieldkit.sites.site_file import load_plots, load_site, read_plots
+from fieldkit.sites.swapped import check_order
+from fieldkit.sites.vector_files import read_features
+from tests.sites.test_site_file import SITE, geojson, point, polygon, rectangle, site_file
+
+MIDDLE = (50.8650, 6.4473)
+UTM = "EPSG:25832"
+IDS = ("A01", "A02", "B01", "B02")
+KINDS = {"ESRI Shapefile": ".shp", "GPKG": ".gpkg", "KML": ".kml", "GeoJSON": ".geojson"}
+
+
+def places(ids: tuple[str, ...] = IDS) -> list[shapely.Polygon]:
+    """Plots of 6 × 3 m whose rows lead to 20°, 8 m apart, in longitude and latitude."""
+    return [shapely.Polygon(rectangle((MIDDLE[0], MIDDLE[1] + 1.2e-4 * k), 20.0, 6.0, 3.0)) for k in range(len(ids))]
+
+
+def in_crs(shapes: list[shapely.Polygon], crs: str) -> list[shapely.Polygon]:
+    there = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+    return [shapely.transform(s, lambda xy: np.column_stack(there.transform(xy[:, 0], xy[:, 1]))) for s in shapes]
+
+
+def write_plots(
+    path: Path, shapes: list[Any], crs: str | None, *, driver: str | None = None, layer: str | None = None,
+    append: bool = False, kind: str = "Polygon", **fields: list[Any],
+) -> Path:  # fmt: skip
+    """A file as a GIS writes it."""
+    warnings.simplefilter("ignore")  # of cut names and of no reference system
+    suffixes = {suffix: name for name, suffix in KINDS.items()}
+    write(
+        str(path), np.array([shapely.to_wkb(s) for s in shapes], dtype=object),
+        [np.array(values, dtype=object if isinstance(values[0], str | None) else None) for values in fields.values()],
+        list(fields), driver=driver or suffixes[path.suffix], geometry_type=kind, crs=crs, layer=layer, append=append,
+    )  # fmt: skip
+    return path
+
+
+def assert_same(plots: tuple[SitePlot, ...], names: tuple[str, ...] = IDS) -> None:
+    expected = load_plots_of(places(names), names)
+    assert [plot.name for plot in plots] == list(names)
+    for plot, wanted in zip(plots, expected, strict=True):
+        assert plot.latitude_deg == pytest.approx(wanted.latitude_deg, abs=2e-8)  # 2 mm
+        assert plot.longitude_deg == pytest.approx(wanted.longitude_deg, abs=2e-8)
+        assert plot.row_heading_deg == pytest.approx(20.0, abs=0.05)
+        assert plot.size_m == pytest.approx((6.0, 3.0), abs=5e-3)
+
+
+def load_plots_of(shapes: list[shapely.Polygon], names: tuple[str, ...]) -> tuple[SitePlot, ...]:
+    return tuple(
+        SitePlot(name=name, latitude_deg=shape.centroid.y, longitude_deg=shape.centroid.x)
+        for shape, name in zip(shapes, names, strict=True)
+    )
+
+
+@pytest.mark.parametrize("crs", ["EPSG:4326", UTM, "EPSG:31466", "EPSG:3857", "EPSG:2263"])
+@pytest.mark.parametrize("driver", ["ESRI Shapefile", "GPKG", "GeoJSON"])
+def test_any_kind_in_any_reference_system(tmp_path: Path, driver: str, crs: str) -> None:
+    """UTM, Gauss-Krüger on another ellipsoid, Web Mercator, and feet far from where they are used."""
+    here = -73.9 if crs == "EPSG:2263" else None
+    shapes = (
+        places()
+        if here is None
+        else [shapely.transform(s, lambda xy: xy + np.array([-80.35, -10.15])) for s in places()]
+    )
+    file = write_plots(tmp_path / f"plots{KINDS[driver]}", in_crs(shapes, crs), crs, plot_id=list(IDS))
+    plots = load_plots(file)
+    assert [plot.name for plot in plots] == list(IDS)
+    # The drivers of GeoJSON keep 7 decimals of a degree or of a metre.
+    for plot, shape in zip(plots, shapes, strict=True):
+        assert plot.latitude_deg == pytest.approx(shape.centroid.y, abs=1e-7)
+        assert plot.longitude_deg == pytest.approx(shape.centroid.x, abs=1e-7)
+        assert plot.row_heading_deg == pytest.approx(plots[0].row_heading_deg, abs=0.3)
+
+
+def test_kml_with_its_folders_and_attributes(tmp_path: Path) -> None:
+    file = write_plots(tmp_path / "plots.kml", places()[:2], "EPSG:4326", layer="Block_A", Name=list(IDS[:2]))
+    assert_same(load_plots(file), IDS[:2])
+    marks = "".join(
+        f"<Folder><name>{name}</name><Placemark><name>maize</name><ExtendedData><Data name='plot_id'><value>{name}"
+        f"</value></Data><Data name='plant_height_m'><value>1,8</value></Data></ExtendedData><Polygon>"
+        f"<outerBoundaryIs><LinearRing><coordinates>{' '.join(f'{x},{y},0' for x, y in shape.exterior.coords)}"
+        "</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></Folder>"
+        for name, shape in zip(IDS, places(), strict=True)
+    )
+    text = f'<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>{marks}</Document></kml>'
+    (tmp_path / "folders.kml").write_text(text)
+    with zipfile.ZipFile(tmp_path / "folders.kmz", "w") as archive:
+        archive.writestr("doc.kml", text)
+    for name in ("folders.kml", "folders.kmz"):
+        plots = load_plots(tmp_path / name)
+        assert_same(plots)
+        assert [plot.plant_height_m for plot in plots] == [1.8] * 4
+
+
+def test_a_zipped_shapefile_and_its_cut_names(tmp_path: Path) -> None:
+    write_plots(
+        tmp_path / "plots.shp", in_crs(places(), UTM), UTM, PLOT_ID=list(IDS), row_heading_deg=[200.0] * 4,
+        plant_height_m=[1.5] * 4,
+    )  # fmt: skip
+    with zipfile.ZipFile(tmp_path / "plots.zip", "w") as archive:
+        for part in sorted(tmp_path.glob("plots.*")):
+            if part.suffix != ".zip":
+                archive.write(part, f"export/{part.name}")
+    assert load_plots(tmp_path / "plots.zip") == load_plots(tmp_path / "plots.shp")
+    plots = read_plots(tmp_path / "plots.zip")
+    assert plots.ids.sentence() == '4 plots, ids from "PLOT_ID": A01 … B02'
+    assert {plot.row_heading_deg for plot in plots.plots} == {200.0}
+    assert {plot.plant_height_m for plot in plots.plots} == {1.5}
+
+
+def test_a_multipolygon_of_one_part_and_whole_numbers_as_ids(tmp_path: Path) -> None:
+    """QGIS's GeoPackages hold multipolygons; numbers of a table with gaps come as floats."""
+    shapes = [shapely.MultiPolygon([shape]) for shape in in_crs(places(), UTM)]
+    file = write_plots(tmp_path / "plots.gpkg", shapes, UTM, kind="MultiPolygon", id=[1.0, 2.0, 3.0, 10.0])
+    assert [plot.name for plot in load_plots(file)] == ["1", "2", "3", "10"]
+    bare = write_plots(tmp_path / "bare.gpkg", shapes, UTM, kind="MultiPolygon", crop=["maize"] * 4)
+    assert read_plots(bare).ids.sentence() == '4 plots, ids from "fid": 1 … 4'
+
+
+@pytest.mark.parametrize(
+    ("rows", "field", "said"),
+    [
+        ([{"name": "a", "id": 1, "plot_id": "X"}, {"name": "b", "id": 2, "plot_id": "Y"}], None,
+         '2 plots, ids from "plot_id": X, Y'),
+        ([{"Name": "a", "ID": 1}, {"Name": "b", "ID": 2}], None, '2 plots, ids from "ID": 1, 2'),
+        ([{"name": "a", "fid": 1}, {"name": "b", "fid": 2}], None, '2 plots, ids from "name": a, b'),
+        ([{"name": "a", "trial": "T7"}, {"name": "b", "trial": "T8"}], "TRIAL", '2 plots, ids from "trial": T7, T8'),
+        ([{"id": "X", "name": 1}, {"id": "X", "name": 2}], None,
+         '2 plots, ids from "name": 1, 2; feature 2: is called "X", as feature 1 is (field "id")'),
+        ([{"id": "X", "fid": 1}, {"fid": 2}], None,
+         '2 plots, ids from "fid": 1, 2; feature 2: has no "id", which others have'),
+        ([{"crop": "maize"}, {"crop": "maize"}], None,
+         "2 plots, counted in the file's order, which has no ids: plot-1, plot-2. --plot-id FIELD takes others"),
+    ],
+)  # fmt: skip
+def test_ids(tmp_path: Path, rows: list[dict[str, Any]], field: str | None, said: str) -> None:
+    features = read_features(geojson(tmp_path, *(point(**row) for row in rows)))
+    assert plot_ids(features, field).sentence() == said
+
+
+@pytest.mark.parametrize(
+    ("rows", "field", "problem", "remedy"),
+    [
+        ([{"plot_id": "b1"}, {"plot_id": "B1"}], None, 'feature 2: is called "B1" and feature 1 "b1"', ""),
+        ([{"name": "a", "rep": 1}, {"name": "a", "rep": 2}], None, 'feature 2: is called "a", as feature 1 is',
+         "say with --plot-id which field holds the ids: rep"),
+        ([{"plot_id": "X", "id": 1}, {"plot_id": "X", "id": 2}], None, 'feature 2: is called "X", as feature 1 is',
+         "Give every plot an id of its own."),
+        ([{"name": "a"}, {"name": " "}], None, 'feature 2: has no "name"', "Give every plot an id of its own."),
+        ([{"name": "a", "rep": 1}, {"name": "b", "rep": 1}], "rep", 'feature 2: is called "1", as feature 1 is',
+         "another field with --plot-id"),
+        ([{"name": "a", "rep": 1}, {"name": "b", "rep": 1}], "plot", 'no plot has a field "plot"', "name, rep"),
+    ],
+)  # fmt: skip
+def test_ids_that_are_none(
+    tmp_path: Path, rows: list[dict[str, Any]], field: str | None, problem: str, remedy: str
+) -> None:
+    features = read_features(geojson(tmp_path, *(point(**row) for row in rows)))
+    with pytest.raises(IdProblem, match=re.escape(problem)) as caught:
+        plot_ids(features, field)
+    assert remedy in caught.value.remedy
+
+
+def test_the_features_own_ids(tmp_path: Path) -> None:
+    rows = [{**point(row_heading_deg=0), "id": name} for name in ("p7", "p8")]
+    assert [plot.name for plot in load_plots(geojson(tmp_path, *rows))] == ["p7", "p8"]
+
+
+def _without_prj(folder: Path) -> Path:
+    file = write_plots(folder / "plots.shp", in_crs(places(), UTM), UTM, name=list(IDS))
+    file.with_suffix(".prj").unlink()
+    return file
+
+
+def _without_dbf(folder: Path) -> Path:
+    file = write_plots(folder / "plots.shp", in_crs(places(), UTM), UTM, name=list(IDS))
+    file.with_suffix(".dbf").unlink()
+    return file
+
+
+def _a_part(folder: Path) -> Path:
+    return write_plots(folder / "plots.shp", in_crs(places(), UTM), UTM, name=list(IDS)).with_suffix(".dbf")
+
+
+def _no_crs(folder: Path) -> Path:
+    return write_plots(folder / "plots.gpkg", in_crs(places(), UTM), None, name=list(IDS))
+
+
+def _degrees_for_metres(folder: Path) -> Path:
+    return write_plots(folder / "plots.gpkg", places(), UTM, name=list(IDS))
+
+
+def _metres_for_degrees(folder: Path) -> Path:
+    return write_plots(folder / "plots.gpkg", in_crs(places(), UTM), "EPSG:4326", name=list(IDS))
+
+
+def _swapped(folder: Path) -> Path:
+    turned = [shapely.transform(shape, lambda xy: xy[:, ::-1]) for shape in in_crs(places(), UTM)]
+    return write_plots(folder / "plots.gpkg", turned, UTM, name=list(IDS))
+
+
+def _layers(folder: Path) -> Path:
+    file = write_plots(folder / "plots.gpkg", places(), "EPSG:4326", layer="2025", name=list(IDS))
+    return write_plots(file, places(), "EPSG:4326", layer="2026", append=True, name=list(IDS))
+
+
+def _lines(folder: Path) -> Path:
+    rows = [shapely.LineString(shape.exterior) for shape in places()]
+    return write_plots(folder / "rows.gpkg", rows, "EPSG:4326", kind="LineString", name=list(IDS))
+
+
+def _text(name: str, content: str) -> Any:
+    def written(folder: Path) -> Path:
+        (folder / name).write_text(content)
+        return folder / name
+
+    return written
+
+
+def _zip(*names: str) -> Any:
+    def written(folder: Path) -> Path:
+        with zipfile.ZipFile(folder / "plots.zip", "w") as archive:
+            for name in names:
+                archive.writestr(name, b"")
+        return folder / "plots.zip"
+
+    return written
+
+
+@pytest.mark.parametrize(
+    ("make", "message", "remedy"),
+    [
+        (_without_prj, "its .prj is missing", "Copy the .prj"),
+        (_without_dbf, "a Shapefile without its .dbf", "Copy all of its files"),
+        (_a_part, "is a part of a Shapefile", "Give plots.shp"),
+        (_no_crs, "its coordinates look like metres of a map projection", "set the layer's CRS"),
+        (_degrees_for_metres, "coordinates that look like degrees, and says that they are in ETRS89", "set the layer"),
+        (_metres_for_degrees, "some are beyond 180 or 90: metres of a map projection", "set the layer's CRS"),
+        (_swapped, "only with east and north swapped", "Swap the two"),
+        (_layers, "has 2 layers: 2025, 2026", "export the one with the plots"),
+        (_lines, "feature 1: is a LineString, not a Point or Polygon", "points or polygons"),
+        (_text("m.plan", '{"fileType": "Plan"}'), "is a mission of QGroundControl", ""),
+        (_text("plots.csv", "plot_id;x;y\nA01;1;2\n"), "is a table (CSV)", "Delimited Text"),
+        (_text("plots.geojson", "plot_id,x,y\nA01,1,2\n"), "is a table (CSV)", "Delimited Text"),
+        (_text("plots.geojson", SITE), "is TOML, as site files", "KML or a GeoPackage"),
+        (_text("track.gpx", '<?xml version="1.0"?><gpx version="1.1"/>'), "is GPX", "KML or a GeoPackage"),
+        (_text("plots.kml", "<kml xmlns='http://www.opengis.net/kml/2.2'><Document>"), "cannot be read", ""),
+        (_text("plan.json", '{"kind": "plan", "version": 1}'), "is fieldkit's plan, not a file of plots", ""),
+        (_zip("wpmz/waylines.wpml"), "is a DJI mission", ""),
+        (_zip("[Content_Types].xml", "xl/workbook.xml"), "office program", ""),
+        (_zip("readme.txt"), "without a Shapefile", ""),
+        (_zip("a.shp", "b.shp"), "holds 2 Shapefiles: a.shp, b.shp", "by itself"),
+        (_zip("a.shp", "a.shx"), "is a Shapefile without its .dbf and .prj", "zip them together"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named(tmp_path: Path, make: Any, message: str, remedy: str) -> None:
+    file = make(tmp_path)
+    with pytest.raises(MetadataError, match=re.escape(message)) as caught:
+        load_plots(file)
+    assert caught.value.path == file
+    assert remedy in caught.value.remedy
+    assert caught.value.remedy
+
+
+@pytest.mark.parametrize("gone", ["pyogrio", "pyproj"])
+def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, gone: str) -> None:
+    """GeoJSON in WGS 84 needs nothing more; all else says what to install."""
+    file = write_plots(tmp_path / "plots.gpkg", places(), "EPSG:4326", name=list(IDS))
+    there = geojson(tmp_path, *(polygon(list(map(list, s.exterior.coords)), name=n) for s, n in zip(places(), IDS)))  # noqa: B905
+    monkeypatch.setitem(sys.modules, gone, None)
+    assert_same(load_plots(there))
+    with pytest.raises(MetadataError, match="is a GeoPackage; reading that needs the extra 'geo'") as caught:
+        load_plots(file)
+    assert "pip install 'fieldkit[geo]'" in caught.value.remedy
+
+
+def test_a_site_names_its_file_and_its_field_and_tells_of_them(tmp_path: Path) -> None:
+    write_plots(tmp_path / "field.gpkg", in_crs(places(), UTM), UTM, name=["x"] * 4, entry=list(IDS))
+    alone = SITE.partition("[[plots]]")[0].replace("format = 1", 'format = 1\nplots = "field.gpkg"\nplot_id = "entry"')
+    said: list[str] = []
+    site = load_site(site_file(tmp_path, alone), tell=said.append)
+    assert_same(site.plots)
+    assert said == ['4 plots, ids from "entry": A01 … B02.']
+    with pytest.raises(MetadataError, match='no plot has a field "row"'):
+        load_site(site_file(tmp_path, alone), plot_id="row")
+    with pytest.raises(MetadataError, match="lists its plots itself"):
+        load_site(site_file(tmp_path), plot_id="row")
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_a_campaign_takes_its_plots_along_as_geojson(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: bool
+) -> None:
+    """Whatever they were, with the ids that were chosen: in the folder nothing more is needed to read them."""
+    shapes = in_crs(places(), UTM)
+    file = write_plots(tmp_path / "field.shp", shapes, UTM, name=["x"] * 4, Plot_ID=["old"] * 4, entry=list(IDS))
+    plan = Plan(fieldkit="0", stations=(Station(position_m=(1.0, 0.0, 2.0), yaw_deg=270.0, pitch_deg=-60.0),))
+    save_plan(tmp_path / "plan.json", plan)
+    text = SITE.partition("[[plots]]")[0].replace("format = 1", 'format = 1\nplots = "field.shp"') if named else SITE
+    sources = CampaignSources(
+        tmp_path / "plan.json", site_file(tmp_path, text), None if named else file, plot_id="entry"
+    )
+    said: list[str] = []
+    made = init_campaign(tmp_path / "season", sources, tell=said.append)
+    assert said == ['4 plots, ids from "entry": A01 … B02.']
+    monkeypatch.setitem(sys.modules, "pyogrio", None)
+    for campaign in (made, read_campaign(tmp_path / "season")):
+        assert_same(campaign.site.plots)
+        assert [plot.id for plot in campaign.plots] == list(IDS)
+        assert all(plot.shape is not None and len(plot.shape) == 4 for plot in campaign.plots)
+    first = json.loads((tmp_path / "season" / "plots.geojson").read_text())["features"][0]
+    assert first["properties"] == {"plot_id": "A01", "name": "x", "entry": "A01"}
+
+
+def test_a_campaign_takes_all_parts_of_a_fence_along(tmp_path: Path) -> None:
+    around = [shapely.box(6.44, 50.86, 6.46, 50.87)]
+    write_plots(tmp_path / "fence.shp", in_crs(around, UTM), UTM, name=["field"])
+    plan = Plan(fieldkit="0", stations=(Station(position_m=(1.0, 0.0, 2.0), yaw_deg=270.0, pitch_deg=-60.0),))
+    save_plan(tmp_path / "plan.json", plan)
+    write_plots(tmp_path / "field.gpkg", places(), "EPSG:4326", entry=list(IDS), plot_id=["x", "y", "z", "w"])
+    text = SITE.partition("[[plots]]")[0].replace(
+        "format = 1", 'format = 1\ngeofence = "fence.shp"\nplots = "field.gpkg"\nplot_id = "entry"'
+    )
+    made = init_campaign(tmp_path / "season", CampaignSources(tmp_path / "plan.json", site_file(tmp_path, text)))
+    assert len(made.site.fence) == 1
+    assert [plot.id for plot in made.plots] == list(IDS)
+    # A file given beside the site's own has its own field.
+    other = CampaignSources(tmp_path / "plan.json", site_file(tmp_path, text), tmp_path / "field.gpkg")
+    assert [plot.id for plot in init_campaign(tmp_path / "other", other).plots] == ["x", "y", "z", "w"]
+
+
+@pytest.mark.parametrize(("key", "value", "slip"), [("plant_height_m", 250, "2.5"), ("row_spacing_m", 75, "0.75")])
+def test_lengths_in_centimetres(tmp_path: Path, key: str, value: float, slip: str) -> None:
+    file = geojson(tmp_path, point(row_heading_deg=0, name="a", **{key: value}))
+    with pytest.raises(MetadataError, match=rf"{key}: should be .* metres and is {value}: in centimetres\?.*{slip} m"):
+        load_plots(file)
+
+
+def test_plan_and_site_in_each_others_place(tmp_path: Path) -> None:
+    site, plan = site_file(tmp_path), tmp_path / "plan.json"
+    plan.write_text('{"kind": "plan"}')
+    check_order(plan, site)
+    check_order(tmp_path, site)
+    for other in (plan, tmp_path):
+        with pytest.raises(UsageError, match="plan and site are swapped") as caught:
+            check_order(site, other)
+        assert f"{other} as the plan" in caught.value.remedy
+    with pytest.raises(MetadataError, match="is JSON, not a site file"):
+        load_site(plan)
+
+
+def test_the_drivers_are_there() -> None:
+    assert set(KINDS) <= set(pyogrio.list_drivers(read=True))
+
+
+@pytest.mark.parametrize("suffix", [".gpkg", ".kml", ".geojson"])
+def test_changed_at_random(tmp_path: Path, suffix: str) -> None:
+    """A file that is damaged is read or refused, and never a traceback; only GDAL knows what it still makes of it."""
+    crs = "EPSG:4326" if suffix == ".kml" else UTM
+    whole = write_plots(tmp_path / f"whole{suffix}", in_crs(places(), crs), crs, plot_id=list(IDS))
+    found = fuzz(Target(suffix, [whole.read_bytes()], load_plots), 60, tmp_path, seed=3)
+    assert not found.defects
+    assert (found.hangs, found.written) == (0, ())
+    assert found.refused > 20

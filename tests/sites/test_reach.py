@@ -1,0 +1,147 @@
+"""What a vehicle can reach."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fieldkit.errors import MissionError
+from fieldkit.results.plan import Plan, Station
+from fieldkit.routing.mission import Shot
+from fieldkit.sites.placement import place
+from fieldkit.sites.reach import adjusted, require_reachable, unreachable
+from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.vehicles.vehicle_file import load_vehicle, vehicle_names
+
+SITE = Site(
+    home=SiteHome(latitude_deg=50.0, longitude_deg=6.0, amsl_m=100.0),
+    plots=(
+        SitePlot(name="low", latitude_deg=50.0001, longitude_deg=6.0, height_m=97.0, datum="amsl"),
+        SitePlot(name="high", latitude_deg=50.0002, longitude_deg=6.0, height_m=102.0, datum="amsl"),
+    ),
+)
+
+
+def shots_of(*poses: tuple[float, float]) -> tuple[Shot, ...]:
+    """Stations of (height above the ground, pitch) on both plots."""
+    stations = tuple(Station(position_m=(k, 0.0, z), yaw_deg=10.0, pitch_deg=p) for k, (z, p) in enumerate(poses))
+    return place(Plan(fieldkit="0", stations=stations), SITE)
+
+
+def test_what_can_be_reached_is_left_alone() -> None:
+    shots = shots_of((1.0, -90.0), (2.0, 30.0), (1.5, -45.0))
+    vehicle = load_vehicle("ardupilot-pitch")
+    assert unreachable(shots, SITE, vehicle) == ()
+    assert adjusted(shots, SITE, vehicle) == (shots, ())
+    require_reachable(shots, SITE, vehicle)
+
+
+def test_a_pitch_beyond_the_mount() -> None:
+    shots = shots_of((2.0, -30.0), (2.0, 41.0))
+    found = unreachable(shots, SITE, load_vehicle("ardupilot-pitch"))
+    assert [(each.shot.name, each.limits) for each in found] == [
+        ("station 2 of low", ("pitch",)), ("station 2 of high", ("pitch",)),
+    ]  # fmt: skip
+    assert found[0].nearest == replace(shots[1], pitch_deg=30.0)
+    assert str(found[0]) == (
+        "station 2 of low: pitch 41°, but the mount of ArduCopter quad with a pitch gimbal reaches -90° to 30°; "
+        "the nearest pose is 2.00 m above the ground with pitch 30°"
+    )
+
+
+def test_too_low_is_above_the_plots_ground_and_not_above_home() -> None:
+    shots = shots_of((0.6, -30.0), (1.0, -30.0))
+    found = unreachable(shots, SITE, load_vehicle("ardupilot-pitch"))
+    assert [(each.shot.plot, each.shot.station, each.limits) for each in found] == [
+        ("low", 0, ("height",)), ("high", 0, ("height",)),
+    ]  # fmt: skip
+    assert [each.nearest.place.height_m for each in found] == pytest.approx([-2.0, 3.0])
+    assert "0.60 m above the ground, but" in found[0].what
+
+
+def test_a_fixed_camera_has_one_pitch() -> None:
+    vehicle = load_vehicle("fixed-gimbal")
+    shots, problems = adjusted(shots_of((2.0, -45.0), (2.0, -60.0), (0.5, 10.0)), SITE, vehicle)
+    assert {shot.pitch_deg for shot in shots} == {-45.0}
+    assert [(each.shot.station, each.limits) for each in problems if each.shot.plot == "low"] == [
+        (1, ("pitch",)), (2, ("pitch", "height")),
+    ]  # fmt: skip
+    assert "is fixed at -45°" in problems[0].what
+
+
+def test_stations_that_become_one_photograph_are_named() -> None:
+    """On a fixed mount, two stations at a place that looked down and ahead."""
+    vehicle = load_vehicle("fixed-gimbal")
+    at = [((0.0, 0.0, 2.0), -80.0), ((1.0, 0.0, 2.0), -45.0), ((0.04, 0.0, 2.0), -20.0)]
+
+    def plan(*stations: tuple[tuple[float, float, float], float], yaw_deg: float = 10.0) -> tuple[Shot, ...]:
+        made = tuple(Station(position_m=place, yaw_deg=yaw_deg, pitch_deg=pitch) for place, pitch in stations)
+        return place(Plan(fieldkit="0", stations=made), SITE)
+
+    with pytest.raises(MissionError) as caught:
+        adjusted(plan(*at), SITE, vehicle)
+    assert caught.value.exit_code == 5
+    assert caught.value.message == (
+        "station 1 of low and station 3 become one photograph when they are adjusted to this vehicle: "
+        "0.04 m and 0.0° apart, 0.04 m and 60.0° as planned"
+    )
+    # One of them as planned; and by height alone.
+    with pytest.raises(MissionError, match="station 1 of low and station 2 become one photograph"):
+        adjusted(plan(((0.0, 0.0, 2.0), -45.0), ((0.0, 0.02, 2.0), -60.0)), SITE, vehicle)
+    low = (((0.0, 0.0, 0.2), -45.0), ((0.0, 0.0, 0.7), -45.0))
+    with pytest.raises(MissionError, match=r"0.00 m and 0.0° apart, 0.50 m and 0.0° as planned"):
+        adjusted(plan(*low), SITE, vehicle)
+    # Apart, or planned so, or looking elsewhere: left alone.
+    far = plan(at[0], ((0.12, 0.0, 2.0), -20.0))
+    assert len(adjusted(far, SITE, vehicle)[1]) == 4
+    twice = plan(((0.0, 0.0, 2.0), -60.0), ((0.0, 0.0, 2.0), -60.0))
+    assert len(adjusted(twice, SITE, vehicle)[1]) == 4
+    (a, *_), (b, *_) = plan(at[0]), plan(at[2], yaw_deg=15.0)
+    assert len(adjusted((a, replace(b, station=1)), SITE, vehicle)[1]) == 2
+
+
+def test_the_error_names_the_first_and_counts_the_others() -> None:
+    vehicle = load_vehicle("ardupilot-pitch")
+    with pytest.raises(MissionError) as caught:
+        require_reachable(shots_of((0.2, 50.0), (0.2, -30.0)), SITE, vehicle)
+    assert caught.value.exit_code == 5
+    assert caught.value.message.startswith("station 1 of low: pitch 50°, but the mount")
+    assert "0.20 m above the ground, but" in caught.value.message
+    assert caught.value.message.endswith("with pitch 30° (3 more stations are out of reach)")
+    assert "--adjust" in caught.value.remedy
+    with pytest.raises(MissionError, match=r"with pitch -30°$"):
+        require_reachable(shots_of((0.2, -30.0))[:1], SITE, vehicle)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.sampled_from(vehicle_names()), st.lists(st.tuples(st.floats(-2, 6), st.floats(-90, 90)), min_size=1, max_size=4)
+)
+def test_the_nearest_pose_is_reachable_and_the_nearest(name: str, poses: list[tuple[float, float]]) -> None:
+    vehicle = load_vehicle(name)
+    shots = shots_of(*poses)
+    changed, problems = adjusted(shots, SITE, vehicle)
+    assert unreachable(changed, SITE, vehicle) == ()
+    assert [each.nearest for each in problems] == [b for a, b in zip(shots, changed, strict=True) if a != b]
+    low, high = vehicle.mount.pitch_deg
+    for shot, near in zip(shots, changed, strict=True):
+        # Neither another pitch nor another height that is reachable is nearer.
+        assert abs(near.pitch_deg - shot.pitch_deg) <= max(low - shot.pitch_deg, shot.pitch_deg - high, 0.0) + 1e-6
+        rise = near.place.height_m - shot.place.height_m
+        above = shot.place.height_m - SITE.ground_m(SITE.plot(shot.plot))
+        assert rise == pytest.approx(max(vehicle.min_height_m - above, 0.0), abs=2e-4)
+        assert near == replace(
+            shot, pitch_deg=near.pitch_deg, place=replace(shot.place, height_m=near.place.height_m)
+        )  # fmt: skip
+
+
+def test_shots_of_another_site() -> None:
+    vehicle = load_vehicle("ardupilot-pitch")
+    (shot, *_) = shots_of((2.0, -30.0))
+    with pytest.raises(MissionError, match="the site has no plot of that name"):
+        unreachable([replace(shot, plot="other")], SITE, vehicle)
+    with pytest.raises(MissionError, match="not a number"):
+        unreachable([replace(shot, pitch_deg=float("nan"))], SITE, vehicle)

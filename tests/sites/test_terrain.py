@@ -1,0 +1,324 @@
+"""Plots on slopes: how a slope is given, and where a plan comes to lie on it."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from fieldkit.errors import MetadataError, MissionError
+from fieldkit.geometry import Pose
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.check import check_mission
+from fieldkit.missions.export import route_plan
+from fieldkit.missions.export_mission import export_mission
+from fieldkit.missions.files.reading import read_mission
+from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
+from fieldkit.sites.reach import unreachable
+from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site_file import load_plots, load_site
+from fieldkit.sites.site_obstacles import site_obstacles
+from fieldkit.sites.terrain import gradient, plane_through
+from fieldkit.vehicles.vehicle_file import load_vehicle
+from tests.missions.test_export import planned
+from tests.sites.test_placement import plan_of
+
+VEHICLE = load_vehicle("ardupilot-pitch")
+LATITUDE, LONGITUDE = 50.8650, 6.4473
+HEADINGS = st.floats(-360, 360)
+SLOPES = st.floats(0.5, 40)
+
+
+def site_with(home: SiteHome | None = None, **plot: Any) -> Site:
+    home = home or SiteHome(latitude_deg=50.8649, longitude_deg=LONGITUDE, ellipsoid_m=140.0)
+    return Site(home=home, plots=(SitePlot(latitude_deg=LATITUDE, longitude_deg=LONGITUDE, **plot),))
+
+
+def uphill(east: NDArray[np.float64], north: NDArray[np.float64], percent: float, heading: float) -> Any:
+    """Height of a plane by its definition: the way towards the heading, times the grade."""
+    angle = math.radians(heading)
+    return 0.01 * percent * (east * math.sin(angle) + north * math.cos(angle))
+
+
+@settings(max_examples=60, deadline=None)
+@given(HEADINGS, SLOPES, HEADINGS, st.lists(st.tuples(*[st.floats(-20, 20)] * 2, st.floats(0.5, 5)), min_size=1))
+def test_stations_keep_their_height_above_the_plane_and_their_place(
+    row: float, percent: float, heading: float, points: list[tuple[float, float, float]]
+) -> None:
+    plan = plan_of(*((*point, 30.0, -40.0) for point in points))
+    sloping = site_with(row_heading_deg=row, slope_percent=percent, uphill_heading_deg=heading)
+    shots, level = place(plan, sloping), place(plan, site_with(row_heading_deg=row))
+    frame = LocalFrame(LATITUDE, LONGITUDE, 140.0)
+    for shot, flat, (_, _, z) in zip(shots, level, points, strict=True):
+        there, before = (
+            frame.to_local(s.place.latitude_deg, s.place.longitude_deg, 140.0 + s.place.height_m)[0]
+            for s in (shot, flat)
+        )
+        np.testing.assert_allclose(there[:2], before[:2], atol=1e-6)
+        assert there[2] - uphill(there[0], there[1], percent, heading) == pytest.approx(z, abs=1e-6)
+        assert shot.yaw_deg == pytest.approx(flat.yaw_deg, abs=1e-6)
+    heights = np.array([shot.place.height_m for shot in shots]) - grounds_m(sloping, shots)
+    np.testing.assert_allclose(heights, [point[2] for point in points], atol=1e-4)  # d²/2R
+
+
+@settings(max_examples=60, deadline=None)
+@given(HEADINGS, SLOPES, HEADINGS, st.floats(0, 359), st.floats(-89, 20), st.floats(0.2, 8))
+def test_a_camera_looks_at_the_same_place_of_the_slope(
+    row: float, percent: float, heading: float, yaw: float, pitch: float, reach: float
+) -> None:
+    """What the optical axis meets on the level plot, it meets at the same height above the ground on the slope."""
+    site = site_with(row_heading_deg=row, slope_percent=percent, uphill_heading_deg=heading)
+    frame = PlotFrame.of(site, site.plots[0])
+    start = np.array([2.0, -1.0, 1.5])
+    target = start + reach * Pose.from_yaw_pitch(start, yaw, pitch).forward
+    (turned,) = frame.pitches(yaw, pitch).tolist()
+    there, seen = frame.upright(np.stack([start, target]))
+    aim = (seen - there) / np.linalg.norm(seen - there)
+    np.testing.assert_allclose(Pose.from_yaw_pitch(there, yaw, turned).forward, aim, atol=1e-9)
+    assert abs(turned - pitch) <= math.degrees(math.atan(0.01 * percent)) + 1e-9
+    assert frame.planned_pitches(yaw, turned)[0] == pytest.approx(pitch, abs=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(HEADINGS, HEADINGS, st.floats(-50, 50), st.floats(-90, 30))
+def test_no_slope_is_todays_result_bit_for_bit(row: float, heading: float, x: float, pitch: float) -> None:
+    plan = plan_of((x, 1.0, 1.5, 20.0, pitch), (-3.0, x, 2.5, 200.0, -90.0))
+    plain = site_with(row_heading_deg=row)
+    level = site_with(row_heading_deg=row, slope_percent=0.0, uphill_heading_deg=heading)
+    assert place(plan, plain) == place(plan, level)
+    assert [shot.pitch_deg for shot in place(plan, level)] == [pitch, -90.0]
+    assert unreachable(place(plan, plain), plain, VEHICLE) == unreachable(place(plan, level), level, VEHICLE)
+
+
+def test_no_slope_has_todays_obstacles_and_routes() -> None:
+    plan, plain, level = planned(), site_with(), site_with(slope_percent=0.0, uphill_heading_deg=12.0)
+    assert site_obstacles(plain, 0.5, plan).volumes == site_obstacles(level, 0.5, plan).volumes
+    assert {volume.kind for volume in site_obstacles(plain, 0.5, plan).volumes} == {"plants"}
+    one, other = (route_plan(plan, VEHICLE, site) for site in (plain, level))
+    assert [each.mission for each in one.flights] == [each.mission for each in other.flights]
+    assert (one.lowest_m, one.plants_m) == (other.lowest_m, other.plants_m)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(-360, 0), SLOPES, st.floats(-360, 0))
+def test_a_whole_turn_changes_nothing(row: float, percent: float, heading: float) -> None:
+    plan = plan_of((3.0, -2.0, 1.5, 20.0, -30.0), (0.0, 4.0, 2.0, 250.0, 10.0))
+    one = place(plan, site_with(row_heading_deg=row, slope_percent=percent, uphill_heading_deg=heading))
+    other = place(plan, site_with(row_heading_deg=row + 360, slope_percent=percent, uphill_heading_deg=heading + 360))
+    for a, b in zip(one, other, strict=True):
+        assert (a.place.latitude_deg, a.place.longitude_deg) == pytest.approx(
+            (b.place.latitude_deg, b.place.longitude_deg), abs=1e-11
+        )
+        assert (a.place.height_m, a.pitch_deg) == pytest.approx((b.place.height_m, b.pitch_deg), abs=1e-9)
+        assert abs((a.yaw_deg - b.yaw_deg + 180) % 360 - 180) < 1e-9
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    SLOPES, st.floats(0, 359.9), st.floats(-50, 50), st.floats(0, 359), st.floats(5, 80), st.floats(40, 140),
+    st.floats(5, 80),
+)  # fmt: skip
+def test_three_heights_give_their_plane(
+    percent: float, heading: float, height: float, first: float, r1: float, apart: float, r2: float
+) -> None:
+    angles = np.radians([first, first + apart, first + apart + 120.0])
+    local = np.column_stack([np.array([r1, r2, r1]) * np.sin(angles), np.array([r1, r2, r1]) * np.cos(angles)])
+    (a, b), (c, d) = local[1] - local[0], local[2] - local[0]
+    assume(abs(a * d - b * c) > 1.0 * np.linalg.norm(np.ptp(local, axis=0)))  # not on one line
+    heights = height + uphill(local[:, 0], local[:, 1], percent, heading)
+    frame = LocalFrame(LATITUDE, LONGITUDE)
+    latitudes, longitudes, _ = frame.to_geodetic(np.column_stack([local, np.zeros(3)]))
+    points = list(zip(latitudes.tolist(), longitudes.tolist(), heights.tolist(), strict=True))
+    plane = plane_through(LATITUDE, LONGITUDE, points)
+    assert plane.slope_percent == pytest.approx(percent, abs=1e-4)
+    assert plane.height_m == pytest.approx(height, abs=1e-5)
+    assert plane.uphill_heading_deg is not None
+    assert abs((plane.uphill_heading_deg - heading + 180) % 360 - 180) < 1e-2
+    plot = SitePlot.model_validate(
+        {"latitude_deg": LATITUDE, "longitude_deg": LONGITUDE, "datum": "home", "ground_points": points}
+    )
+    assert (plot.slope_percent, plot.uphill_heading_deg) == (plane.slope_percent, plane.uphill_heading_deg)
+    assert plot.height_m == plane.height_m
+    assert SitePlot.model_validate(plot.model_dump()) == plot
+
+
+def test_the_gradient_by_hand() -> None:
+    assert gradient(10.0, 90.0, 90.0) == pytest.approx((0.1, 0.0))  # x is east, and up is east
+    assert gradient(10.0, 0.0, 90.0) == pytest.approx((0.0, 0.1))  # y is north
+    assert gradient(10.0, 0.0, 0.0) == pytest.approx((0.1, 0.0))
+    assert gradient(10.0, 270.0, 0.0) == pytest.approx((0.0, 0.1))  # y points left of the row
+    assert gradient(0.0, 33.0, 0.0) == (0.0, 0.0)
+
+
+def test_site_files_give_slopes_in_three_ways(tmp_path: Path) -> None:
+    file = tmp_path / "site.toml"
+    head = "format = 1\n[home]\nlatitude_deg = 50.8649\nlongitude_deg = 6.4473\namsl_m = 92.0\n[[plots]]\n"
+    head += f"latitude_deg = {LATITUDE}\nlongitude_deg = {LONGITUDE}\n"
+    north = LATITUDE + 8.99e-5  # 10 m
+    for lines in (
+        "slope_percent = 10\nuphill_heading_deg = 0\nheight_m = 91.0\n",
+        "slope_deg = 5.710593\nuphill_heading_deg = 0\nheight_m = 91.0\n",
+        f"ground_points = [[{LATITUDE}, {LONGITUDE}, 91.0], [{north}, {LONGITUDE}, 92.0], [{LATITUDE}, 6.4475, 91]]\n",
+    ):  # fmt: skip
+        file.write_text(head + 'datum = "amsl"\n' + lines, encoding="utf-8")
+        (plot,) = load_site(file).plots
+        assert plot.slope_percent == pytest.approx(10.0, abs=0.01)
+        assert plot.height_m == pytest.approx(91.0)
+        assert plot.gradient == pytest.approx((0.0, 0.1), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("given_", "message"),
+    [
+        ({"slope_percent": 5.0}, "rises by 5 %, but where to"),
+        ({"slope_percent": 5.0, "slope_deg": 3.0, "uphill_heading_deg": 0.0}, "gives its slope twice"),
+        ({"slope_deg": 60.0, "uphill_heading_deg": 0.0}, "from 0 to 45"),
+        ({"slope_deg": "steep"}, "from 0 to 45"),
+        ({"slope_deg": True}, "from 0 to 45"),
+        ({"slope_percent": 101.0, "uphill_heading_deg": 0.0}, "less than or equal to 100"),
+        ({"slope_percent": math.nan, "uphill_heading_deg": 0.0}, "slope_percent"),
+        ({"length_m": 5.0}, "belong together"),
+        ({"length_m": 0.0, "width_m": 1.0}, "length_m"),
+        ({"plant_height_m": 50.0}, "plant_height_m"),
+        ({"row_spacing_m": -1.0}, "row_spacing_m"),
+        ({"ground_points": 3}, "ground_points should be three"),
+        ({"ground_points": [[1, 2, 3]]}, "1 points; three make a plane"),
+        ({"ground_points": [[10**400, 2, 3]] * 3}, "ground_points should be three"),
+        ({"ground_points": [[50.865, 6.4473, 1.0]] * 3}, "of one line"),
+        ({"ground_points": [[50.865, 6.4473, 1], [50.866, 6.4473, 1], [50.867, 6.4473, 1]]}, "of one line"),
+        ({"ground_points": [[6.4473, 50.865, 1], [6.45, 50.865, 1], [6.4473, 50.866, 1]]}, "latitude comes first"),
+        ({"ground_points": [[50.865, 6.4473, 1], [50.8651, 6.4473, 90], [50.865, 6.4475, 1]]}, "mistyped"),
+        ({"ground_points": [[50.865, 6.4473, 1]] * 3, "height_m": 3.0}, "follows from ground_points"),
+        ({"ground_points": [[50.865, 6.4473, 1], [50.866, 6.4473, 1], [50.865, 6.448, 1]]}, "above what"),
+    ],
+)  # fmt: skip
+def test_what_no_ground_is(given_: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        SitePlot.model_validate({"latitude_deg": LATITUDE, "longitude_deg": LONGITUDE, **given_})
+
+
+def plots_file(folder: Path, geometry: dict[str, Any], **properties: Any) -> Path:
+    path = folder / "plots.geojson"
+    path.write_text(json.dumps({"type": "Feature", "properties": properties, "geometry": geometry}), encoding="utf-8")
+    return path
+
+
+def rectangle(length: float, width: float, heading: float) -> dict[str, Any]:
+    """A polygon of GeoJSON about the origin, its first side along a heading."""
+    angle = math.radians(heading)
+    along, left = np.array([math.sin(angle), math.cos(angle)]), np.array([-math.cos(angle), math.sin(angle)])
+    corners = [0.5 * (a * length * along + b * width * left) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    latitudes, longitudes, _ = LocalFrame(LATITUDE, LONGITUDE).to_geodetic([(x, y, 0.0) for x, y in corners])
+    ring = [[lon, lat] for lat, lon in zip(latitudes.tolist(), longitudes.tolist(), strict=True)]
+    return {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(1, 40), st.floats(0.3, 0.9), st.floats(0, 359), st.floats(-30, 30))
+def test_a_polygons_size_is_that_of_its_own_rectangle(
+    tmp_path_factory: pytest.TempPathFactory, length: float, share: float, heading: float, off: float
+) -> None:
+    folder = tmp_path_factory.mktemp("plots")
+    shape = rectangle(length, share * length, heading)
+    drawn, along, across = (
+        load_plots(plots_file(folder, shape, **more))[0].size_m
+        for more in ({}, {"row_heading_deg": (heading + off) % 360}, {"row_heading_deg": (heading + off + 90) % 360})
+    )
+    assert drawn == pytest.approx((length, share * length), rel=1e-5)
+    assert along == pytest.approx((length, share * length), rel=1e-5)
+    assert across == pytest.approx((share * length, length), rel=1e-5)
+    stated = plots_file(folder, shape, length_m=3.0, width_m=1.5)
+    assert load_plots(stated)[0].size_m == (3.0, 1.5)
+
+
+def test_geojson_gives_slope_and_plants_with_the_longitude_first(tmp_path: Path) -> None:
+    north = LATITUDE + 8.99e-5
+    where = {"type": "Point", "coordinates": [LONGITUDE, LATITUDE]}
+    points = [[LONGITUDE, LATITUDE, 91.0], [LONGITUDE, north, 92.0], [6.4475, LATITUDE, 91.0]]
+    more = {"row_heading_deg": 90, "datum": "amsl", "plant_height_m": 1.2, "row_spacing_m": 0.75}
+    (plot,) = load_plots(plots_file(tmp_path, where, ground_points=points, **more))
+    assert (plot.slope_percent, plot.height_m) == pytest.approx((10.0, 91.0), abs=0.01)
+    assert (plot.plant_height_m, plot.row_spacing_m, plot.size_m) == (1.2, 0.75, None)
+    with pytest.raises(MetadataError, match=r"feature 1: .*rises by 3 %, but where to"):
+        load_plots(plots_file(tmp_path, where, row_heading_deg=90, slope_percent=3))
+    odd: tuple[Any, ...] = ([[1]], "x", [[None, 2, 3]] * 3, [[1e999, 2, 3]] * 3, {}, [[], [], []])
+    for hostile in odd:
+        with pytest.raises(MetadataError, match="feature 1"):
+            load_plots(plots_file(tmp_path, where, row_heading_deg=90, datum="amsl", ground_points=hostile))
+
+
+def test_what_is_flown_over_a_slope_keeps_clear_of_plants_and_ground() -> None:
+    plan = planned()
+    site = site_with(slope_percent=20.0, uphill_heading_deg=40.0, row_heading_deg=75.0)
+    routed = route_plan(plan, VEHICLE, site)
+    assert routed.lowest_m == pytest.approx(1.2, abs=1e-5)
+    assert routed.plants_m is not None
+    assert routed.plants_m > VEHICLE.clearance_m - 0.07
+    frame, local = PlotFrame.of(site, site.plots[0]), SiteFrame(site.home)
+    shots = [shot for each in routed.flights for shot in each.mission.shots]
+    assert np.ptp([shot.place.height_m for shot in shots]) > 0.3
+    obstacles = site_obstacles(site, VEHICLE.clearance_m, plan)
+    for leg in routed.legs()[1:-1]:
+        assert not obstacles.blocked(leg[:-1], leg[1:]).any()
+        latitude, longitude, height = local.to_geodetic(leg)
+        assert (frame.to_plot(latitude, longitude, height)[:, 2] > VEHICLE.clearance_m).all()
+    assert {finding.code for finding in routed.fit} == {"slope-steep"}
+
+
+@pytest.mark.parametrize("clearance", [0.5, 3.0])
+def test_the_ground_stops_legs_and_no_station(clearance: float) -> None:
+    """A leg that is as high above the lower end as a station, but not above the upper end."""
+    plan = planned(plants=False)
+    site = site_with(slope_percent=30.0, uphill_heading_deg=90.0)
+    frame, local = PlotFrame.of(site, site.plots[0]), SiteFrame(site.home)
+    obstacles = site_obstacles(site, clearance, plan)
+    stations = np.array([station.position_m for station in plan.stations])
+    places = local.to_local(*frame.to_geodetic(stations))
+    assert not obstacles.blocked(places, places).any()
+    west, east = local.to_local(*frame.level.to_geodetic([(-1.3, 0.0, 0.3), (1.3, 0.0, 0.3)]))
+    (problem,) = {str(p).partition(" at ")[0] for p in obstacles.leg_problems(west, east)}
+    assert problem == "comes too near to the ground of plot"
+    above = min(clearance, 1.2) + 0.001
+    low, high = local.to_local(*frame.to_geodetic([(-1.3, 0.0, above), (1.3, 0.0, above)]))
+    assert not obstacles.blocked(low[None], high[None]).any()
+
+
+def test_a_station_too_low_above_the_local_ground_is_an_error() -> None:
+    """Its height above home, and above the ground at the plot's origin, would be enough."""
+    plan = plan_of((3.0, 0.0, 0.8, 270.0, -30.0), (-3.0, 0.0, 1.2, 90.0, -30.0))
+    site = site_with(slope_percent=20.0, uphill_heading_deg=90.0)
+    assert place(plan, site)[0].place.height_m == pytest.approx(1.4, abs=1e-5)
+    assert place(plan, site)[1].place.height_m == pytest.approx(0.6, abs=1e-5)
+    with pytest.raises(MissionError, match=r"station 1 of plot: 0\.80 m above the ground.*the nearest pose is 1\.00 m"):
+        route_plan(plan, VEHICLE, site)
+    routed = route_plan(plan, VEHICLE, site, adjust=True)
+    assert len(routed.moved) == 1
+    assert routed.lowest_m == pytest.approx(1.0, abs=1e-5)
+
+
+def test_home_on_a_sloping_plot_is_taken_off_from() -> None:
+    home = SiteHome(latitude_deg=LATITUDE, longitude_deg=LONGITUDE, ellipsoid_m=140.0)
+    site = site_with(home, slope_percent=15.0, uphill_heading_deg=200.0)
+    assert route_plan(planned(plants=False), VEHICLE, site).photographs == 7
+
+
+def test_a_mission_over_a_slope_passes_its_check(tmp_path: Path) -> None:
+    plan = planned(height_m=2.0)
+    site = site_with(slope_percent=12.0, uphill_heading_deg=310.0, row_heading_deg=75.0)
+    done = export_mission(plan, VEHICLE, site, tmp_path / "slope.plan", picture=False)
+    report = check_mission(
+        read_mission(done.files[0]), VEHICLE, planned=place(plan, site), origin=home_of(site),
+        obstacles=site_obstacles(site, VEHICLE.clearance_m, plan),
+    )  # fmt: skip
+    assert report.ok, report.findings
+    assert len(report.deviations) == 7
+    assert max(deviation.metres for deviation in report.deviations) < 0.02
+    assert max(abs(deviation.pitch_deg or 0.0) for deviation in report.deviations) < 0.01

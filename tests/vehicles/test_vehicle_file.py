@@ -1,0 +1,177 @@
+"""Vehicle profiles."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from benchmarks.fuzzing import Target, fuzz
+from fieldkit.errors import MetadataError, MissionError
+from fieldkit.missions.autopilots.execution import Execution, Photograph
+from fieldkit.missions.autopilots.stops import check_shot
+from fieldkit.missions.check_photographs import photograph_findings
+from fieldkit.results.plan import PlanCamera
+from fieldkit.routing.mission import GeoPoint, Shot
+from fieldkit.vehicles.vehicle import Battery, Mount, Speeds, Trigger, Vehicle
+from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle, vehicle_names, vehicles_folder
+from tests.missions.vehicles import vehicle as copter
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "missions" / "README.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "missions" / "vehicles" / "ardupilot-pitch.toml").read_text(encoding="utf-8")
+
+
+def key_table(section: str) -> dict[str, str]:
+    """A key table of missions/README.md: keys and defaults."""
+    part = README.partition(f"### {section}\n")[2].partition("\n#")[0]
+    return dict(re.findall(r"^\| `(\w+)` \| (.+?) \|", part, re.MULTILINE))
+
+
+def check_table(section: str, model: type[BaseModel]) -> None:
+    """That the README's table has all keys of a model with their defaults, and no others."""
+    expected = {}
+    for name, field in model.model_fields.items():
+        alias = field.validation_alias
+        default = field.default
+        shown = {"()": "[]", "None": "none", "(0.0, 0.0)": "[0.0, 0.0]"}.get(str(default), str(default))
+        shown = f'`"{default}"`' if isinstance(default, str) else shown
+        expected[alias if isinstance(alias, str) else name] = "needed" if field.is_required() else shown
+    assert key_table(section) == expected
+
+
+def write(folder: Path, text: str | bytes) -> Path:
+    path = folder / "mine.toml"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def test_what_is_shipped() -> None:
+    assert {"ardupilot-pitch", "ardupilot-pan", "px4-gimbal", "dji-mavic-3-enterprise", "fixed-gimbal"} < set(
+        vehicle_names()
+    )
+    vehicles = {name: load_vehicle(name) for name in vehicle_names()}
+    assert sum(vehicle.dialect == "dji" for vehicle in vehicles.values()) == 2
+    assert {vehicle.mount.kind for vehicle in vehicles.values()} == {"pitch", "pitch-yaw", "fixed"}
+    for name, vehicle in vehicles.items():
+        assert re.search(r"[Mm]easured|specification|[Rr]ead", vehicle.checked), name
+        assert "stimates" in vehicle.checked, name
+        camera = vehicle.camera.intrinsics
+        across = np.degrees(2 * np.arctan(camera.width / 2 / camera.fx))
+        assert 40 < across < 90, name
+        off = 20.0 if camera.distorted else 0.0  # a calibrated one
+        assert abs(camera.cx - camera.width / 2) <= off >= abs(camera.cy - camera.height / 2), name
+        assert f"| `{name}` |" in README, name
+    assert vehicles["ardupilot-pitch"].battery.usable_s == pytest.approx(1080 * 0.75)
+
+
+def test_the_profile_of_the_recordings() -> None:
+    """What sim/sitl measured."""
+    vehicle = load_vehicle("ardupilot-pitch")
+    assert vehicle.mount.pitch_deg == (-90.0, 30.0)
+    assert (vehicle.trigger.settle_s, vehicle.trigger.exposure_s) == (4.0, 1.0)
+    assert (vehicle.speeds.cruise_mps, vehicle.acceptance_m, vehicle.max_items) == (2.0, 0.2, 650)
+
+
+def test_the_readme_lists_the_keys() -> None:
+    check_table("At the top", Vehicle)
+    sections: Sequence[tuple[str, type[BaseModel]]] = (
+        ("`[mount]`", Mount), ("`[trigger]`", Trigger), ("`[camera]`", PlanCamera), ("`[speeds]`", Speeds),
+        ("`[battery]`", Battery),
+    )  # fmt: skip
+    for section, model in sections:
+        check_table(section, model)
+
+
+def test_by_name_by_path_and_near_misses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = write(tmp_path, TEXT.replace("ArduCopter quad", "My quad"))
+    assert load_vehicle(own).title.startswith("My quad")
+    assert find_vehicle("px4-gimbal") == find_vehicle("px4-gimbal.toml") == vehicles_folder() / "px4-gimbal.toml"
+    monkeypatch.chdir(tmp_path)
+    own.rename(tmp_path / "px4-gimbal")
+    assert load_vehicle("px4-gimbal").title.startswith("My quad")
+    with pytest.raises(MetadataError, match="no such vehicle profile") as caught:
+        find_vehicle("ardupilot-pich")
+    assert caught.value.remedy == "Did you mean ardupilot-pitch?"
+    for name in ("???", "x" * 5000, "a\0b", ""):
+        with pytest.raises(MetadataError) as caught:
+            load_vehicle(name)
+        assert "dji-mavic-3-enterprise" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("format = 1", "", "has no 'format'"),
+        ("format = 1", "format = 2", "has format 2; this fieldkit reads 1"),
+        ("format = 1", "format = true", "has format True"),
+        ('title = "', 'titel = "', "title: is missing"),
+        ("max_items = 650", "max_item = 650", "max_item: is not a key of this format"),
+        ("max_items = 650", "max_items = 650.5", "max_items: "),
+        ("max_items = 650", 'max_items = "650"', "max_items: input should be a valid integer"),
+        ("cruise_mps = 2.0", "cruise_mps = nan", "speeds.cruise_mps: "),
+        ("cruise_mps = 2.0", "cruise_mps = 1e-300", "speeds.cruise_mps: input should be greater"),
+        ("cruise_mps = 2.0", "cruise_mps = 2024-01-01", "speeds.cruise_mps: "),
+        ("reserve = 0.25", "reserve = 1", "battery.reserve: input should be less than 1"),
+        ('dialect = "ardupilot"', 'dialect = "ardupliot"', "dialect: input should be 'ardupilot', 'px4' or 'dji'"),
+        ("[-90.0, 30.0]", "[30.0, -90.0]", "mount: the lowest angle comes first"),
+        ("[-90.0, 30.0]", "[-95.0, 30.0]", "mount.pitch_deg 1: "),
+        ('kind = "pitch"', 'kind = "fixed"', "mount: a fixed mount has one pitch: give it twice"),
+        ('"SIMPLE_RADIAL"', '"FISHEYE"', "camera: camera model 'FISHEYE'"),
+        ("[battery]", "[batery]", "battery: is missing"),
+        ("[battery]", "[battery", "is not TOML"),
+        ("[battery]", "[battery]\nx = " + "[" * 5000, "is not TOML"),
+        ("[battery]", "[battery]\nx = " + "9" * 5000, "is not TOML"),
+        ("[battery]", "a." * 40_000 + "b = 1\n[battery]", "has keys of more than 64 parts"),
+        ("[battery]", "# " + "x" * 300_000, "far too large"),
+    ],
+)  # fmt: skip
+def test_errors(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert old in TEXT
+    path = write(tmp_path, TEXT.replace(old, new))
+    with pytest.raises(MetadataError, match=re.escape(message)) as caught:
+        load_vehicle(path)
+    assert caught.value.path == path
+    assert caught.value.remedy
+
+
+def test_not_text(tmp_path: Path) -> None:
+    with pytest.raises(MetadataError, match="UTF-8"):
+        load_vehicle(write(tmp_path, b"\xff\xfe"))
+    assert load_vehicle(write(tmp_path, b"\xef\xbb\xbf" + TEXT.encode())) == load_vehicle("ardupilot-pitch")
+
+
+def test_changed_at_random(tmp_path: Path) -> None:
+    def read(path: Path) -> Any:
+        return load_vehicle(path)
+
+    seeds = [path.read_bytes() for path in sorted(vehicles_folder().glob("*.toml"))]
+    found = fuzz(Target(".toml", seeds, read), 1000, tmp_path, seed=5)
+    assert not found.defects
+    assert not found.written
+    assert found.hangs == 0
+    assert found.refused > 100
+
+
+def test_every_check_of_a_pitch_asks_the_mount() -> None:
+    """The plan's poses, the writers and the check of a mission agree at the limits, rounding of files included."""
+    for pitch, reached in ((30.0, True), (30.0005, True), (30.01, False), (-90.0, True), (-90.01, False)):
+        mount = copter().mount
+        assert mount.reaches(pitch) == reached
+        assert mount.reaches(mount.nearest_deg(pitch))
+        shot = Shot(GeoPoint(50.865, 6.4473, 2.0), 0.0, pitch, "p", 0)
+        taken = Photograph(0, 0, shot.place, 0.0, pitch, 0, settled_s=9.0, after_s=9.0)
+        flown = Execution((taken,), (), 0.0, (), "land", True)
+        codes = {finding.code for finding in photograph_findings(flown, copter(), {}, {})}
+        assert codes == (set() if reached else {"pitch-limit"})
+        with nullcontext() if reached else pytest.raises(MissionError, match="beyond the mount"):
+            check_shot(shot, copter())
+    with pytest.raises(MissionError, match="not a number"):
+        check_shot(replace(shot, yaw_deg=float("nan")), copter())
