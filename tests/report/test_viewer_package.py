@@ -31,7 +31,7 @@ def checkout(tmp_path: Path) -> Path:
     page = "fieldkit/report/html"
     for name in (
         "pyproject.toml", "README.md", "LICENSE", ".gitignore", "scripts/hatch_build.py", "scripts/build_viewer.sh",
-        "fieldkit/__init__.py", f"{page}/viewer.py", f"{page}/web/viewer.css", f"{page}/web/viewer.js",
+        "fieldkit/version.py", f"{page}/viewer.py", f"{page}/web/viewer.css", f"{page}/web/viewer.js",
         f"{page}/web/package-lock.json",
     ):  # fmt: skip
         (root / name).parent.mkdir(parents=True, exist_ok=True)
