@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-import fieldkit
+from fieldkit.runtime import shipped
 from fieldkit.runtime.shipped import shipped_folder, shipped_page
 from fieldkit.vehicles.vehicle_file import load_vehicle, vehicles_folder
 
@@ -27,7 +27,7 @@ def test_the_wheel_puts_every_folder_where_an_installed_package_looks(
             shutil.copyfile(ROOT / source, tmp_path / target)
             continue
         shutil.copytree(ROOT / source, tmp_path / target, ignore=shutil.ignore_patterns("*.tlog", "*.BIN", "*.bin"))
-    monkeypatch.setattr(fieldkit, "__file__", str(tmp_path / "fieldkit" / "__init__.py"))
+    monkeypatch.setattr(shipped, "__file__", str(tmp_path / "fieldkit" / "runtime" / "shipped.py"))
     for source, target in included.items():
         assert shipped_folder(source) == shipped_page(source) == tmp_path / target
     assert vehicles_folder() == tmp_path / "fieldkit" / "shipped" / "missions" / "vehicles"
