@@ -6,12 +6,9 @@ All text is plain; `fieldkit.report.html.document` and `fieldkit.figures.termina
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
-if TYPE_CHECKING:  # tables need no NumPy
-    from fieldkit.report.html.charts import LineChart
-    from fieldkit.report.html.plot_map import PlotMap
-    from fieldkit.report.html.scene import ViewerScene
+from fieldkit.figures.drawings import LineChart, PlotMap, ViewerScene
 
 Level = Literal["good", "fact", "note", "problem"]
 

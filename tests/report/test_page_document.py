@@ -28,12 +28,20 @@ from fieldkit.figures.content import (
     Terms,
     View,
 )
+from fieldkit.figures.drawings import (
+    FrustumLayer,
+    LineChart,
+    LineLayer,
+    MappedPlot,
+    Measure,
+    PlotMap,
+    PointLayer,
+    Series,
+    ViewerScene,
+)
 from fieldkit.figures.foreign_text import unbroken, visible
 from fieldkit.geometry import Pose
-from fieldkit.report.html.charts import LineChart, Series
 from fieldkit.report.html.document import render
-from fieldkit.report.html.plot_map import MappedPlot, Measure, PlotMap
-from fieldkit.report.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
 from tests.report.page_checks import Parsed, checked
 
 

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from fieldkit.figures.drawings import LineChart, MappedPlot, Measure, PlotMap, Series
 from fieldkit.figures.style import DISTANCE_RAMP
-from fieldkit.report.html.charts import HEIGHT, WIDTH, LineChart, Series, draw, number_text, round_ticks
-from fieldkit.report.html.plot_map import MappedPlot, Measure, PlotMap, draw_map, ramp_color
+from fieldkit.report.html.charts import HEIGHT, WIDTH, draw, number_text, round_ticks
+from fieldkit.report.html.plot_map import draw_map, ramp_color
 
 FINITE = st.floats(-1e9, 1e9)
 

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fieldkit.errors import InputError
+from fieldkit.figures.drawings import FrustumLayer, LineLayer, PointLayer, ViewerScene
 from fieldkit.figures.foreign_text import visible
 from fieldkit.figures.style import DISTANCE_RAMP
 from fieldkit.report.html import viewer
-from fieldkit.report.html.scene import FrustumLayer, LineLayer, PointLayer, ViewerScene
 from tests.report.views import HOSTILE, cameras, hostile_scene, leaves, small_scene
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.headless import ARGUMENTS, find_chromium, offline_page
 from fieldkit.errors import InputError
-from fieldkit.report.html.scene import ViewerScene
+from fieldkit.figures.drawings import ViewerScene
 from tests.browser import changed, colors_in, opened, picture
 from tests.report.views import HOSTILE, hostile_scene, leaves, page_of, small_scene
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from fieldkit.figures.drawings import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.geometry import Pose
-from fieldkit.report.html.scene import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
 
 HOSTILE = """<script>window.broken = 1</script><img src=x onerror="window.broken = 2">&amp;'" -->"""

@@ -1,4 +1,4 @@
-"""Line charts as values, and their layout in a drawing of fixed size.
+"""The layout of a line chart in a drawing of fixed size.
 
 The drawing is an SVG whose colours come from the page's style, so that it follows light and dark.
 """
@@ -7,54 +7,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+
+from fieldkit.figures.drawings import LineChart, SeriesStyle
 
 WIDTH, HEIGHT = 560.0, 320.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62.0, 14.0, 14.0, 50.0
 _NARROWEST = 1e-11  # a range below it counts as one value: ticks have twelve decimals
-
-Style = Literal["line", "step", "dots", "band"]
-
-
-@dataclass(frozen=True)
-class Series:
-    """One series of a chart.
-
-    Attributes:
-        name: in the legend; empty for none.
-        points: (x, y); y None is a gap.
-        style: a line through the points, steps (a value holds until the next), dots, or a thin line in the background.
-    """
-
-    name: str
-    points: tuple[tuple[float, float | None], ...]
-    style: Style = "line"
-
-
-@dataclass(frozen=True)
-class LineChart:
-    """A chart.
-
-    Attributes:
-        title: above it.
-        description: in words, for readers who cannot see the chart.
-        x_label, y_label: with units.
-        series: drawn in order; at most five lines have colours of their own.
-        level: a dashed line across, with its label; None for none.
-        x_ticks: labels at given places; None takes round numbers.
-        y_top: end of the y axis; None takes the highest point. Points above it are drawn on the edge and counted.
-        y_zero: whether the y axis starts at 0.
-    """
-
-    title: str
-    description: str
-    x_label: str
-    y_label: str
-    series: tuple[Series, ...]
-    level: tuple[float, str] | None = None
-    x_ticks: tuple[tuple[float, str], ...] | None = None
-    y_top: float | None = None
-    y_zero: bool = True
 
 
 @dataclass(frozen=True)
@@ -71,7 +29,7 @@ class Drawn:
 
     name: str
     number: int
-    style: Style
+    style: SeriesStyle
     path: str
     dots: tuple[tuple[str, str, bool], ...]
 

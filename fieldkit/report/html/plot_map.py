@@ -1,11 +1,12 @@
-"""A map of plots coloured by a figure of choice, as values, and its layout in a drawing of fixed width."""
+"""The layout of a map of plots, coloured by a figure of choice, in a drawing of fixed width."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
+from fieldkit.figures.drawings import Corner, Measure, PlotMap, Ring
 from fieldkit.figures.style import DISTANCE_RAMP
 
 WIDTH = 640.0
@@ -18,62 +19,6 @@ _POINT_M = 1.0  # half the side of a plot known only as a point
 
 GREENS = ("#eef8c4", "#b3dd8b", "#5fb96a", "#1f8a50", "#00582f")
 """Light to dark: for what is only more or less."""
-
-Corner = tuple[float, float]
-Ring = tuple[Corner, ...]
-
-
-@dataclass(frozen=True)
-class MappedPlot:
-    """A plot's place.
-
-    Attributes:
-        name: of the plot.
-        rings: its outlines, corners (east, north) in metres; a ring of one corner is a plot known as a point.
-    """
-
-    name: str
-    rings: tuple[Ring, ...]
-
-
-@dataclass(frozen=True)
-class Measure:
-    """A figure that plots are coloured by.
-
-    Attributes:
-        label: on its switch, such as "height".
-        name: of the values, such as "height of the plants".
-        unit: of the values, such as "mm".
-        values: by date and plot, in ``unit``; a plot without a value is hatched.
-        notes: by date and plot, the reason for a missing value.
-        ramp: its colours, from low to high.
-    """
-
-    label: str
-    name: str
-    unit: str
-    values: Mapping[str, Mapping[str, float]]
-    notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    ramp: tuple[str, ...] = DISTANCE_RAMP
-
-
-@dataclass(frozen=True)
-class PlotMap:
-    """A map.
-
-    Attributes:
-        title: above it.
-        plots: their places, in one frame: metres east and north.
-        measures: to choose from, the first shown first; all of the same dates.
-        anchors: by plot, the place on the page that it leads to.
-        identifier: unique on the page.
-    """
-
-    title: str
-    plots: tuple[MappedPlot, ...]
-    measures: tuple[Measure, ...]
-    anchors: Mapping[str, str] = field(default_factory=dict)
-    identifier: str = "map"
 
 
 @dataclass(frozen=True)

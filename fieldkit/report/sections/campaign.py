@@ -22,12 +22,12 @@ from fieldkit.figures.content import (
     Still,
     Table,
 )
+from fieldkit.figures.drawings import LineChart, MappedPlot, Measure, PlotMap, Series
 from fieldkit.figures.style import DISTANCE_RAMP, format_length, millimetres
 from fieldkit.figures.tables.scores import TRAIT_NAMES, distances_of, interval, score_columns, trait_columns
 from fieldkit.figures.tables.tabulated import MOST_ROWS, tabulated
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.report.html.charts import LineChart, Series
-from fieldkit.report.html.plot_map import GREENS, MappedPlot, Measure, PlotMap
+from fieldkit.report.html.plot_map import GREENS
 from fieldkit.report.sections.loaded_results import CampaignResult
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.traits import TraitsEntry, reasons_in_words

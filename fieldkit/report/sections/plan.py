@@ -17,6 +17,7 @@ from fieldkit.figures.content import (
     Terms,
     View,
 )
+from fieldkit.figures.drawings import LineChart, Series
 from fieldkit.figures.style import (
     decimal,
     format_length,
@@ -29,7 +30,6 @@ from fieldkit.figures.style import (
 from fieldkit.figures.tables.tabulated import tabulated
 from fieldkit.missions.export_record import geo_points, site_frame
 from fieldkit.planning.run.outcome import best_so_far, models_of, weights_of
-from fieldkit.report.html.charts import LineChart, Series
 from fieldkit.report.sections.finalists import finalist_table
 from fieldkit.report.sections.loaded_results import MissionResult, PlanResult
 from fieldkit.results.plan import station_number

@@ -9,8 +9,8 @@ from fieldkit.campaign.visit_folders import visit_cloud
 from fieldkit.clouds import read_cloud
 from fieldkit.errors import FieldkitError
 from fieldkit.figures.content import Details, Page, Paragraph, Picture, Section, Terms, View
+from fieldkit.figures.drawings import ViewerScene
 from fieldkit.figures.tables.reconstruction import was_used
-from fieldkit.report.html.scene import ViewerScene
 from fieldkit.report.sections.campaign import campaign_anchor, campaign_section
 from fieldkit.report.sections.comparison import comparison_section
 from fieldkit.report.sections.evaluation import evaluation_section

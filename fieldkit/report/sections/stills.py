@@ -13,10 +13,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from fieldkit.clouds import Cloud
 from fieldkit.figures.content import Picture
+from fieldkit.figures.drawings import FrustumLayer, PointLayer, ViewerScene
 from fieldkit.figures.style import format_nominal
 from fieldkit.pictures.panels import drawable, nice_length
 from fieldkit.pictures.projection import FRONT, TOP, Direction, Window, draw_points
-from fieldkit.report.html.scene import FrustumLayer, PointLayer, ViewerScene
 from fieldkit.report.sections.photographs import as_jpeg
 
 _HEIGHT, _SMALL, _GAP = 420, 90, 16  # pixels

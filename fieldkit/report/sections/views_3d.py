@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from fieldkit.clouds import Cloud, PointIndex, read_cloud
 from fieldkit.errors import CloudError, FieldkitError
 from fieldkit.evaluation.figures import source_frame
+from fieldkit.figures.drawings import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.figures.style import format_length
 from fieldkit.files import file_beside
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.missions.export_record import geo_points, plot_frame, site_frame, way
-from fieldkit.report.html.scene import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.report.sections.loaded_results import (
     EvaluationResult,
     MissionResult,

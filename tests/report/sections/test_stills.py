@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from fieldkit.figures.drawings import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.geometry import Pose
-from fieldkit.report.html.scene import FrustumLayer, LineLayer, PlaceName, PointLayer, ViewerScene
 from fieldkit.report.sections.stills import still
 
 BLUE = "#3b7dd8"
