@@ -19,7 +19,6 @@ from fieldkit.captures.selection import FoundPhoto, capture_of
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.evaluate import PLOTS_FILE
-from fieldkit.evaluation.figures import clean_text
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import result_folders
 from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS
@@ -29,6 +28,7 @@ from fieldkit.figures.spreadsheets.plots import write_plots_csv
 from fieldkit.files import atomic_folder
 from fieldkit.results.doubtful import TOLD
 from fieldkit.results.evaluation import PlotEvaluation
+from fieldkit.results.fields import clean_text
 from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, save_report
 from fieldkit.results.visit import Visit

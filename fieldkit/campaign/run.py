@@ -16,13 +16,13 @@ from fieldkit.campaign.resuming import earlier_photographs, sweep, unchanged, vi
 from fieldkit.campaign.sorting import Shot, Sorting, sort_photographs
 from fieldkit.campaign.sqlite_table import write_table
 from fieldkit.campaign.visit_folders import Visits, adopt_earlier_visits, keep_visit
-from fieldkit.captures import Finding
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.rasters import require_rasters
 from fieldkit.figures.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.figures.style import format_length
 from fieldkit.files import check_writable
+from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE
 from fieldkit.results.visit import VISITS_FOLDER, Visit
 from fieldkit.runtime.parallel import each_in_workers
@@ -190,7 +190,7 @@ def _sorted(campaign: Campaign, captures: Path, visits: Visits, progress: Progre
         first = sorting.left_out[0]
         raise CaptureError(
             f"of {count(len(found.photos), 'photograph')} none could be sorted into a plot "
-            f"({first.name}: {first.message})", path=captures,
+            f"({first.subject}: {first.message})", path=captures,
             remedy="Put them into folders PLOT/DATE, or check the plots of the campaign.",
         )  # fmt: skip
     return found, sorting
@@ -238,7 +238,7 @@ def _common(captures: Path, photos: Sequence[FoundPhoto]) -> str:
 def _say(campaign: Campaign, sorting: Sorting, found: FoundPhotos, progress: Progress) -> None:
     told = [*found.findings, *sorting.left_out, *sorting.findings]
     for finding in told[:_SHOWN]:
-        progress.note(f"{finding.name}: {finding.message}{' (left out)' if finding.left_out else ''}")
+        progress.note(f"{finding.subject}: {finding.message}{' (left out)' if finding.left_out else ''}")
     if len(told) > _SHOWN:
         progress.note(f"and {count(len(told) - _SHOWN, 'more finding')}; --json lists all")
     for plot in campaign.vanished:

@@ -20,7 +20,8 @@ import numpy as np
 from fieldkit.campaign.dates_and_passes import best_pass, days, folder_date
 from fieldkit.campaign.layout import FieldLayout, tag_accuracy_m
 from fieldkit.campaign.reading import CampaignPlot
-from fieldkit.captures.model import Finding, Photo
+from fieldkit.captures.model import Photo
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.wording import count
 

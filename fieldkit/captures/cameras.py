@@ -7,9 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.captures.camera_file import CameraEntry
-from fieldkit.captures.model import CameraGroup, Finding, Photo
+from fieldkit.captures.model import CameraGroup, Photo
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 

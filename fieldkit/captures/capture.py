@@ -22,7 +22,7 @@ from fieldkit.captures.gps_tags import Problem
 from fieldkit.captures.hemispheres import settle_hemispheres
 from fieldkit.captures.listed_names import match_names
 from fieldkit.captures.markers_file import read_markers_file
-from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
+from fieldkit.captures.model import CameraGroup, Capture, Photo
 from fieldkit.captures.one_camera import one_camera
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses, priors_from_program
@@ -30,6 +30,7 @@ from fieldkit.captures.programs import PosesFile, ProgramCamera, ProgramPoses, r
 from fieldkit.captures.programs.matching import program_of
 from fieldkit.errors import CaptureError, MetadataError
 from fieldkit.geometry.geodesy import utm_epsg_of
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 MAX_PIXELS = 150_000_000
@@ -114,8 +115,8 @@ def names_in(entries: Sequence[CameraEntry], names: Iterable[str]) -> set[str]:
 
 def without_findings_of(aside: Collection[str], findings: Sequence[Finding]) -> list[Finding]:
     """Findings but for those of photographs that are set aside, under whatever names sidecars give them."""
-    meant = match_names([f.name for f in findings if not f.left_out], aside)
-    return [f for f in findings if f.left_out or f.name not in meant]
+    meant = match_names([f.subject for f in findings if not f.left_out], aside)
+    return [f for f in findings if f.left_out or f.subject not in meant]
 
 
 def assembled(
@@ -157,7 +158,7 @@ def _no_photographs(folder: Path, findings: list[Finding]) -> CaptureError:
             path=folder,
             remedy="Put JPEG, PNG or TIFF images directly into it, or into a subfolder 'images'.",
         )
-    shown = "; ".join(f"{f.name}: {f.message}" for f in left_out[:3])
+    shown = "; ".join(f"{f.subject}: {f.message}" for f in left_out[:3])
     more = f"; and {len(left_out) - 3} more" if len(left_out) > 3 else ""
     return CaptureError(
         f"of {count(len(left_out), 'image file')} none can be used ({shown}{more})",

@@ -8,9 +8,9 @@ import unicodedata
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fieldkit.captures.model import Finding
 from fieldkit.errors import CaptureError
 from fieldkit.regular_files import check_regular, open_regular
+from fieldkit.results.finding import Finding
 
 PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".jpe", ".jfif", ".png", ".tif", ".tiff"})
 RAW_SUFFIXES = frozenset(
@@ -173,7 +173,7 @@ def list_capture(folder: Path) -> FolderContents:
         for half in halves:
             inner, odd = _scan(half, resolved)
             candidates += [replace(c, name=f"{half.name}/{c.name}") for c in inner]
-            findings += [replace(f, name=f"{half.name}/{f.name}") for f in odd]
+            findings += [replace(f, subject=f"{half.name}/{f.subject}") for f in odd]
             findings += [
                 Finding(f"{half.name}/{path.name}", "sidecar-unused", f"put it into {base.name}, beside {half.name}")
                 for path in _find_sidecars((half,), resolved)[0].values()

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures.folder import PHOTO_SUFFIXES
-from fieldkit.captures.model import Finding
 from fieldkit.captures.tables import keep_row, parse_number, read_text
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import look_swapped, on_earth
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _LAYOUT = "name x y [z [yaw pitch roll [horizontal_accuracy vertical_accuracy]]]"

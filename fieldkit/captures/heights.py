@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fieldkit.captures.model import Finding, GeoTag
+from fieldkit.captures.model import GeoTag
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 GPS_ACCURACY_M = 3.0

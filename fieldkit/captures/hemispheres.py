@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fieldkit.captures.model import Finding, Photo
+from fieldkit.captures.model import Photo
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _NEAR_DEG = 0.5

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.results.finding import Finding
 
 if TYPE_CHECKING:
     from fieldkit.captures.programs.model import ProgramPoses
@@ -110,23 +111,6 @@ class Photo:
     pitch_deg: float | None = None
     roll_deg: float | None = None
     flight_yaw_deg: float | None = None
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Something a person should know about one file.
-
-    Attributes:
-        name: the file (or, for a group of photographs, the first of them).
-        code: kebab-case; docs/captures.md lists them all.
-        message: one sentence.
-        left_out: whether the file is not used because of it.
-    """
-
-    name: str
-    code: str
-    message: str
-    left_out: bool = False
 
 
 @dataclass(frozen=True)

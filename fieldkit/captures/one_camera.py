@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from fieldkit.captures.model import Finding, Photo
+from fieldkit.captures.model import Photo
 from fieldkit.captures.sensors import COLOUR
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _SAME_FOCAL, _SAME_SIZE = 1.25, 2.0

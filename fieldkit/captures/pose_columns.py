@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fieldkit.captures.model import Finding
 from fieldkit.errors import MetadataError
+from fieldkit.results.finding import Finding
 
 LAYOUT = "image,x_m,y_m,z_m[,yaw_deg,pitch_deg[,roll_deg]][,accuracy_m]"
 _FOOT_M, _SURVEY_FOOT_M = 0.3048, 1200.0 / 3937.0

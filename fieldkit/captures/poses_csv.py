@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.captures.model import Finding
 from fieldkit.captures.pose_columns import LAYOUT, PoseColumns, names_an_image, read_columns
 from fieldkit.captures.tables import NumberStyle, keep_row, number_style, parse_number, read_text
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import on_earth
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _LIMITS = {

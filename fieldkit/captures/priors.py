@@ -10,12 +10,13 @@ import numpy as np
 from fieldkit.captures.geo_txt import GeoRow, settled_heights
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
 from fieldkit.captures.listed_names import match_names
-from fieldkit.captures.model import Finding, GeoTag, Photo, PosePrior
+from fieldkit.captures.model import GeoTag, Photo, PosePrior
 from fieldkit.captures.poses_csv import PoseRow
 from fieldkit.captures.programs.model import ProgramPoses
 from fieldkit.captures.units import suspicious_unit
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
+from fieldkit.results.finding import Finding
 
 POSES_ACCURACY_M = 0.05
 """poses.csv without an accuracy: what a copter under RTK holds a station to (0.04–0.07 m in simulated wind)."""

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from fieldkit.captures.decode import read_image
 from fieldkit.captures.folder import find_mask
-from fieldkit.captures.model import Capture, Finding, Photo
+from fieldkit.captures.model import Capture, Photo
 from fieldkit.errors import CaptureError
+from fieldkit.results.finding import Finding
 
 WORKING_SIDE = 1024
 """Longer side in pixels at which quality is measured, so that cameras of different resolution compare."""

@@ -18,11 +18,12 @@ from fieldkit.captures.folder import FolderContents, list_folder, natural_key
 from fieldkit.captures.geo_txt import read_geo_txt
 from fieldkit.captures.hemispheres import settle_hemispheres
 from fieldkit.captures.listed_names import match_names
-from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo
+from fieldkit.captures.model import CameraGroup, Capture, Photo
 from fieldkit.captures.one_camera import one_camera
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses
 from fieldkit.errors import CaptureError
+from fieldkit.results.finding import Finding
 from fieldkit.runtime.progress import Progress, Silent
 
 _MAX_FOLDERS = 100_000
@@ -98,9 +99,9 @@ def find_photographs(
         if contents.image_folder == folder:
             listed.append(_with_sidecars_above(contents))
         else:  # its "images" come as a folder of their own
-            own = tuple(f for f in contents.findings if os.path.lexists(folder / f.name))
+            own = tuple(f for f in contents.findings if os.path.lexists(folder / f.subject))
             contents = replace(contents, findings=own)
-        findings += [replace(f, name=_place(folder / f.name, root)) for f in contents.findings if f.left_out]
+        findings += [replace(f, subject=_place(folder / f.subject, root)) for f in contents.findings if f.left_out]
     candidates = [(contents, candidate) for contents in listed for candidate in contents.candidates]
     found: list[FoundPhoto] = []
     with (progress or Silent()).stage("Reading photographs", len(candidates)) as advance:
@@ -108,9 +109,9 @@ def find_photographs(
             read = read_photo(candidate)
             place = _place(candidate.path, root)
             if read.photo is None:
-                findings += [replace(finding, name=place) for finding in read.findings]
+                findings += [replace(finding, subject=place) for finding in read.findings]
             else:
-                odd = (*(f for f in contents.findings if f.name == candidate.name), *read.findings)
+                odd = (*(f for f in contents.findings if f.subject == candidate.name), *read.findings)
                 found.append(FoundPhoto(read.photo, place, contents.sidecars, odd))
             advance(1)
     distinct, duplicates = _distinct(sorted(found, key=lambda each: natural_key(each.place)))
@@ -173,7 +174,7 @@ def capture_of(
     priors = _priors(ordered, by_folder, named, unwanted)
     markers = {each.sidecars.get("markers.toml") for each in photos}
     marker = markers.pop() if len(markers) == 1 else None
-    odd = [replace(f, name=named[each.photo.path]) for each in photos for f in each.findings]
+    odd = [replace(f, subject=named[each.photo.path]) for each in photos for f in each.findings]
     return assembled(
         (common, common), ordered, groups, [*odd, *other_cameras, *findings, *priors.findings], priors, marker
     )
@@ -258,7 +259,8 @@ def _cameras(
     for folder, members in by_folder.items():
         entries, file = camera_entries(members[0].sidecars, camera)
         groups, odd = group_cameras([each.photo for each in members], entries, file)
-        findings += [replace(f, name=named.get(folder / f.name, f.name)) for f in odd if f.code != "camera-unused"]
+        odd = [finding for finding in odd if finding.code != "camera-unused"]
+        findings += [replace(f, subject=named.get(folder / f.subject, f.subject)) for f in odd]
         for group in groups:
             names = tuple(named[folder / name] for name in group.photos)
             same = (group.key, group.intrinsics, group.source, group.fixed)
@@ -296,7 +298,7 @@ def _priors(
                 geo, odd = read_geo_txt(file)
                 matched = match_names([row.image for row in geo], bare)
                 geo_rows += [replace(r, image=named[folder / matched[r.image]]) for r in geo if r.image in matched]
-            findings += [replace(f, name=named[folder / matched[f.name]]) for f in odd if f.name in matched]
+            findings += [replace(f, subject=named[folder / matched[f.subject]]) for f in odd if f.subject in matched]
         if pose_rows or geo_rows:
             found = priors_from_poses(photos, pose_rows) if pose_rows else priors_from_geo(photos, geo_rows)
             return replace(found, findings=(*findings, *found.findings))

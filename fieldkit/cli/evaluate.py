@@ -195,8 +195,6 @@ def _campaign_folder(context: Context, campaign: Path | None, flight: FlightOpti
 
 def _in_campaign(folder: Path, captures: Path, cache: StageCache, run: RunOptions, *, wait: bool, as_json: bool) -> int:
     """Evaluate the photographs' visits in a campaign."""
-    from dataclasses import asdict
-
     from fieldkit.campaign.run import evaluate_campaign
 
     with run_context(as_json=as_json) as progress:
@@ -209,8 +207,8 @@ def _in_campaign(folder: Path, captures: Path, cache: StageCache, run: RunOption
                 "campaign": folder, "photographs": done.photographs,
                 "evaluated": [visit.row() for visit in done.evaluated],
                 "kept": [visit.row() for visit in done.kept],
-                "failed": done.failed, "left_out": [asdict(finding) for finding in done.left_out],
-                "findings": [asdict(finding) for finding in done.findings], "vanished": list(done.campaign.vanished),
+                "failed": done.failed, "left_out": [finding.stored() for finding in done.left_out],
+                "findings": [finding.stored() for finding in done.findings], "vanished": list(done.campaign.vanished),
             }
         )  # fmt: skip
     else:

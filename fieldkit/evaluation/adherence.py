@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.captures import Capture, Finding, PosePrior, read_capture
+from fieldkit.captures import Capture, PosePrior, read_capture
 from fieldkit.captures.priors import ANGLE_ACCURACY_DEG
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
-from fieldkit.evaluation.figures import clean_text
 from fieldkit.evaluation.pose_table import ACHIEVED, station_names
 from fieldkit.flightlogs import FlightLog, Matches, match, read_flight_log
 from fieldkit.flightlogs.adherence import Adherence, PlannedPose, adherence
@@ -20,6 +19,8 @@ from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, StationErrorEntry
+from fieldkit.results.fields import clean_text
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan
 from fieldkit.wording import count
 

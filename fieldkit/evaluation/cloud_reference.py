@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures import Capture, Finding
+from fieldkit.captures import Capture
 from fieldkit.captures.programs import METRES
 from fieldkit.captures.programs.frames import frame_about, height_datum, parse_crs, to_geodetic
 from fieldkit.clouds import Cloud, Volume, read_cloud
@@ -28,6 +28,7 @@ from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.result import clearance
 from fieldkit.regular_files import open_regular
+from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import REFERENCE_FILE
 
 _FRAME_REMEDY = (

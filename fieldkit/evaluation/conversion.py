@@ -8,10 +8,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from fieldkit.captures.model import Finding
 from fieldkit.clouds import Cloud, CloudScore
 from fieldkit.errors import FieldkitError
-from fieldkit.evaluation.figures import clean_text, figures, findings_entries, image_entry, mean, reasons
+from fieldkit.evaluation.figures import figures, image_entry, mean, reasons
 from fieldkit.evaluation.prediction import plot_features, predict
 from fieldkit.evaluation.traits import PlotOutline, outline_of, plot_traits
 from fieldkit.reconstruction.colmap_model import model_points
@@ -28,6 +27,8 @@ from fieldkit.results.evaluation import (
     ReferenceReport,
     distance_key,
 )
+from fieldkit.results.fields import clean_text
+from fieldkit.results.finding import Finding
 from fieldkit.version import __version__
 
 
@@ -89,7 +90,7 @@ def plot_evaluation(
         outline: of the plot; None takes the settings' bounds.
     """
     found = figures(reconstruction, settings, seconds, cpu_seconds, files)
-    found["findings"] += findings_entries(findings)
+    found["findings"] += tuple(findings)
     return PlotEvaluation(
         name=clean_text(name),
         unregistered=reasons(reconstruction.sparse.images),
@@ -176,7 +177,7 @@ def failed_plot(
         **_score(None),
         cameras=(),
         image_reports=tuple(image_entry(image) for image in images),
-        findings=findings_entries(findings),
+        findings=tuple(findings),
         times=(),
         seconds=float(seconds),
         cpu_seconds=float(cpu_seconds),

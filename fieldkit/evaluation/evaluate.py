@@ -21,7 +21,6 @@ from fieldkit.evaluation.cloud_reference import (
 )
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
-from fieldkit.evaluation.figures import findings_entries
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import count_photographs, find_plots, result_folders
 from fieldkit.evaluation.rasters import Rasters
@@ -200,7 +199,7 @@ class _Run:
             rasters=self.rasters,
         )  # fmt: skip
         if isinstance(reference, CloudReference):
-            plot = plot.model_copy(update={"findings": plot.findings + findings_entries(reference.findings)})
+            plot = plot.model_copy(update={"findings": plot.findings + tuple(reference.findings)})
         if self.plan is None:
             return plot
         plot = self.plan.compare(plot, name, path, capture)

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures.model import Capture, Finding
+from fieldkit.captures.model import Capture
 from fieldkit.clouds.strays import voxel_edge_m
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
@@ -21,7 +21,6 @@ from fieldkit.results.evaluation import (
     CameraEntry,
     DenseEntry,
     FileEntry,
-    FindingEntry,
     FrameEntry,
     GroundEntry,
     ImageEntry,
@@ -30,15 +29,7 @@ from fieldkit.results.evaluation import (
     StageEntry,
     VolumeEntry,
 )
-from fieldkit.results.fields import Vector
-
-
-def findings_entries(findings: Sequence[Finding]) -> tuple[FindingEntry, ...]:
-    """Findings as the report holds them, in their order."""
-    return tuple(
-        FindingEntry(name=clean_text(f.name), code=f.code, message=clean_text(f.message), left_out=f.left_out)
-        for f in findings
-    )
+from fieldkit.results.fields import Vector, clean_text
 
 
 def capture_date(capture: Capture) -> str | None:
@@ -125,7 +116,7 @@ def _mapping_figures(sparse: SparseResult) -> dict[str, Any]:
         "pairs_verified": int(sparse.pairs_verified),
         "cameras": _camera_entries(sparse),
         "image_reports": image_entries(sparse),
-        "findings": findings_entries(sparse.findings),
+        "findings": tuple(sparse.findings),
     }
 
 
@@ -254,8 +245,3 @@ def vector(values: NDArray[np.float64]) -> Vector:
 
 def _rows(matrix: NDArray[np.float64]) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(v) for v in row) for row in matrix)
-
-
-def clean_text(text: str) -> str:
-    """Text that UTF-8 can hold: names of files may have bytes that are none."""
-    return text.encode("utf-8", "backslashreplace").decode()

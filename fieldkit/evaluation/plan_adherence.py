@@ -12,13 +12,14 @@ from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import FieldkitError, UsageError
 from fieldkit.evaluation.adherence import Flight, planned_poses
 from fieldkit.evaluation.commanded_poses import FlownMission
-from fieldkit.evaluation.figures import clean_text, source_frame
+from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.pose_table import Poses, capture_poses, plan_poses, pose_adherence, reconstructed_poses
 from fieldkit.evaluation.recorded_angles import Matrix, read_angles
 from fieldkit.flightlogs.adherence import PlannedPose
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
 from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, PoseSource
+from fieldkit.results.fields import clean_text
 from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import describe_files
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fieldkit.captures.folder import list_capture, natural_key
 from fieldkit.errors import CaptureError
-from fieldkit.evaluation.figures import clean_text
+from fieldkit.results.fields import clean_text
 
 
 def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:

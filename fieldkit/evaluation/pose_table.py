@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldkit.captures import Capture
-from fieldkit.evaluation.figures import clean_text, number, vector
+from fieldkit.evaluation.figures import number, vector
 from fieldkit.geometry import Pose
 from fieldkit.geometry.angles import wrapped_deg
 from fieldkit.geometry.stations import PoseArray, associate
@@ -26,6 +26,7 @@ from fieldkit.results.evaluation import (
     SpreadEntry,
     StationErrorEntry,
 )
+from fieldkit.results.fields import clean_text
 from fieldkit.results.plan import Plan, station_number
 
 POSE_SOURCES: tuple[PoseSource, ...] = ("planned", "commanded", "reported", "tagged", "reconstructed")

@@ -15,7 +15,7 @@ from fieldkit.clouds import Cloud, Volume, read_cloud, write_cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.conversion import reference_report, settings_entry
-from fieldkit.evaluation.figures import clean_text, source_frame
+from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
 from fieldkit.figures.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
@@ -27,6 +27,7 @@ from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import ReferenceReport
+from fieldkit.results.fields import clean_text
 from fieldkit.results.report_files import (
     REFERENCE_FILE,
     check_file,

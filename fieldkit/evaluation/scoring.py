@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.cache import StageCache
-from fieldkit.captures import Capture, Finding
+from fieldkit.captures import Capture
 from fieldkit.clouds import Cloud, CloudScore, ReferenceIndex, score, write_cloud
 from fieldkit.clouds.alignment import REFERENCE_REACH_M, icp_onto_reference
 from fieldkit.errors import UsageError
@@ -26,6 +26,7 @@ from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.evaluation import CorrectionEntry, PlotEvaluation
+from fieldkit.results.finding import Finding
 from fieldkit.results.report_files import describe_files
 from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.usage import processor_seconds

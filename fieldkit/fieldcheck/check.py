@@ -208,7 +208,7 @@ def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSet
 def _of_capture(capture: Capture) -> list[CheckFinding]:
     """Files that could not be used: their stations are missing below, and this says why."""
     return [
-        CheckFinding(f.code, None, f.name, f.message, _REMEDIES.get(f.code, "Copy it again from the camera."))
+        CheckFinding(f.code, None, f.subject, f.message, _REMEDIES.get(f.code, "Copy it again from the camera."))
         for f in capture.findings
         if f.left_out
     ]

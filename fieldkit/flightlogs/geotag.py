@@ -125,7 +125,7 @@ def geotag(
         )
     poses = [turned(pose, heading_deg) for pose in poses]
     write_atomic(output, poses_table(poses))
-    others = (f"{f.name}: left out: {f.message}" for f in capture.findings if f.code == "other-camera")
+    others = (f"{f.subject}: left out: {f.message}" for f in capture.findings if f.code == "other-camera")
     remarks = (*flight.remarks, *matches.remarks, *others)
     return GeotagReport(len(photos), tuple(poses), matches, frame, source, len(flight.triggers), remarks)
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fieldkit.captures import Finding
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.stand import Stand, find_stand
@@ -14,6 +13,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.interest import cuts_plants
 from fieldkit.reconstruction.result import MetricFrame
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _FEW_POINTS = 100

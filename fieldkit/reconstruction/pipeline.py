@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
-from fieldkit.captures import Finding, find_mask, quality_findings, read_image
+from fieldkit.captures import find_mask, quality_findings, read_image
 from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.captures.model import Capture, Photo
 from fieldkit.clouds.cloud import Cloud
@@ -36,6 +36,7 @@ from fieldkit.reconstruction.sparse import POSITIONS_TOO_COARSE, Mapped, map_cap
 from fieldkit.reconstruction.stage_times import StageTimer
 from fieldkit.reconstruction.stages import load_quality
 from fieldkit.reconstruction.versions import STAGES
+from fieldkit.results.finding import Finding
 from fieldkit.runtime.progress import Progress
 from fieldkit.wording import count
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures.model import Capture, Finding
+from fieldkit.captures.model import Capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.reconstruction.colmap import pycolmap
+from fieldkit.results.finding import Finding
 
 _CLEARANCE_RMS = 3.0
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
-from fieldkit.captures.model import Capture, Finding
+from fieldkit.captures.model import Capture
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Pose
@@ -45,6 +45,7 @@ from fieldkit.reconstruction.stages import KeyedFeatures, exhaustive_pairs, keep
 from fieldkit.reconstruction.ties import Pair
 from fieldkit.reconstruction.verification import TwoView
 from fieldkit.reconstruction.versions import STAGES
+from fieldkit.results.finding import Finding
 from fieldkit.runtime.progress import Progress
 from fieldkit.wording import count
 

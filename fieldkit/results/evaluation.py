@@ -12,6 +12,7 @@ from pydantic import Field
 from fieldkit.geometry import Pose
 from fieldkit.results.doubtful import DOUBTFUL
 from fieldkit.results.fields import Count, Latitude, Length, Longitude, Sha256, Strict, Vector
+from fieldkit.results.finding import Finding
 from fieldkit.results.traits import TraitsEntry
 
 Seconds = Annotated[float, Field(ge=0)]
@@ -34,18 +35,6 @@ class FileEntry(Strict):
     """Relative to the result's folder, with "/"."""
     bytes: Count
     sha256: Sha256
-
-
-class FindingEntry(Strict):
-    """Something a person should know about one file or plot."""
-
-    name: str
-    """The file."""
-    code: str
-    """Kebab-case; docs/captures.md lists those of captures."""
-    message: str
-    left_out: bool = False
-    """Whether the file was not used because of it."""
 
 
 class StageEntry(Strict):
@@ -212,7 +201,7 @@ class ReconstructionEntry(Strict):
     cameras: tuple[CameraEntry, ...]
     dense: DenseEntry | None
     image_reports: tuple[ImageEntry, ...]
-    findings: tuple[FindingEntry, ...]
+    findings: tuple[Finding, ...]
     times: tuple[StageEntry, ...]
     seconds: Seconds
     """Wall time of the whole run, cached stages included."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 Vector = tuple[float, float, float]
 Count = Annotated[int, Field(ge=0)]
@@ -16,9 +16,18 @@ Pitch = Annotated[float, Field(ge=-90, le=90)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
+def clean_text(text: str) -> str:
+    """Text that UTF-8 can hold: names of files may have bytes that are none."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+Text = Annotated[str, BeforeValidator(lambda given: clean_text(given) if isinstance(given, str) else given)]
+"""Text that is made one that UTF-8 can hold."""
+
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+
 class Strict(BaseModel):
     """Unknown keys, other types and numbers that are not finite are errors; values are never coerced."""
 
-    model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
+    model_config = STRICT | {"frozen": True}

@@ -188,5 +188,5 @@ def test_every_photograph_is_in_one_visit_or_left_out(rows: list[tuple]) -> None
                  tuple(folder.split("/")))
         )  # fmt: skip
     found = sort_photographs(shots, FIELD, PLAN)
-    sorted_ = [place for visit in found.visits for place in visit.places] + [f.name for f in found.left_out]
+    sorted_ = [place for visit in found.visits for place in visit.places] + [f.subject for f in found.left_out]
     assert sorted(sorted_) == sorted(shot.place for shot in shots)

@@ -109,7 +109,7 @@ def test_mixed_captures_are_split_and_reported(photo_file: MakePhoto, options: d
         photo_file(name, exif=main)
     capture = read_capture(photo_file("d.jpg", **options).parent)
     assert [group.photos for group in capture.groups] == [("a.jpg", "b.jpg", "c.jpg"), ("d.jpg",)]
-    assert [(finding.name, finding.code) for finding in capture.findings] == [("d.jpg", code)]
+    assert [(finding.subject, finding.code) for finding in capture.findings] == [("d.jpg", code)]
     assert len({group.key for group in capture.groups}) == 2
 
 

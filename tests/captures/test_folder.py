@@ -18,11 +18,11 @@ from tests.captures.photographs import MakePhoto, bomb_png, texture
 
 
 def codes(capture: Capture) -> dict[str, str]:
-    return {finding.name: finding.code for finding in capture.findings}
+    return {finding.subject: finding.code for finding in capture.findings}
 
 
 def left_out(capture: Capture) -> dict[str, str]:
-    return {finding.name: finding.code for finding in capture.findings if finding.left_out}
+    return {finding.subject: finding.code for finding in capture.findings if finding.left_out}
 
 
 def test_jpeg_png_and_tiff_are_read_in_natural_order(photo_file: MakePhoto) -> None:

@@ -84,7 +84,7 @@ def test_photographs_that_contradict_one_another_give_no_sign(photo_file: MakePh
 def test_a_selection_of_a_tree_refuses_too(photo_file: MakePhoto) -> None:
     found = find_photographs(folder_of(photo_file, *(unlettered(-33.9, 151.2) for _ in range(2))))
     assert [each.photo.geotag for each in found.photos] == [None, None]
-    assert [(finding.name, finding.code) for finding in found.findings] == [("0.jpg", "gps-hemisphere")]
+    assert [(finding.subject, finding.code) for finding in found.findings] == [("0.jpg", "gps-hemisphere")]
 
 
 def test_a_minus_is_a_sign_and_not_a_second_one(photo_file: MakePhoto) -> None:

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fieldkit.captures import Capture, Finding, read_capture
+from fieldkit.captures import Capture, read_capture
 from fieldkit.captures.selection import capture_of, find_photographs
 from fieldkit.captures.sensors import sensor_of
+from fieldkit.results.finding import Finding
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block
 
 WIDE, ZOOM, THERMAL = (160, 120), (128, 96), (64, 51)
@@ -204,7 +205,7 @@ def test_of_bands_alone_one_is_taken(photo_file: MakePhoto) -> None:
     bands(folder, [f"IMG_{{:04}}_{band}.tif" for band in range(1, 6)])
     capture = read_capture(folder)
     assert capture.names == ("IMG_0000_2.tif", "IMG_0001_2.tif", "IMG_0002_2.tif")
-    assert [finding.name for finding in others(capture)] == [f"IMG_0000_{band}.tif" for band in (1, 3, 4, 5)]
+    assert [finding.subject for finding in others(capture)] == [f"IMG_0000_{band}.tif" for band in (1, 3, 4, 5)]
     assert "the band near infrared" in others(capture)[2].message
 
 
@@ -224,7 +225,7 @@ def test_band_names_in_xmp(photo_file: MakePhoto) -> None:
         folder = photo_file(name, xmp=packet.format(text).encode()).parent
     capture = read_capture(folder)
     assert [photo.sensor for photo in capture.photos] == ["visible"]
-    assert [finding.name for finding in others(capture)] == ["a.jpg", "c.jpg"]
+    assert [finding.subject for finding in others(capture)] == ["a.jpg", "c.jpg"]
 
 
 @pytest.mark.parametrize(
@@ -268,4 +269,4 @@ def test_selections_of_a_tree(photo_file: MakePhoto) -> None:
     capture = capture_of(find_photographs(folder).photos)
     assert {photo.sensor for photo in capture.photos} == {"wide"}
     assert {finding.code for finding in capture.findings} == {"other-camera"}
-    assert "again/DJI_0000_T.JPG" in {finding.name for finding in capture.findings}
+    assert "again/DJI_0000_T.JPG" in {finding.subject for finding in capture.findings}

@@ -35,7 +35,7 @@ def positions(capture: Capture) -> np.ndarray:
 
 
 def codes(capture: Capture) -> set[tuple[str, str]]:
-    return {(finding.name, finding.code) for finding in capture.findings}
+    return {(finding.subject, finding.code) for finding in capture.findings}
 
 
 def test_gps_becomes_east_north_up_metres_about_the_centroid(photo_file: MakePhoto) -> None:

@@ -79,7 +79,7 @@ def test_a_blurred_image_stands_out_from_its_set() -> None:
         "blurred": ("blurred",),
         "glare": ("over-exposed",),
     }
-    assert [(finding.name, finding.code, finding.left_out) for finding in quality_findings(flagged)] == [
+    assert [(finding.subject, finding.code, finding.left_out) for finding in quality_findings(flagged)] == [
         ("blurred", "blurred", False),
         ("glare", "over-exposed", False),
     ]

@@ -30,7 +30,7 @@ def test_everything_below_a_folder_in_natural_order(photo_file: MakePhoto, tmp_p
     found = find_photographs(root)
     assert [each.place for each in found.photos] == ["a.jpg", "b/IMG_2.jpg", "b/IMG_10.jpg", "c/images/x.png"]
     assert found.photos[1].folders == ("b",)
-    assert [(f.name, f.code) for f in found.findings] == [("b/broken.jpg", "truncated")]
+    assert [(f.subject, f.code) for f in found.findings] == [("b/broken.jpg", "truncated")]
     assert places(root / "b") == ["IMG_2.jpg", "IMG_10.jpg"]
 
 
@@ -39,7 +39,7 @@ def test_the_same_bytes_count_once(photo_file: MakePhoto, tmp_path: Path) -> Non
     photo_file("b/x.jpg", seed=1)
     found = find_photographs(tmp_path / "capture")
     assert [each.place for each in found.photos] == ["a/x.jpg"]
-    assert [(f.name, f.code, f.message) for f in found.findings] == [
+    assert [(f.subject, f.code, f.message) for f in found.findings] == [
         ("b/x.jpg", "duplicate", "the same bytes as a/x.jpg")
     ]
 

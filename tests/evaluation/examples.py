@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from fieldkit.captures.model import CameraGroup, Capture, Finding, Photo, PosePrior
+from fieldkit.captures.model import CameraGroup, Capture, Photo, PosePrior
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.clouds.ground import Plane
 from fieldkit.geometry import Intrinsics, Pose, Similarity
@@ -21,6 +21,7 @@ from fieldkit.reconstruction.result import (
     SparseResult,
     StageTime,
 )
+from fieldkit.results.finding import Finding
 
 INTRINSICS = Intrinsics("SIMPLE_RADIAL", 1600, 1200, (1400.0, 800.0, 600.0, -0.01))
 

@@ -22,7 +22,7 @@ from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, Statio
 from fieldkit.results.plan import Plan, Station
 from tests.captures.conftest import photo_file
 from tests.captures.photographs import MakePhoto
-from tests.captures.test_geotag import make
+from tests.flightlogs.test_geotag import make
 from tests.flightlogs.recordings import description, recording
 
 __all__ = ["photo_file"]
@@ -71,7 +71,7 @@ def test_captures_get_the_poses_of_their_triggers(plots: list[tuple[str, Path]])
     assert a.metric_source == b.metric_source == "flight log"
     assert a.origin == b.origin
     assert a.crs_epsg == 32632
-    assert [f.name for f in b.findings if f.code == "photo-without-trigger"] == ["extra.jpg"]
+    assert [f.subject for f in b.findings if f.code == "photo-without-trigger"] == ["extra.jpg"]
     known = known_poses(a)
     assert known.frame is not None
     assert known.frame.source == "flight log"

@@ -22,7 +22,8 @@ from fieldkit.figures.terminal.results import comparison_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry
 from fieldkit.results.doubtful import OTHER_PLANTS
-from fieldkit.results.evaluation import FindingEntry, PlotEvaluation, PredictionEntry
+from fieldkit.results.evaluation import PlotEvaluation, PredictionEntry
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import Plan, PlanMethod, Station
 from fieldkit.results.plan_file import save_plan
 from fieldkit.results.report_files import describe_files, file_sha256, save_report
@@ -239,7 +240,7 @@ def test_predictions_are_compared_by_their_intervals(tmp_path: Path) -> None:
 
 def test_distances_to_other_plants_are_left_out_and_said(reference: Path, tmp_path: Path) -> None:
     def foreign(plot: PlotEvaluation) -> PlotEvaluation:
-        finding = FindingEntry(name="plot", code=OTHER_PLANTS, message="far off", left_out=False)
+        finding = Finding(subject="plot", code=OTHER_PLANTS, message="far off", left_out=False)
         return plot.model_copy(update={"findings": (*plot.findings, finding)})
 
     evaluation_folder(tmp_path / "right", {"plot": leaves(1)}, reference)

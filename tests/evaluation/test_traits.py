@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldkit.captures import Finding
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.clouds.canopy import SEAM_PIXELS, rectangle
 from fieldkit.evaluation.traits import (
@@ -23,6 +22,7 @@ from fieldkit.evaluation.traits import (
 )
 from fieldkit.reconstruction.result import Reconstruction
 from fieldkit.reconstruction.settings import ReconstructionSettings
+from fieldkit.results.finding import Finding
 from fieldkit.results.traits import TRAITS, TraitsEntry
 from tests.evaluation.examples import reconstruction
 

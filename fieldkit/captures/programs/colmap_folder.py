@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fieldkit.captures.model import Finding
 from fieldkit.captures.programs.colmap_sizes import AGAIN, DAMAGED, WALKS, check_complete
 from fieldkit.captures.programs.frames import local_from_crs, parse_crs
 from fieldkit.captures.programs.model import METRES, ProgramCamera, ProgramPoses
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.regular_files import check_regular
+from fieldkit.results.finding import Finding
 
 if TYPE_CHECKING:
     import pycolmap

@@ -8,10 +8,11 @@ from pathlib import Path
 
 from fieldkit import wording
 from fieldkit.captures.listed_names import match_names
-from fieldkit.captures.model import Finding, Photo
+from fieldkit.captures.model import Photo
 from fieldkit.captures.programs.model import POSITION_SHARE, PosesFile, ProgramPoses
 from fieldkit.captures.programs.reading import find_results, read_result
 from fieldkit.errors import MetadataError
+from fieldkit.results.finding import Finding
 
 
 def program_of(

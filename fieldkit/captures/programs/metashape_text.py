@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures.model import Finding
 from fieldkit.captures.programs.frames import local_from_crs, parse_crs
 from fieldkit.captures.programs.model import (
     ANGLE_ACCURACY_DEG,
@@ -30,6 +29,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.results.finding import Finding
 
 _HEADER = re.compile(r"#\s*PhotoID\b.*\bOmega\b", re.IGNORECASE)
 _SYSTEM = re.compile(r"#\s*CoordinateSystem:\s*(\S.*)", re.IGNORECASE)

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from fieldkit.captures.model import Finding
 from fieldkit.captures.programs.frames import local_from_crs, local_from_geodetic, parse_crs, to_geodetic
 from fieldkit.captures.programs.model import METRES, ProgramCamera, ProgramPoses, check_open
 from fieldkit.documents.file_bytes import file_bytes
@@ -28,6 +27,7 @@ from fieldkit.documents.xml_tree import XmlError, parse_local
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, ecef_to_geodetic
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _REMEDY = "Export the cameras again: File > Export > Export Cameras, Agisoft XML."

@@ -11,10 +11,10 @@ from typing import Literal
 import numpy as np
 
 from fieldkit.captures.camera_file import CameraEntry
-from fieldkit.captures.model import Finding
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.results.finding import Finding
 
 Program = Literal["COLMAP", "OpenDroneMap", "Metashape"]
 POSITION_SHARE = 0.01

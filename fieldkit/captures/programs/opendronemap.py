@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures.model import Finding
 from fieldkit.captures.programs.frames import local_from_geodetic
 from fieldkit.captures.programs.json_text import REMEDY, number, read_json, vector
 from fieldkit.captures.programs.model import ANGLE_ACCURACY_DEG, ProgramCamera, ProgramPoses
@@ -25,6 +24,7 @@ from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.geodesy import SEMI_MAJOR_M, LocalFrame, on_earth, utm_epsg
 from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 TOPOCENTRIC, RECONSTRUCTION, SHOTS, CAMERAS = (

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from fieldkit.figures.content import Column, Mark, Picture, Table
 from fieldkit.figures.style import DASH, decimal, format_length, format_seconds, metres, with_unit
 from fieldkit.figures.tables.tabulated import tabulated
-from fieldkit.results.evaluation import CameraEntry, FindingEntry, ImageEntry, ReconstructionEntry, ReferenceReport
+from fieldkit.results.evaluation import CameraEntry, ImageEntry, ReconstructionEntry, ReferenceReport
+from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
 _MOST_CAMERAS = 4
@@ -103,11 +104,11 @@ def stage_table(report: ReconstructionEntry) -> Table:
     return Table("Time per stage", columns, tuple(rows))
 
 
-def finding_table(findings: Sequence[FindingEntry], most_names: int) -> Table:
+def finding_table(findings: Sequence[Finding], most_names: int) -> Table:
     """One row per finding; files with the same finding share it, up to ``most_names`` by name."""
     groups: dict[tuple[str, str, bool], list[str]] = {}
     for finding in findings:
-        groups.setdefault((finding.code, finding.message, finding.left_out), []).append(finding.name)
+        groups.setdefault((finding.code, finding.message, finding.left_out), []).append(finding.subject)
 
     def told(group: tuple[tuple[str, str, bool], list[str]]) -> str:
         (_, message, left_out), names = group

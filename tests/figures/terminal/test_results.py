@@ -7,7 +7,6 @@ import re
 
 from rich.console import Console
 
-from fieldkit.captures import Finding
 from fieldkit.clouds import score
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
@@ -15,6 +14,7 @@ from fieldkit.figures.style import table
 from fieldkit.figures.terminal.results import evaluation_output, reference_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import CorrectionEntry, EvaluationReport, PlotEvaluation, PredictionEntry
+from fieldkit.results.finding import Finding
 from fieldkit.results.traits import TraitsEntry
 from tests.evaluation.examples import plant_cloud, reconstruction
 

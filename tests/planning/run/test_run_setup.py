@@ -16,7 +16,7 @@ from fieldkit.planning.run.run_setup import set_up_run, source_doubts
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.settings import GivenPlot
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.evaluation import FindingEntry
+from fieldkit.results.finding import Finding
 from fieldkit.results.plan import PlanSource
 from fieldkit.results.report_files import save_report
 from fieldkit.runtime.progress import Silent
@@ -41,7 +41,7 @@ def test_what_a_reference_says_against_itself_is_told_before_a_plan_for_it(tmp_p
     """A weed far out made a plan of stations about it."""
     report = reference_report(reconstruction(), ReconstructionSettings(), seconds=1.0, cpu_seconds=1.0)
     weed, other = (
-        FindingEntry(name="plot", code=code, message=f"{code} --bounds -1,-1,0,1,1,1", left_out=False)
+        Finding(subject="plot", code=code, message=f"{code} --bounds -1,-1,0,1,1,1", left_out=False)
         for code in ("plants-apart", "no-time")
     )
     save_report(tmp_path / "reference.json", report.model_copy(update={"findings": (weed, other)}))

@@ -22,7 +22,8 @@ from fieldkit.report.sections.summary import summarise
 from fieldkit.report.sections.views_3d import plan_view, plot_view, points_of, within_budget
 from fieldkit.report.write_report import write_report
 from fieldkit.results.doubtful import OTHER_PLANTS
-from fieldkit.results.evaluation import EvaluationReport, FindingEntry, PlotEvaluation, PredictionEntry
+from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation, PredictionEntry
+from fieldkit.results.finding import Finding
 from fieldkit.results.mission import MissionHome, MissionPlace
 from fieldkit.results.traits import TraitsEntry
 from tests.report.page_checks import checked
@@ -308,7 +309,7 @@ def test_thumbnails_show_what_was_left_out_first(tmp_path: Path) -> None:
 def test_other_plants_than_the_references_are_no_success(scored: Results) -> None:
     (found,) = scored.evaluations
     (plot,) = found.report.plots
-    finding = FindingEntry(name="plot 7", code=OTHER_PLANTS, message="far off; check the plot", left_out=False)
+    finding = Finding(subject="plot 7", code=OTHER_PLANTS, message="far off; check the plot", left_out=False)
     odd = replace(found, report=found.report.model_copy(
         update={"plots": (plot.model_copy(update={"findings": (finding,), "right": plot.images}),)}
     ))  # fmt: skip
