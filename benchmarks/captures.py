@@ -13,7 +13,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.files import storage_errors
 from fieldkit.geometry import Pose, Similarity
-from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.plot import build_scene, sample_plants

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.scene_views import CAMERA
-from fieldkit.captures import Capture, GeoTag, Photo, PosePrior, read_capture
-from fieldkit.captures.priors import POSES_ACCURACY_M, priors_from_gps
+from fieldkit.captures import Capture, GeoTag, Photo, read_capture
+from fieldkit.captures.priors import priors_from_gps
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.priors import POSITION_SIGMA_M, PosePrior
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.scenes.description import build
@@ -111,7 +112,7 @@ def photograph_plot(scene: str, folder: Path, seed: int) -> PlotPhotographs:
     names = [photo.name for photo in read_capture(folder / "flown").photos]
     return PlotPhotographs(
         description.name, folder, folder / "flown", folder / "strayed", plan,
-        _site(origin, description.row_heading_deg), poses_table(names, stations, accuracy_m=POSES_ACCURACY_M),
+        _site(origin, description.row_heading_deg), poses_table(names, stations, accuracy_m=POSITION_SIGMA_M),
         description.camera_effects.grain,
     )  # fmt: skip
 
@@ -270,12 +271,11 @@ def _tagged(
         priors = {}
         for k in order:
             station = plot.plan.stations[rows[k]]
-            priors[photos[k].name] = PosePrior(
-                station.position_m, POSES_ACCURACY_M, station.yaw_deg, station.pitch_deg, None, 3.0, "poses.csv"
-            )
+            prior = PosePrior(np.array(station.position_m), source="poses.csv")
+            priors[photos[k].name] = prior.with_angles((station.yaw_deg, station.pitch_deg, None))
         return replace(
             flown, photos=tuple(photos[k] for k in order), groups=groups, priors=priors, metric_source="poses.csv",
-            origin=None, height_source=None, crs_epsg=None, findings=(),
+            origin=None, height_source=None, findings=(),
         )  # fmt: skip
     offset = np.zeros(3)
     if tags == "GPS":
@@ -285,7 +285,7 @@ def _tagged(
     found = priors_from_gps(retagged)
     return replace(
         flown, photos=tuple(retagged), groups=groups, priors=found.priors, metric_source=found.metric_source,
-        origin=found.origin, height_source=found.height_source, crs_epsg=None, findings=found.findings,
+        origin=found.origin, height_source=found.height_source, findings=found.findings,
     )  # fmt: skip
 
 

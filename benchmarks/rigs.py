@@ -74,7 +74,7 @@ def load_rig(data: Path, name: str, *, cache: StageCache, progress: Progress, wo
     to_rig = fit_similarity(source, centers)
     dense = {n: to_rig.apply_pose(sparse.poses[n]) for n in names}
     nominal = complete_poses({n: commanded[n] for n in names}, dense)
-    accuracies = [capture.priors[n].position_accuracy_m for n in names if n in capture.priors]
+    sigmas = [p.position_sigma_m for n in names if (p := capture.priors.get(n)) and p.position is not None]
     turned = [rotation_angle_deg(nominal[n].rotation, dense[n].rotation) for n in names]
     return RigSet(
         name=name,
@@ -83,7 +83,7 @@ def load_rig(data: Path, name: str, *, cache: StageCache, progress: Progress, wo
         nominal=nominal,
         dense=dense,
         intrinsics=sparse.intrinsics[names[0]],
-        accuracy_m=float(np.median([a for a in accuracies if a is not None])),
+        accuracy_m=float(np.median(sigmas)),
         rms_m=root_mean_square(np.linalg.norm(to_rig.apply(source) - centers, axis=1)),
         angle_rms_deg=root_mean_square(np.array(turned)),
     )

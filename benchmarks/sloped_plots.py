@@ -9,9 +9,9 @@ import numpy as np
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
 from fieldkit.scenes.scene import Mesh, Scene

@@ -23,7 +23,7 @@ from fieldkit.evaluation.georeferencing import COARSE_M
 from fieldkit.evaluation.traits import PlotOutline
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, plot_from_enu
-from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.plot_frame import find_ground, moved_plane
 from fieldkit.reconstruction.prior_mapping import region_of_interest
@@ -235,7 +235,7 @@ def _positions(capture: Capture) -> NDArray[np.float64]:
 
 def _accuracy_m(capture: Capture) -> float:
     """Standard deviation of one position, median: errors of GPS are common to a visit, so they do not average out."""
-    stated = [p.position_accuracy_m for p in capture.priors.values() if p.position_accuracy_m is not None]
+    stated = [p.position_sigma_m for p in capture.priors.values() if p.position is not None]
     return float(np.median(stated)) if stated else 0.0
 
 

@@ -4,7 +4,7 @@ from fieldkit.captures.capture import MAX_PIXELS, read_capture
 from fieldkit.captures.decode import read_image
 from fieldkit.captures.folder import find_mask
 from fieldkit.captures.markers_file import MarkerDistance, MarkersFile
-from fieldkit.captures.model import CameraGroup, Capture, GeoTag, Photo, PosePrior
+from fieldkit.captures.model import CameraGroup, Capture, GeoTag, Photo
 from fieldkit.captures.quality import (
     Quality,
     assess_quality,
@@ -23,7 +23,6 @@ __all__ = [
     "MarkerDistance",
     "MarkersFile",
     "Photo",
-    "PosePrior",
     "Quality",
     "UnitSuspicion",
     "assess_quality",

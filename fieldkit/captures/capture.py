@@ -29,7 +29,6 @@ from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps,
 from fieldkit.captures.programs import PosesFile, ProgramCamera, ProgramPoses, read_cameras_json
 from fieldkit.captures.programs.matching import program_of
 from fieldkit.errors import CaptureError, MetadataError
-from fieldkit.geometry.geodesy import utm_epsg_of
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
@@ -137,7 +136,6 @@ def assembled(
         metric_source=priors.metric_source,
         origin=priors.origin,
         height_source=priors.height_source,
-        crs_epsg=utm_epsg_of(priors.origin),
         markers=None if markers is None else read_markers_file(markers),
     )
 

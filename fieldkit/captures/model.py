@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.results.finding import Finding
 
 if TYPE_CHECKING:
@@ -40,28 +41,6 @@ class GeoTag:
     vertical_accuracy_m: float | None = None
     rtk: bool = False
     unsigned: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class PosePrior:
-    """What is known of one photograph's pose before any reconstruction.
-
-    Attributes:
-        position: metres in the metric source's frame (``Capture.metric_source``), or None.
-        position_accuracy_m: one standard deviation, metres.
-        yaw_deg, pitch_deg, roll_deg: optical axis; yaw clockwise from the frame's +y (north), pitch −90 straight
-            down; the angles of `fieldkit.geometry.Pose.from_yaw_pitch`.
-        angle_accuracy_deg: one standard deviation, degrees.
-        source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"``, another program's name or, with angles only, ``"XMP"``.
-    """
-
-    position: tuple[float, float, float] | None = None
-    position_accuracy_m: float | None = None
-    yaw_deg: float | None = None
-    pitch_deg: float | None = None
-    roll_deg: float | None = None
-    angle_accuracy_deg: float | None = None
-    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -147,7 +126,6 @@ class Capture:
             ``priors``' positions.
         origin: of that frame, when it is georeferenced (then x is east, y north, z up), else None.
         height_source: what the priors' z is made of, e.g. ``"relative altitude"``; None without a georeference.
-        crs_epsg: UTM zone (WGS 84) of the origin, or None.
         markers: what markers.toml says of printed markers, or None.
         program: poses that another program found and that are not in ``priors``, since these are in another frame or
             the program's has no scale; None without.
@@ -162,7 +140,6 @@ class Capture:
     metric_source: str | None = None
     origin: LocalFrame | None = None
     height_source: str | None = None
-    crs_epsg: int | None = None
     markers: MarkersFile | None = None
     program: ProgramPoses | None = None
 

@@ -10,18 +10,15 @@ import numpy as np
 from fieldkit.captures.geo_txt import GeoRow, settled_heights
 from fieldkit.captures.heights import GPS_ACCURACY_M, RTK_ACCURACY_M, choose_heights
 from fieldkit.captures.listed_names import match_names
-from fieldkit.captures.model import GeoTag, Photo, PosePrior
+from fieldkit.captures.model import GeoTag, Photo
 from fieldkit.captures.poses_csv import PoseRow
 from fieldkit.captures.programs.model import ProgramPoses
 from fieldkit.captures.units import suspicious_unit
 from fieldkit.errors import MetadataError
 from fieldkit.geometry.geodesy import LocalFrame, geodetic_to_ecef
+from fieldkit.geometry.pose import Vector
+from fieldkit.geometry.priors import POSITION_SIGMA_M, Angles, PosePrior
 from fieldkit.results.finding import Finding
-
-POSES_ACCURACY_M = 0.05
-"""poses.csv without an accuracy: what a copter under RTK holds a station to (0.04–0.07 m in simulated wind)."""
-ANGLE_ACCURACY_DEG = 3.0
-"""A gimbal's compass-based yaw is good to a few degrees; its pitch is better, but one figure serves all three."""
 
 _MIN_FOR_SCALE = 3
 _MAX_EXTENT_M = 50_000.0
@@ -59,16 +56,9 @@ def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> Prior
         name = matched.get(row.image)
         if name is None:
             continue
-        angles = not unmeasured and (row.yaw_deg is not None or row.pitch_deg is not None)
-        priors[name] = PosePrior(
-            position=row.position,
-            position_accuracy_m=POSES_ACCURACY_M if row.accuracy_m is None else row.accuracy_m,
-            yaw_deg=row.yaw_deg if angles else None,
-            pitch_deg=row.pitch_deg if angles else None,
-            roll_deg=row.roll_deg if angles else None,
-            angle_accuracy_deg=ANGLE_ACCURACY_DEG if angles else None,
-            source="poses.csv",
-        )
+        sigma = POSITION_SIGMA_M if row.accuracy_m is None else row.accuracy_m
+        prior = PosePrior(np.array(row.position), sigma, source="poses.csv")
+        priors[name] = prior.with_angles(None if unmeasured else (row.yaw_deg, row.pitch_deg, row.roll_deg))
     tags = {p.name: p.geotag for p in photos if p.geotag is not None and p.name in priors}
     if len(tags) >= _MIN_FOR_SCALE:
         frame = _frame([(t.latitude_deg, t.longitude_deg, t.altitude_m or 0.0) for t in tags.values()], "unknown")
@@ -142,18 +132,15 @@ def priors_from_gps(photos: Sequence[Photo]) -> PriorSet:
 
 def priors_from_program(photos: Sequence[Photo], program: ProgramPoses) -> PriorSet:
     """Priors from another program's poses whose lengths are metres; its frame is the metric frame."""
-    accuracy = program.accuracy
+    accuracy = program.accuracy or POSITION_SIGMA_M
     priors = {}
     for photo in photos:
         pose = program.poses.get(photo.name)
         if pose is None:
             continue
-        x, y, z = (float(v) for v in pose.center)
-        yaw, pitch, roll = (None, None, None) if photo.name in program.unoriented else pose.yaw_pitch_roll_deg()
-        priors[photo.name] = PosePrior(
-            position=(x, y, z), position_accuracy_m=accuracy, yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll,
-            angle_accuracy_deg=None if yaw is None else program.angle_accuracy_deg, source=program.program,
-        )  # fmt: skip
+        prior = PosePrior(pose.center, accuracy, angle_sigma_deg=program.angle_accuracy_deg, source=program.program)
+        angles = None if photo.name in program.unoriented else pose.yaw_pitch_roll_deg()
+        priors[photo.name] = prior.with_angles(angles)
     heights = None if program.origin is None else program.program
     return _finish(PriorSet(priors, program.program, program.origin, heights), photos)
 
@@ -193,31 +180,26 @@ def _georeferenced(photos: Sequence[Photo], tags: dict[str, GeoTag], source: str
     located = list(chosen.heights)
     priors: dict[str, PosePrior] = {}
     origin = None
-    positions: dict[str, tuple[float, float, float]] = {}
+    positions: dict[str, Vector] = {}
     if located:
         geodetic = [(tags[n].latitude_deg, tags[n].longitude_deg, chosen.heights[n]) for n in located]
         origin = _frame(geodetic, chosen.datum)
         local = origin.to_local(*np.array(geodetic).T)
-        positions = {n: (float(p[0]), float(p[1]), float(p[2])) for n, p in zip(located, local, strict=True)}
+        positions = dict(zip(located, local, strict=True))
     unmeasured = _unmeasured(photos)
     if unmeasured:
         findings.append(_zeros_finding(unmeasured, photos))
     for photo in photos:
         position = positions.get(photo.name)
-        angles = photo.name not in unmeasured and (photo.yaw_deg is not None or photo.pitch_deg is not None)
-        if position is None and not angles:
-            continue
-        priors[photo.name] = PosePrior(
-            position=position,
-            position_accuracy_m=None
-            if position is None
-            else _accuracy(tags[photo.name], chosen.accuracies_m[photo.name]),
-            yaw_deg=photo.yaw_deg if angles else None,
-            pitch_deg=photo.pitch_deg if angles else None,
-            roll_deg=photo.roll_deg if angles else None,
-            angle_accuracy_deg=ANGLE_ACCURACY_DEG if angles else None,
-            source=source if position is not None else "XMP",
-        )
+        if position is None:
+            prior = PosePrior(source="XMP")
+        else:
+            sigma = _accuracy(tags[photo.name], chosen.accuracies_m[photo.name])
+            prior = PosePrior(position, sigma, source=source)
+        if photo.name not in unmeasured:
+            prior = prior.with_angles((photo.yaw_deg, photo.pitch_deg, photo.roll_deg))
+        if prior.position is not None or prior.angles is not None:
+            priors[photo.name] = prior
     height_source = chosen.source if located else None
     return PriorSet(priors, source if located else None, origin, height_source, tuple(findings))
 
@@ -237,7 +219,7 @@ def _zeros_finding(unmeasured: Sequence[str], photos: Sequence[Photo]) -> Findin
     return Finding(unmeasured[0], "angles-zero", message)
 
 
-def _all_zero(angles: Sequence[tuple[float | None, float | None, float | None]]) -> bool:
+def _all_zero(angles: Sequence[Angles]) -> bool:
     """Whether angles (yaw, pitch, roll) of all photographs that have any are zeros that nobody filled in."""
     given = [each for each in angles if any(angle is not None for angle in each)]
     return len(given) > 1 and not any(any(each) for each in given)

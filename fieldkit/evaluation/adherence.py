@@ -8,16 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.captures import Capture, PosePrior, read_capture
-from fieldkit.captures.priors import ANGLE_ACCURACY_DEG
+from fieldkit.captures import Capture, read_capture
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.evaluation.pose_table import ACHIEVED, station_names
 from fieldkit.flightlogs import FlightLog, Matches, match, read_flight_log
 from fieldkit.flightlogs.adherence import Adherence, PlannedPose, adherence
 from fieldkit.flightlogs.geotag import frame_of, local_poses, stamp
 from fieldkit.geometry import Pose
-from fieldkit.geometry.geodesy import utm_epsg_of
-from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.geometry.priors import PosePrior, SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, StationErrorEntry
 from fieldkit.results.fields import clean_text
 from fieldkit.results.finding import Finding
@@ -79,13 +77,8 @@ class Flight:
         names = [f"{plot}/{photo.name}" for photo in capture.photos]
         found = {p.image.removeprefix(f"{plot}/"): p for p in local_poses(self.log, self.matches, frame, names)}
         priors = {
-            name: PosePrior(
-                position=pose.position,
-                position_accuracy_m=pose.accuracy_m,
-                yaw_deg=pose.yaw_deg,
-                pitch_deg=pose.pitch_deg,
-                angle_accuracy_deg=None if pose.yaw_deg is None else ANGLE_ACCURACY_DEG,
-                source=SOURCE,
+            name: PosePrior(np.array(pose.position), pose.accuracy_m, source=SOURCE).with_angles(
+                (pose.yaw_deg, pose.pitch_deg, None)
             )
             for name, pose in found.items()
         }
@@ -108,7 +101,6 @@ class Flight:
             metric_source=SOURCE if enough else None,
             origin=frame if enough else None,
             height_source=SOURCE if enough else None,
-            crs_epsg=utm_epsg_of(frame) if enough else None,
             findings=(*capture.findings, *findings),
         )
 

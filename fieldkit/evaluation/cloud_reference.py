@@ -23,8 +23,8 @@ from fieldkit.errors import CloudError, EmptyCloudError, MetadataError, Reconstr
 from fieldkit.evaluation.reference import CLOUD_FILE, Reference
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.dense.masks import EXG_THRESHOLD, excess_green
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.result import clearance
 from fieldkit.regular_files import open_regular

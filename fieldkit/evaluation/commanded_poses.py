@@ -10,11 +10,11 @@ import numpy as np
 
 from fieldkit.evaluation.pose_table import Poses, pose_array, pose_entry
 from fieldkit.geometry import Pose
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.geometry.stations import associate
 from fieldkit.missions.autopilots.execution import Execution
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.files.reading import read_mission
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import PoseEntry
 from fieldkit.vehicles.vehicle_file import load_vehicle
 

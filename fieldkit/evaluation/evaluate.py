@@ -28,7 +28,7 @@ from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_c
 from fieldkit.figures.spreadsheets.plots import write_plots_csv
 from fieldkit.figures.spreadsheets.traits import TRAITS_FILE, plot_rows, write_traits_csv
 from fieldkit.files import atomic_folder, storage_errors
-from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
 from fieldkit.results.plan_file import load_plan

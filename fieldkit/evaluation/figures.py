@@ -13,8 +13,8 @@ from fieldkit.captures.model import Capture
 from fieldkit.clouds.strays import voxel_edge_m
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.colmap_model import model_poses
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.result import ImageReport, MetricFrame, Reconstruction, SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import (

@@ -16,8 +16,8 @@ from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.pose_table import Poses, capture_poses, plan_poses, pose_adherence, reconstructed_poses
 from fieldkit.evaluation.recorded_angles import Matrix, read_angles
 from fieldkit.flightlogs.adherence import PlannedPose
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.agreement import ANGLE_SIGMAS
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, PlotEvaluation, PoseSource
 from fieldkit.results.fields import clean_text
 from fieldkit.results.plan import Plan
@@ -160,7 +160,7 @@ def _as_meant(
 ) -> Capture:
     """A capture with its recorded angles read as orientations in the plot frame say; see `read_angles`."""
     found = {name: orientations[clean_text(name)] for name in capture.names if clean_text(name) in orientations}
-    sigmas = [p.angle_accuracy_deg for p in capture.priors.values() if p.angle_accuracy_deg]
+    sigmas = [p.angle_sigma_deg for p in capture.priors.values() if p.angles is not None]
     bound = ANGLE_SIGMAS * float(np.median(sigmas)) if sigmas else 0.0
     reading = read_angles(capture, found, frame.from_source.rotation, bound)
     if reading.unused:

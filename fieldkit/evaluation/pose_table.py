@@ -13,8 +13,9 @@ from fieldkit.captures import Capture
 from fieldkit.evaluation.figures import number, vector
 from fieldkit.geometry import Pose
 from fieldkit.geometry.angles import wrapped_deg
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.geometry.stations import PoseArray, associate
-from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.evaluation import (
     AchievedSource,
     AdherenceEntry,
@@ -99,7 +100,7 @@ def capture_poses(capture: Capture, frame: SourceFrame) -> dict[str, PoseEntry]:
         prior = capture.priors[name]
         entry = pose_entry(known.position, None)
         if prior.yaw_deg is not None or prior.pitch_deg is not None:
-            camera = Pose.from_yaw_pitch(np.zeros(3), prior.yaw_deg or 0.0, prior.pitch_deg or 0.0, prior.roll_deg or 0)
+            camera = Pose.from_yaw_pitch(np.zeros(3), prior.yaw_deg or 0.0, prior.pitch_deg or 0.0, prior.roll_deg)
             yaw, pitch = _yaw_pitch(camera.rotation @ turn.T)
             angles = {
                 "yaw_deg": None if prior.yaw_deg is None else yaw,

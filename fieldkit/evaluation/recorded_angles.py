@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures import Capture, Photo, PosePrior
+from fieldkit.captures import Capture, Photo
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.angle_conventions import find_convention
 
 Matrix = NDArray[np.float64]
@@ -92,9 +93,7 @@ def read_angles(
 
 def without_angles(capture: Capture, names: tuple[str, ...] | None = None) -> Capture:
     """A capture without the recorded angles of some photographs, or of all."""
-    bare = {"yaw_deg": None, "pitch_deg": None, "roll_deg": None, "angle_accuracy_deg": None}
-    priors = {n: replace(p, **bare) if names is None or n in names else p  # type: ignore[arg-type]
-              for n, p in capture.priors.items()}  # fmt: skip
+    priors = {n: p.with_angles(None) if names is None or n in names else p for n, p in capture.priors.items()}
     return replace(capture, priors=priors)
 
 
@@ -110,7 +109,7 @@ def _quarters(
         fitting = (
             q for q in _QUARTERS
             if rotation_angle_deg(
-                Pose.from_yaw_pitch(np.zeros(3), *angles, (prior.roll_deg or 0.0) + q).rotation @ turn.T, found[name]
+                Pose.from_yaw_pitch(np.zeros(3), *angles, prior.roll_deg + q).rotation @ turn.T, found[name]
             ) <= bound_deg
         )  # fmt: skip
         agreed[name] = next(fitting, None)
@@ -131,7 +130,7 @@ def _turned(capture: Capture, quarters: Mapping[str, float | None]) -> Capture:
 
     turns = {photo.name: q for photo in capture.photos if (q := quarter(photo))}
     priors = {
-        name: replace(prior, roll_deg=(prior.roll_deg or 0.0) + turns[name])
+        name: prior.with_angles((prior.yaw_deg, prior.pitch_deg, prior.roll_deg + turns[name]))
         if name in turns and prior.yaw_deg is not None
         else prior
         for name, prior in capture.priors.items()
@@ -144,4 +143,4 @@ def _with_rotation(prior: PosePrior, rotation: Matrix) -> PosePrior:
     yaw, pitch, roll = Pose(rotation, np.zeros(3)).yaw_pitch_roll_deg()
     if abs(roll) > 90.0:
         yaw, pitch, roll = yaw + 180.0, -180.0 - pitch, roll - np.copysign(180.0, roll)
-    return replace(prior, yaw_deg=yaw % 360.0, pitch_deg=pitch, roll_deg=float(roll))
+    return prior.with_angles((yaw % 360.0, pitch, float(roll)))

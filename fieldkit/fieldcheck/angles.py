@@ -63,8 +63,8 @@ def angles_as_meant(
 
 def _by_matches(capture: Capture, graph: TieGraph, seed: int, *, sound: bool = False) -> Reading:
     priors = [capture.priors.get(name) for name in capture.names]
-    positions = [None if p is None or p.position is None else np.array(p.position) for p in priors]
-    sigmas = [_MOST_SIGMA_M if p is None else min(p.position_accuracy_m or 0.0, _MOST_SIGMA_M) for p in priors]
+    positions = [None if p is None else p.position for p in priors]
+    sigmas = [_MOST_SIGMA_M if p is None else min(p.position_sigma_m, _MOST_SIGMA_M) for p in priors]
     none = np.zeros((3, 3))
     pairs = {
         pair: TwoView(np.zeros((tie.matches, 2), np.uint32), 0, none, none, none, tie.rotation, tie.translation)

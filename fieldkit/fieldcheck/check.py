@@ -21,9 +21,9 @@ from fieldkit.fieldcheck.guided_ties import with_guided_ties
 from fieldkit.fieldcheck.model import CheckFinding, CheckReport, CheckSettings
 from fieldkit.fieldcheck.pictures import PictureVerdict, judge_pictures, load_pictures
 from fieldkit.fieldcheck.placement import Placed, place_tags
-from fieldkit.fieldcheck.pose_graph import TagPrior
 from fieldkit.fieldcheck.ties import TieGraph, find_ties
 from fieldkit.fieldcheck.verdicts import Evidence, believed_poses, judge, tag_pose
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.stations import REACH_M
 from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import load_plan
@@ -155,7 +155,7 @@ class Run:
         with self.progress.stage("Sharpness and exposure", len(capture.photos)) as advance:
             pictures = load_pictures(capture.photos, cache=self.cache, workers=self.workers, advance=advance)
         known = [capture.priors.get(name) for name in capture.names]
-        positions = [None if p is None or p.position is None else np.array(p.position) for p in known]
+        positions = [None if p is None else p.position for p in known]
         graph = find_ties(
             capture, self.settings, cache=self.cache, workers=self.workers, progress=self.progress,
             fallback=None if self.plan.camera is None else self.plan.camera.intrinsics, positions=positions,
@@ -196,11 +196,11 @@ def _consistency(placed: Placed, plan: Plan, graph: TieGraph, settings: CheckSet
     if not placed.station_of or placed.ambiguous:
         return Consistency({}, frozenset(), frozenset())
     tags, sigma = placed.tags, max(_PRIOR_M, placed.scatter_m)
-    priors = {k: TagPrior(tag_pose(placed, k, plan), sigma, _PRIOR_DEG) for k in placed.station_of}
+    priors = {k: PosePrior.of(tag_pose(placed, k, plan), sigma, _PRIOR_DEG) for k in placed.station_of}
     for k in range(len(tags.names)):
         if k not in priors and np.isfinite(tags.poses.positions[k]).all() and np.isfinite(tags.poses.yaws[k]):
             # An extra photograph: its tags may be right or wrong, like any other's.
-            priors[k] = TagPrior(tags.pose(k), sigma, _PRIOR_DEG)
+            priors[k] = PosePrior.of(tags.pose(k), sigma, _PRIOR_DEG)
     doubts = dict.fromkeys(priors, REACH_M) | dict(placed.costs_m)
     return check_tags(priors, graph, settings, doubts)
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldkit.fieldcheck.model import CheckSettings
-from fieldkit.fieldcheck.pose_graph import Solution, TagPrior, solve, spread_from, tie_errors_deg
+from fieldkit.fieldcheck.pose_graph import Solution, solve, spread_from, tie_errors_deg
 from fieldkit.fieldcheck.ties import TieGraph
 from fieldkit.geometry import Pose
+from fieldkit.geometry.priors import PosePrior
 
 _TURN_DEG, _DIRECTION_DEG = 12.0, 20.0
 _DIRECTION_SIGMAS = 3.7
@@ -95,7 +96,7 @@ class Consistency:
 
 
 def check_tags(
-    tags: Mapping[int, TagPrior], graph: TieGraph, settings: CheckSettings, doubts: Mapping[int, float] | None = None
+    tags: Mapping[int, PosePrior], graph: TieGraph, settings: CheckSettings, doubts: Mapping[int, float] | None = None
 ) -> Consistency:
     """Compare tags with ties.
 
@@ -112,7 +113,7 @@ def check_tags(
     excess: dict[int, float] = {}
     for _ in range(_MOST_ROUNDS):
         seen = _seen(tags, graph, aside)
-        excess = {k: s.compare(tags[k].pose, tags[k].sigma_m, tags[k].sigma_deg).excess(settings)
+        excess = {k: s.compare(tags[k].pose, tags[k].position_sigma_m, tags[k].angle_sigma_deg).excess(settings)
                   for k, s in seen.items() if k in tags}  # fmt: skip
         tried.add(frozenset(aside))
         worst = max((k for k in excess if k not in aside), key=lambda k: excess[k], default=None)
@@ -134,7 +135,7 @@ def _weakly_tied(k: int, graph: TieGraph) -> bool:
     return all(tie.matches < _CERTAIN_MATCHES for pair, tie in graph.ties.items() if k in pair)
 
 
-def _laid_aside(tags: Mapping[int, TagPrior], graph: TieGraph, doubts: Mapping[int, float]) -> set[int]:
+def _laid_aside(tags: Mapping[int, PosePrior], graph: TieGraph, doubts: Mapping[int, float]) -> set[int]:
     """Photographs whose tags contradict at least half of their matches, the worst first and one by one."""
     bad = {pair: not _agrees(tags[pair[0]], tags[pair[1]], graph, pair)
            for pair in graph.ties if pair[0] in tags and pair[1] in tags}  # fmt: skip
@@ -151,15 +152,15 @@ def _laid_aside(tags: Mapping[int, TagPrior], graph: TieGraph, doubts: Mapping[i
         aside.add(max(blame, key=lambda k: blame[k]))
 
 
-def _agrees(a: TagPrior, b: TagPrior, graph: TieGraph, pair: tuple[int, int]) -> bool:
+def _agrees(a: PosePrior, b: PosePrior, graph: TieGraph, pair: tuple[int, int]) -> bool:
     tie = graph.ties[pair]
     turn, direction = tie_errors_deg(a.pose, b.pose, tie.rotation, tie.translation)
     length = max(float(np.linalg.norm(a.pose.center - b.pose.center)), 1e-9)
-    blur = np.degrees(np.arctan(_DIRECTION_SIGMAS * float(np.hypot(a.sigma_m, b.sigma_m)) / length))
+    blur = np.degrees(np.arctan(_DIRECTION_SIGMAS * float(np.hypot(a.position_sigma_m, b.position_sigma_m)) / length))
     return turn <= _TURN_DEG and direction <= _DIRECTION_DEG + blur
 
 
-def _seen(tags: Mapping[int, TagPrior], graph: TieGraph, aside: set[int]) -> dict[int, SeenPose]:
+def _seen(tags: Mapping[int, PosePrior], graph: TieGraph, aside: set[int]) -> dict[int, SeenPose]:
     """Each photograph's pose without its own tag."""
     believed = {k for k in tags if k not in aside}
     tied = {k for pair in graph.ties for k in pair}

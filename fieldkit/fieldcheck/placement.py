@@ -137,10 +137,10 @@ def _read_tags(capture: Capture) -> Tags:
             continue
         if prior.position is not None:
             positions[k] = prior.position
-            sigmas.append(prior.position_accuracy_m or 0.0)
+            sigmas.append(prior.position_sigma_m)
         if prior.yaw_deg is not None and prior.pitch_deg is not None:
-            yaws[k], pitches[k], rolls[k] = prior.yaw_deg, prior.pitch_deg, prior.roll_deg or 0.0
-            angles.append(prior.angle_accuracy_deg or 0.0)
+            yaws[k], pitches[k], rolls[k] = prior.yaw_deg, prior.pitch_deg, prior.roll_deg
+            angles.append(prior.angle_sigma_deg)
     return Tags(
         capture.names, PoseArray(positions, yaws, pitches), rolls, float(np.median(sigmas)) if sigmas else 0.0,
         float(np.median(angles)) if angles else 0.0,

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldkit.fieldcheck.ties import TieGraph
 from fieldkit.geometry import Pose
+from fieldkit.geometry.priors import PosePrior
 
 _ROTATION_DEG, _ROTATION_PER_ROOT_DEG = 0.8, 8.0
 _DIRECTION_DEG, _DIRECTION_PER_ROOT_DEG = 2.0, 20.0
@@ -28,15 +29,6 @@ Array = NDArray[np.float64]
 Block = tuple[NDArray[np.int64], Callable[[list[Array]], Array], Array]
 """(m, k) indices of m blocks' cameras; their residuals (m, r) from the k cameras' parameters (m, 6) each; the
 residuals' standard deviations (m, r)."""
-
-
-@dataclass(frozen=True, eq=False)
-class TagPrior:
-    """What a tag says, and how well: metres per axis, degrees about each axis."""
-
-    pose: Pose
-    sigma_m: float
-    sigma_deg: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +55,7 @@ class Solution:
 
 
 def solve(
-    start: Mapping[int, Pose], graph: TieGraph, tags: Mapping[int, TagPrior], believed: Collection[int], *,
+    start: Mapping[int, Pose], graph: TieGraph, tags: Mapping[int, PosePrior], believed: Collection[int], *,
     iterations: int = 12,
 ) -> Solution:  # fmt: skip
     """Adjust the poses of the photographs in ``start``.
@@ -83,7 +75,7 @@ def solve(
     targets = [tags[k].pose if k in believed else start[k] for k in order]
     sigmas = np.array(
         [
-            [np.radians(tags[k].sigma_deg)] * 3 + [tags[k].sigma_m] * 3
+            [np.radians(tags[k].angle_sigma_deg)] * 3 + [tags[k].position_sigma_m] * 3
             if k in believed
             else [np.radians(_LOOSE_DEG)] * 3 + [_LOOSE_M] * 3
             for k in order

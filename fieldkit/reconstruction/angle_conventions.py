@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures.model import Capture, Photo, PosePrior
+from fieldkit.captures.model import Capture, Photo
 from fieldkit.captures.xmp import LOOKING_DOWN
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
+from fieldkit.geometry.priors import PosePrior
 
 Matrix = NDArray[np.float64]
 Rotations = dict[str, Matrix]
@@ -162,4 +163,4 @@ def _rotations(
 def _angles(prior: PosePrior | None) -> Angles | None:
     if prior is None or prior.yaw_deg is None or prior.pitch_deg is None:
         return None
-    return prior.yaw_deg, prior.pitch_deg, prior.roll_deg or 0.0
+    return prior.yaw_deg, prior.pitch_deg, prior.roll_deg

@@ -8,39 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.captures.model import Capture
 from fieldkit.captures.programs.model import POSITION_SHARE, ProgramPoses
 from fieldkit.errors import ReconstructionError
-from fieldkit.geometry import Pose, Similarity
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry import Similarity
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.agreement import KnownPose, align_to_positions, scale_error
 
-_DEFAULT_ANGLE_SIGMA_DEG = 3.0
-_DEFAULT_POSITION_SIGMA_M = 0.05
 _SPREAD = 5.0  # of cameras where lengths are not metres: about that of a plot, for limits elsewhere are in metres
 _SMALL_M = 1000.0  # coordinates beyond (UTM, say) are shifted, for bundle adjustment's sake
-
-
-@dataclass(frozen=True, eq=False)
-class SourceFrame:
-    """The metric frame poses are known in, and the frame they are worked with in.
-
-    Attributes:
-        source: ``"poses.csv"``, ``"geo.txt"``, ``"EXIF GPS"`` or another program's name.
-        origin: where the source's frame lies on the Earth (then x is east, y north, z up), or None.
-        from_source: rigid motion from the source's coordinates to the working frame: a shift that keeps numbers
-            small, or into the plot frame of a reference. A similarity where not ``scaled``.
-        scaled: whether the source's lengths are metres.
-    """
-
-    source: str
-    origin: LocalFrame | None
-    from_source: Similarity
-    scaled: bool = True
-
-    @property
-    def georeferenced(self) -> bool:
-        return self.origin is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +71,12 @@ def known_poses(capture: Capture, within: SourceFrame | None = None) -> KnownPos
     for name, prior in capture.priors.items():
         position = None
         if prior.position is not None and own is not None and frame is not None:
-            position = frame.from_source.apply(_in_source(np.array(prior.position), own, frame))
-        rotation = _rotation(prior)
+            position = frame.from_source.apply(_in_source(prior.position, own, frame))
         known[name] = KnownPose(
             position=position,
-            position_sigma_m=prior.position_accuracy_m or _DEFAULT_POSITION_SIGMA_M,
-            rotation=None if rotation is None else rotation @ turn.T,
-            angle_sigma_deg=prior.angle_accuracy_deg or _DEFAULT_ANGLE_SIGMA_DEG,
+            position_sigma_m=prior.position_sigma_m,
+            rotation=None if prior.rotation is None else prior.rotation @ turn.T,
+            angle_sigma_deg=prior.angle_sigma_deg,
         )
     if capture.program is None or frame is None:
         return KnownPoses(known, frame)
@@ -211,9 +186,3 @@ def _in_source(position: NDArray[np.float64], own: SourceFrame, frame: SourceFra
         return position
     moved: NDArray[np.float64] = frame.origin.to_local(*own.origin.to_geodetic(position[None]))[0]
     return moved
-
-
-def _rotation(prior: PosePrior) -> NDArray[np.float64] | None:
-    if prior.yaw_deg is None or prior.pitch_deg is None:
-        return None
-    return Pose.from_yaw_pitch(np.zeros(3), prior.yaw_deg, prior.pitch_deg, prior.roll_deg or 0.0).rotation

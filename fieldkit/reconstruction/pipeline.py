@@ -18,6 +18,7 @@ from fieldkit.clouds.strays import voxel_edge_m, without_strays
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
 from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
@@ -26,7 +27,7 @@ from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.doubts import doubts
 from fieldkit.reconstruction.guided import Region
 from fieldkit.reconstruction.interest import looked_beside_m, volume_of_interest
-from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
+from fieldkit.reconstruction.known_poses import KnownPoses, known_poses
 from fieldkit.reconstruction.marker_detection import detect_markers
 from fieldkit.reconstruction.markers import MarkerScale, marker_scale
 from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world

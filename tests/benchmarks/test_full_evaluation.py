@@ -12,7 +12,7 @@ from benchmarks.full_evaluation import LENT, OURS, THEIRS, Case, ours, summary, 
 from fieldkit.clouds import read_cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Similarity
-from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.library import find_scene

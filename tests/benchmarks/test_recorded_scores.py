@@ -17,9 +17,9 @@ from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, chamfer_distance
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Similarity
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.pictures.curves import png
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.runtime.progress import Silent

@@ -19,13 +19,14 @@ from fieldkit.campaign.visit_frame import (
     plan_volume,
     wanted_sidecars,
 )
-from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.captures.model import Capture
 from fieldkit.captures.priors import priors_from_gps
 from fieldkit.clouds.ground import Plane
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.geometry.priors import PosePrior, SourceFrame
+from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.results.plan_file import plan_from_poses
 from tests.campaign.examples import FIELD, PLAN, STATIONS, field, flown
@@ -45,7 +46,7 @@ def listed(shift: float = 0.0, *, tags: bool = True) -> Capture:
     found = tagged()
     photos = found.photos if tags else tuple(replace(photo, geotag=None) for photo in found.photos)
     priors = {
-        photo.name: PosePrior(tuple(float(v) for v in pose.center + shift), 0.01, source="poses.csv")  # type: ignore[arg-type]
+        photo.name: PosePrior(pose.center + shift, 0.01, source="poses.csv")
         for photo, pose in zip(photos, STATIONS, strict=True)
     }
     return replace(found, photos=photos, priors=priors, metric_source="poses.csv", origin=None)

@@ -57,7 +57,7 @@ def test_an_images_folder_is_used_when_nothing_lies_beside_it(photo_file: MakePh
     capture = read_capture(folder)
     assert capture.names == ("a.jpg",)
     assert capture.image_folder == folder / "images"
-    assert capture.priors["a.jpg"].position == (1.0, 2.0, 3.0)
+    assert tuple(capture.priors["a.jpg"].position) == (1.0, 2.0, 3.0)
     (folder / "poses.csv").unlink()
     photo_file("b.jpg")
     assert read_capture(folder).names == ("b.jpg",)
@@ -274,7 +274,7 @@ def test_a_cards_folders_are_one_capture(photo_file: MakePhoto, halves: tuple[st
         capture = read_capture(place)
         assert list(capture.names) == names
         assert len(capture.groups) == 1
-        assert [capture.priors[name].position for name in names] == [(k, k % 2, 3.0) for k in range(len(names))]
+        assert [tuple(capture.priors[name].position) for name in names] == [(k, k % 2, 3.0) for k in range(len(names))]
         assert codes(capture) == {f"{names[0].partition('/')[0]}/geo.txt": "sidecar-unused"}
 
 

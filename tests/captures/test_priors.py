@@ -7,7 +7,7 @@ import pytest
 
 from fieldkit.captures import Capture, read_capture, suspicious_unit
 from fieldkit.errors import MetadataError
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
 from tests.captures.photographs import MakePhoto, dji_xmp, exif_block, gps_tags
 from tests.captures.test_xmp import packet
 
@@ -41,13 +41,13 @@ def codes(capture: Capture) -> set[tuple[str, str]]:
 def test_gps_becomes_east_north_up_metres_about_the_centroid(photo_file: MakePhoto) -> None:
     capture = read_capture(geotagged(photo_file))
     truth = np.array(list(PLACES.values()))
-    assert (capture.metric_source, capture.crs_epsg) == ("EXIF GPS", 32633)
+    assert (capture.metric_source, utm_epsg_of(capture.origin)) == ("EXIF GPS", 32633)
     assert capture.origin is not None
     assert (capture.origin.datum, capture.height_source) == ("sea level", "relative altitude")
     np.testing.assert_allclose(positions(capture), truth - truth.mean(0), atol=2e-3)
     prior = capture.priors["a.jpg"]
-    assert (prior.yaw_deg, prior.pitch_deg, prior.roll_deg, prior.angle_accuracy_deg) == (90.0, -60.0, 0.0, 3.0)
-    assert (prior.position_accuracy_m, prior.source) == (3.0, "EXIF GPS")
+    assert (prior.yaw_deg, prior.pitch_deg, prior.roll_deg, prior.angle_sigma_deg) == (90.0, -60.0, 0.0, 3.0)
+    assert (prior.position_sigma_m, prior.source) == (3.0, "EXIF GPS")
     assert capture.findings == ()
 
 
@@ -70,13 +70,13 @@ def test_rtk_heights_are_used_as_they_are(photo_file: MakePhoto) -> None:
     assert capture.height_source == "RTK altitude"
     assert capture.origin is not None
     assert capture.origin.datum == "ellipsoid"
-    assert capture.priors["a.jpg"].position_accuracy_m == 0.045
+    assert capture.priors["a.jpg"].position_sigma_m == 0.045
 
 
 def test_rtk_is_never_believed_better_than_three_centimetres(photo_file: MakePhoto) -> None:
     for options in ({"RtkStdLon": "0.005"}, {}):
         capture = read_capture(geotagged(photo_file, RtkFlag="50", **options))
-        assert capture.priors["a.jpg"].position_accuracy_m == 0.03
+        assert capture.priors["a.jpg"].position_sigma_m == 0.03
 
 
 def test_a_photograph_without_gps_is_named(photo_file: MakePhoto) -> None:
@@ -108,7 +108,7 @@ def test_two_positions_are_too_few_for_a_scale(photo_file: MakePhoto) -> None:
 
 def test_without_any_position_there_is_no_metric_source(photo_file: MakePhoto) -> None:
     capture = read_capture(photo_file("a.jpg", xmp=dji_xmp(GimbalYawDegree="10", GimbalPitchDegree="-90")).parent)
-    assert (capture.metric_source, capture.origin, capture.crs_epsg) == (None, None, None)
+    assert (capture.metric_source, capture.origin) == (None, None)
     prior = capture.priors["a.jpg"]
     assert (prior.position, prior.yaw_deg, prior.source) == (None, 10.0, "XMP")
 
@@ -125,7 +125,7 @@ def test_geo_txt_comes_before_gps_and_keeps_xmp_angles(photo_file: MakePhoto) ->
     assert capture.metric_source == "geo.txt"
     np.testing.assert_allclose(positions(capture), truth - truth.mean(0), atol=1e-3)
     prior = capture.priors["a.jpg"]
-    assert (prior.position_accuracy_m, prior.yaw_deg, prior.source) == (0.04, 90.0, "geo.txt")
+    assert (prior.position_sigma_m, prior.yaw_deg, prior.source) == (0.04, 90.0, "geo.txt")
 
 
 def test_poses_csv_comes_first_and_takes_no_angles_from_elsewhere(photo_file: MakePhoto) -> None:
@@ -134,10 +134,10 @@ def test_poses_csv_comes_first_and_takes_no_angles_from_elsewhere(photo_file: Ma
     (folder / "poses.csv").write_text("image,x_m,y_m,z_m\n" + "\n".join(lines))
     (folder / "geo.txt").write_text("nonsense that is not even read\n")
     capture = read_capture(folder)
-    assert (capture.metric_source, capture.origin, capture.crs_epsg) == ("poses.csv", None, None)
+    assert (capture.metric_source, capture.origin) == ("poses.csv", None)
     np.testing.assert_array_equal(positions(capture), list(PLACES.values()))
     prior = capture.priors["a.jpg"]
-    assert (prior.position_accuracy_m, prior.yaw_deg, prior.angle_accuracy_deg) == (0.05, None, None)
+    assert (prior.position_sigma_m, prior.angles, prior.rotation) == (0.05, None, None)
     assert codes(capture) == {("geo.txt", "sidecar-unused")}
 
 
@@ -150,8 +150,8 @@ def test_rows_and_photographs_that_do_not_meet_are_named(photo_file: MakePhoto) 
     capture = read_capture(folder)
     assert codes(capture) == {("missing.jpg", "pose-without-photo"), ("d.jpg", "photo-without-pose")}
     assert list(capture.priors) == ["a.jpg", "b.jpg", "c.jpg"]
-    assert capture.priors["a.jpg"].position_accuracy_m == 0.01
-    assert (capture.priors["a.jpg"].pitch_deg, capture.priors["a.jpg"].angle_accuracy_deg) == (-45.0, 3.0)
+    assert capture.priors["a.jpg"].position_sigma_m == 0.01
+    assert (capture.priors["a.jpg"].pitch_deg, capture.priors["a.jpg"].angle_sigma_deg) == (-45.0, 3.0)
 
 
 @pytest.mark.parametrize(("name", "header"), [("poses.csv", "image,x_m,y_m,z_m"), ("geo.txt", "EPSG:4326")])
@@ -225,7 +225,7 @@ def test_poses_in_degrees_are_georeferenced(photo_file: MakePhoto) -> None:
     assert north == pytest.approx([0, 11.12, 0], abs=0.01)
     assert east == pytest.approx([7.62, 0, 0], abs=0.01)
     assert [capture.priors[f"{k}.jpg"].yaw_deg for k in range(3)] == [200.0, 30.0, 30.0]
-    assert capture.priors["0.jpg"].position_accuracy_m == 0.04
+    assert capture.priors["0.jpg"].position_sigma_m == 0.04
 
 
 def test_heights_of_geo_txt_in_feet(photo_file: MakePhoto) -> None:
@@ -237,7 +237,7 @@ def test_heights_of_geo_txt_in_feet(photo_file: MakePhoto) -> None:
     capture = read_capture(folder)
     assert capture.origin is not None
     assert capture.origin.altitude_m == pytest.approx(651.41 * 1200 / 3937)
-    assert capture.priors["0.jpg"].position_accuracy_m == pytest.approx(0.131 * 1200 / 3937)
+    assert capture.priors["0.jpg"].position_sigma_m == pytest.approx(0.131 * 1200 / 3937)
     assert "height-unit" in [finding.code for finding in capture.findings]
 
 
@@ -245,9 +245,7 @@ def test_angles_of_zero_in_all_photographs_are_none(photo_file: MakePhoto) -> No
     zeros = {"GimbalYawDegree": "+0.00", "GimbalPitchDegree": "+0.00", "GimbalRollDegree": "+0.00"}
     capture = read_capture(geotagged(photo_file, **zeros))
     assert codes(capture) == {("a.jpg", "angles-zero")}
-    assert {(p.yaw_deg, p.pitch_deg, p.roll_deg, p.angle_accuracy_deg) for p in capture.priors.values()} == {
-        (None,) * 4
-    }
+    assert {(p.angles, p.rotation) for p in capture.priors.values()} == {(None, None)}
     capture = read_capture(geotagged(photo_file, GimbalRollDegree="+0.00", GimbalYawDegree="+0.00"))
     assert capture.priors["a.jpg"].pitch_deg == -60.0
 
@@ -290,7 +288,7 @@ def test_zeros_are_no_angles_whoever_writes_them(photo_file: MakePhoto, maker: s
         exif = exif_block(gps=gps_tags(latitude, longitude, round(altitude, 3)))
         folder = photo_file(name, exif=exif, xmp=ZEROS_OF_MAKERS[maker]).parent
     priors = read_capture(folder).priors.values()
-    assert {(p.yaw_deg, p.pitch_deg, p.roll_deg) for p in priors} == {(None, None, None)}
+    assert {(p.angles, p.rotation) for p in priors} == {(None, None)}
 
 
 def test_angles_of_zero_in_all_lines_of_poses_csv_are_none(photo_file: MakePhoto) -> None:
@@ -316,11 +314,11 @@ def test_rtk_that_drops_keeps_one_datum(photo_file: MakePhoto) -> None:
         "ellipsoid",
     )
     assert codes(capture) == {("c.jpg", "heights-joined")}
-    accuracies = [capture.priors[f"{letter}.jpg"].position_accuracy_m for letter in "abc"]
+    accuracies = [capture.priors[f"{letter}.jpg"].position_sigma_m for letter in "abc"]
     assert accuracies == [0.03, 0.03, 3.0]
 
 
 def test_a_stated_horizontal_accuracy_never_makes_a_barometric_height_exact(photo_file: MakePhoto) -> None:
     capture = read_capture(geotagged(photo_file, RtkStdLon="0.02", RtkStdHgt="1.5"))
     assert capture.height_source == "relative altitude"
-    assert capture.priors["a.jpg"].position_accuracy_m == 0.3
+    assert capture.priors["a.jpg"].position_sigma_m == 0.3

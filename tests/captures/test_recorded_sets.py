@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fieldkit.captures import Capture, assess_quality, flag_set, measure_quality, read_capture, read_image
+from fieldkit.geometry.geodesy import utm_epsg_of
 
 
 @pytest.fixture(scope="module", params=["arabidopsis_rig", "basil_rig", "drone_trees"])
@@ -21,13 +22,17 @@ def test_rigs(data_folder: Path) -> None:
         assert {(photo.width, photo.height) for photo in capture.photos} == {size}
         assert (capture.metric_source, capture.origin, capture.findings) == ("poses.csv", None, ())
         assert [group.source for group in capture.groups] == ["self-calibrated"]
-        assert {prior.position_accuracy_m for prior in capture.priors.values()} <= {0.004, 0.005}
+        assert {prior.position_sigma_m for prior in capture.priors.values()} <= {0.004, 0.005}
 
 
 def test_drone(data_folder: Path) -> None:
     capture = read_capture(data_folder / "drone_trees")
     assert len(capture.photos) == 18
-    assert (capture.metric_source, capture.crs_epsg, capture.height_source) == ("EXIF GPS", 32615, "relative altitude")
+    assert (capture.metric_source, utm_epsg_of(capture.origin), capture.height_source) == (
+        "EXIF GPS",
+        32615,
+        "relative altitude",
+    )
     assert capture.findings == ()
     (group,) = capture.groups
     assert (group.source, group.fixed) == ("EXIF", False)

@@ -103,7 +103,7 @@ class TestSimulate:
         assert 0.005 < done["position_error_m"] < 0.1
         assert Path(done["truth"]) == tmp_path / "flight.truth.csv"
         capture = read_capture(tmp_path / "flight")
-        assert {p.position_accuracy_m for p in capture.priors.values()} == {0.02}
+        assert {p.position_sigma_m for p in capture.priors.values()} == {0.02}
         centers = [capture.priors[p.name].position for p in capture.photos]
         np.testing.assert_allclose(np.array(centers), [p.center for p in ring(3, 1.2, 0.9)], atol=1e-5)
         assert main(arguments) == 2  # exists

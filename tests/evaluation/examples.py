@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from fieldkit.captures.model import CameraGroup, Capture, Photo, PosePrior
+from fieldkit.captures.model import CameraGroup, Capture, Photo
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.clouds.ground import Plane
 from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.colmap_model import model_points, new_model
 from fieldkit.reconstruction.features import Features
 from fieldkit.reconstruction.result import (
@@ -70,8 +71,7 @@ def sparse_model(poses: dict[str, Pose], points: int = 40) -> pycolmap.Reconstru
 
 def prior_of(pose: Pose) -> PosePrior:
     """The pose's position in the source frame, whose z = 0 lies 1.2 m below the ground."""
-    x, y, z = pose.center
-    return PosePrior(position=(x, y, z + 1.2), position_accuracy_m=0.03, source="geo.txt")
+    return PosePrior(pose.center + np.array([0.0, 0.0, 1.2]), 0.03, source="geo.txt")
 
 
 def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | None = None) -> Reconstruction:
@@ -110,7 +110,6 @@ def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | No
         priors={name: prior_of(pose) for name, pose in poses.items()} if metric else {},
         metric_source="geo.txt" if metric else None,
         origin=ORIGIN if metric else None,
-        crs_epsg=32632 if metric else None,
     )
     sparse = SparseResult(
         capture=capture,

@@ -15,15 +15,16 @@ from fieldkit.evaluation.evaluate import evaluate_captures
 from fieldkit.evaluation.plan_adherence import FlownPlan
 from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Similarity
-from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
 from fieldkit.geometry.pose import rotation_from_vector
-from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.geometry.priors import SourceFrame
+from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, StationErrorEntry
 from fieldkit.results.plan import Plan, Station
 from tests.captures.conftest import photo_file
 from tests.captures.photographs import MakePhoto
-from tests.flightlogs.test_geotag import make
 from tests.flightlogs.recordings import description, recording
+from tests.flightlogs.test_geotag import make
 
 __all__ = ["photo_file"]
 
@@ -70,7 +71,7 @@ def test_captures_get_the_poses_of_their_triggers(plots: list[tuple[str, Path]])
     assert (len(a.priors), len(b.priors)) == (7, 5)
     assert a.metric_source == b.metric_source == "flight log"
     assert a.origin == b.origin
-    assert a.crs_epsg == 32632
+    assert utm_epsg_of(a.origin) == 32632
     assert [f.subject for f in b.findings if f.code == "photo-without-trigger"] == ["extra.jpg"]
     known = known_poses(a)
     assert known.frame is not None

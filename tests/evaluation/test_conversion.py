@@ -79,9 +79,7 @@ class TestReference:
         centers = known_centers(sparse)
         moved = LocalFrame(ORIGIN.latitude_deg + 1e-4, ORIGIN.longitude_deg - 1e-4, 60.0, ORIGIN.datum)
         priors = {
-            name: dataclasses.replace(
-                prior, position=tuple(moved.to_local(*ORIGIN.to_geodetic(np.array(prior.position)))[0])
-            )
+            name: dataclasses.replace(prior, position=moved.to_local(*ORIGIN.to_geodetic(prior.position))[0])
             for name, prior in sparse.capture.priors.items()
         }
         capture = dataclasses.replace(sparse.capture, origin=moved, priors=priors)

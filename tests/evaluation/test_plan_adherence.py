@@ -21,18 +21,18 @@ from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.pictures.adherence import draw_adherence
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.results.evaluation import AdherenceEntry, EvaluationReport, PlotEvaluation, PoseDifferenceEntry
 from fieldkit.results.plan import Plan, Station
 from tests.captures.conftest import photo_file
 from tests.captures.photographs import MakePhoto
-from tests.captures.test_geotag import make
 from tests.evaluation.adherence_examples import disturbed, plot_report
 from tests.evaluation.test_adherence import flown as report_of
 from tests.evaluation.test_adherence import plan_of_the_flight
 from tests.flightlogs.recordings import recording
+from tests.flightlogs.test_geotag import make
 from tests.missions.vehicles import HOME, recorded_items
 
 __all__ = ["photo_file"]

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.captures import CameraGroup, Capture, Photo, PosePrior
+from fieldkit.captures import CameraGroup, Capture, Photo
 from fieldkit.errors import UsageError
 from fieldkit.fieldcheck import CheckSettings, StationCheck, write_refly
 from fieldkit.fieldcheck.angles import angles_as_meant
@@ -24,7 +24,7 @@ from fieldkit.fieldcheck.consistency import Consistency, check_tags
 from fieldkit.fieldcheck.model import CheckFinding, CheckReport
 from fieldkit.fieldcheck.pictures import judge_pictures, measure_picture
 from fieldkit.fieldcheck.placement import Placed, Tags, axis_turn_deg, place_tags
-from fieldkit.fieldcheck.pose_graph import TagPrior, tie_errors_deg
+from fieldkit.fieldcheck.pose_graph import tie_errors_deg
 from fieldkit.fieldcheck.refly import part_of_plan
 from fieldkit.fieldcheck.sharpness import DIRECTIONS, blur_ratios, edge_widths
 from fieldkit.fieldcheck.ties import LengthRatio, Tie, TieGraph
@@ -32,6 +32,7 @@ from fieldkit.fieldcheck.verdicts import tag_pose
 from fieldkit.geometry import Pose
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.geometry.stations import PoseArray
 from fieldkit.reconstruction.cameras import CameraSet
 from fieldkit.reconstruction.epipolar import relative_pose
@@ -150,10 +151,8 @@ def capture_of(poses: list[Pose | None], origin: LocalFrame | None = None, *, an
         photos.append(Photo(Path(name), name, 800, 600, "JPEG", f"{k:064x}"))
         if pose is not None:
             yaw, pitch, _ = pose.yaw_pitch_roll_deg()
-            x, y, z = (float(v) for v in pose.center)
-            priors[name] = PosePrior((x, y, z), 0.05, source="test")
-            if angles:
-                priors[name] = PosePrior((x, y, z), 0.05, yaw, pitch, None, 3.0, "test")
+            prior = PosePrior(pose.center, 0.05, source="test")
+            priors[name] = prior.with_angles((yaw, pitch, None) if angles else None)
     names = tuple(photo.name for photo in photos)
     group = CameraGroup("camera", names, None, "self-calibrated", False)
     here = Path()
@@ -230,8 +229,8 @@ def graph_of(true: list[Pose], seed: int, *, reach: int = 1) -> TieGraph:
     return TieGraph(ties, tuple(ratios), (), CameraSet((), (), (), (), ()))
 
 
-def priors(poses: list[Pose]) -> dict[int, TagPrior]:
-    return {k: TagPrior(pose, 0.05, 2.0) for k, pose in enumerate(poses)}
+def priors(poses: list[Pose]) -> dict[int, PosePrior]:
+    return {k: PosePrior.of(pose, 0.05, 2.0) for k, pose in enumerate(poses)}
 
 
 class TestTags:
@@ -259,7 +258,7 @@ class TestTags:
         planned = stations(seed=seed)
         tags = priors(planned)
         shift = far * np.array([np.sin(azimuth), np.cos(azimuth), 0.0])
-        tags[k] = TagPrior(Pose(planned[k].rotation, planned[k].center + shift), 0.05, 2.0)
+        tags[k] = PosePrior.of(Pose(planned[k].rotation, planned[k].center + shift), 0.05, 2.0)
         found = check_tags(tags, graph_of(flown(planned, seed), seed), CheckSettings())
         assert found.contradicted == {k}
 
@@ -305,7 +304,7 @@ class TestTags:
         graph = TieGraph(ties, (), (), CameraSet((), (), (), (), ()))
         for culprit in (4, 5):
             tags = priors(planned)
-            tags[culprit] = TagPrior(
+            tags[culprit] = PosePrior.of(
                 Pose(planned[culprit].rotation, planned[culprit].center + np.array([0.0, 0.0, 4.0])), 0.05, 2.0
             )
             assert check_tags(tags, graph, CheckSettings(), {culprit: 4.0}).contradicted == {culprit}
@@ -340,10 +339,10 @@ class TestAngles:
         for k in only:
             # A gimbal's tags give the heading of the picture, and no roll.
             angles = write((planned[k] if nadir else true[k]).yaw_pitch_roll_deg())
-            priors[f"{k}.jpg"] = replace(priors[f"{k}.jpg"], yaw_deg=angles[0], pitch_deg=angles[1], roll_deg=angles[2])
+            priors[f"{k}.jpg"] = priors[f"{k}.jpg"].with_angles(angles)
         capture, told = angles_as_meant(replace(capture, priors=priors), plan, None, None, graph, seed=0)
         placed = place_tags(capture, plan)
-        tags = {k: TagPrior(tag_pose(placed, k, plan), 0.05, 2.0) for k in placed.station_of}
+        tags = {k: PosePrior.of(tag_pose(placed, k, plan), 0.05, 2.0) for k in placed.station_of}
         return placed, check_tags(tags, graph, CheckSettings()), told, planned
 
     @pytest.mark.parametrize("ties", [True, False])

@@ -79,7 +79,7 @@ def test_what_is_written_is_read_as_priors(photographs: Path) -> None:
     capture = read_capture(photographs)
     assert capture.metric_source == "poses.csv"
     assert len(capture.priors) == 12
-    assert {p.position_accuracy_m for p in capture.priors.values()} == {0.02}
+    assert {p.position_sigma_m for p in capture.priors.values()} == {0.02}
     with pytest.raises(UsageError, match="exists already"):
         geotag(photographs, recording("mount_then_yaw.tlog"), photographs / "poses.csv")
     again = geotag(photographs, recording("mount_then_yaw.tlog"), photographs / "poses.csv", overwrite=True)

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.captures.model import Capture, Photo, PosePrior
+from fieldkit.captures.model import Capture, Photo
 from fieldkit.geometry import Pose
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.angle_conventions import Convention, find_convention, look_odd
 
 BOUND_DEG = 27.0
@@ -28,7 +29,7 @@ def capture(recorded: list[Angles], flight: list[float | None] | None = None) ->
     names = [f"{k}.jpg" for k in range(len(recorded))]
     flight = flight or [None] * len(names)
     photos = [Photo(Path(n), n, 100, 100, "JPEG", n, flight_yaw_deg=yaw) for n, yaw in zip(names, flight, strict=True)]
-    priors = {n: PosePrior(yaw_deg=a[0], pitch_deg=a[1], roll_deg=a[2]) for n, a in zip(names, recorded, strict=True)}
+    priors = {n: PosePrior().with_angles(a) for n, a in zip(names, recorded, strict=True)}
     return Capture(Path(), Path(), tuple(photos), (), (), priors)
 
 

@@ -12,7 +12,7 @@ from fieldkit.captures import read_capture
 from fieldkit.clouds import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Similarity
-from fieldkit.reconstruction.known_poses import SourceFrame
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings

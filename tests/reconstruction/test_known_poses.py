@@ -5,12 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.captures.model import Capture
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.pose import rotation_angle_deg, rotation_from_vector
-from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.geometry.priors import PosePrior, SourceFrame
+from fieldkit.reconstruction.known_poses import known_poses
 
 
 def _capture(priors: dict[str, PosePrior], source: str | None, origin: LocalFrame | None = None) -> Capture:
@@ -19,14 +20,12 @@ def _capture(priors: dict[str, PosePrior], source: str | None, origin: LocalFram
 
 
 def _priors(offset: float = 0.0) -> dict[str, PosePrior]:
-    return {
-        f"{k}.jpg": PosePrior((offset + k, 2.0 * k, 1.0), 0.01, 30.0 * k, -40.0, None, 2.0, "poses.csv")
-        for k in range(4)
-    }
+    places = {k: PosePrior(np.array([offset + k, 2.0 * k, 1.0]), 0.01, angle_sigma_deg=2.0) for k in range(4)}
+    return {f"{k}.jpg": prior.with_angles((30.0 * k, -40.0, None)) for k, prior in places.items()}
 
 
 def test_a_capture_without_positions_has_no_frame() -> None:
-    known = known_poses(_capture({"a.jpg": PosePrior(None, None, 10.0, -90.0, 0.0, 3.0, "XMP")}, None))
+    known = known_poses(_capture({"a.jpg": PosePrior(source="XMP").with_angles((10.0, -90.0, 0.0))}, None))
     assert known.frame is None
     assert known.positioned == []
     assert known.poses["a.jpg"].rotation is not None

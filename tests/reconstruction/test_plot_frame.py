@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.captures.model import Capture
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.geometry.pose import rotation_from_vector
+from fieldkit.geometry.priors import PosePrior
 from fieldkit.reconstruction.interest import cuts_plants, looked_beside_m, volume_of_interest
 from fieldkit.reconstruction.plot_frame import check_upright, find_ground, moved_plane, plot_from_world
 
@@ -95,7 +96,8 @@ def test_too_few_points_leave_the_volume_to_the_person() -> None:
 
 
 def _capture(pitches: dict[str, float | None]) -> Capture:
-    return Capture(Path("plot"), Path("plot"), (), (), (), {n: PosePrior(pitch_deg=p) for n, p in pitches.items()})
+    priors = {name: PosePrior().with_angles((None, pitch, None)) for name, pitch in pitches.items()}
+    return Capture(Path("plot"), Path("plot"), (), (), (), priors)
 
 
 def _plane_of_cameras(pitches: list[float]) -> dict[str, Pose]:

@@ -14,8 +14,8 @@ from fieldkit.cache import StageCache
 from fieldkit.captures import Capture, read_capture
 from fieldkit.clouds import Volume
 from fieldkit.geometry import Intrinsics, Pose, Similarity
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import SparseResult
 from fieldkit.reconstruction.settings import ReconstructionSettings

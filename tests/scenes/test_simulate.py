@@ -77,7 +77,7 @@ def test_sidecars_hold_the_commanded_poses_and_the_camera(tmp_path: Path, render
     assert capture.groups[0].intrinsics == CAMERA
     commanded = np.array([capture.priors[p.name].position for p in capture.photos])
     np.testing.assert_allclose(commanded, [p.center for p in POSES], atol=1e-5)
-    assert {prior.position_accuracy_m for prior in capture.priors.values()} == {0.05}
+    assert {prior.position_sigma_m for prior in capture.priors.values()} == {0.05}
     rows, _ = parse_poses_csv(truth.read_text())
     np.testing.assert_allclose([r.position for r in rows], [p.center for p in true], atol=1e-5)
     for row, pose in zip(rows, true, strict=True):

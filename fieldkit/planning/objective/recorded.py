@@ -12,17 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache
-from fieldkit.captures.model import Capture, PosePrior
+from fieldkit.captures.model import Capture
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.metrics import ReferenceIndex
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.priors import PosePrior, SourceFrame
 from fieldkit.planning.objective.fidelity import Fidelity
 from fieldkit.planning.objective.source import PhotoSet
 from fieldkit.planning.space.assignment import assign
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.reconstruction.features import FeatureSettings
-from fieldkit.reconstruction.known_poses import SourceFrame, known_poses
+from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.prior_mapping import region_of_interest
 from fieldkit.runtime.progress import Progress
@@ -216,21 +217,13 @@ class RecordedSource:
             metric_source="poses.csv",
             origin=None,
             height_source=None,
-            crs_epsg=None,
             markers=None,
             program=None,
         )
 
 
 def _prior(view: RecordedView, pose: Pose, noise: CaptureNoise) -> PosePrior:
-    yaw, pitch, roll = pose.yaw_pitch_roll_deg()
-    x, y, z = (float(v) for v in pose.center)
-    return PosePrior(
-        position=(x, y, z),
-        position_accuracy_m=float(np.hypot(view.position_sigma_m, noise.position_m)),
-        yaw_deg=yaw,
-        pitch_deg=pitch,
-        roll_deg=roll,
-        angle_accuracy_deg=float(np.hypot(view.angle_sigma_deg, noise.angle_deg)),
-        source="poses.csv",
-    )
+    sigma_m = float(np.hypot(view.position_sigma_m, noise.position_m))
+    sigma_deg = float(np.hypot(view.angle_sigma_deg, noise.angle_deg))
+    prior = PosePrior(pose.center, sigma_m, angle_sigma_deg=sigma_deg, source="poses.csv")
+    return prior.with_angles(pose.yaw_pitch_roll_deg())

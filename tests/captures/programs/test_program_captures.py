@@ -13,8 +13,9 @@ from fieldkit.captures.programs import METRES, PosesFile
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.evaluation.pose_table import capture_poses
 from fieldkit.geometry import Pose, Similarity
-from fieldkit.geometry.geodesy import LocalFrame
-from fieldkit.reconstruction.known_poses import KnownPoses, SourceFrame, known_poses
+from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
+from fieldkit.geometry.priors import SourceFrame
+from fieldkit.reconstruction.known_poses import KnownPoses, known_poses
 from tests.captures.photographs import MakePhoto
 from tests.captures.programs.known_set import (
     CAMERA,
@@ -48,10 +49,7 @@ def codes(capture: Capture) -> list[str]:
 def prior_poses(capture: Capture) -> dict[str, Pose]:
     found = {}
     for name, prior in capture.priors.items():
-        assert prior.position is not None
-        assert prior.yaw_deg is not None
-        assert prior.pitch_deg is not None
-        found[name] = Pose.from_yaw_pitch(prior.position, prior.yaw_deg, prior.pitch_deg, prior.roll_deg or 0.0)
+        found[name] = prior.pose
     return found
 
 
@@ -150,7 +148,7 @@ def test_stated_metres(photographs: Path, tmp_path: Path) -> None:
     assert distance < 1e-9
     assert angle < 1e-6
     spread = np.std([pose.center for pose in truth().values()], axis=0)
-    (accuracy,) = {prior.position_accuracy_m for prior in capture.priors.values()}
+    (accuracy,) = {prior.position_sigma_m for prior in capture.priors.values()}
     assert accuracy == pytest.approx(0.01 * np.linalg.norm(spread))
 
 
@@ -165,7 +163,7 @@ def test_georeferenced_programs_are_the_metric_source(photographs: Path, program
     capture = read_capture(photographs)
     assert capture.metric_source == capture.height_source == program
     assert capture.origin is not None
-    assert capture.crs_epsg == 32632
+    assert utm_epsg_of(capture.origin) == 32632
     assert capture.groups[0].source == program
     distance, angle = apart(about(capture.origin, prior_poses(capture), ORIGIN), truth())
     assert distance < 1e-6

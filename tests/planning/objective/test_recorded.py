@@ -17,11 +17,11 @@ from fieldkit.captures import read_capture
 from fieldkit.clouds import Cloud, Volume
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Pose, Similarity
+from fieldkit.geometry.priors import SourceFrame
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource, recorded_views
 from fieldkit.planning.space.assignment import assign
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.reconstruction.known_poses import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.prior_mapping import PriorMappingSettings
 from fieldkit.scenes.simulate import CaptureNoise
@@ -63,7 +63,7 @@ def test_a_reference_of_the_same_photographs_lends_missing_orientations(source: 
     capture = source.capture
     bare = replace(
         capture,
-        priors={n: replace(p, yaw_deg=None, pitch_deg=None, roll_deg=None) for n, p in capture.priors.items()},
+        priors={n: p.with_angles(None) for n, p in capture.priors.items()},
     )
     with pytest.raises(MetadataError, match="0 photographs only"):
         recorded_views(bare, PLOT)
@@ -143,10 +143,10 @@ def test_noise_moves_the_commands_and_not_the_photographs(source: RecordedSource
     priors = [subset.priors[name] for name in subset.names]
     shift = np.array([p.position for p in priors]) - source.cameras([1, 2, 3]).positions
     assert 0.005 < np.linalg.norm(shift, axis=1).mean() < 0.08
-    assert priors[0].position_accuracy_m == pytest.approx(np.hypot(0.003, 0.02))
+    assert priors[0].position_sigma_m == pytest.approx(np.hypot(0.003, 0.02))
     # A view's noise is its own, whatever it stands beside.
     alone = noisy._subset(np.array([3]), seed=5)
-    assert alone.priors[alone.names[0]].position == priors[2].position
+    assert np.array_equal(alone.priors[alone.names[0]].position, priors[2].position)
     with pytest.raises(UsageError, match="image noise"):
         RecordedSource(source.capture, PLOT, RANDOM_CLOUD, cache=source.cache, noise=CaptureNoise())
 
