@@ -16,10 +16,11 @@ from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.runtime.progress import Progress
-from fieldkit.scenes.plot import build_scene, sample_plants
 from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.sampling import sample_plants
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, camera_toml, poses_table, simulate_capture
+from fieldkit_sim.plot import build_scene
 
 LOWEST_M = 0.03
 """The rendered soil is bumpy: lower points are left out of cloud and truth."""

@@ -27,13 +27,13 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import SceneDescription
-from fieldkit.scenes.generator import plots_of_kind
 from fieldkit.scenes.library import find_scene
-from fieldkit.scenes.maize import STAGES, MaizeDescription
+from fieldkit.scenes.plot_description import STAGES, MaizeDescription
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.sites.fitted import fitted
 from fieldkit.sites.site import SitePlot
+from fieldkit_sim.generator import plots_of_kind
 
 SCENES = ("tuning-1", "tuning-2", "tuning-3")
 _SEED, _REPEATS, _CAMERAS = 7002, 2, 10

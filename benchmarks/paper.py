@@ -28,10 +28,10 @@ from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.settings import GivenPlot
 from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.progress import Progress
-from fieldkit.scenes.generator import new_scene
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene, write_scene
 from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit_sim.generator import new_scene
 
 CASES = ("case-1", "case-2", "case-3")
 TESTS: Mapping[str, str] = {

@@ -28,8 +28,8 @@ from fieldkit.results.plan import Plan
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.description import SceneDescription, build
 from fieldkit.scenes.library import find_scene
-from fieldkit.scenes.neighbours import neighbour_points
 from fieldkit.scenes.rigs import ring
+from fieldkit.scenes.sampling import neighbour_points
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.sites.terrain import LEVEL, Gradient
 

@@ -33,9 +33,9 @@ from fieldkit.planning.run.request import KIND_PLOTS
 from fieldkit.planning.run.run_setup import set_up_run
 from fieldkit.results.plan import PlanSource
 from fieldkit.runtime.progress import Progress
-from fieldkit.scenes.generator import plots_of_kind
 from fieldkit.scenes.library import find_scene
 from fieldkit.scenes.scene_file import read_scene, write_scene
+from fieldkit_sim.generator import plots_of_kind
 
 RECORDED_FIDELITY: FidelityName = "standard"
 PLANNERS = ("bosfm", "bosfm-tuned", "field")

@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Literal
 
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.scenes.plot import PlotDescription, plant_layout
+from fieldkit.scenes.plot_description import PRINTED, PlotDescription
 from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Light
-from fieldkit.scenes.soil import PRINTED
+from fieldkit_sim.generator import plant_layout
 
 Split = Literal["tuning", "test"]
 

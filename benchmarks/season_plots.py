@@ -20,10 +20,10 @@ from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.plan import PlanPlants
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.scenes.description import SceneDescription, build, sample_reference
-from fieldkit.scenes.generator import new_scene
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Site, simulate_capture
 from fieldkit.scenes.simulation import ring_about, wind_sway
+from fieldkit_sim.generator import new_scene
 
 STATIONS = 13
 DATES = (datetime(2026, 6, 11, 9, 0), datetime(2026, 6, 25, 9, 0))

@@ -39,7 +39,7 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import file_sha256, load_evaluation_report, load_reference_report
 from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.results.visit_file import VISIT_FILE, visit_document
-from fieldkit.scenes.mesh_plant import check_mesh_file
+from fieldkit.scenes.plot_description import check_mesh_file
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.sites.site_file import load_plots, load_site
 from fieldkit.sites.vector_files import read_features

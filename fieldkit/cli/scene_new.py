@@ -49,11 +49,11 @@ def command(
         check_replaceable(output, overwrite=overwrite)
     import sys
 
-    from fieldkit.scenes.generator import new_scene
     from fieldkit.scenes.scene_file import scene_text, write_scene
+    from fieldkit.scenes.simulated_field import simulated_field
 
     name = f"plants-{plants}-seed-{seed}" if output is None else output.stem
-    scene = new_scene(
+    scene = simulated_field("generator").new_scene(
         plants, seed, layout=layout, spacing_m=spacing, row_spacing_m=row_spacing, name=name,
         notes=f"fieldkit scene new --plants {plants} --seed {seed} --layout {layout}",
     )  # fmt: skip

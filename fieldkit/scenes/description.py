@@ -13,10 +13,12 @@ from fieldkit.clouds import Cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
-from fieldkit.scenes.plot import PlotDescription, build_scene, sample_visible
+from fieldkit.scenes.plot_description import PlotDescription
 from fieldkit.scenes.recorded import RecordedSurface, build_recorded, recorded_plants
+from fieldkit.scenes.sampling import sample_visible
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Site
+from fieldkit.scenes.simulated_field import build_scene
 
 _OVERSAMPLING = 1.7
 """Points drawn for each one wanted: about two in five lie where no view reaches."""

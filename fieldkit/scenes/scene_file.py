@@ -25,7 +25,7 @@ from fieldkit.errors import SceneError
 from fieldkit.files import file_beside, write_atomic
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.scenes.description import SceneDescription
-from fieldkit.scenes.mesh_plant import MeshPlantDescription, check_mesh_file
+from fieldkit.scenes.plot_description import MeshPlantDescription, check_mesh_file
 
 FORMAT = 1
 _MAX_BYTES = 16 << 20

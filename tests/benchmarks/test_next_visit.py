@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmarks.next_visit import Visited, older, visit_table
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.space.plots import Plot
-from fieldkit.scenes.generator import new_scene
+from fieldkit_sim.generator import new_scene
 
 
 def evaluation(value_m: float, right: int) -> Evaluation:

@@ -28,10 +28,8 @@ from fieldkit.planning.objective.simulated import Proxy
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
-from fieldkit.scenes.maize import MaizeDescription
-from fieldkit.scenes.plot import PlotDescription
+from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.scene import EffectsDescription, Mesh, Scene, grid_faces
-from fieldkit.scenes.soil import SoilDescription
 from fieldkit.sites.placement import PlotFrame
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 

@@ -12,12 +12,13 @@ from pathlib import Path
 
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
-from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout
+from fieldkit.scenes.plot_description import PRINTED, PlotDescription
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Light
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, simulate_capture
-from fieldkit.scenes.soil import PRINTED
+from fieldkit_sim.generator import plant_layout
+from fieldkit_sim.plot import build_scene
 
 SEED = 3
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.scenes.description import build
-from fieldkit.scenes.plot import PlotDescription
+from fieldkit.scenes.plot_description import PlotDescription
 from fieldkit.scenes.renderer import Renderer, RenderingError
 from fieldkit.scenes.scene_file import read_scene
 from tests.cli.test_scene_commands import TINY

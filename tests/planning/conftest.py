@@ -9,9 +9,9 @@ import pytest
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.cameras import Cameras
-from fieldkit.scenes.plot import build_scene
 from fieldkit.scenes.renderer import RenderingError
 from fieldkit.scenes.rigs import ring
+from fieldkit_sim.plot import build_scene
 from tests.scenes.conftest import SMALL_PLOT
 
 CAMERA = Intrinsics.pinhole(640, 480, 560.0)

@@ -23,13 +23,16 @@ from fieldkit.planning.space.plots import Plot
 from fieldkit.runtime.progress import Silent
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription
-from fieldkit.scenes.mesh_plant import MeshPlantDescription
-from fieldkit.scenes.neighbours import NeighboursDescription, neighbour_points
-from fieldkit.scenes.plot import PlotDescription
+from fieldkit.scenes.plot_description import (
+    MeshPlantDescription,
+    NeighboursDescription,
+    PlotDescription,
+    WeedsDescription,
+)
 from fieldkit.scenes.recorded import RecordedSurface
+from fieldkit.scenes.sampling import neighbour_points, weed_meshes
 from fieldkit.scenes.simulate import CaptureNoise
 from fieldkit.scenes.simulation import wind_sway
-from fieldkit.scenes.weeds import WeedsDescription, weed_meshes
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT, SMALL_SOIL
 

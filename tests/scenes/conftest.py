@@ -10,11 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldkit.clouds import Cloud, concatenate
-from fieldkit.scenes.maize import MaizeDescription, build_maize
-from fieldkit.scenes.plot import PlotDescription, build_scene, sample_plants
+from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.sampling import sample_plants
 from fieldkit.scenes.scene import Scene
-from fieldkit.scenes.soil import SoilDescription
+from fieldkit_sim.maize import build_maize
+from fieldkit_sim.plot import build_scene
 
 SMALL_SOIL = SoilDescription(seed=4, core_m=0.5, spacing_m=0.02, texture_px=256, stones=30, residues=10)
 SMALL_PLOT = PlotDescription((MaizeDescription(seed=7, leaves=6), MaizeDescription(seed=8, x_m=0.3)), SMALL_SOIL)

@@ -13,9 +13,9 @@ import pytest
 
 from fieldkit.errors import SceneError
 from fieldkit.scenes.description import SceneDescription
-from fieldkit.scenes.generator import Layout, new_scene, plots_of_kind, varied, without_plant
 from fieldkit.scenes.library import find_scene, scene_names, scene_reference, scenes_folder
 from fieldkit.scenes.scene_file import read_scene, scene_text
+from fieldkit_sim.generator import Layout, new_scene, plots_of_kind, varied, without_plant
 
 ROOT = Path(__file__).parents[2]
 CASES = {"case-1": 3, "case-2": 5, "case-3": 6}

@@ -13,8 +13,8 @@ from scipy.spatial.distance import pdist
 from fieldkit.clouds import Cloud, read_cloud, write_ply
 from fieldkit.errors import UsageError
 from fieldkit.scenes.description import Bounds, SceneDescription, build, sample_reference
-from fieldkit.scenes.generator import SCALE_RANGE
 from fieldkit.scenes.plants_apart import PlantsApart, tell_apart
+from fieldkit.scenes.plot_description import SCALE_RANGE
 from fieldkit.scenes.recorded import RecordedSurface, pack_atlas, recorded_plants, surfel_axes, unpack_atlas
 from fieldkit.scenes.recorded_kind import Change, Variation, draw_variation, varied_cloud, write_varied_scene
 from fieldkit.scenes.scene_file import read_scene

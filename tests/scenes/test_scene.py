@@ -11,13 +11,16 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from benchmarks.scenes import benchmark_cameras, benchmark_scene
-from fieldkit.scenes.light import bake_light, visible_from
-from fieldkit.scenes.maize import MaizeDescription, build_maize
 from fieldkit.scenes.noise import bumps, fractal_noise
-from fieldkit.scenes.plot import PlotDescription, build_scene, plant_layout, sample_plants, sample_visible
+from fieldkit.scenes.plot_description import MaizeDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.rigs import dense_rig, ring
+from fieldkit.scenes.sampling import sample_plants, sample_visible, visible_from
 from fieldkit.scenes.scene import Light, Mesh, Scene, vertex_normals
-from fieldkit.scenes.soil import SoilDescription, soil_height
+from fieldkit_sim.generator import plant_layout
+from fieldkit_sim.light import bake_light
+from fieldkit_sim.maize import build_maize
+from fieldkit_sim.plot import build_scene
+from fieldkit_sim.soil import soil_height
 
 
 @given(seed=st.integers(0, 2**31), x=st.floats(-1e4, 1e4), y=st.floats(-1e4, 1e4))

@@ -19,9 +19,7 @@ from fieldkit.errors import SceneError
 from fieldkit.geometry import Intrinsics
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import Bounds, ReferenceSampling, SceneDescription, build, scene_digest
-from fieldkit.scenes.maize import MaizeDescription
-from fieldkit.scenes.mesh_plant import MeshPlantDescription
-from fieldkit.scenes.plot import PlotDescription
+from fieldkit.scenes.plot_description import MaizeDescription, MeshPlantDescription, PlotDescription, SoilDescription
 from fieldkit.scenes.recorded import RecordedSurface
 from fieldkit.scenes.scene import Light
 from fieldkit.scenes.scene_file import (
@@ -33,7 +31,6 @@ from fieldkit.scenes.scene_file import (
     write_scene,
 )
 from fieldkit.scenes.simulate import CaptureNoise, Site
-from fieldkit.scenes.soil import SoilDescription
 
 ROOT = Path(__file__).parents[2]
 FOLDER = tempfile.TemporaryDirectory()

@@ -18,7 +18,7 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
-from fieldkit.scenes.plot import PlotDescription
+from fieldkit.scenes.plot_description import PlotDescription
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import Scene

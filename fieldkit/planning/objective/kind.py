@@ -13,7 +13,6 @@ from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.space.plots import Plot, of_interest
 from fieldkit.scenes.description import SceneDescription
 from fieldkit.scenes.from_reference import SCENE_FILE
-from fieldkit.scenes.generator import plots_of_kind
 from fieldkit.scenes.plants_apart import PlantsApart, tell_apart
 from fieldkit.scenes.recorded import recorded_plants
 from fieldkit.scenes.recorded_kind import (
@@ -25,6 +24,7 @@ from fieldkit.scenes.recorded_kind import (
 )
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.scenes.simulate import CaptureNoise
+from fieldkit.scenes.simulated_field import simulated_field
 
 _SEEDS_APART = 1_000_003
 """Distance between the seeds of two given plots, so that their draws differ."""
@@ -99,4 +99,6 @@ class Kind:
         description = self.descriptions[given]
         if not drawn or description.recorded is not None:
             return description
-        return plots_of_kind(description, drawn, self._seed(given))[-1]
+        generator = simulated_field("generator")
+        plots: tuple[SceneDescription, ...] = generator.plots_of_kind(description, drawn, self._seed(given))
+        return plots[-1]

@@ -28,9 +28,8 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.camera_effects import CameraEffects
 from fieldkit.scenes.description import SceneDescription, build, sample_truth
 from fieldkit.scenes.drawing import Draw, KeptDrawings, draw
-from fieldkit.scenes.neighbours import neighbour_points
-from fieldkit.scenes.plot import plants_area_m2, sample_others, sample_plants
 from fieldkit.scenes.renderer import Renderer
+from fieldkit.scenes.sampling import neighbour_points, plants_area_m2, sample_others, sample_plants
 from fieldkit.scenes.scene import Scene
 from fieldkit.scenes.simulate import CaptureNoise, Sidecars, Sway, simulate_capture
 from fieldkit.scenes.simulation import wind_sway

@@ -11,9 +11,9 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.errors import SceneError
 from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.scenes.description import SceneDescription
-from fieldkit.scenes.neighbours import neighbour_points
-from fieldkit.scenes.plot import build_plants, sample_visible
 from fieldkit.scenes.recorded import recorded_plants
+from fieldkit.scenes.sampling import neighbour_points, sample_visible
+from fieldkit.scenes.simulated_field import build_plants
 from fieldkit.sites.stretch import Stretch
 
 _POINTS, _PIXELS = 40_000, 800

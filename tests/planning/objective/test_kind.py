@@ -11,8 +11,8 @@ from fieldkit.clouds import Cloud, write_ply
 from fieldkit.planning.objective.kind import Kind
 from fieldkit.planning.space.plots import Plot
 from fieldkit.scenes.description import Bounds, SceneDescription
-from fieldkit.scenes.generator import new_scene
 from fieldkit.scenes.recorded import RecordedSurface
+from fieldkit_sim.generator import new_scene
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT, make_row
 

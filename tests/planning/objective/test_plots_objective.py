@@ -14,8 +14,8 @@ from fieldkit.planning.objective.simulated import Proxy, SimulatedSource
 from fieldkit.planning.run.executor import Job, ProcessExecutor
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.scenes.description import ReferenceSampling, SceneDescription
-from fieldkit.scenes.generator import plots_of_kind
 from fieldkit.sites.stretch import Stretch
+from fieldkit_sim.generator import plots_of_kind
 from tests.planning.conftest import CAMERA
 from tests.scenes.conftest import SMALL_PLOT
 

@@ -12,8 +12,9 @@ from fieldkit.clouds.metrics import score
 from fieldkit.clouds.volume import Volume
 from fieldkit.reconstruction.dense import Settings, compute_depth_maps, fuse, prepare_view
 from fieldkit.runtime.progress import Silent
-from fieldkit.scenes.plot import build_scene, sample_plants
 from fieldkit.scenes.renderer import Renderer, RenderingError
+from fieldkit.scenes.sampling import sample_plants
+from fieldkit_sim.plot import build_scene
 
 # The soil is bumpy: what lies lower is not counted on either side.
 LOWEST_M = 0.03

@@ -2,64 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.errors import SceneError
-from fieldkit.regular_files import open_regular
 from fieldkit.scenes.noise import fractal_noise
+from fieldkit.scenes.plot_description import Axis, MeshPlantDescription, check_mesh_file
 from fieldkit.scenes.scene import Mesh, vertex_normals
 
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
-
-SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl")
-MAX_BYTES = 512 << 20
 MAX_TRIANGLES = 2_000_000
 _FINE_EDGE_M = 0.003
 _FINE_TRIANGLES = 200_000
 _CONVERT = "Open it in MeshLab or Blender and export it as binary PLY or GLB."
-
-
-@dataclass(frozen=True)
-class MeshPlantDescription:
-    """One plant from a mesh file.
-
-    Attributes:
-        file: OBJ, PLY, GLB, glTF or STL.
-        seed: of the procedural colour, where the file has none.
-        x_m, y_m: where its foot stands, plot frame: the middle of its lowest hundredth.
-        yaw_deg: turned about the vertical by this, clockwise from above.
-        scale: of all lengths, beside ``unit_m``.
-        unit_m: metres per unit of the file; 0.001 for millimetres.
-        up: the file's axis that points upwards; y in most GLB files.
-        color: "file" keeps the file's texture or colours where it has any, "leaf" paints over them (scans often hold
-            labels in their colours).
-        sha256: of the file; it is compared where given.
-        kind: tells plants of different kinds apart in scene files.
-    """
-
-    file: Path
-    seed: int = 0
-    x_m: float = 0.0
-    y_m: float = 0.0
-    yaw_deg: float = 0.0
-    scale: float = 1.0
-    unit_m: float = 1.0
-    up: Axis = "z"
-    color: Literal["file", "leaf"] = "file"
-    sha256: str = ""
-    kind: Literal["mesh"] = "mesh"
-
-    def __post_init__(self) -> None:
-        if not np.isfinite([self.x_m, self.y_m, self.yaw_deg]).all():
-            raise ValueError("x_m, y_m and yaw_deg must be finite")
-        if not (np.isfinite([self.scale, self.unit_m]).all() and self.scale > 0 and self.unit_m > 0):
-            raise ValueError("scale and unit_m must be positive")
 
 
 def build_mesh_plant(plant: MeshPlantDescription, ground_m: float = 0.0) -> Mesh:
@@ -95,35 +52,6 @@ def build_mesh_plant(plant: MeshPlantDescription, ground_m: float = 0.0) -> Mesh
         f"mesh-{path.stem}", placed, triangles, vertex_normals(placed, triangles), uv, texture,
         colors, plant=True,
     )  # fmt: skip
-
-
-def check_mesh_file(path: Path, sha256: str = "") -> None:
-    """Make sure that a mesh file is there, of a known kind, of a sensible size, and the one meant.
-
-    Raises:
-        SceneError: it is not.
-    """
-    if path.suffix.lower() not in SUFFIXES:
-        raise SceneError(
-            f"{path.suffix or 'a file without a suffix'} is not one of {', '.join(SUFFIXES)}", path=path,
-            remedy=_CONVERT,
-        )  # fmt: skip
-    if not path.is_file():
-        raise SceneError("there is no such mesh file", path=path, remedy="Check 'file' in the scene file.")
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise SceneError(
-            f"is {size >> 20} MiB; meshes are read up to {MAX_BYTES >> 20} MiB", path=path,
-            remedy="Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles.",
-        )  # fmt: skip
-    if sha256:
-        with open_regular(path) as file:
-            found = hashlib.file_digest(file, "sha256").hexdigest()
-        if found != sha256.lower():
-            raise SceneError(
-                "is not the file the scene was made with (SHA-256 differs)", path=path,
-                remedy="Put the right file there, or remove 'sha256' from the scene file.",
-            )  # fmt: skip
 
 
 def _load(path: Path, sha256: str) -> Any:

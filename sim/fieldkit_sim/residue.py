@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.scatter import pile, places
+from fieldkit.scenes.plot_description import SoilDescription
 from fieldkit.scenes.scene import Mesh, grid_faces
-from fieldkit.scenes.soil_description import SoilDescription
+from fieldkit_sim.scatter import pile, places
 
 Height = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.scenes.maize.organs import Part, Strip
 from fieldkit.scenes.scene import grid_faces
+from fieldkit_sim.maize.organs import Part, Strip
 
 Array = NDArray[np.float64]
 

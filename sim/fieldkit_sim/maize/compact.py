@@ -1,6 +1,6 @@
 """The plain plant of the engine's benchmark: stem, sheaths, arching and twisting blades, textured leaf by leaf.
 
-Kept as it was measured; plants at a growth stage are built by `fieldkit.scenes.maize.plant`.
+Kept as it was measured; plants at a growth stage are built by `fieldkit_sim.maize.plant`.
 
 The forms follow published descriptions, the constants are ours, chosen by eye for vegetative plants of 0.4–0.9 m:
 leaf size along the stem is the skewed bell of Dwyer and Stewart (1986), the midrib an arc whose inclination falls
@@ -12,11 +12,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.scenes.maize.colour import mix, to_bytes
-from fieldkit.scenes.maize.description import MaizeDescription
-from fieldkit.scenes.maize.organs import Leaf, Strip, blade
 from fieldkit.scenes.noise import fractal_noise
+from fieldkit.scenes.plot_description import MaizeDescription
 from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
+from fieldkit_sim.maize.colour import mix, to_bytes
+from fieldkit_sim.maize.organs import Leaf, Strip, blade
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldkit.scenes.plot_description import SCATTER_M
 from fieldkit.scenes.scene import Mesh, vertex_normals
-from fieldkit.scenes.soil_description import SCATTER_M
 
 
 def places(seed: int, count: int, purpose: int) -> tuple[np.random.Generator, NDArray[np.float64]]:

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.scenes.maize.description import Stage
-from fieldkit.scenes.maize.organs import Leaf
+from fieldkit.scenes.plot_description import Stage
+from fieldkit_sim.maize.organs import Leaf
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fieldkit.scenes.maize import STAGES, MaizeDescription, Stage, build_maize
-from fieldkit.scenes.maize.architecture import grow, leaf_number, leaf_size
+from fieldkit.scenes.plot_description import STAGES, MaizeDescription, Stage
+from fieldkit_sim.maize import build_maize
+from fieldkit_sim.maize.architecture import grow, leaf_number, leaf_size
 
 
 @pytest.mark.parametrize(

@@ -3,44 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.scenes.leaflets import Leaves, leaf_mesh
 from fieldkit.scenes.noise import fractal_noise
-from fieldkit.scenes.scene import Mesh, Scene
+from fieldkit.scenes.plot_description import WeedsDescription
+from fieldkit.scenes.sampling import WEED_NAMES
+from fieldkit.scenes.scene import Mesh
+from fieldkit_sim.leaflets import Leaves, leaf_mesh
 
 Array = NDArray[np.float64]
 Height = Callable[[Array, Array], Array]
 _NEAR_M = 1.2
-_NAMES = ("cover", "cover-around", "weeds")
-
-
-@dataclass(frozen=True)
-class WeedsDescription:
-    """What grows between the plants.
-
-    Attributes:
-        seed: of everything random about it.
-        cover_per_m2: small prostrate plants (clover-like, 1 to 3 cm high) per square metre where they grow densest.
-        weeds_per_m2: larger broad-leaved weeds (rosettes, 3 to 8 cm high) per square metre.
-        patchiness: 0 even cover, 1 patches with bare soil between them.
-        radius_m: how far from the origin they grow.
-    """
-
-    seed: int = 0
-    cover_per_m2: float = 0.0
-    weeds_per_m2: float = 0.0
-    patchiness: float = 0.5
-    radius_m: float = 2.5
-
-    def __post_init__(self) -> None:
-        if not (0 <= self.cover_per_m2 <= 2000 and 0 <= self.weeds_per_m2 <= 200):
-            raise ValueError("cover_per_m2 is 0 to 2000, weeds_per_m2 0 to 200")
-        if not (0 <= self.patchiness <= 1 and 0 < self.radius_m <= 10):
-            raise ValueError("patchiness is 0 to 1, radius_m above 0 and at most 10")
 
 
 def build_weeds(weeds: WeedsDescription, height: Height) -> list[Mesh]:
@@ -58,18 +33,13 @@ def build_weeds(weeds: WeedsDescription, height: Height) -> list[Mesh]:
         _rosettes(weeds, height, rng),
     ]
     meshes = []
-    for name, group in zip(_NAMES, leaves, strict=True):
+    for name, group in zip(WEED_NAMES, leaves, strict=True):
         quadrant = (group.base[:, 0] > 0) * 1 + (group.base[:, 1] > 0) * 2
         for q in range(4):
             chosen = group.select(quadrant == q)
             if len(chosen.base):
                 meshes.append(leaf_mesh(f"{name}-{q}", chosen, rows=4 if name == "cover-around" else 5))
     return meshes
-
-
-def weed_meshes(scene: Scene) -> list[Mesh]:
-    """A scene's ground cover and weeds."""
-    return [mesh for mesh in scene.meshes if mesh.name.startswith(_NAMES)]
 
 
 def _spots(weeds: WeedsDescription, per_m2: float, inner: float, outer: float, rng: np.random.Generator) -> Array:

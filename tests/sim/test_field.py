@@ -10,16 +10,23 @@ from pydantic import TypeAdapter
 
 from benchmarks.scenes import benchmark_scene
 from fieldkit.geometry import Intrinsics
-from fieldkit.scenes.crumbs import Crumbs, build_crumbs, scatter_crumbs
-from fieldkit.scenes.maize import MaizeDescription
-from fieldkit.scenes.neighbours import NeighboursDescription, neighbour_plants
-from fieldkit.scenes.plot import PlotDescription, build_scene
+from fieldkit.scenes.plot_description import (
+    MaizeDescription,
+    NeighboursDescription,
+    PlotDescription,
+    SoilDescription,
+    SoilKind,
+    WeedsDescription,
+)
 from fieldkit.scenes.renderer import Renderer
 from fieldkit.scenes.rigs import ring
 from fieldkit.scenes.scene import EffectsDescription, Scene
-from fieldkit.scenes.soil import SoilDescription, SoilKind, build_soil, soil_height
 from fieldkit.scenes.sway import REFERENCE_M, sway
-from fieldkit.scenes.weeds import WeedsDescription, build_weeds
+from fieldkit_sim.crumbs import Crumbs, build_crumbs, scatter_crumbs
+from fieldkit_sim.neighbours import neighbour_plants
+from fieldkit_sim.plot import build_scene
+from fieldkit_sim.soil import build_soil, soil_height
+from fieldkit_sim.weeds import build_weeds
 
 COARSE = SoilDescription(seed=2, core_m=0.6, spacing_m=0.02, stones=20, residues=5)
 CAMERA = Intrinsics.pinhole(200, 150, 170.0)

@@ -8,14 +8,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.scenes.crumbs import Crumbs, build_crumbs, scatter_crumbs
 from fieldkit.scenes.noise import bumps, fractal_noise
-from fieldkit.scenes.printed_soil import printed_ground, printed_height, printed_stones
-from fieldkit.scenes.residue import build_residue
+from fieldkit.scenes.plot_description import SCATTER_M, SoilDescription
 from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
-from fieldkit.scenes.soil_description import PRINTED, SCATTER_M, SoilDescription, SoilKind
-
-__all__ = ["PRINTED", "SCATTER_M", "SoilDescription", "SoilKind", "build_soil", "soil_height"]
+from fieldkit_sim.crumbs import Crumbs, build_crumbs, scatter_crumbs
+from fieldkit_sim.printed_soil import printed_ground, printed_height, printed_stones
+from fieldkit_sim.residue import build_residue
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """The soil of the engine's benchmark: a height field on a coarse grid under a colour texture, kept as it was measured.
 
 Much of its look is colour, which is the same from everywhere, so too many matches survive a change of view; new scenes
-use `fieldkit.scenes.soil`'s other kinds.
+use `fieldkit_sim.soil`'s other kinds.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.noise import bumps, fractal_noise
-from fieldkit.scenes.scatter import pile, places
+from fieldkit.scenes.plot_description import SoilDescription
 from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
-from fieldkit.scenes.soil_description import SoilDescription
+from fieldkit_sim.scatter import pile, places
 
 
 def printed_height(soil: SoilDescription, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

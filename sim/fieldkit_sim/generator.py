@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.scenes.camera_effects import USUAL_GRAIN, CameraEffects
 from fieldkit.scenes.description import Bounds, SceneDescription
-from fieldkit.scenes.maize import MaizeDescription, Stage
-from fieldkit.scenes.neighbours import NeighboursDescription
-from fieldkit.scenes.plot import PlotDescription, random_places
+from fieldkit.scenes.plot_description import (
+    SCALE_RANGE,
+    MaizeDescription,
+    NeighboursDescription,
+    PlotDescription,
+    SoilDescription,
+    SoilKind,
+    Stage,
+    WeedsDescription,
+)
 from fieldkit.scenes.scene import HAZE, Light
 from fieldkit.scenes.simulate import CaptureNoise
-from fieldkit.scenes.soil import SoilDescription, SoilKind
-from fieldkit.scenes.weeds import WeedsDescription
 
 Layout = Literal["rows", "grid", "random"]
 
-SCALE_RANGE = (0.9, 1.1)
-"""BOSfM scales each plant within ±10 %."""
+
 FIELD_CAMERA = CameraEffects(
     exposure_s=0.003, defocus_px=0.25, vignetting=0.2, veiling_glare=0.005, exposure_ev=0.2, white_balance=0.03,
     grain=USUAL_GRAIN, jpeg_quality=85,
@@ -183,3 +187,52 @@ def _light(seed: int) -> Light:
 
 def _rounded(value: float, decimals: int = 3) -> float:
     return round(float(value), decimals)
+
+
+def plant_layout(
+    count: int, seed: int, *, layout: Literal["row", "grid", "random"] = "row", spacing_m: float = 0.26,
+    stages: tuple[Stage, ...] = ("V7", "V8", "V9"), leaves: tuple[int, int] | None = None,
+) -> tuple[MaizeDescription, ...]:  # fmt: skip
+    """``count`` different plants about the origin.
+
+    Args:
+        layout: one row along x, two rows, or at random with at least ``spacing_m`` · 0.8 between plants.
+        stages: one of them is drawn for each plant.
+        leaves: instead of stages, fewest and most leaves of the benchmark's plain plants.
+    """
+    rng = np.random.default_rng([seed, 5])
+    if layout == "row":
+        places = np.column_stack([(np.arange(count) - (count - 1) / 2) * spacing_m, np.zeros(count)])
+    elif layout == "grid":
+        columns = (count + 1) // 2
+        i = np.arange(count)
+        places = np.column_stack(
+            [(i % columns - (columns - 1) / 2) * spacing_m, (i // columns - 0.5) * 1.6 * spacing_m]
+        )
+    else:
+        places = random_places(count, 0.8 * spacing_m, rng)
+    places = places + rng.normal(0, 0.02, places.shape)
+    return tuple(
+        MaizeDescription(
+            seed=int(rng.integers(1 << 30)), x_m=float(x), y_m=float(y), yaw_deg=float(rng.uniform(0, 360)),
+            scale=float(rng.uniform(0.9, 1.1)), **_form(rng, stages, leaves),
+        )
+        for x, y in places
+    )  # fmt: skip
+
+
+def _form(rng: np.random.Generator, stages: tuple[Stage, ...], leaves: tuple[int, int] | None) -> dict[str, Any]:
+    if leaves is not None:
+        return {"leaves": int(rng.integers(leaves[0], leaves[1] + 1))}
+    return {"stage": stages[int(rng.integers(len(stages)))]}
+
+
+def random_places(count: int, distance: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(count, 2) places about the origin, no two nearer than ``distance``, in metres."""
+    half, places = 0.5 * distance * np.sqrt(count) * 1.3, np.zeros((0, 2))
+    while len(places) < count:
+        place = rng.uniform(-half, half, (1, 2))
+        if not len(places) or np.linalg.norm(places - place, axis=1).min() >= distance:
+            places = np.vstack([places, place])
+        half *= 1.002  # a full square grows until everything fits
+    return places

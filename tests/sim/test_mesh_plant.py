@@ -11,10 +11,12 @@ import trimesh
 from PIL import Image
 
 from fieldkit.errors import SceneError
-from fieldkit.scenes import mesh_plant
-from fieldkit.scenes.mesh_plant import MeshPlantDescription, build_mesh_plant
-from fieldkit.scenes.plot import PlotDescription, build_scene, sample_plants
-from fieldkit.scenes.soil import SoilDescription
+from fieldkit.scenes import plot_description
+from fieldkit.scenes.plot_description import MeshPlantDescription, PlotDescription, SoilDescription
+from fieldkit.scenes.sampling import sample_plants
+from fieldkit_sim import mesh_plant
+from fieldkit_sim.mesh_plant import build_mesh_plant
+from fieldkit_sim.plot import build_scene
 
 
 def stick(height: float = 0.6, **options: object) -> trimesh.Trimesh:
@@ -127,7 +129,7 @@ class TestErrors:
         monkeypatch.setattr(mesh_plant, "MAX_TRIANGLES", 10)
         with pytest.raises(SceneError, match="triangles; up to 10 are drawn"):
             build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply"))
-        monkeypatch.setattr(mesh_plant, "MAX_BYTES", 10)
+        monkeypatch.setattr(plot_description, "MAX_BYTES", 10)
         with pytest.raises(SceneError, match="MiB"):
             build_mesh_plant(MeshPlantDescription(tmp_path / "a.ply"))
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.scenes.maize.architecture import Architecture, grow
-from fieldkit.scenes.maize.colour import blade_texture, plain_texture, stem_texture
-from fieldkit.scenes.maize.compact import build_compact_maize
-from fieldkit.scenes.maize.description import MaizeDescription
-from fieldkit.scenes.maize.flowers import ear, tassel
-from fieldkit.scenes.maize.organs import Part, Strip, blade
+from fieldkit.scenes.plot_description import MaizeDescription
 from fieldkit.scenes.scene import Mesh, grid_faces, vertex_normals
+from fieldkit_sim.maize.architecture import Architecture, grow
+from fieldkit_sim.maize.colour import blade_texture, plain_texture, stem_texture
+from fieldkit_sim.maize.compact import build_compact_maize
+from fieldkit_sim.maize.flowers import ear, tassel
+from fieldkit_sim.maize.organs import Part, Strip, blade
 
 _BLADE_ROWS, _STEM_ROWS, _FLOWER_ROWS = 96, 128, 32
 

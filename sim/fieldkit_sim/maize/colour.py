@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldkit.scenes.maize.organs import Leaf
 from fieldkit.scenes.noise import fractal_noise
+from fieldkit_sim.maize.organs import Leaf
 
 
 def mix(a: NDArray[np.floating], b: NDArray[np.floating], share: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -1,0 +1,262 @@
+"""What a simulated plot is asked to look like: plants, soil, weeds, neighbours and light, as values."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from fieldkit.errors import SceneError
+from fieldkit.regular_files import open_regular
+from fieldkit.scenes.scene import HAZE, EffectsDescription, Light
+
+Stage = Literal[
+    "V4", "V5", "V6", "V7", "V8", "V9", "V10", "V11", "V12", "V13", "V14", "V15", "V16", "V17", "V18", "VT", "R1"
+]
+"""Growth stages by the leaf-collar method (Abendroth et al. 2011): Vn has n visible collars, VT a tassel, R1 silks."""
+STAGES: tuple[Stage, ...] = get_args(Stage)
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+SUFFIXES = (".obj", ".ply", ".glb", ".gltf", ".stl")
+MAX_BYTES = 512 << 20
+_CONVERT = "Open it in MeshLab or Blender and export it as binary PLY or GLB."
+SCATTER_M = 1.25
+"""Stones and residue lie in the square of twice this side about the origin, metres."""
+SoilKind = Literal["tilled", "crumb", "crusted", "printed"]
+SCALE_RANGE = (0.9, 1.1)
+"""BOSfM scales each plant within ±10 %."""
+
+
+@dataclass(frozen=True)
+class MaizeDescription:
+    """One maize plant.
+
+    Attributes:
+        seed: of its individual form and colour; no two leaves of a plant are alike.
+        x_m, y_m: where it stands, plot frame.
+        yaw_deg: direction of the plane its leaves stand in, clockwise from north.
+        scale: of all lengths.
+        leaves: draws the plain plant of the engine's benchmark with so many blades (5 to 12) instead of a plant at a
+            ``stage``; kept so that those scenes stay as they were measured.
+        stage: growth stage.
+        markings: how strong blotches, flecks, lesions, dust and grain are on its leaves and stem; 0 for none.
+        kind: tells plants of different kinds apart in scene files.
+    """
+
+    seed: int
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_deg: float = 0.0
+    scale: float = 1.0
+    leaves: int | None = None
+    stage: Stage = "V8"
+    markings: float = 0.5
+    kind: Literal["maize"] = "maize"
+
+    def __post_init__(self) -> None:
+        if self.leaves is not None and not 5 <= self.leaves <= 12:
+            raise ValueError(f"a maize plant here has 5 to 12 leaves, not {self.leaves}")
+        if self.stage not in STAGES:
+            raise ValueError(f"{self.stage!r} is no growth stage: it is one of {', '.join(STAGES)}")
+        if not (math.isfinite(self.scale) and 0.2 <= self.scale <= 3.0):
+            raise ValueError(f"a plant's scale is 0.2 to 3, not {self.scale}")
+        if not (math.isfinite(self.markings) and 0.0 <= self.markings <= 1.5):
+            raise ValueError(f"a plant's markings are 0 to 1.5, not {self.markings}")
+        if not all(map(math.isfinite, (self.x_m, self.y_m, self.yaw_deg))):
+            raise ValueError("a plant's place and heading must be finite")
+
+
+@dataclass(frozen=True)
+class MeshPlantDescription:
+    """One plant from a mesh file.
+
+    Attributes:
+        file: OBJ, PLY, GLB, glTF or STL.
+        seed: of the procedural colour, where the file has none.
+        x_m, y_m: where its foot stands, plot frame: the middle of its lowest hundredth.
+        yaw_deg: turned about the vertical by this, clockwise from above.
+        scale: of all lengths, beside ``unit_m``.
+        unit_m: metres per unit of the file; 0.001 for millimetres.
+        up: the file's axis that points upwards; y in most GLB files.
+        color: "file" keeps the file's texture or colours where it has any, "leaf" paints over them (scans often hold
+            labels in their colours).
+        sha256: of the file; it is compared where given.
+        kind: tells plants of different kinds apart in scene files.
+    """
+
+    file: Path
+    seed: int = 0
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_deg: float = 0.0
+    scale: float = 1.0
+    unit_m: float = 1.0
+    up: Axis = "z"
+    color: Literal["file", "leaf"] = "file"
+    sha256: str = ""
+    kind: Literal["mesh"] = "mesh"
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([self.x_m, self.y_m, self.yaw_deg]).all():
+            raise ValueError("x_m, y_m and yaw_deg must be finite")
+        if not (np.isfinite([self.scale, self.unit_m]).all() and self.scale > 0 and self.unit_m > 0):
+            raise ValueError("scale and unit_m must be positive")
+
+
+@dataclass(frozen=True)
+class SoilDescription:
+    """What the ground looks like.
+
+    Attributes:
+        seed: of everything random about it.
+        core_m: side of the square about the origin where the grid is finest.
+        spacing_m: grid spacing there; it widens outwards.
+        texture_px: side of the colour texture.
+        clod_height_m: height of the largest clods of a tilled soil; the other kinds are flatter in proportion.
+        stones, residues: how many stones and pieces of straw lie within `SCATTER_M` of the origin.
+        contrast: of the colour, 1 as a dry tilled loam; what is seen beyond it is shading.
+        kind: "tilled" with clods, "crumb" a fine seedbed, "crusted" bare and sealed by rain with cracks; "printed" is
+            the height field on a 5 mm grid under a contrasty colour texture of the engine's benchmark.
+    """
+
+    seed: int = 0
+    core_m: float = 1.2
+    spacing_m: float = 0.005
+    texture_px: int = 2048
+    clod_height_m: float = 0.030
+    stones: int = 120
+    residues: int = 60
+    contrast: float = 0.5
+    kind: SoilKind = "tilled"
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(SoilKind):
+            raise ValueError(f"{self.kind!r} is no kind of soil: it is one of {', '.join(get_args(SoilKind))}")
+        if not (0.1 <= self.core_m <= 10.0 and 0.001 <= self.spacing_m <= 0.1 and self.spacing_m < self.core_m / 4):
+            raise ValueError("the soil's core_m is 0.1 to 10, its spacing_m 0.001 to 0.1 and a small part of core_m")
+        if not 64 <= self.texture_px <= 8192:
+            raise ValueError(f"texture_px is 64 to 8192, not {self.texture_px}")
+        if min(self.clod_height_m, self.stones, self.residues, self.contrast) < 0:
+            raise ValueError("clod_height_m, stones, residues and contrast cannot be negative")
+
+
+PRINTED = SoilDescription(kind="printed", spacing_m=0.005, texture_px=4096, stones=700, residues=320, contrast=1.0)
+"""The soil of the engine's benchmark; only its seed differs from scene to scene."""
+
+
+@dataclass(frozen=True)
+class WeedsDescription:
+    """What grows between the plants.
+
+    Attributes:
+        seed: of everything random about it.
+        cover_per_m2: small prostrate plants (clover-like, 1 to 3 cm high) per square metre where they grow densest.
+        weeds_per_m2: larger broad-leaved weeds (rosettes, 3 to 8 cm high) per square metre.
+        patchiness: 0 even cover, 1 patches with bare soil between them.
+        radius_m: how far from the origin they grow.
+    """
+
+    seed: int = 0
+    cover_per_m2: float = 0.0
+    weeds_per_m2: float = 0.0
+    patchiness: float = 0.5
+    radius_m: float = 2.5
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.cover_per_m2 <= 2000 and 0 <= self.weeds_per_m2 <= 200):
+            raise ValueError("cover_per_m2 is 0 to 2000, weeds_per_m2 0 to 200")
+        if not (0 <= self.patchiness <= 1 and 0 < self.radius_m <= 10):
+            raise ValueError("patchiness is 0 to 1, radius_m above 0 and at most 10")
+
+
+@dataclass(frozen=True)
+class NeighboursDescription:
+    """Plants that stand around the plot in its rows and beside them.
+
+    Attributes:
+        seed: of everything random about them.
+        rows: on each side of the plot's rows; 0 for none.
+        row_spacing_m: between rows, and from the plot's bounds to the nearest one.
+        plant_spacing_m: within a row.
+        length_m: of a row.
+        heading_deg: direction of the rows, clockwise from north.
+        stage: growth stage of all of them.
+    """
+
+    seed: int = 0
+    rows: int = 0
+    row_spacing_m: float = 0.75
+    plant_spacing_m: float = 0.18
+    length_m: float = 3.0
+    heading_deg: float = 90.0
+    stage: Stage = "V8"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.rows <= 5:
+            raise ValueError(f"0 to 5 neighbouring rows on each side, not {self.rows}")
+        if not (0.2 <= self.row_spacing_m <= 3.0 and 0.05 <= self.plant_spacing_m <= 1.0 and 0 < self.length_m <= 20):
+            raise ValueError("row_spacing_m is 0.2 to 3, plant_spacing_m 0.05 to 1, length_m above 0 and at most 20")
+        if self.stage not in STAGES:
+            raise ValueError(f"{self.stage!r} is no growth stage: it is one of {', '.join(STAGES)}")
+
+
+Plant = MaizeDescription | MeshPlantDescription
+
+
+@dataclass(frozen=True)
+class PlotDescription:
+    """Everything a scene is built from; the same description gives the same scene.
+
+    Attributes:
+        plants: each with its seed and place.
+        soil: the ground.
+        light: sun and sky; a hazy day where not given.
+        extent_m: side of the square that belongs to the plot; everything in it casts shadows.
+        weeds: leafy ground cover and weeds between the plants; not part of the reference.
+        neighbours: rows of maize around the plot; not part of the reference.
+        effects: what of the light's behaviour is drawn.
+    """
+
+    plants: tuple[Plant, ...]
+    soil: SoilDescription = field(default_factory=SoilDescription)
+    light: Light = HAZE
+    extent_m: float = 1.6
+    weeds: WeedsDescription = field(default_factory=WeedsDescription)
+    neighbours: NeighboursDescription = field(default_factory=NeighboursDescription)
+    effects: EffectsDescription = field(default_factory=EffectsDescription)
+
+    def __post_init__(self) -> None:
+        if not 0.2 <= self.extent_m <= 20.0:
+            raise ValueError(f"a plot's extent_m is 0.2 to 20, not {self.extent_m}")
+
+
+def check_mesh_file(path: Path, sha256: str = "") -> None:
+    """Make sure that a mesh file is there, of a known kind, of a sensible size, and the one meant.
+
+    Raises:
+        SceneError: it is not.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise SceneError(
+            f"{path.suffix or 'a file without a suffix'} is not one of {', '.join(SUFFIXES)}", path=path,
+            remedy=_CONVERT,
+        )  # fmt: skip
+    if not path.is_file():
+        raise SceneError("there is no such mesh file", path=path, remedy="Check 'file' in the scene file.")
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise SceneError(
+            f"is {size >> 20} MiB; meshes are read up to {MAX_BYTES >> 20} MiB", path=path,
+            remedy="Simplify it (MeshLab: quadric edge collapse) to 200,000 triangles.",
+        )  # fmt: skip
+    if sha256:
+        with open_regular(path) as file:
+            found = hashlib.file_digest(file, "sha256").hexdigest()
+        if found != sha256.lower():
+            raise SceneError(
+                "is not the file the scene was made with (SHA-256 differs)", path=path,
+                remedy="Put the right file there, or remove 'sha256' from the scene file.",
+            )  # fmt: skip

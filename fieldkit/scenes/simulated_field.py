@@ -1,0 +1,35 @@
+"""The one place that loads the simulated field (`fieldkit_sim`), when a scene is built or made and not before."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any, cast
+
+from fieldkit.errors import SceneError
+from fieldkit.scenes.plot_description import PlotDescription
+from fieldkit.scenes.scene import Scene
+
+
+def build_scene(plot: PlotDescription) -> Scene:
+    """The plot's meshes with baked light, and the sky."""
+    return cast(Scene, simulated_field("plot").build_scene(plot))
+
+
+def build_plants(plot: PlotDescription) -> Scene:
+    """The plot's plants and its neighbours in coarse forms: no textures, no light, no soil."""
+    return cast(Scene, simulated_field("plot").build_plants(plot))
+
+
+def simulated_field(module: str) -> Any:
+    """A module of `fieldkit_sim`.
+
+    Raises:
+        SceneError: the package is not installed.
+    """
+    try:
+        return import_module(f"fieldkit_sim.{module}")
+    except ModuleNotFoundError as error:
+        if error.name is None or not error.name.startswith("fieldkit_sim"):
+            raise
+        remedy = "Install fieldkit's wheel again: it holds both packages."
+        raise SceneError("the simulated field (fieldkit_sim) is not installed", remedy=remedy) from error

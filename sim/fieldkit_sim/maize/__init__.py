@@ -1,0 +1,5 @@
+"""Procedural maize plants."""
+
+from fieldkit_sim.maize.plant import build_maize
+
+__all__ = ["build_maize"]
