@@ -42,7 +42,7 @@ def depth_error(source: SimulatedSource, cameras: Cameras, seed: int) -> DepthEr
     points = np.zeros((0, 3))
     with source.photograph(cameras, fidelity, seed, Silent()) as shot:
         wanted = ReconstructionSettings(
-            features=shot.features, mapping="prior", fidelity=fidelity.dense, mask="none", backend="cpu",
+            features=shot.features, mapping="prior", fidelity=fidelity.dense, mask="none",
             bounds=volume, trust_orientations=True,
         )  # fmt: skip
         try:

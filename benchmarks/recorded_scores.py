@@ -26,7 +26,7 @@ from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource
 from fieldkit.reconstruction.dense import Settings as DenseSettings
-from fieldkit.reconstruction.dense import prepare_view, select_backend
+from fieldkit.reconstruction.dense import compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings
@@ -159,9 +159,8 @@ def witnessed_cloud(
         for name in names
         if name in sparse.poses
     ]  # fmt: skip
-    backend = select_backend("cpu")
-    maps = backend.compute_depth_maps(views, plot.volume, dense, seed=settings.seed, progress=progress, cache=cache)
-    cloud = backend.fuse(views, maps, plot.volume, dense)
+    maps = compute_depth_maps(views, plot.volume, dense, seed=settings.seed, progress=progress, cache=cache)
+    cloud = fuse(views, maps, plot.volume, dense)
     if plot.ground is None:
         return cloud
     return cloud.select(plot.ground.heights(cloud.points) > clearance(plot.ground))

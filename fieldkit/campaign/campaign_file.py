@@ -31,7 +31,6 @@ class EvaluationTable(Strict):
     mapping: Literal["auto", "incremental", "global", "prior"] = "auto"
     fidelity: Literal["draft", "standard", "fine", "full"] = "standard"
     mask: Literal["exg", "none", "file"] = "exg"
-    backend: Literal["auto", "cpu", "cuda"] = "auto"
     bounds_m: tuple[float, float, float, float, float, float] | None = None
     """Volume of interest for every plot, plot frame: xmin, ymin, zmin, xmax, ymax, zmax."""
     refine: bool = False
@@ -60,7 +59,7 @@ class EvaluationTable(Strict):
         """The same as the reconstruction takes it."""
         b = self.bounds_m
         return ReconstructionSettings(
-            mapping=self.mapping, fidelity=self.fidelity, mask=self.mask, backend=self.backend,
+            mapping=self.mapping, fidelity=self.fidelity, mask=self.mask,
             bounds=None if b is None else Volume(b[:3], b[3:]), seed=self.seed,
         )  # fmt: skip
 

@@ -77,7 +77,7 @@ def command(
     try:
         evaluation = EvaluationTable(
             mapping=reconstruction.mapping, fidelity=reconstruction.fidelity, mask=reconstruction.mask,
-            backend=reconstruction.backend, bounds_m=corners, refine=refine, distances_m=distances_m, seed=seed,
+            bounds_m=corners, refine=refine, distances_m=distances_m, seed=seed,
             rasters=wanted is not None, gsd_m=None if wanted is None else wanted.cell_m,
         )  # fmt: skip
     except ValidationError as error:

@@ -26,7 +26,6 @@ Box: TypeAlias = tuple[float, float, float, float, float, float]
 Mapping = Literal["auto", "incremental", "global", "prior"]
 Fidelity = Literal["draft", "standard", "fine", "full"]
 Mask = Literal["exg", "none", "file"]
-Backend = Literal["auto", "cpu", "cuda"]
 _DISTANCES_REMEDY = "Write it like --distances 0.002,0.005,0.01 (metres)."
 _FARTHEST_M = 100.0
 """Of --bounds; a plot is smaller, in metres."""
@@ -59,9 +58,6 @@ class ReconstructionOptions:
     mask: Annotated[
         Mask, Option("--mask", help="What is plant: exg what is green, none everything, file masks/NAME.png.")
     ] = "exg"
-    backend: Annotated[
-        Backend, Option("--backend", help="What computes depth; auto: cuda with the CUDA build and a GPU, else cpu.")
-    ] = "auto"
     bounds: Annotated[
         str,
         Option(
@@ -92,7 +88,7 @@ class ReconstructionOptions:
         from fieldkit.reconstruction.settings import ReconstructionSettings
 
         return ReconstructionSettings(
-            mapping=self.mapping, fidelity=self.fidelity, mask=self.mask, backend=self.backend,
+            mapping=self.mapping, fidelity=self.fidelity, mask=self.mask,
             bounds=None if corners is None else Volume(corners[:3], corners[3:]), seed=seed,
         )  # fmt: skip
 

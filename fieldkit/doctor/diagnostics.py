@@ -86,7 +86,7 @@ def check_python() -> Check:
 
 def check_packages() -> Check:
     """Whether every package fieldkit needs is installed and can be imported, with versions."""
-    versions = {name: _version(name) for name in _requirements()}
+    versions = {name: _installed(name) for name in _requirements()}
     missing = [name for name, version in versions.items() if version is None]
     broken = _broken_imports(skip=missing)
     values = {"versions": versions, "missing": missing, "broken": broken}
@@ -99,7 +99,7 @@ def check_packages() -> Check:
 
 def check_optional_packages() -> Check:
     """Packages of the extras."""
-    extras = {extra: {name: _version(name) for name in _requirements(extra)} for extra in _EXTRAS}
+    extras = {extra: {name: _installed(name) for name in _requirements(extra)} for extra in _EXTRAS}
     versions = {name: version for packages in extras.values() for name, version in packages.items()}
     detail = ", ".join(f"{name} {version or 'not installed'}" for name, version in versions.items())
     lacking = [extra for extra, packages in extras.items() if None in packages.values()]
@@ -128,27 +128,11 @@ def check_renderer() -> Check:
 
 
 def check_pycolmap() -> Check:
-    """The build of pycolmap, and the CUDA devices dense stereo could use."""
-    builds = [name for name in ("pycolmap", "pycolmap-cuda12") if _installed(name)]
-    if len(builds) > 1:
-        remedy = (
-            f"pip uninstall -y pycolmap pycolmap-cuda12, then install the one you want ({_INSTALL_PAGE}): "
-            "they overwrite each other."
-        )
-        return Check("pycolmap", "fail", "pycolmap and pycolmap-cuda12 are both installed", remedy, {"builds": builds})
+    """Whether pycolmap detects features."""
     lines, failure = _probe("pycolmap")
     if failure:
-        return Check("pycolmap", "fail", f"pycolmap does not work: {failure}", _INSTALL, {"builds": builds})
-    values = {**lines[-1], "builds": builds}
-    devices = values["cuda_devices"]
-    build = "with CUDA" if values["built_with_cuda"] else "without CUDA"
-    detail = f"pycolmap {values['version']} {build}, {devices} CUDA device{'s' if devices != 1 else ''}"
-    if values["built_with_cuda"] and not devices:
-        return Check("pycolmap", "warn", detail, "No GPU is visible: check the driver with nvidia-smi.", values)
-    if not devices and shutil.which("nvidia-smi"):
-        remedy = "For dense stereo on the GPU: pip uninstall -y pycolmap && pip install 'pycolmap-cuda12>=4.2,<5'"
-        return Check("pycolmap", "warn", detail + ", though there is an NVIDIA driver", remedy, values)
-    return Check("pycolmap", "ok", detail, values=values)
+        return Check("pycolmap", "fail", f"pycolmap does not work: {failure}", _INSTALL)
+    return Check("pycolmap", "ok", f"pycolmap {lines[-1]['version']}", values=lines[-1])
 
 
 def check_cores() -> Check:
@@ -211,12 +195,6 @@ def _requirements(extra: str = "") -> list[str]:
     marked = [line.partition(";") for line in requirements]
     names = [name for name, _, marker in marked if "".join(re.findall(r"extra == ['\"](.+?)['\"]", marker)) == extra]
     return sorted(re.split(r"[^\w.-]", name.strip())[0].lower().replace("_", "-") for name in names)
-
-
-def _version(distribution: str) -> str | None:
-    if distribution == "pycolmap" and _installed("pycolmap") is None:
-        return _installed("pycolmap-cuda12")
-    return _installed(distribution)
 
 
 def _installed(distribution: str) -> str | None:

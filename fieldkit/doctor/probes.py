@@ -80,7 +80,7 @@ def probe_renderer() -> None:
 
 
 def probe_pycolmap() -> None:
-    """Import pycolmap, detect features in a small image and count the CUDA devices it can use."""
+    """Import pycolmap, and detect features in a small image."""
     import numpy as np
     import pycolmap
 
@@ -91,14 +91,7 @@ def probe_pycolmap() -> None:
     pycolmap.logging.minloglevel = pycolmap.logging.ERROR.value
     extractor = pycolmap.FeatureExtractor.create(options, device=pycolmap.Device.cpu)
     keypoints, _ = extractor.extract(pycolmap.Bitmap.from_array(image))
-    # The build without CUDA has no such function.
-    count = getattr(pycolmap, "get_num_cuda_devices", lambda: 0)
-    _print(
-        version=pycolmap.__version__,
-        built_with_cuda=bool(pycolmap.has_cuda),
-        cuda_devices=int(count()),
-        features=len(keypoints),
-    )
+    _print(version=pycolmap.__version__, features=len(keypoints))
 
 
 def _print(**values: Any) -> None:

@@ -80,7 +80,6 @@ def figures(
         "dense": DenseEntry(
             fidelity=settings.fidelity,
             mask=settings.mask,
-            backend=reconstruction.backend,
             fusion_rule=reconstruction.fusion_rule,
             seed=settings.seed,
         ),

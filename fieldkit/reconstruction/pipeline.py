@@ -21,8 +21,8 @@ from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
-from fieldkit.reconstruction.dense import Backend, View, prepare_view, select_backend
 from fieldkit.reconstruction.dense import Settings as DenseSettings
+from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.doubts import doubts
 from fieldkit.reconstruction.guided import Region
@@ -97,7 +97,6 @@ def reconstruct(
         ReconstructionError: too few photographs register, or nothing of the plot is seen by two of them.
     """
     timer = StageTimer(progress)
-    backend = select_backend(settings.backend)
     if settings.mask == "file":
         _require_masks(capture)
     with timer.stage("Reading photographs"):
@@ -107,7 +106,7 @@ def reconstruct(
         raise _too_few(sparse)
     volume = settings.bounds or (known_plot.volume if known_plot is not None else None)
     volume = volume or volume_of_interest(model_points(sparse.model), sparse.poses, sparse.intrinsics)
-    dense = _Dense(sparse, volume.grown(reach_m), settings, backend, cache, timer, workers)
+    dense = _Dense(sparse, volume.grown(reach_m), settings, cache, timer, workers)
     fused = dense.cloud(settings.mask)
     gsd_m, ground = _ground_sampling_distance(sparse, volume), sparse.frame.ground
     above = fused
@@ -134,7 +133,6 @@ def reconstruct(
         stray=1.0 - len(nearby) / max(1, len(above)),
         scene=fused if settings.mask == "none" and not reach_m else None,
         gsd_m=gsd_m,
-        backend=backend.name,
         fusion_rule=dense.rule(),
         times=timer.times(cached),
     )
@@ -158,7 +156,7 @@ def with_scene(
     if found.scene is not None:
         return found
     timer = StageTimer(progress, found.times)
-    dense = _Dense(found.sparse, found.volume, settings, select_backend(settings.backend), cache, timer, workers)
+    dense = _Dense(found.sparse, found.volume, settings, cache, timer, workers)
     scene = dense.cloud("none")
     return replace(found, scene=scene, times=timer.times({}))
 
@@ -294,7 +292,6 @@ class _Dense:
     sparse: SparseResult
     volume: Volume
     settings: ReconstructionSettings
-    backend: Backend
     cache: StageCache
     progress: Progress
     workers: int
@@ -316,7 +313,7 @@ class _Dense:
         what = "plants" if mask != "none" else "scene"
         with self.progress.stage(f"Undistortion ({what})", len(self.sparse.poses)) as advance:
             views = self.views(mask, advance)
-        maps = self.backend.compute_depth_maps(
+        maps = compute_depth_maps(
             views,
             self.volume,
             self.options,
@@ -326,7 +323,7 @@ class _Dense:
             workers=self.workers,
         )
         with self.progress.stage(f"Fusion ({what})"):
-            return self.backend.fuse(views, maps, self.volume, self.options)
+            return fuse(views, maps, self.volume, self.options)
 
     def views(self, mask: MaskKind, advance: Callable[[int], None]) -> list[View]:
         """The photographs that count, undistorted at working size."""

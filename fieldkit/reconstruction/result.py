@@ -146,7 +146,6 @@ class Reconstruction:
         stray: share of the plants' points that were left out as strays (`fieldkit.clouds.strays`).
         scene: dense cloud of everything in the volume; None where it was not made.
         gsd_m: ground sampling distance at the volume's centre, median over images: metres per full-size pixel.
-        backend: of dense stereo.
         fusion_rule: in words.
         times: per stage.
     """
@@ -158,7 +157,6 @@ class Reconstruction:
     stray: float
     scene: Cloud | None
     gsd_m: float
-    backend: str
     fusion_rule: str
     times: tuple[StageTime, ...]
 

@@ -14,7 +14,6 @@ from fieldkit.reconstruction.verification import VerificationSettings
 MappingMethod = Literal["auto", "incremental", "global", "prior"]
 Fidelity = Literal["draft", "standard", "fine", "full"]
 MaskKind = Literal["exg", "none", "file"]
-Backend = Literal["auto", "cpu", "cuda"]
 LEAST_POSITIONS = 3
 """Photographs with known positions that prior mapping needs."""
 _SHARE_FOR_PRIOR = 0.8
@@ -31,7 +30,6 @@ class ReconstructionSettings:
         mapping: how poses are found; what ``auto`` stands for, `mapping_methods` says.
         fidelity: working size of dense stereo.
         mask: which pixels are plant.
-        backend: of dense stereo.
         bounds: volume of interest in the plot frame, metres; None finds it from the cameras.
         min_agreeing_views: of the fusion rule.
         trust_orientations: recorded orientations are right to their accuracy, as commands are: a photograph that
@@ -46,7 +44,6 @@ class ReconstructionSettings:
     mapping: MappingMethod = "auto"
     fidelity: Fidelity = "standard"
     mask: MaskKind = "exg"
-    backend: Backend = "auto"
     bounds: Volume | None = None
     min_agreeing_views: int = 2
     trust_orientations: bool = False

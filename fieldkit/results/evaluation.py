@@ -116,7 +116,6 @@ class DenseEntry(Strict):
 
     fidelity: Literal["draft", "standard", "fine", "full"]
     mask: Literal["exg", "none", "file"]
-    backend: str
     fusion_rule: str
     seed: Count
 

@@ -60,7 +60,7 @@ def test_no_view_both_stands_for_election_and_judges() -> None:
 
 def test_witnesses_alone_make_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
     capture, cache = read_capture(SMALL_PLOT), StageCache(None)
-    whole = reconstruct(capture, ReconstructionSettings(backend="cpu"), cache=cache, progress=Silent())
+    whole = reconstruct(capture, ReconstructionSettings(), cache=cache, progress=Silent())
     plot = KnownPlot(SourceFrame("poses.csv", None, Similarity.identity()), whole.volume, whole.sparse.frame.ground)
     seen: list[str] = []
     prepare = module.prepare_view

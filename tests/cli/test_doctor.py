@@ -108,26 +108,6 @@ class TestPackages:
         assert "cluster" not in remedy
 
 
-class TestPycolmap:
-    @pytest.mark.parametrize(
-        ("cuda", "devices", "driver", "status"),
-        [(False, 0, False, "ok"), (True, 2, True, "ok"), (True, 0, True, "warn"), (False, 0, True, "warn")],
-    )
-    def test_status(self, monkeypatch: pytest.MonkeyPatch, cuda: bool, devices: int, driver: bool, status: str) -> None:
-        line = {"version": "4.2.1", "built_with_cuda": cuda, "cuda_devices": devices, "features": 9}
-        monkeypatch.setattr(diagnostics, "_probe", lambda name: ([line], ""))
-        own = "pycolmap-cuda12" if cuda else "pycolmap"
-        monkeypatch.setattr(diagnostics, "_installed", lambda name: "4.2.1" if name == own else None)
-        monkeypatch.setattr(diagnostics.shutil, "which", lambda name: "/usr/bin/nvidia-smi" if driver else None)
-        assert diagnostics.check_pycolmap().status == status
-
-    def test_two_builds_at_once(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(diagnostics, "_installed", lambda name: "4.2.1")
-        check = diagnostics.check_pycolmap()
-        assert check.status == "fail"
-        assert "uninstall" in check.remedy
-
-
 class TestCache:
     def test_unwritable(self, unwritable: Path) -> None:
         check = diagnostics.check_cache(unwritable / "fieldkit")

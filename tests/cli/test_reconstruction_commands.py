@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from fieldkit.cli.main import main
 from fieldkit.cli.reconstruction_options import (
-    Backend,
     Fidelity,
     Mapping,
     Mask,
@@ -37,7 +36,6 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (Mapping, settings.MappingMethod),
         (Fidelity, settings.Fidelity),
         (Mask, settings.MaskKind),
-        (Backend, settings.Backend),
     ],
 )
 def test_choices_are_the_librarys(chosen, library) -> None:  # type: ignore[no-untyped-def]
@@ -45,8 +43,8 @@ def test_choices_are_the_librarys(chosen, library) -> None:  # type: ignore[no-u
 
 
 def test_settings() -> None:
-    made = ReconstructionOptions("prior", "fine", "none", "cpu", "-1,-2,0,1,2,3.5").settings(seed=7)
-    assert (made.mapping, made.fidelity, made.mask, made.backend, made.seed) == ("prior", "fine", "none", "cpu", 7)
+    made = ReconstructionOptions("prior", "fine", "none", "-1,-2,0,1,2,3.5").settings(seed=7)
+    assert (made.mapping, made.fidelity, made.mask, made.seed) == ("prior", "fine", "none", 7)
     assert made.bounds is not None
     assert (made.bounds.lower, made.bounds.upper) == ((-1, -2, 0), (1, 2, 3.5))
     assert settings.ReconstructionSettings() == ReconstructionOptions().settings(seed=0)

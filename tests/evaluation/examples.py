@@ -142,7 +142,6 @@ def reconstruction(*, metric: bool = True, scene: bool = True, cloud: Cloud | No
         stray=0.002,
         scene=Cloud(np.concatenate([plants.points, model_points(model)])) if scene else None,
         gsd_m=0.0004,
-        backend="cpu",
         fusion_rule="2 of 10 views agree",
         times=(StageTime("Features", 1.5, 1.4, 8, 2), StageTime("Mapping", 3.0, 2.9, 1, 0)),
     )

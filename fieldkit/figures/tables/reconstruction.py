@@ -47,7 +47,7 @@ def quality_rows(report: ReconstructionEntry) -> tuple[tuple[str, str], ...]:
     if isinstance(report, ReferenceReport) and report.scene_points is not None:
         rows.append(("scene", f"{report.scene_points:,} points"))
     if report.dense is not None:
-        dense = f"{report.dense.fidelity} on {report.dense.backend}, plants by mask {report.dense.mask}"
+        dense = f"{report.dense.fidelity}, plants by mask {report.dense.mask}"
         rows.append(("dense stereo", dense))
     return tuple(rows)
 

@@ -151,7 +151,6 @@ class Objective:
                 features=photos.features,
                 mapping=self.settings.mapping,
                 fidelity=chosen.dense,
-                backend="cpu",
                 min_agreeing_views=self.settings.min_agreeing_views,
                 # They are commands, or a reference's: never a camera's doubtful records.
                 trust_orientations=True,
