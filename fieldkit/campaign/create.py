@@ -18,6 +18,7 @@ from fieldkit.campaign.campaign_file import (
 )
 from fieldkit.campaign.reading import Campaign, plots_file_of, read_campaign
 from fieldkit.captures.camera_file import read_camera_file
+from fieldkit.documents.mistaken import check_order
 from fieldkit.documents.versioned_toml import read_versioned, sentence
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.cloud_reference import is_cloud
@@ -27,7 +28,6 @@ from fieldkit.results.plan_file import PLAN_FILE, load_plan, save_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_reference_report
 from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.sites.site_file import Tell, load_site, plots_file_beside, read_plots
-from fieldkit.sites.swapped import check_order
 from fieldkit.sites.vector_files import parts_of
 from fieldkit.vehicles.vehicle_file import find_vehicle, load_vehicle
 from fieldkit.wording import listed

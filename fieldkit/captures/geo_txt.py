@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from fieldkit.captures.folder import PHOTO_SUFFIXES
 from fieldkit.captures.tables import keep_row, parse_number, read_text
+from fieldkit.documents.mistaken import DEGREES, SWAPPED, look_like_degrees, look_swapped
 from fieldkit.errors import MetadataError
-from fieldkit.geometry.geodesy import look_swapped, on_earth
+from fieldkit.geometry.geodesy import on_earth
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count
 
@@ -202,11 +203,11 @@ def _to_geographic(raw: list[_RawRow], projection: str, header: str, path: Path 
         crs = CRS.from_user_input(projection)
         if crs.is_geocentric:
             return _from_geocentric(raw, Transformer.from_crs(crs, "EPSG:4979", always_xy=True), path)
-        if crs.is_projected and np.abs(x).max() <= 180.0 and np.abs(y).max() <= 90.0:
+        if crs.is_projected and look_like_degrees(x, y):
             raise MetadataError(
-                f"x and y look like degrees, but {header[:60]} is a projection in metres or feet",
+                f"x and y are of {header[:60]}, in metres or feet, and {DEGREES.looks_like}",
                 path=path,
-                remedy="Write EPSG:4326 in the first line for longitude and latitude.",
+                remedy=DEGREES.remedy,
             )
         longitude, latitude = _as_arrays(Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x, y))
     except ProjError as error:
@@ -260,5 +261,5 @@ def _check_degrees(entry: _RawRow, path: Path | None) -> None:
     raise MetadataError(
         f"line {entry.line}: {entry.row.image} lies at longitude {longitude:.6g}, latitude {latitude:.6g}",
         path=path,
-        remedy="Longitude comes before latitude." if swapped else "Check that the projection fits the coordinates.",
+        remedy=SWAPPED.remedy if swapped else "Check that the projection fits the coordinates.",
     )

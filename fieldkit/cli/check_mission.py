@@ -56,10 +56,10 @@ def command(
             raise UsageError(
                 f"{option} says nothing without --site", remedy="Give the site file that says where home is."
             )
+    from fieldkit.documents.mistaken import check_order
     from fieldkit.missions.check import check_mission
     from fieldkit.missions.files.reading import read_mission
     from fieldkit.sites.site_file import load_site
-    from fieldkit.sites.swapped import check_order
     from fieldkit.vehicles.vehicle_file import load_vehicle
 
     if plan is not None and site is not None:

@@ -166,7 +166,7 @@ def _run(words: list[str], boundary: Boundary) -> int:
 
 
 def _suggestion(name: str) -> str:
-    from difflib import get_close_matches
+    from fieldkit.documents.mistaken import MISSPELT, nearest
 
-    near = get_close_matches(name, COMMANDS, n=1)
-    return f"Did you mean `fieldkit {near[0]}`?" if near else "`fieldkit --help` lists the commands."
+    near = nearest(name, COMMANDS)
+    return MISSPELT.looks_like.format(f"`fieldkit {near}`") if near else "`fieldkit --help` lists the commands."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 
+from fieldkit.documents.mistaken import CENTIMETRES
 from fieldkit.errors import UsageError
 
 _MOST_NOISE_M = 5.0
@@ -44,7 +45,7 @@ def read_pose_noise(text: str) -> tuple[float, float]:
     metres, degrees = read_numbers("--pose-noise", text, (2,))
     if metres > _MOST_NOISE_M:
         raise UsageError(
-            f"--pose-noise: {metres:g} m is more than any receiver is off: in centimetres?",
+            f"--pose-noise: {metres:g} m is more than any receiver is off: {CENTIMETRES.looks_like}",
             remedy="Write metres and degrees, like --pose-noise 0.02,1.",
         )
     return metres, degrees

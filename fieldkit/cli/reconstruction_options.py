@@ -215,9 +215,7 @@ def parse_bounds(text: str) -> Box:
     if not (x0 < x1 and y0 < y1 and z0 < z1):
         raise UsageError(f"--bounds: the lowest corner is not below the highest: {text}", remedy=remedy)
     if max(map(abs, numbers)) > _FARTHEST_M:
-        raise UsageError(
-            f"--bounds: metres about the plot, and not {text}: in centimetres or millimetres?", remedy=remedy
-        )
+        raise UsageError(f"--bounds: metres about the plot, at most {_FARTHEST_M:g}, and not {text}", remedy=remedy)
     return x0, y0, z0, x1, y1, z1
 
 

@@ -1,15 +1,111 @@
-"""What a file or folder is that was given in the place of another."""
+"""What people give by mistake in the place of something else: the one table of slips, and how each is noticed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from fieldkit.documents import safe_toml
-from fieldkit.errors import InputError, MetadataError
-from fieldkit.regular_files import read_regular
+from fieldkit.errors import InputError, MetadataError, UsageError
+from fieldkit.geometry.geodesy import great_circle_m, on_earth
+from fieldkit.regular_files import open_regular, read_regular
+
+
+class Slip(NamedTuple):
+    """One thing given in the place of another."""
+
+    given: str
+    looks_like: str
+    """Words that end a message."""
+    remedy: str
+
+
+SWAPPED = Slip(
+    "longitude and latitude in the other order", "latitude and longitude look swapped",
+    "GeoJSON and geo.txt give the longitude first, a site file the latitude.",
+)  # fmt: skip
+PROJECTED = Slip(
+    "metres for degrees", "metres of a map projection look like this",
+    "Export it in WGS 84 (EPSG:4326): in QGIS, Save Features As… with that CRS.",
+)  # fmt: skip
+DEGREES = Slip(
+    "degrees for metres", "these look like degrees",
+    "Name them longitude and latitude, with the CRS WGS 84 (EPSG:4326), or give metres.",
+)  # fmt: skip
+CENTIMETRES = Slip("centimetres for metres", "in centimetres?", "Write metres.")
+MISSPELT = Slip("a name that nearly is one", "Did you mean {}?", "")
+EXCHANGED = Slip(
+    "plan and site in each other's place", "plan and site are swapped", "Give {} as the plan and {} as --site."
+)
+OTHER_KIND = Slip("a file of another kind", "is {}, not {}", "")
+SLIPS = (SWAPPED, PROJECTED, DEGREES, CENTIMETRES, MISSPELT, EXCHANGED, OTHER_KIND)
+"""All that is guessed at; what else is wrong is told by what was expected."""
+
+
+def look_swapped(
+    latitude_deg: float, longitude_deg: float, near: tuple[float, float] | None = None, within_m: float = 0.0
+) -> bool:
+    """Whether coordinates that cannot be right would be so with latitude and longitude swapped.
+
+    Args:
+        latitude_deg, longitude_deg: of no place on Earth, or of one that is too far away.
+        near: latitude and longitude of the place that it should lie near; None where any place on Earth would do.
+        within_m: how near.
+    """
+    if not on_earth(longitude_deg, latitude_deg):
+        return False
+    return near is None or float(great_circle_m(longitude_deg, latitude_deg, *near)[0]) <= within_m
+
+
+def look_like_degrees(x: ArrayLike, y: ArrayLike) -> bool:
+    """Whether all coordinates, said to be metres, are within ±180 and ±90."""
+    return bool(np.abs(x).max(initial=0.0) <= 180.0 and np.abs(y).max(initial=0.0) <= 90.0)
+
+
+def as_centimetres(value: float, most: float) -> str:
+    """Words after a length in metres that is too large, where it would not be in centimetres; else empty."""
+    return f": {CENTIMETRES.looks_like} {value:g} cm are {value / 100.0:g} m" if most < value <= 100.0 * most else ""
+
+
+def nearest(given: str, known: Iterable[str]) -> str | None:
+    """The name of those known that was probably meant."""
+    return next(iter(get_close_matches(given[:200], list(known), n=1)), None)
+
+
+def did_you_mean(given: str, known: Iterable[str], otherwise: str) -> str:
+    """A remedy: the nearest name that is known, or ``otherwise``."""
+    near = nearest(given, known)
+    return otherwise if near is None else MISSPELT.looks_like.format(near)
+
+
+def check_order(plan: Path, site: Path) -> None:
+    """Refuse a plan and a site that are swapped, before reading one as the other says that it is broken.
+
+    Raises:
+        UsageError: what is given as the site is JSON or a folder, and what is given as the plan is neither.
+    """
+    if _may_be_plan(site) and not _may_be_plan(plan):
+        message = f"{EXCHANGED.looks_like}: {site} is no site file, and {plan} no plan"
+        raise UsageError(message, remedy=EXCHANGED.remedy.format(site, plan))
+
+
+def _may_be_plan(path: Path) -> bool:
+    """Whether it is JSON or a folder; what cannot be read may be anything, and counts as what it is meant to be."""
+    if path.is_dir():
+        return True
+    try:
+        with open_regular(path) as file:
+            return file.read(64).lstrip().startswith(b"{")
+    except (OSError, ValueError):
+        return path.suffix.lower() == ".json"
+
 
 _PICTURES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".dng", ".arw", ".cr2", ".nef"})
 _SUFFIXES = {
@@ -43,7 +139,8 @@ def refuse_other(path: Path, noun: str, remedy: str, *, error: type[InputError] 
     given = path.parent if path.name in _MARKERS and not path.exists() and path.name != path.as_posix() else path
     found = next(_kinds(given), None)
     if found is not None and found != noun:
-        raise error(f"is {_with_article(found)}, not {_with_article(noun)}", path=given, remedy=remedy)
+        message = OTHER_KIND.looks_like.format(_with_article(found), _with_article(noun))
+        raise error(message, path=given, remedy=remedy)
 
 
 def _with_article(noun: str) -> str:

@@ -62,21 +62,6 @@ def great_circle_m(
     return np.asarray(2.0 * _MEAN_RADIUS_M * np.arcsin(np.minimum(chords / (2.0 * _MEAN_RADIUS_M), 1.0)))
 
 
-def look_swapped(
-    latitude_deg: float, longitude_deg: float, near: tuple[float, float] | None = None, within_m: float = 0.0
-) -> bool:
-    """Whether coordinates that cannot be right would be so with latitude and longitude swapped.
-
-    Args:
-        latitude_deg, longitude_deg: of no place on Earth, or of one that is too far away.
-        near: latitude and longitude of the place that it should lie near; None where any place on Earth would do.
-        within_m: how near.
-    """
-    if not on_earth(longitude_deg, latitude_deg):
-        return False
-    return near is None or float(great_circle_m(longitude_deg, latitude_deg, *near)[0]) <= within_m
-
-
 def ecef_to_geodetic(points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """ECEF (n, 3) metres to latitude, longitude (degrees, longitude in (−180, 180]) and ellipsoidal height (metres).
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from fieldkit.documents.mistaken import look_swapped
 from fieldkit.figures.style import format_length
-from fieldkit.geometry.geodesy import great_circle_m, look_swapped, on_earth
+from fieldkit.geometry.geodesy import great_circle_m, on_earth
 from fieldkit.missions.autopilots.acceptance import dropped, refusal
 from fieldkit.missions.autopilots.flight import GOING, LANDINGS, TAKEOFFS
 from fieldkit.missions.autopilots.jumps import course

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fieldkit.clouds.cloud import Cloud
+from fieldkit.documents.mistaken import check_order
 from fieldkit.errors import UsageError
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.files import write_atomic
@@ -29,7 +30,6 @@ from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import Tell, load_plots, load_site, with_plots
 from fieldkit.sites.site_obstacles import site_obstacles
-from fieldkit.sites.swapped import check_order
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 from fieldkit.wording import count

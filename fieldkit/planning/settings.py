@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
+from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.score.cost_model import WEIGHTS
@@ -51,7 +52,8 @@ class EnvelopeSettings(Strict):
     @classmethod
     def _in_metres(cls, heights: Range) -> Range:
         if heights[1] > HIGHEST_M:
-            raise ValueError(f"metres above the ground, at most {HIGHEST_M:g}, and not {heights[1]:g}: in centimetres?")
+            slip = as_centimetres(heights[1], HIGHEST_M)
+            raise ValueError(f"metres above the ground, at most {HIGHEST_M:g}, and not {heights[1]:g}{slip}")
         return heights
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from pathlib import Path
 
-from fieldkit.documents.mistaken import refuse_other
+from fieldkit.documents.mistaken import did_you_mean, refuse_other
 from fieldkit.errors import SceneError
 from fieldkit.runtime.shipped import shipped_folder
 
@@ -41,8 +40,7 @@ def find_scene(name: str | Path) -> Path:
     text = str(name).removesuffix(_SUFFIX)
     if text in known:
         return scenes_folder() / f"{text}{_SUFFIX}"
-    near = get_close_matches(text, known, n=1)
-    remedy = f"Did you mean {near[0]}?" if near else "`fieldkit scene show` lists the scenes that come with fieldkit."
+    remedy = did_you_mean(text, known, "`fieldkit scene show` lists the scenes that come with fieldkit.")
     raise SceneError("there is no such scene file", path=path, remedy=remedy)
 
 

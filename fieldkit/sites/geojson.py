@@ -11,16 +11,15 @@ from pathlib import Path
 from typing import Any, Literal, NoReturn
 
 from fieldkit.documents.json_file import json_number
+from fieldkit.documents.mistaken import PROJECTED, SWAPPED, look_swapped
 from fieldkit.errors import MetadataError
-from fieldkit.geometry.geodesy import look_swapped, on_earth
+from fieldkit.geometry.geodesy import on_earth
 
 MAX_FEATURES = 2000
 MAX_CORNERS = 20_000
 """Of all polygons of a file together."""
 
 _REMEDY = "Give points or polygons: in QGIS, Save Features As… GeoJSON with the CRS WGS 84 (EPSG:4326)."
-_PROJECTED = "Export it in WGS 84 (EPSG:4326): in QGIS, Save Features As… with that CRS."
-_SWAPPED = "GeoJSON puts longitude first: swap the two."
 _WGS84 = ("crs84", "epsg::4326", "epsg:4326")
 
 Ring = tuple[tuple[float, float], ...]
@@ -152,12 +151,12 @@ class _Reader:
         if not on_earth(latitude, longitude):
             if look_swapped(latitude, longitude):
                 self._fail(
-                    f"{where}: latitude {latitude:g} is beyond 90; longitude and latitude look swapped",
-                    remedy=_SWAPPED,
+                    f"{where}: latitude {latitude:g} is beyond 90; {SWAPPED.looks_like}",
+                    remedy=SWAPPED.remedy,
                 )
             self._fail(
-                f"{where}: [{longitude:g}, {latitude:g}] are not degrees; metres of a map projection look like this",
-                remedy=_PROJECTED,
+                f"{where}: [{longitude:g}, {latitude:g}] are not degrees; {PROJECTED.looks_like}",
+                remedy=PROJECTED.remedy,
             )
         return (latitude, longitude), values[2] if len(values) > 2 else None
 

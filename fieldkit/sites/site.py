@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 from scipy.spatial import KDTree
 
+from fieldkit.documents.mistaken import as_centimetres
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.fields import Heading, Latitude, Longitude, Strict
 from fieldkit.sites.terrain import STEEPEST_PERCENT, Gradient, gradient, with_plane
@@ -40,8 +41,7 @@ def _in_metres(value: float, least: float, most: float) -> float:
     """A length within limits; where it would be within them as centimetres, say so."""
     if least <= value <= most:
         return value
-    slip = f": in centimetres? {value:g} cm are {value / 100.0:g} m" if most < value <= 100.0 * most else ""
-    raise ValueError(f"should be {least:g} to {most:g} metres and is {value:g}{slip}")
+    raise ValueError(f"should be {least:g} to {most:g} metres and is {value:g}{as_centimetres(value, most)}")
 
 
 Height = Annotated[float, Field(ge=-1000, le=10_000)]

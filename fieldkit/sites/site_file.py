@@ -16,11 +16,11 @@ import numpy as np
 import shapely
 from pydantic import ValidationError
 
-from fieldkit.documents.mistaken import refuse_other
+from fieldkit.documents.mistaken import SWAPPED, look_swapped, refuse_other
 from fieldkit.documents.versioned_toml import read_versioned, sentence, validated_toml
 from fieldkit.errors import MetadataError
 from fieldkit.files import file_beside
-from fieldkit.geometry.geodesy import LocalFrame, great_circle_m, look_swapped
+from fieldkit.geometry.geodesy import LocalFrame, great_circle_m
 from fieldkit.regular_files import open_regular
 from fieldkit.runtime.shipped import shipped_page
 from fieldkit.sites.geojson import Feature, wgs84_features
@@ -34,7 +34,6 @@ FARTHEST_M = 100_000.0
 _MAX_BYTES = 256 << 10
 _REMEDY = f"A site file is TOML with format = 1, [home] and plots: {shipped_page('missions/README.md')} lists its keys."
 _PLOTS_REMEDY = "Plots are polygons or points; height_m, row_heading_deg … are properties, in metres and degrees."
-_ORDER = "A site file gives the latitude first, GeoJSON the longitude."
 _AS_THEY_ARE = (
     "height_m", "datum", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m"
 )  # fmt: skip
@@ -350,8 +349,8 @@ def _check_places(home: SiteHome, places: Sequence[tuple[str, float, float]], pa
     message = f"{name} lies {away[first] / 1000:,.0f} km from home"
     remedy = "Check its coordinates and home's."
     if look_swapped(latitude, longitude, origin, FARTHEST_M):
-        message += ": its latitude and longitude look swapped"
-        remedy = _ORDER
+        message += f": its {SWAPPED.looks_like}"
+        remedy = SWAPPED.remedy
     elif abs(latitude - origin[0]) < _NEAR_DEG and abs(abs(longitude - origin[1]) - _ZONE_DEG) < _NEAR_DEG:
         zone = int((origin[1] + 180.0) // _ZONE_DEG) + 1
         message += ", about six degrees of longitude: the CRS looks like that of the UTM zone beside"

@@ -5,10 +5,9 @@ missions/README.md lists the keys.
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from pathlib import Path
 
-from fieldkit.documents.mistaken import refuse_other
+from fieldkit.documents.mistaken import did_you_mean, refuse_other
 from fieldkit.documents.versioned_toml import read_versioned, validated_toml
 from fieldkit.errors import MetadataError
 from fieldkit.runtime.shipped import shipped_folder, shipped_page
@@ -52,8 +51,7 @@ def find_vehicle(name: str | Path) -> Path:
     text = str(name).removesuffix(_SUFFIX)
     if text in known:
         return vehicles_folder() / f"{text}{_SUFFIX}"
-    near = get_close_matches(text[:200], known, n=1, cutoff=0.5)
-    remedy = f"Did you mean {near[0]}?" if near else f"Give the path of a profile, or one of: {', '.join(known)}."
+    remedy = did_you_mean(text, known, f"Give the path of a profile, or one of: {', '.join(known)}.")
     raise MetadataError("there is no such vehicle profile", path=path, remedy=remedy)
 
 

@@ -109,7 +109,7 @@ def test_any_text_is_a_box_or_a_usage_error(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["-150,-75,0,150,75,120", "-1500,-750,0,1500,750,1200"])
 def test_a_box_in_other_units_is_told_before_photographs_are_read(text: str) -> None:
-    with pytest.raises(UsageError, match="in centimetres or millimetres"):
+    with pytest.raises(UsageError, match="metres about the plot"):
         parse_bounds(text)
 
 

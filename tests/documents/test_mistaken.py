@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fieldkit.documents.mistaken import refuse_other
+from fieldkit.documents.mistaken import look_like_degrees, look_swapped, nearest, refuse_other
 from fieldkit.errors import MetadataError
 from fieldkit.scenes.library import scenes_folder
 from fieldkit.vehicles.vehicle_file import vehicles_folder
@@ -57,3 +57,19 @@ def test_what_cannot_be_told_is_left_to_its_reader(tmp_path: Path) -> None:
     (tmp_path / "broken.toml").write_bytes(b"\xff [")
     for name in ("nowhere", "broken.toml", "a\0b", ""):
         refuse_other(tmp_path / name, "plan", "")
+
+
+def test_swapped_coordinates_are_told_apart_from_wrong_ones() -> None:
+    assert look_swapped(100.0, 20.0)
+    assert not look_swapped(100.0, 200.0)
+    home = (50.9, 6.4)
+    assert look_swapped(6.4001, 50.9, home, 5000.0)
+    assert not look_swapped(6.4001, 50.9, (50.9, 7.4), 5000.0)
+    assert not look_swapped(float("nan"), 50.9, home, 5000.0)
+
+
+def test_degrees_and_names_that_nearly_match() -> None:
+    assert look_like_degrees([6.4, 6.5], [50.9, 50.8])
+    assert not look_like_degrees([6.4, 380.0], [50.9, 50.8])
+    assert nearest("plant_heigth_m", ["plant_height_m", "row_spacing_m"]) == "plant_height_m"
+    assert nearest("anything", ["plant_height_m"]) is None

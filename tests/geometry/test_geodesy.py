@@ -12,8 +12,6 @@ from fieldkit.geometry.geodesy import (
     ecef_to_geodetic,
     geodetic_to_ecef,
     great_circle_m,
-    look_swapped,
-    on_earth,
     utm_epsg,
 )
 
@@ -152,16 +150,6 @@ def test_impossible_origins_are_refused(values: tuple[float, float, float]) -> N
 def test_unknown_datum_is_refused() -> None:
     with pytest.raises(ValueError, match="datum"):
         LocalFrame(0.0, 0.0, 0.0, "AMSL")
-
-
-def test_swapped_coordinates_are_told_apart_from_wrong_ones() -> None:
-    assert look_swapped(100.0, 20.0)
-    assert not look_swapped(100.0, 200.0)
-    home = (50.9, 6.4)
-    assert look_swapped(6.4001, 50.9, home, 5000.0)
-    assert not look_swapped(6.4001, 50.9, (50.9, 7.4), 5000.0)
-    assert not look_swapped(float("nan"), 50.9, home, 5000.0)
-    assert not on_earth(float("inf"), 0.0)
 
 
 def test_distances_along_the_ground_also_to_the_other_side_of_the_earth() -> None:

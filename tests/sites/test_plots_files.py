@@ -20,13 +20,13 @@ from pyproj import Transformer
 from benchmarks.fuzzing import Target, fuzz
 from fieldkit.campaign.create import CampaignSources, init_campaign
 from fieldkit.campaign.reading import read_campaign
+from fieldkit.documents.mistaken import check_order
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.results.plan import Plan, Station
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.plot_ids import IdProblem, plot_ids
 from fieldkit.sites.site import SitePlot
 from fieldkit.sites.site_file import load_plots, load_site, read_plots
-from fieldkit.sites.swapped import check_order
 from fieldkit.sites.vector_files import read_features
 from tests.sites.test_site_file import SITE, geojson, point, polygon, rectangle, site_file
 
