@@ -24,7 +24,7 @@ from fieldkit.evaluation.plots import result_folders
 from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import Scoring, Spent, score_capture
-from fieldkit.figures.spreadsheets.plots import write_plots_csv
+from fieldkit.figures.spreadsheets import write_plots_csv
 from fieldkit.files import atomic_folder
 from fieldkit.results.doubtful import TOLD
 from fieldkit.results.evaluation import PlotEvaluation

@@ -9,20 +9,14 @@ from typing import Any
 from fieldkit.campaign.engine import changed_stages, is_current
 from fieldkit.campaign.ranking import Drift, Ranked, Score, drift, measured_noise_m, ranking, score_of
 from fieldkit.campaign.reading import Campaign
-from fieldkit.figures.content import Column, Table
-from fieldkit.figures.style import metres, millimetres
+from fieldkit.figures.content import Column, Table, tabulated
+from fieldkit.figures.registry import TRENDS, figure
+from fieldkit.figures.style import millimetres
 from fieldkit.figures.tables.scores import interval, traits_table
-from fieldkit.figures.tables.tabulated import tabulated
 from fieldkit.results.visit import Visit
 from fieldkit.version import __version__
 from fieldkit.wording import count, listed
 
-_FIGURES = {
-    "chamfer_m": "chamfer", "predicted_chamfer_m": "predicted chamfer", "height_m": "height",
-    "cover_percent": "cover", "canopy_volume_m3": "canopy volume",
-}  # fmt: skip
-_DISTANCES = ("chamfer_m", "predicted_chamfer_m")
-_TRAITS = tuple(figure for figure in _FIGURES if figure not in _DISTANCES)
 _MANY_DATES = 12
 _NAMED = 5
 
@@ -64,10 +58,10 @@ def campaign_tables(campaign: Campaign) -> Iterator[Table]:
                 yield _ranking_table(own, f"Ranking on {ranked[-1]} by {of} distances, the best first")
     last = [visit for visit in campaign.visits if visit.date == campaign.dates[-1]]
     if any(visit.traits is not None for visit in last):
-        yield traits_table(f"Plants on {campaign.dates[-1]}", [(visit.plot, visit.traits) for visit in last])
+        yield traits_table(f"Plants on {campaign.dates[-1]}", last)
     changes = drift(campaign.visits, campaign.plan)
-    for figures in (_DISTANCES, _TRAITS):
-        own_changes = [change for change in changes if change.figure in figures]
+    for of_traits in (False, True):
+        own_changes = [change for change in changes if (figure(change.figure).group == "trait") is of_traits]
         if own_changes:
             yield _drift_table(own_changes)
 
@@ -154,13 +148,15 @@ def _cell(visit: Visit | None, campaign: Campaign) -> str | None:
 
 
 def _ranking_table(entries: Sequence[Ranked], caption: str) -> Table:
-    return tabulated(caption, entries, (
-        (Column("plot"), lambda entry: entry.score.visit.plot),
-        (Column("rank", True), lambda entry: f"{entry.rank}{'=' if entry.tied else ''}"),
-        (Column("chamfer, mm", True),
-         lambda entry: f"{'≈ ' if entry.score.predicted else ''}{millimetres(entry.score.value_m)}"),
-        (Column("nine in ten, mm", True), lambda entry: _scatter(entry.score)),
-    ))  # fmt: skip
+    return tabulated(caption, [
+        {
+            "plot": entry.score.visit.plot,
+            Column("rank", True): f"{entry.rank}{'=' if entry.tied else ''}",
+            Column("chamfer, mm", True): f"{'≈ ' * entry.score.predicted}{millimetres(entry.score.value_m)}",
+            Column("nine in ten, mm", True): _scatter(entry.score),
+        }
+        for entry in entries
+    ])  # fmt: skip
 
 
 def _scatter(score: Score) -> str | None:
@@ -174,34 +170,22 @@ def _drift_table(changes: list[Drift]) -> Table:
     """A row per plot; the dates in the title where they are the same for all."""
     last = {(change.plot, change.figure): change for change in changes}
     spans = {(change.first_date, change.date) for change in last.values()}
-    figures = [figure for figure in _FIGURES if any(figure == key for _, key in last)]
+    figures = [each for each in TRENDS if any(each.key == key for _, key in last)]
     title, dates = "Change since each plot's first date", ["from", "to"]
     if len(spans) == 1:
         title, dates = "Change from {} to {}".format(*spans.pop()), []
     rows = []
     for plot in dict.fromkeys(plot for plot, _ in last):
-        own = {figure: change for (name, figure), change in last.items() if name == plot}
+        own = {key: change for (name, key), change in last.items() if name == plot}
         longest = max(own.values(), key=lambda change: change.date)
         span = (longest.first_date, longest.date) if dates else ()
-        rows.append((plot, *span, *(_changed(own[figure]) if figure in own else None for figure in figures)))
-    return Table(title, tuple(map(Column, ["plot", *dates, *(_FIGURES[figure] for figure in figures)])), tuple(rows))
+        rows.append((plot, *span, *(_changed(own[each.key]) if each.key in own else None for each in figures)))
+    return Table(title, tuple(map(Column, ["plot", *dates, *(each.short for each in figures)])), tuple(rows))
 
 
 def _changed(change: Drift) -> str:
     said = {True: ", beyond noise", False: ", within noise", None: ""}[change.beyond_noise]
-    return ("+" if change.change >= 0 else "−") + _amount(change.figure, abs(change.change)) + said
-
-
-def _amount(figure: str, value: float) -> str:
-    match figure:
-        case "cover_percent":
-            return f"{value:.1f} %"
-        case "canopy_volume_m3":
-            return f"{value:.3f} m³"
-        case "height_m":
-            return f"{metres(value)} m"
-        case _:
-            return f"{millimetres(value)} mm"
+    return ("+" if change.change >= 0 else "−") + figure(change.figure).amount(abs(change.change)) + said
 
 
 def _ranked(entry: Ranked) -> dict[str, Any]:

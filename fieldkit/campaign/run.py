@@ -19,7 +19,7 @@ from fieldkit.campaign.visit_folders import Visits, adopt_earlier_visits, keep_v
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.rasters import require_rasters
-from fieldkit.figures.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
+from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.figures.style import format_length
 from fieldkit.files import check_writable
 from fieldkit.results.finding import Finding

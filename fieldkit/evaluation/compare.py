@@ -80,7 +80,7 @@ def compare_evaluations(
         report = Comparer(runs, labels, known, method, seed).report()
     if output is None:
         return Comparison(report, None)
-    from fieldkit.figures.spreadsheets.comparison import compare_csv
+    from fieldkit.figures.spreadsheets import compare_csv
     from fieldkit.pictures.comparison import write_compare_picture
 
     with atomic_folder(output, overwrite=overwrite, marker=COMPARE_FILE) as folder:

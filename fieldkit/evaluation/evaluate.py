@@ -25,8 +25,7 @@ from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import count_photographs, find_plots, result_folders
 from fieldkit.evaluation.rasters import Rasters
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
-from fieldkit.figures.spreadsheets.plots import write_plots_csv
-from fieldkit.figures.spreadsheets.traits import TRAITS_FILE, plot_rows, write_traits_csv
+from fieldkit.figures.spreadsheets import TRAITS_FILE, plot_rows, write_plots_csv, write_traits_csv
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.settings import ReconstructionSettings

@@ -146,7 +146,7 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
     """
     if plot.adherence is None:
         return plot
-    from fieldkit.figures.spreadsheets.adherence import write_adherence_csv
+    from fieldkit.figures.spreadsheets import write_adherence_csv
     from fieldkit.pictures.adherence import write_adherence_picture
 
     write_adherence_csv(folder / place / ADHERENCE_FILE, plot.adherence)

@@ -18,7 +18,7 @@ from fieldkit.evaluation.conversion import reference_report, settings_entry
 from fieldkit.evaluation.figures import source_frame
 from fieldkit.evaluation.georeferencing import write_georeferenced
 from fieldkit.evaluation.rasters import Rasters, coarse_place, write_rasters
-from fieldkit.figures.spreadsheets.traits import TRAITS_FILE, trait_row, write_traits_csv
+from fieldkit.figures.spreadsheets import TRAITS_FILE, trait_row, write_traits_csv
 from fieldkit.files import atomic_folder
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.pictures.overview import write_overview

@@ -1,31 +1,30 @@
-"""The content of results as values: text, figures, tables, charts and views, and a report's page of them.
+"""The content of results as values: text, tables, charts and views, and a report's page of them.
 
 All text is plain; `fieldkit.report.html.document` and `fieldkit.figures.terminal.blocks` escape it when they set it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from fieldkit.figures.drawings import LineChart, PlotMap, ViewerScene
 
 Level = Literal["good", "fact", "note", "problem"]
+MOST_ROWS = 400
+"""Largest number of rows of a table; files hold all."""
 
 
 @dataclass(frozen=True)
 class Statement:
-    """One sentence or two of a summary.
-
-    Attributes:
-        level: good, a plain fact, worth knowing, or a problem.
-        text: the statement.
-        advice: what to do about it; empty if nothing.
-    """
+    """One sentence or two of a summary."""
 
     level: Level
+    """Good, a plain fact, worth knowing, or a problem."""
     text: str
     advice: str = ""
+    """What to do about it; empty if nothing."""
 
 
 @dataclass(frozen=True)
@@ -45,17 +44,13 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class KeyFigure:
-    """A number to see at first sight.
-
-    Attributes:
-        label: what it is.
-        value: with its unit.
-        meaning: in a few words, for readers who do not know the term.
-    """
+    """A number to see at first sight."""
 
     label: str
     value: str
+    """With its unit."""
     meaning: str = ""
+    """In a few words, for readers who do not know the term."""
 
 
 @dataclass(frozen=True)
@@ -67,31 +62,22 @@ class KeyFigures:
 
 @dataclass(frozen=True)
 class Terms:
-    """Labels with their values: explained terms, settings or figures.
-
-    Attributes:
-        items: (term, what it means).
-        mono: whether the values are hashes, commands and the like.
-    """
+    """Labels with their values: explained terms, settings or figures."""
 
     items: tuple[tuple[str, str], ...]
     mono: bool = False
+    """Whether the values are hashes, commands and the like."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A small photograph.
-
-    Attributes:
-        jpeg: bytes of the file.
-        width, height: pixels.
-        description: for readers who cannot see it.
-    """
+    """A JPEG with its size in pixels."""
 
     jpeg: bytes
     width: int
     height: int
     description: str
+    """For readers who cannot see it."""
 
 
 @dataclass(frozen=True)
@@ -104,15 +90,11 @@ class Mark:
 
 @dataclass(frozen=True)
 class Link:
-    """Words that lead to another place on the page.
-
-    Attributes:
-        text: shown.
-        anchor: of a section or of folded blocks.
-    """
+    """Words that lead to another place on the page."""
 
     text: str
     anchor: str
+    """Of a section or of folded blocks."""
 
 
 Cell: TypeAlias = str | Picture | Mark | Link | None
@@ -121,42 +103,55 @@ Cell: TypeAlias = str | Picture | Mark | Link | None
 
 @dataclass(frozen=True)
 class Column:
-    """A column.
-
-    Attributes:
-        label: with the unit, such as "chamfer, mm".
-        numeric: set flush right, in figures of one width.
-        mono: set in a monospaced typeface, for hashes.
-        short: the label for little room; empty for the same label.
-        detail: left out if there is little room.
-    """
+    """A column."""
 
     label: str
+    """With the unit, such as "chamfer, mm"."""
     numeric: bool = False
+    """Set flush right, in figures of one width."""
     mono: bool = False
+    """Set in a monospaced typeface, for hashes."""
     short: str = ""
+    """The label for little room; empty for the same label."""
     detail: bool = False
+    """Left out if there is little room."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table; the first column names the row.
-
-    Attributes:
-        caption: above it, and its accessible name.
-        columns: one per cell of a row.
-        rows: of cells.
-        note: below it.
-    """
+    """A table; the first column names the row."""
 
     caption: str
+    """Above it, and its accessible name."""
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
+    """A cell for every column."""
     note: str = ""
+    """Below it."""
 
     def __post_init__(self) -> None:
         if any(len(row) != len(self.columns) for row in self.rows):
             raise ValueError(f"{self.caption}: every row needs {len(self.columns)} cells")
+
+
+Row: TypeAlias = dict[str | Column, Cell]
+"""Cells by column; a plain text is the label of a column of words."""
+
+
+def tabulated(caption: str, rows: Sequence[Row], note: str = "") -> Table:
+    """A table of rows that have the same columns.
+
+    Columns without any cell are left out, and so are rows beyond `MOST_ROWS`; the note gives their number.
+    """
+    shown = rows[:MOST_ROWS]
+    columns = [key for key in (shown[0] if shown else ()) if any(row[key] is not None for row in shown)]
+    more = f"The first {MOST_ROWS} of {len(rows)}." if len(rows) > MOST_ROWS else ""
+    return Table(
+        caption,
+        tuple(Column(key) if isinstance(key, str) else key for key in columns),
+        tuple(tuple(row[key] for key in columns) for row in shown),
+        f"{note} {more}".strip(),
+    )
 
 
 @dataclass(frozen=True)
@@ -167,37 +162,21 @@ class Charts:
 
 
 @dataclass(frozen=True)
-class Map:
-    """A map of plots."""
-
-    plots: PlotMap
-
-
-@dataclass(frozen=True)
 class View:
-    """A 3D view.
-
-    Attributes:
-        identifier: unique on the page: letters, digits and hyphens.
-        scene: what it shows.
-        note: below it.
-        still: printed in its place; None prints nothing.
-    """
+    """A 3D view."""
 
     identifier: str
+    """Unique on the page: letters, digits and hyphens."""
     scene: ViewerScene
     note: str = ""
+    """Below it."""
     still: Picture | None = None
+    """Printed in its place; None prints nothing."""
 
 
 @dataclass(frozen=True)
 class Still:
-    """A picture of its own.
-
-    Attributes:
-        picture: shown at most as wide as the page.
-        caption: above it.
-    """
+    """A picture of its own, at most as wide as the page."""
 
     picture: Picture
     caption: str
@@ -205,49 +184,35 @@ class Still:
 
 @dataclass(frozen=True)
 class Details:
-    """Blocks that can be folded; what is folded is not printed.
-
-    Attributes:
-        summary: always visible text.
-        blocks: the folded content.
-        is_open: whether the blocks are unfolded at first.
-        anchor: of the content, for links, which unfold it; unique on the page; empty for none.
-    """
+    """Blocks that can be folded; what is folded is not printed."""
 
     summary: str
+    """Text that is always visible."""
     blocks: tuple[Block, ...]
     is_open: bool = False
+    """Whether the blocks are unfolded at first."""
     anchor: str = ""
+    """For links, which unfold the blocks; unique on the page; empty for none."""
 
 
-Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | Map | View | Still | Details
+Block: TypeAlias = Statements | Paragraph | KeyFigures | Terms | Table | Charts | PlotMap | View | Still | Details
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page.
-
-    Attributes:
-        anchor: unique on the page: letters, digits and hyphens.
-        heading: of it.
-        blocks: from top to bottom.
-    """
+    """A part of the page."""
 
     anchor: str
+    """Unique on the page: letters, digits and hyphens."""
     heading: str
     blocks: tuple[Block, ...]
 
 
 @dataclass(frozen=True)
 class Page:
-    """A report.
-
-    Attributes:
-        title: of the page.
-        subtitle: below it.
-        sections: from top to bottom, the summary first.
-    """
+    """A report."""
 
     title: str
     subtitle: str
     sections: tuple[Section, ...]
+    """The summary first."""

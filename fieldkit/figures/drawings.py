@@ -66,9 +66,7 @@ class Measure:
     """A figure that plots are coloured by."""
 
     label: str
-    """On its switch, such as "height"."""
-    name: str
-    """Such as "height of the plants"."""
+    """Such as "plant height"."""
     unit: str
     values: Mapping[str, Mapping[str, float]]
     """By date and plot, in ``unit``; a plot without a value is hatched."""

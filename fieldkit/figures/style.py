@@ -1,7 +1,9 @@
-"""How figures are written for people, and the style of tables on a terminal."""
+"""How figures and foreign text are written for people, and the style of tables on a terminal."""
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -15,6 +17,17 @@ DASH = "–"
 DISTANCE_RAMP = ("#27609b", "#79a9b5", "#ecd06f", "#e07b39", "#a3142a")
 """Colours of distances to a reference in every picture, map and view, from none to large: blue through light yellow to
 red, safe for colour-blind eyes."""
+
+LONGEST = 600
+"""Largest number of characters shown; paths and messages are shorter."""
+
+_UNIT = re.compile(r"(?<=\d) (?=(?:±|mm|m|m³|px|MB|s|h|min|%|°)(?:[\s.,;:)]|$))|(?<=±) (?=\d)")
+
+# Controls but newline and tab, the bidirectional controls (UAX #9), line separators, tags, and halves of surrogates.
+_INVISIBLE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
+    "\U000e0000-\U000e007f\ud800-\udfff\ufffe\uffff]"
+)
 
 _FIRST_METRE = 0.0995  # longer lengths are written in metres
 
@@ -32,7 +45,7 @@ def format_length(length_m: float | None, *, metric: bool = True) -> str:
         return f"{length_m:.3g} units"
     if abs(length_m) < _FIRST_METRE:
         return f"{millimetres(length_m)} mm"
-    return f"{_three_digits(length_m)} m"
+    return f"{three_digits(length_m)} m"
 
 
 def format_with_error(length_m: float, error_m: float | None) -> str:
@@ -41,14 +54,14 @@ def format_with_error(length_m: float, error_m: float | None) -> str:
         return format_length(length_m)
     if abs(length_m) < _FIRST_METRE:
         return f"{millimetres(length_m)} ± {millimetres(error_m)} mm"
-    return f"{_three_digits(length_m)} ± {_three_digits(error_m)} m"
+    return f"{three_digits(length_m)} ± {three_digits(error_m)} m"
 
 
 def format_range(lengths_m: Sequence[float]) -> str:
     """The least and the greatest of lengths in one unit: ``3.27 to 4.17 mm``, ``0.08 to 1.20 m``."""
     low, high = min(lengths_m), max(lengths_m)
     millimetric = abs(high) < _FIRST_METRE
-    first, last = (millimetres(each) if millimetric else _three_digits(each) for each in (low, high))
+    first, last = (millimetres(each) if millimetric else three_digits(each) for each in (low, high))
     return f"{first}{'' if first == last else f' to {last}'} {'mm' if millimetric else 'm'}"
 
 
@@ -69,7 +82,13 @@ def format_seconds(seconds: float) -> str:
 
 def millimetres(length_m: float | None) -> str | None:
     """A length in millimetres without its unit: ``0.39``, ``3.93``, ``39.3``, ``393``; None stays None."""
-    return None if length_m is None else _three_digits(1000.0 * length_m)
+    return None if length_m is None else three_digits(1000.0 * length_m)
+
+
+def three_digits(value: float) -> str:
+    """Three significant digits, but no more than two decimals: ``3.93``, ``39.3``, ``393``."""
+    size = abs(value)
+    return _signed(f"{value:,.{2 if size < 9.995 else 1 if size < 99.95 else 0}f}")
 
 
 def metres(length_m: float | None, digits: int = 2) -> str | None:
@@ -115,14 +134,35 @@ def table(title: str, *columns: str) -> Table:
     return result
 
 
-def _three_digits(value: float) -> str:
-    """Three significant digits, but no more than two decimals."""
-    size = abs(value)
-    return _signed(f"{value:,.{2 if size < 9.995 else 1 if size < 99.95 else 0}f}")
-
-
 def _signed(text: str) -> str:
     # A minus sign as wide as a digit; no "−0.00".
     if text.startswith("-"):
         return "−" + text[1:] if any(c in "123456789" for c in text) else text[1:]
     return text
+
+
+def visible(text: str) -> str:
+    r"""Text with its invisible and direction-changing characters written out as ``\u202e``.
+
+    Text longer than `LONGEST` ends in an ellipsis.
+    """
+    shown = _INVISIBLE.sub(_written_out, text)
+    # Many combining marks would draw far beyond the line.
+    shown = re.sub(
+        r"([\u0300-\u036f\u0483-\u0489\u1ab0-\u1aff\u20d0-\u20ff]{3})[\u0300-\u036f\u0483-\u0489\u1ab0-\u1aff\u20d0-\u20ff]+",
+        r"\1",
+        shown,
+    )
+    return shown if len(shown) <= LONGEST else shown[: LONGEST - 1].rstrip() + "…"
+
+
+def unbroken(text: str) -> str:
+    """Text with non-breaking spaces between numbers and their units."""
+    return _UNIT.sub("\u00a0", text)
+
+
+def _written_out(match: re.Match[str]) -> str:
+    code = ord(match.group())
+    if unicodedata.category(match.group()) == "Cs" or code > 0xFF:
+        return f"\\u{code:04x}"
+    return f"\\x{code:02x}"

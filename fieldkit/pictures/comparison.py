@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fieldkit.figures.tables.comparison import title_of, unit_of
+from fieldkit.figures.registry import figure as figure_of
 from fieldkit.pictures.overview import save_figure
 from fieldkit.pictures.panels import COLORS, DPI, FAINT, INK, PAPER, drawable
 from fieldkit.pictures.plot_axes import dress
@@ -58,7 +58,8 @@ def draw_comparison_of(report: ComparisonReport) -> Figure:
 def _draw(axes: Axes, report: ComparisonReport, name: str, plots: list[str]) -> None:
     labels = [evaluation.label for evaluation in report.evaluations]
     first = labels[0]
-    unit, factor = unit_of(name)
+    shown = figure_of(name)
+    factor = shown.factor
     values = {(v.plot, v.label): factor * v.value for v in report.values if v.figure == name}
     told = {(d.plot, d.label): d for d in report.differences if d.figure == name and d.less == first}
     for k, plot in enumerate(plots):
@@ -77,7 +78,7 @@ def _draw(axes: Axes, report: ComparisonReport, name: str, plots: list[str]) -> 
                 axes.errorbar(i + offset, height, yerr=half, color=color, linewidth=1.0, capsize=2)
             marker, face = ("x", color) if found.beyond is None else ("o", color if found.beyond else "white")
             axes.plot(i + offset, height, marker, color=color, markerfacecolor=face, markersize=5.5)
-    dress(axes, "", f"{title_of(name)}{', ' * bool(unit)}{unit}")
+    dress(axes, "", shown.title)
     axes.set_xlim(-0.5, len(labels) - 0.5)
     step = max(1, len(labels) // 8)
     axes.set_xticks(range(0, len(labels), step), [_short(label) for label in labels[::step]], parse_math=False)

@@ -1,8 +1,13 @@
-"""Traits of the plants of a plot on a date, as reference.json, evaluation.json and visit.json hold them."""
+"""Traits of the plants of a plot on a date, as reference.json, evaluation.json and visit.json hold them.
+
+A trait is described here once: `Described` says what people are told of it, and tables, maps, drift, comparisons and
+the glossary take it from there (`fieldkit.figures.registry`). `fieldkit.evaluation.traits` measures it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
@@ -14,20 +19,60 @@ TRAITS: tuple[Trait, ...] = get_args(Trait)
 Percent = Annotated[float, Field(ge=0, le=100)]
 
 
+@dataclass(frozen=True)
+class Described:
+    """What people are told of a trait."""
+
+    label: str
+    short: str
+    """The label for little room."""
+    unit: str
+    decimals: int
+    of: str
+    """What it is of, beside the figure."""
+    meaning: str
+    """For the glossary."""
+    trend: bool = True
+    """Whether it is followed over the dates: in maps, charts and drift."""
+
+
 class TraitsEntry(Strict):
     """Traits of one plot on one date (docs/traits.md). Nine in ten plots like the benchmark's are within the errors."""
 
-    height_m: Length | None = None
+    height_m: Annotated[
+        Length | None,
+        Described(
+            "plant height", "height", "m", 2, "of the highest leaf",
+            "Of the highest leaf above the ground, as a person measures it with a ruler.",
+        ),
+    ] = None  # fmt: skip
     """Of the highest leaf above the ground, as by a ruler; null where ``unknown`` says why. So are the others."""
     height_error_m: Length | None = None
-    cover_percent: Percent | None = None
+    cover_percent: Annotated[
+        Percent | None,
+        Described(
+            "cover", "cover", "%", 1, "of the plot, seen from above",
+            "Share of the plot that lies below plants, seen from straight above.",
+        ),
+    ] = None  # fmt: skip
     """Of the plot's outline, below plants as seen from straight above."""
     cover_error_percent: Length | None = None
     """Percent of the plot, as cover_percent."""
-    covered_area_m2: Length | None = None
+    covered_area_m2: Annotated[
+        Length | None,
+        Described(
+            "covered area", "covered", "m²", 3, "of ground below plants", "Ground that lies below plants.", trend=False
+        ),
+    ] = None
     """Ground below plants: within the plot's outline, where it is known."""
     covered_area_error_m2: Length | None = None
-    canopy_volume_m3: Length | None = None
+    canopy_volume_m3: Annotated[
+        Length | None,
+        Described(
+            "canopy volume", "volume", "m³", 3, "between the ground and the plants' upper surface",
+            "Volume between the ground and the upper surface of the plants.",
+        ),
+    ] = None  # fmt: skip
     """Between the ground and the canopy's upper surface, over the covered area."""
     canopy_volume_error_m3: Length | None = None
     plot_area_m2: Annotated[float, Field(gt=0)] | None = None
@@ -40,6 +85,10 @@ class TraitsEntry(Strict):
         return {**{name: getattr(self, name) for name in VALUES}, REASONS: reasons_in_words(self.unknown)}
 
 
+DESCRIBED: Mapping[Trait, Described] = {
+    trait: next(each for each in TraitsEntry.model_fields[trait].metadata if isinstance(each, Described))
+    for trait in TRAITS
+}
 VALUES = tuple(name for name in TraitsEntry.model_fields if name != "unknown")
 REASONS = "no_trait"
 COLUMNS = (*VALUES, REASONS)
@@ -52,15 +101,15 @@ def error_column(trait: Trait) -> str:
     return f"{name}_error_{unit}"
 
 
-def reasons_in_words(unknown: dict[Trait, str], names: Mapping[Trait, str] | None = None) -> str:
+def reasons_in_words(unknown: Mapping[Trait, str], *, labels: bool = False) -> str:
     """Each reason once, after the traits it is of: ``height_m, canopy_volume_m3: no ground was found``.
 
     Args:
         unknown: reasons by trait.
-        names: of the traits for people; None takes the columns' names.
+        labels: name the traits as people do, not by their columns.
     """
     by_reason: dict[str, list[str]] = {}
     for trait in TRAITS:
         if trait in unknown:
-            by_reason.setdefault(unknown[trait], []).append(names[trait] if names else trait)
+            by_reason.setdefault(unknown[trait], []).append(DESCRIBED[trait].label if labels else trait)
     return "; ".join(f"{', '.join(traits)}: {reason}" for reason, traits in by_reason.items())

@@ -17,7 +17,7 @@ from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.compare import compare_evaluations
 from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation, reference_report
 from fieldkit.evaluation.score_noise import block_sums, log_sd, pooled_spread, quantile_95
-from fieldkit.figures.spreadsheets.comparison import compare_csv
+from fieldkit.figures.spreadsheets import compare_csv
 from fieldkit.figures.terminal.results import comparison_output
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.comparison import ComparisonReport, DifferenceEntry

@@ -15,7 +15,7 @@ from fieldkit.evaluation.adherence import Flight, flown_noise
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.pose_table import capture_poses, spread
-from fieldkit.figures.spreadsheets.adherence import adherence_csv
+from fieldkit.figures.spreadsheets import adherence_csv
 from fieldkit.figures.tables.adherence import adherence_by_plot, difference_table, gaps
 from fieldkit.flightlogs import read_flight_log
 from fieldkit.geometry import Pose, Similarity

@@ -15,7 +15,6 @@ from fieldkit.figures.content import (
     KeyFigure,
     KeyFigures,
     Link,
-    Map,
     Mark,
     Page,
     Paragraph,
@@ -39,7 +38,7 @@ from fieldkit.figures.drawings import (
     Series,
     ViewerScene,
 )
-from fieldkit.figures.foreign_text import unbroken, visible
+from fieldkit.figures.style import unbroken, visible
 from fieldkit.geometry import Pose
 from fieldkit.report.html.document import render
 from tests.report.page_checks import Parsed, checked
@@ -53,7 +52,7 @@ def every_block(text: str) -> tuple[Block, ...]:
         level=(2.0, text), x_ticks=((0.0, text), (2.0, text)), y_top=5.0,
     )  # fmt: skip
     plots = (MappedPlot(text, (((0.0, 0.0), (5.0, 0.0), (5.0, 3.0)),)), MappedPlot("b", (((9.0, 9.0),),)))
-    measure = Measure(text, text, text, {text: {text: 1.5}, "later": {"b": 2.0}}, {"later": {text: text}})
+    measure = Measure(text, text, {text: {text: 1.5}, "later": {"b": 2.0}}, {"later": {text: text}})
     plot_map = PlotMap(text, plots, (measure, measure), {text: "folded", "b": "c"})
     scene = ViewerScene(
         text, (PointLayer(text, np.zeros((2, 3), np.float32)),),
@@ -71,7 +70,7 @@ def every_block(text: str) -> tuple[Block, ...]:
             ((text, None, picture), (Link(text, "c"), "1", Mark("note", text))), text,
         ),
         Charts((chart,)),
-        Map(plot_map),
+        plot_map,
         Still(picture, text),
         Details(text, (Paragraph(text), View("view-1", scene, text, picture)), anchor="folded"),
     )  # fmt: skip

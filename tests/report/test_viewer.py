@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from fieldkit.errors import InputError
 from fieldkit.figures.drawings import FrustumLayer, LineLayer, PointLayer, ViewerScene
-from fieldkit.figures.foreign_text import visible
-from fieldkit.figures.style import DISTANCE_RAMP
+from fieldkit.figures.style import DISTANCE_RAMP, visible
 from fieldkit.report.html import viewer
 from tests.report.views import HOSTILE, cameras, hostile_scene, leaves, small_scene
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from fieldkit.figures.content import Column, Mark, Picture, Table
+from fieldkit.figures.content import Column, Mark, Picture, Table, tabulated
 from fieldkit.figures.style import DASH, decimal, format_length, format_seconds, metres, with_unit
-from fieldkit.figures.tables.tabulated import tabulated
 from fieldkit.results.evaluation import CameraEntry, ImageEntry, ReconstructionEntry, ReferenceReport
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count
@@ -68,19 +67,22 @@ def photograph_table(
         metric: whether lengths are metres.
         pictures: thumbnails by name.
     """
-    return tabulated(caption, sorted(images, key=was_used), (
-        (Column("photograph"), lambda i: i.name),
-        (Column("picture", detail=True), lambda i: (pictures or {}).get(i.name)),
-        (Column("state", detail=True), state),
-        (Column("features", True), lambda i: f"{i.features:,}"),
-        (Column("points seen", True, detail=True), lambda i: f"{i.observations:,}"),
-        (Column("reprojection, px", True, detail=True), lambda i: decimal(i.reprojection_px)),
-        (Column(f"position residual{', m' * metric}", True, detail=True), lambda i: metres(i.position_residual_m, 3)),
-        (Column("direction residual, °", True, detail=True), lambda i: decimal(i.angle_residual_deg)),
-        (Column(f"height{', m' * metric}", True, detail=True), lambda i: i.center_m and metres(i.center_m[2])),
-        (Column("pitch, °", True, detail=True), lambda i: decimal(i.pitch_deg, 1)),
-        (Column("why"), lambda i: i.reason or None),
-    ))  # fmt: skip
+    return tabulated(caption, [
+        {
+            "photograph": i.name,
+            Column("picture", detail=True): (pictures or {}).get(i.name),
+            Column("state", detail=True): state(i),
+            Column("features", True): f"{i.features:,}",
+            Column("points seen", True, detail=True): f"{i.observations:,}",
+            Column("reprojection, px", True, detail=True): decimal(i.reprojection_px),
+            Column(f"position residual{', m' * metric}", True, detail=True): metres(i.position_residual_m, 3),
+            Column("direction residual, °", True, detail=True): decimal(i.angle_residual_deg),
+            Column(f"height{', m' * metric}", True, detail=True): i.center_m and metres(i.center_m[2]),
+            Column("pitch, °", True, detail=True): decimal(i.pitch_deg, 1),
+            "why": i.reason or None,
+        }
+        for i in sorted(images, key=was_used)
+    ])  # fmt: skip
 
 
 def state(image: ImageEntry) -> Mark:
@@ -92,16 +94,14 @@ def state(image: ImageEntry) -> Mark:
 
 def stage_table(report: ReconstructionEntry) -> Table:
     """The time of each stage and of all together."""
-    columns = (
-        Column("stage"), Column("items", True), Column("from cache", True), Column("time", True),
-        Column("CPU time", True),
-    )  # fmt: skip
-    rows = [
-        (t.name, f"{t.items:,}", f"{t.cached:,}", format_seconds(t.wall_s), format_seconds(t.cpu_s))
-        for t in report.times
-    ]
-    rows.append(("all", "", "", format_seconds(report.seconds), format_seconds(report.cpu_seconds)))
-    return Table("Time per stage", columns, tuple(rows))
+    rows = [(t.name, f"{t.items:,}", f"{t.cached:,}", t.wall_s, t.cpu_s) for t in report.times]
+    return tabulated("Time per stage", [
+        {
+            "stage": name, Column("items", True): items, Column("from cache", True): cached,
+            Column("time", True): format_seconds(wall_s), Column("CPU time", True): format_seconds(cpu_s),
+        }
+        for name, items, cached, wall_s, cpu_s in [*rows, ("all", "", "", report.seconds, report.cpu_seconds)]
+    ])  # fmt: skip
 
 
 def finding_table(findings: Sequence[Finding], most_names: int) -> Table:
@@ -110,16 +110,18 @@ def finding_table(findings: Sequence[Finding], most_names: int) -> Table:
     for finding in findings:
         groups.setdefault((finding.code, finding.message, finding.left_out), []).append(finding.subject)
 
-    def told(group: tuple[tuple[str, str, bool], list[str]]) -> str:
-        (_, message, left_out), names = group
+    def told(names: list[str]) -> str:
         more = f" and {len(names) - most_names} more" if len(names) > most_names else ""
-        return f"{', '.join(names[:most_names])}{more}: {'left out: ' if left_out else ''}{message}"
+        return f"{', '.join(names[:most_names])}{more}"
 
-    return tabulated("Findings", list(groups.items()), (
-        (Column("finding"), lambda group: group[0][0]),
-        (Column("files", True), lambda group: f"{len(group[1]):,}"),
-        (Column("what was found"), told),
-    ))  # fmt: skip
+    return tabulated("Findings", [
+        {
+            "finding": code,
+            Column("files", True): f"{len(names):,}",
+            "what was found": f"{told(names)}: {'left out: ' if left_out else ''}{message}",
+        }
+        for (code, message, left_out), names in groups.items()
+    ])  # fmt: skip
 
 
 def _metric_source(report: ReconstructionEntry) -> str:

@@ -14,8 +14,7 @@ from rich.text import Text
 
 from fieldkit.figures import content
 from fieldkit.figures.content import Block, Cell, Column, Table
-from fieldkit.figures.foreign_text import visible
-from fieldkit.figures.style import DASH, table
+from fieldkit.figures.style import DASH, table, visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -20,7 +20,8 @@ from markupsafe import Markup
 
 from fieldkit.figures import content
 from fieldkit.figures.content import Block, Details, Page, View
-from fieldkit.figures.foreign_text import unbroken, visible
+from fieldkit.figures.drawings import PlotMap
+from fieldkit.figures.style import unbroken, visible
 from fieldkit.report.html.charts import draw
 from fieldkit.report.html.plot_map import draw_map
 from fieldkit.report.html.viewer import viewer_html, viewer_script, viewer_style
@@ -37,7 +38,7 @@ _KINDS = {
     content.Terms: "terms",
     content.Table: "table",
     content.Charts: "charts",
-    content.Map: "map",
+    PlotMap: "map",
     content.View: "view",
     content.Still: "still",
     content.Details: "details",

@@ -23,8 +23,7 @@ import numpy as np
 
 from fieldkit.errors import InputError
 from fieldkit.figures.drawings import FrustumLayer, LineLayer, ViewerScene
-from fieldkit.figures.foreign_text import visible
-from fieldkit.figures.style import DISTANCE_RAMP, format_nominal
+from fieldkit.figures.style import DISTANCE_RAMP, format_nominal, visible
 from fieldkit.report.html.packing import PackedPoints, pack_points, plain_floats
 from fieldkit.runtime.shipped import shipped_page
 

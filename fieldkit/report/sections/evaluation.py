@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from fieldkit.figures.content import Block, Details, KeyFigures, Paragraph, Section, View
+from fieldkit.figures.content import MOST_ROWS, Block, Details, KeyFigures, Paragraph, Section, View
 from fieldkit.figures.tables import adherence, scores
-from fieldkit.figures.tables.tabulated import MOST_ROWS
 from fieldkit.report.sections.loaded_results import EvaluationResult
 from fieldkit.report.sections.reconstruction import (
     Pictures,

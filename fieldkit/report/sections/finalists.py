@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from fieldkit.figures.content import Column, Table
+from fieldkit.figures.content import Column, Table, tabulated
 from fieldkit.figures.style import millimetres
-from fieldkit.figures.tables.tabulated import tabulated
 from fieldkit.planning.run.outcome import Outcome
 
 _NOTE = (
@@ -16,14 +15,16 @@ _NOTE = (
 def finalist_table(outcome: Outcome) -> Table:
     """The finalists of a search, the plan first; trials count from 1, the `number` of evaluations.jsonl from 0."""
     best = outcome.finalists[0].number if outcome.finalists else -1
-    return tabulated("Finalists", outcome.finalists, (
-        (Column("trial"), lambda found: f"{found.number + 1}{', the plan' * (found.number == best)}"),
-        (Column("how it was proposed", short="from"), lambda found: found.origin),
-        (Column("expected, mm", True), lambda found: millimetres(found.expected_m)),
-        (Column("in the search, mm", True, short="search, mm"), lambda found: millimetres(found.search_value_m)),
-        (Column("confirmed, mm", True), lambda found: millimetres(found.value_m)),
-        (Column("spread, mm", True, short="±, mm"), lambda found: millimetres(found.spread_m)),
-        (Column("expected after all evaluations, mm", True, short="kind, mm"),
-         lambda found: millimetres(found.kind_m)),
-        (Column("photographs used", short="used"), lambda found: ", ".join(map(str, found.right))),
-    ), _NOTE)  # fmt: skip
+    return tabulated("Finalists", [
+        {
+            "trial": f"{found.number + 1}{', the plan' * (found.number == best)}",
+            Column("how it was proposed", short="from"): found.origin,
+            Column("expected, mm", True): millimetres(found.expected_m),
+            Column("in the search, mm", True, short="search, mm"): millimetres(found.search_value_m),
+            Column("confirmed, mm", True): millimetres(found.value_m),
+            Column("spread, mm", True, short="±, mm"): millimetres(found.spread_m),
+            Column("expected after all evaluations, mm", True, short="kind, mm"): millimetres(found.kind_m),
+            Column("photographs used", short="used"): ", ".join(map(str, found.right)),
+        }
+        for found in outcome.finalists
+    ], _NOTE)  # fmt: skip

@@ -8,7 +8,6 @@ from fieldkit.campaign import Visit
 from fieldkit.figures.content import (
     Block,
     Details,
-    Map,
     Paragraph,
     Picture,
     Section,
@@ -60,7 +59,7 @@ def in_short(results: Results, statements: Sequence[Statement], pictures: Sequen
         shown for k, result in enumerate(results.campaigns)
         if (shown := plot_map(result.campaign, campaign_anchor(k))) is not None
     ]  # fmt: skip
-    blocks += [Map(shown) for shown in maps]
+    blocks += maps
     blocks += [Still(picture, caption) for caption, picture in ([] if maps else pictures)]
     tables = list(_plants(results))
     ordered = sorted(grouped, key=lambda each: each.level != "problem")

@@ -12,10 +12,12 @@ from fieldkit.figures.content import (
     KeyFigure,
     KeyFigures,
     Paragraph,
+    Row,
     Section,
     Table,
     Terms,
     View,
+    tabulated,
 )
 from fieldkit.figures.drawings import LineChart, Series
 from fieldkit.figures.style import (
@@ -27,12 +29,12 @@ from fieldkit.figures.style import (
     format_with_error,
     metres,
 )
-from fieldkit.figures.tables.tabulated import tabulated
 from fieldkit.missions.export_record import geo_points, site_frame
 from fieldkit.planning.run.outcome import best_so_far, models_of, weights_of
 from fieldkit.report.sections.finalists import finalist_table
 from fieldkit.report.sections.loaded_results import MissionResult, PlanResult
-from fieldkit.results.plan import station_number
+from fieldkit.results.mission import MissionStation
+from fieldkit.results.plan import Station, station_number
 from fieldkit.wording import count
 
 _LATER = 0.97  # quantile of the values within the curve's axis; the first random sets are often much worse
@@ -71,17 +73,18 @@ def mission_section(result: MissionResult, anchor: str, view: View | None) -> Se
         heights = [station.height_m for station in stations]
         figures.append(KeyFigure("heights of photographs", format_range(heights), "above home"))
     positions = site_frame(result.record).points(geo_points(stations)).tolist()
-    flown = [(number, *each) for number, each in enumerate(zip(stations, positions, strict=True), 1)]
-    table = tabulated("Photographs in the order they are flown", flown, (
-        (Column("photograph"), lambda row: f"{row[0]}"),
-        (Column("plot"), lambda row: row[1].plot),
-        (Column("station", True), lambda row: f"{station_number(row[1].index)}"),
-        (Column("east of home, m", True), lambda row: metres(row[2][0])),
-        (Column("north of home, m", True), lambda row: metres(row[2][1])),
-        (Column("height above home, m", True), lambda row: metres(row[2][2])),
-        (Column("yaw, °", True), lambda row: decimal(row[1].yaw_deg % 360.0, 1)),
-        (Column("pitch, °", True), lambda row: decimal(row[1].pitch_deg, 1)),
-    ))  # fmt: skip
+    table = tabulated("Photographs in the order they are flown", [
+        {
+            "photograph": f"{number}",
+            "plot": station.plot,
+            Column("station", True): f"{station_number(station.index)}",
+            Column("east of home, m", True): metres(east),
+            Column("north of home, m", True): metres(north),
+            Column("height above home, m", True): metres(up),
+            **_angles(station),
+        }
+        for number, (station, (east, north, up)) in enumerate(zip(stations, positions, strict=True), 1)
+    ])  # fmt: skip
     blocks: tuple[Block, ...] = (KeyFigures(tuple(figures)), *([view] if view is not None else []))
     blocks += (table,) if len(table.rows) <= 14 else (Details(f"All {len(stations)} photographs", (table,)),)
     return Section(anchor, f"Mission: {result.mission_file or result.name}", blocks)
@@ -147,14 +150,22 @@ def _charts(result: PlanResult) -> Iterator[LineChart]:
 
 def _stations(result: PlanResult) -> Table:
     assert result.plan is not None
-    return tabulated("Stations", list(enumerate(result.plan.stations)), (
-        (Column("station"), lambda row: f"{station_number(row[0])}"),
-        (Column("x, m", True), lambda row: metres(row[1].position_m[0])),
-        (Column("y, m", True), lambda row: metres(row[1].position_m[1])),
-        (Column("z, m", True), lambda row: metres(row[1].position_m[2])),
-        (Column("yaw, °", True), lambda row: decimal(row[1].yaw_deg % 360.0, 1)),
-        (Column("pitch, °", True), lambda row: decimal(row[1].pitch_deg, 1)),
-    ), "Plot frame: metres from the plot's centre on the ground; z is the height above it.")  # fmt: skip
+    axes = [Column(f"{axis}, m", True) for axis in "xyz"]
+    return tabulated("Stations", [
+        {
+            "station": f"{station_number(number)}",
+            **dict(zip(axes, map(metres, station.position_m), strict=True)),
+            **_angles(station),
+        }
+        for number, station in enumerate(result.plan.stations)
+    ], "Plot frame: metres from the plot's centre on the ground; z is the height above it.")  # fmt: skip
+
+
+def _angles(station: Station | MissionStation) -> Row:
+    return {
+        Column("yaw, °", True): decimal(station.yaw_deg % 360.0, 1),
+        Column("pitch, °", True): decimal(station.pitch_deg, 1),
+    }
 
 
 def _settings(result: PlanResult) -> Iterator[tuple[str, str]]:

@@ -10,6 +10,7 @@ from fieldkit.clouds import read_cloud
 from fieldkit.errors import FieldkitError
 from fieldkit.figures.content import Details, Page, Paragraph, Picture, Section, Terms, View
 from fieldkit.figures.drawings import ViewerScene
+from fieldkit.figures.registry import FIGURES, Scored
 from fieldkit.figures.tables.reconstruction import was_used
 from fieldkit.report.sections.campaign import campaign_anchor, campaign_section
 from fieldkit.report.sections.comparison import comparison_section
@@ -39,6 +40,7 @@ from fieldkit.runtime.progress import Progress
 MOST_THUMBNAILS = 300
 """Largest number of a report's thumbnails, about 2 MB."""
 
+_OF_REFERENCES = ("right_share", "reprojection_px", "track_length", "gsd_m")
 _MOST_PICTURES = 2
 """Largest number of stills that a report begins with."""
 
@@ -228,32 +230,25 @@ def _subtitle(results: Results) -> str:
 
 
 def _used(results: Results) -> set[str]:
-    """The terms used in a report."""
-    used: set[str] = set()
-    if results.references or results.evaluations:
-        used |= {
-            "registered", "used", "reference", "residual", "RMS", "reprojection error", "track length",
-            "ground sampling distance", "yaw, pitch",
-        }  # fmt: skip
-    if any(plot.chamfer_m is not None for e in results.evaluations for plot in e.report.plots):
-        used |= {"accuracy", "completeness", "chamfer distance", "precision, recall", "F-score"}
-    if any(plot.adherence is not None for e in results.evaluations for plot in e.report.plots):
-        used |= {"adherence", "station"}
-    if any(plot.traits is not None for e in results.evaluations for plot in e.report.plots):
-        used |= {"height", "cover", "canopy volume"}
-    if any(plot.prediction is not None for e in results.evaluations for plot in e.report.plots):
-        used |= {"predicted", "chamfer distance"}
-    if results.plans:
-        used |= {"station", "yaw, pitch", "plot frame", "chamfer distance", "reference"}
-    if any(plan.settings is not None for plan in results.plans):
-        used |= {"trial", "confirmation"}
-    if results.missions:
-        used |= {"station", "yaw, pitch"}
-    if results.comparisons:
-        used |= {"reference", "chamfer distance", "F-score", "predicted", "height", "cover"}
-    if results.campaigns:
-        used |= {
-            "used", "reference", "accuracy", "completeness", "chamfer distance", "F-score", "RMS", "predicted", "cover",
-            "height", "canopy volume",
-        }  # fmt: skip
-    return used
+    """The terms used in a report: those of its kinds of results, and the figures that any plot has."""
+    plots = [plot for evaluation in results.evaluations for plot in evaluation.report.plots]
+    visits = [visit for campaign in results.campaigns for visit in campaign.campaign.visits]
+    scored: list[Scored] = [*plots, *visits]
+    compared = {key for comparison in results.comparisons for key in comparison.report.figures}
+    used = {
+        figure.label
+        for figure in FIGURES.values()
+        if figure.key in compared or any(figure.value(each) is not None for each in scored)
+    }
+    terms = (
+        ({"registered", "reference", "residual", "RMS", "yaw, pitch"}, results.references or results.evaluations),
+        ({FIGURES[key].label for key in _OF_REFERENCES}, results.references),
+        ({"precision, recall", "F-score"}, any(plot.f_score for plot in plots)),
+        ({"adherence", "station"}, any(plot.adherence is not None for plot in plots)),
+        ({"station", "yaw, pitch", "plot frame", "chamfer distance", "reference"}, results.plans),
+        ({"trial", "confirmation"}, any(plan.settings is not None for plan in results.plans)),
+        ({"station", "yaw, pitch"}, results.missions),
+        ({"reference", "F-score"}, results.comparisons),
+        ({"reference", "F-score", "RMS"}, results.campaigns),
+    )
+    return used.union(*(names for names, shown in terms if shown))

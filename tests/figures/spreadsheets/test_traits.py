@@ -6,7 +6,7 @@ import csv
 import io
 from pathlib import Path
 
-from fieldkit.figures.spreadsheets.traits import TABLE_COLUMNS, plot_rows, trait_row, traits_csv, write_traits_csv
+from fieldkit.figures.spreadsheets import TABLE_COLUMNS, plot_rows, trait_row, traits_csv, write_traits_csv
 from fieldkit.results.traits import TraitsEntry, error_column, reasons_in_words
 from tests.figures.terminal.test_results import FAILED, TRAITS, scored
 

@@ -1,32 +1,24 @@
-"""Tables made of things."""
+"""Tables made of rows."""
 
 from __future__ import annotations
 
-from fieldkit.figures.content import Column
+from fieldkit.figures.content import MOST_ROWS, Column, tabulated
 from fieldkit.figures.tables.adherence import station_table
-from fieldkit.figures.tables.tabulated import MOST_ROWS, tabulated
 from fieldkit.results.evaluation import AdherenceEntry
 
 
 def test_columns_that_say_nothing_are_left_out() -> None:
-    columns = (
-        (Column("name"), str),
-        (Column("never"), lambda _: None),
-        (Column("even"), lambda k: "yes" if k % 2 == 0 else None),
-    )
-    table = tabulated("t", (1, 2), columns, "A note.")
-    assert [column.label for column in table.columns] == ["name", "even"]
+    even = Column("even", True)
+    rows = [{"name": f"{k}", "never": None, even: "yes" if k % 2 == 0 else None} for k in (1, 2)]
+    table = tabulated("t", rows, "A note.")
+    assert table.columns == (Column("name"), even)
     assert table.rows == (("1", None), ("2", "yes"))
     assert table.note == "A note."
-
-
-def test_no_things_give_no_rows_and_all_columns() -> None:
-    table = tabulated("t", (), ((Column("name"), str), (Column("never"), lambda _: None)))
-    assert (len(table.columns), table.rows, table.note) == (2, (), "")
+    assert tabulated("t", []).rows == ()
 
 
 def test_long_tables_are_cut_and_say_so() -> None:
-    table = tabulated("t", range(MOST_ROWS + 1), ((Column("k"), str),))
+    table = tabulated("t", [{"k": f"{k}"} for k in range(MOST_ROWS + 1)])
     assert len(table.rows) == MOST_ROWS
     assert table.note == f"The first {MOST_ROWS} of {MOST_ROWS + 1}."
 

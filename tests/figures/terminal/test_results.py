@@ -123,8 +123,8 @@ class TestTables:
         plot = scored("a").model_copy(update={"traits": TRAITS, "prediction": told})
         text = shown(evaluation_output(report(plot, reference=False)), 120)
         assert "plant height 0.81 ± 0.03 m of the highest leaf" in text
-        assert "cover 16.0 % ± 1.2 %; of 1.21 m², seen from above" in text
-        assert "canopy volume 0.310 m³ ± 0.031 m³" in text
+        assert "cover 16.0 ± 1.2 % of the plot, seen from above" in text
+        assert "canopy volume 0.310 ± 0.031 m³ between" in text
         assert "distance to its plants 12.0 mm predicted; nine in ten such plots: 6.00 to 24.0 mm" in text
 
     def test_plants_and_predictions_of_many(self) -> None:

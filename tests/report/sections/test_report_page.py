@@ -372,7 +372,7 @@ def test_a_report_is_html(scored: Results, name: str) -> None:
 
 
 def test_terms_are_explained() -> None:
-    assert [name for name, _ in meanings(["F-score", "accuracy"])] == ["accuracy", "F-score"]
+    assert [name for name, _ in meanings(["accuracy", "F-score"])] == ["F-score", "accuracy"]
     with pytest.raises(KeyError):
         meanings(["nonsense"])
     assert all(meaning.endswith(".") for meaning in MEANINGS.values())
