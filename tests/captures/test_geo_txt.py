@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fieldkit.captures.geo_txt import GeoRow, parse_geo_txt, settled_heights
+from fieldkit.documents.mistaken import SWAPPED
 from fieldkit.errors import FieldkitError, MetadataError
 from fieldkit.geometry.geodesy import geodetic_to_ecef
 
@@ -84,7 +85,7 @@ def test_mistakes_name_the_line(text: str, words: list[str]) -> None:
 def test_swapped_columns_are_suspected() -> None:
     with pytest.raises(MetadataError) as caught:
         parse_geo_txt("EPSG:4326\na.jpg 46.8 -91.99\n")
-    assert caught.value.remedy == "Longitude comes before latitude."
+    assert caught.value.remedy == SWAPPED.remedy
 
 
 @given(st.one_of(st.text(max_size=150), st.text(alphabet="EPSG:4326 a.jpg0-9\n\t#", max_size=150)))

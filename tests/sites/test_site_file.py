@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from benchmarks.fuzzing import Target, fuzz
+from fieldkit.documents.mistaken import SWAPPED
 from fieldkit.errors import MetadataError
 from fieldkit.sites.placement import SiteFrame
 from fieldkit.sites.plot_shapes import heading_near, plot_shape
@@ -227,7 +228,7 @@ def test_no_way_out_of_the_folder(tmp_path: Path) -> None:
         ([point()], "feature 1: is a point without row_heading_deg"),
         ([point(row_heading_deg="90")], "feature 1: row_heading_deg: "),
         ([point(row_heading_deg=1000)], "feature 1: row_heading_deg: "),
-        ([point(50.8650, 96.4473, row_heading_deg=0)], "longitude and latitude look swapped"),
+        ([point(50.8650, 96.4473, row_heading_deg=0)], SWAPPED.looks_like),
         ([point(326543.2, 5637000.1, row_heading_deg=0)], "metres of a map projection look like this"),
         ([point(6.4, 50.8, 91.5, row_heading_deg=0)], "has the height 91.5 in its coordinates"),
         ([point(row_heading_deg=0, height_m=91.5)], "height_m is 91.5, but above what?"),
@@ -266,7 +267,7 @@ def test_plots_far_from_home_or_without_its_datum(tmp_path: Path) -> None:
     with pytest.raises(MetadataError, match=r"lies .* km from home: its latitude and longitude look swapped") as caught:
         load_site(site, swapped)
     assert caught.value.path == swapped
-    assert caught.value.remedy == "A site file gives the latitude first, GeoJSON the longitude."
+    assert caught.value.remedy == SWAPPED.remedy
     plots = load_plots(geojson(tmp_path, point(row_heading_deg=0, height_m=140.0, datum="ellipsoid")))
     with pytest.raises(MetadataError, match="home needs ellipsoid_m"):
         with_plots(load_site(site), plots)
