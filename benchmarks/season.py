@@ -18,7 +18,7 @@ import psutil
 
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.season_plots import DATES, STATIONS, Flown, make_campaign, photograph
-from fieldkit.campaign.visit_folders import read_visits
+from fieldkit.campaign.visits import read_visits
 from fieldkit.clouds import read_cloud, score
 from fieldkit.errors import ReconstructionError
 from fieldkit.runtime.parallel import map_parallel

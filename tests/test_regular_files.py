@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from fieldkit.campaign.campaign_file import read_campaign_file
-from fieldkit.campaign.earlier_formats import TABLE_FILE, read_earlier_table
 from fieldkit.captures import read_capture
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.captures.decode import read_image
@@ -37,8 +36,7 @@ from fieldkit.regular_files import check_replaceable, open_regular, read_regular
 from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import file_sha256, load_evaluation_report, load_reference_report
-from fieldkit.results.visit import CAMPAIGN_FILE
-from fieldkit.results.visit_file import VISIT_FILE, visit_document
+from fieldkit.results.visit import CAMPAIGN_FILE, VISIT_FILE, load_visit
 from fieldkit.scenes.plot_description import check_mesh_file
 from fieldkit.scenes.scene_file import read_scene
 from fieldkit.sites.site_file import load_plots, load_site
@@ -56,9 +54,8 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "reference": ("reference.json", load_reference_report),
     "evaluation": ("evaluation.json", load_evaluation_report),
     "mission record": ("mission.json", load_mission),
-    "visit": _of_folder(visit_document, VISIT_FILE),
+    "visit": _of_folder(load_visit, VISIT_FILE),
     "campaign": (CAMPAIGN_FILE, read_campaign_file),
-    "campaign's earlier table": _of_folder(read_earlier_table, TABLE_FILE),
     "search": _of_folder(read_settings, SETTINGS_FILE),
     "search's log": _of_folder(lambda folder: list(read_log(folder)), LOG_FILE),
     "search's outcome": _of_folder(read_outcome, OUTCOME_FILE),
@@ -102,13 +99,6 @@ def test_every_reader_refuses_what_is_no_file(reader: str, kind: str, tmp_path: 
         read(path)
     assert caught.value.remedy
     assert caught.value.exit_code == 3
-
-
-def test_what_lies_beside_an_earlier_table_is_looked_at_too(tmp_path: Path) -> None:
-    (tmp_path / TABLE_FILE).write_bytes(b"")
-    put("fifo", tmp_path / f"{TABLE_FILE}-journal")
-    with pytest.raises(FieldkitError, match="regular"):
-        read_earlier_table(tmp_path)
 
 
 def test_a_sidecar_that_is_no_file_is_named(tmp_path: Path) -> None:

@@ -9,18 +9,15 @@ from typing import Any
 
 from fieldkit.cache import StageCache
 from fieldkit.campaign.campaign_file import EvaluationTable
-from fieldkit.campaign.engine import stage_versions
-from fieldkit.campaign.folder_names import folder_name
 from fieldkit.campaign.reading import CampaignPlot
-from fieldkit.campaign.visit_folders import visit_place
 from fieldkit.campaign.visit_frame import place_visit, wanted_sidecars
+from fieldkit.campaign.visits import stage_versions, visit_place
 from fieldkit.captures import Capture
 from fieldkit.captures.selection import FoundPhoto, capture_of
 from fieldkit.errors import FieldkitError, MetadataError, StorageError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.evaluate import PLOTS_FILE
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
-from fieldkit.evaluation.plots import result_folders
 from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS
 from fieldkit.evaluation.reference import Reference
 from fieldkit.evaluation.scoring import Scoring, Spent, score_capture
@@ -31,10 +28,10 @@ from fieldkit.results.evaluation import PlotEvaluation
 from fieldkit.results.fields import clean_text
 from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import EVALUATION_FILE, REFERENCE_FILE, describe_files, save_report
-from fieldkit.results.visit import Visit
-from fieldkit.results.visit_file import VISIT_FILE, save_visit
+from fieldkit.results.visit import VISIT_FILE, Visit, save_visit
 from fieldkit.runtime.progress import Silent
 from fieldkit.sites.fit import plants_outgrown
+from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.version import __version__
 from fieldkit.wording import count
 
@@ -75,7 +72,7 @@ class VisitJob:
     @property
     def place(self) -> str:
         """The visit's folder, relative to the campaign's."""
-        return visit_place(self.plot.id, self.date)
+        return visit_place(self.plot.name, self.date)
 
 
 @dataclass(frozen=True)
@@ -122,7 +119,7 @@ def failed_visit(job: VisitJob, error: str) -> Visit:
 def _of_job(job: VisitJob, notes: Iterable[str]) -> dict[str, Any]:
     """A visit's fields that are known before it is evaluated."""
     return {
-        "plot": job.plot.id,
+        "plot": job.plot.name,
         "date": job.date,
         "captures": clean_text(job.captures),
         "notes": tuple(dict.fromkeys(clean_text(note) for note in notes)),
@@ -147,7 +144,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
     spent = Spent.now()
     settings, notes = job.evaluation.settings, list(job.notes)
     scoring: Scoring | None = None
-    (name,) = result_folders([folder_name(job.plot.id)], (EVALUATION_FILE, PLOTS_FILE, VISIT_FILE))
+    name = plot_file_name(job.plot.name, (EVALUATION_FILE, PLOTS_FILE, VISIT_FILE))
     try:
         reference = _reference(job.plot)
         scoring = Scoring.against(
@@ -163,7 +160,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
         notes += [*placed.notes, *_against_plan(capture, job.plan)]
         rasters = job.evaluation.wanted_rasters
         plot = score_capture(
-            job.plot.id, capture, placed.plot, folder, settings, scoring,
+            job.plot.name, capture, placed.plot, folder, settings, scoring,
             spent=spent, cache=StageCache(job.cache), progress=Silent(), subfolder=name, outline=placed.outline,
             rasters=None if rasters is None else replace(rasters, at_origin=placed.at_origin),
         )  # fmt: skip
@@ -174,7 +171,7 @@ def _evaluated(job: VisitJob, folder: Path) -> Visit:
         raise
     except FieldkitError as error:
         plot = failed_plot(
-            job.plot.id, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds, photographs=len(job.photos)
+            job.plot.name, error, seconds=spent.seconds, cpu_seconds=spent.cpu_seconds, photographs=len(job.photos)
         )
     report = evaluation_report(
         Path(job.captures).name,
@@ -219,10 +216,10 @@ def _reference(plot: CampaignPlot) -> Reference | None:
         file = plot.reference / REFERENCE_FILE
         if not file.is_file():
             raise MetadataError(
-                f"the reference of {plot.id} is not there", path=file, remedy="Correct its path in campaign.toml."
+                f"the reference of {plot.name} is not there", path=file, remedy="Correct its path in campaign.toml."
             )
         raise MetadataError(
-            f"the reference of {plot.id} is not the one that campaign.toml names by its sha256", path=file,
+            f"the reference of {plot.name} is not the one that campaign.toml names by its sha256", path=file,
             remedy="Put its new sha256 into campaign.toml; all visits of the plot are then evaluated again.",
         )  # fmt: skip
     return Reference(plot.reference)

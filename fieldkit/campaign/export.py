@@ -81,7 +81,7 @@ def visit_rows(campaign: Campaign) -> list[Values]:
         for date in campaign.dates
         for entry in ranking(campaign.visits, campaign.plan, date)
     }
-    plots = {plot.id: plot for plot in campaign.plots}
+    plots = {plot.name: plot for plot in campaign.plots}
     return [_row(v, plots.get(v.plot), ranks.get((v.plot, v.date)), distances) for v in campaign.visits]
 
 
@@ -89,14 +89,14 @@ def plot_rows(campaign: Campaign) -> list[Values]:
     """A row of plain values per plot of the site: where it is, how often it was visited, its latest figures."""
     result = []
     for plot in campaign.plots:
-        own = [visit for visit in campaign.visits if visit.plot == plot.id]
+        own = [visit for visit in campaign.visits if visit.plot == plot.name]
         last = max(own, key=lambda visit: visit.date, default=None)
         figures = {name: None if last is None else getattr(last, name) for name in _LATEST}
         traits = ((None if last is None else last.traits) or TraitsEntry()).row()
         figures |= {name: traits[name] for name in TRAIT_COLUMNS}
         result.append(
             {
-                "plot": plot.id, **_place(plot), "visits": len(own), "date": None if last is None else last.date,
+                "plot": plot.name, **_place(plot), "visits": len(own), "date": None if last is None else last.date,
                 **figures, "error": "" if last is None else last.error,
             }
         )  # fmt: skip
@@ -111,7 +111,7 @@ def campaign_csv(campaign: Campaign) -> str:
 
 def campaign_geojson(campaign: Campaign) -> str:
     """The visits as a FeatureCollection (RFC 7946): polygons where plots are drawn so, else points."""
-    shapes = {plot.id: _geometry(plot) for plot in campaign.plots}
+    shapes = {plot.name: _geometry(plot) for plot in campaign.plots}
     features = []
     for row in visit_rows(campaign):
         shape = shapes.get(row["plot"])
@@ -137,7 +137,7 @@ def campaign_geopackage(campaign: Campaign) -> bytes:
         raise UsageError(
             "GeoPackages need the extra 'geo'", remedy="pip install 'fieldkit[geo]', or export CSV or GeoJSON."
         )
-    shapes = {plot.id: _geometry(plot) for plot in campaign.plots}
+    shapes = {plot.name: _geometry(plot) for plot in campaign.plots}
     plot_columns = list(plot_rows(replace(campaign, visits=()))[0])
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as folder:
         file = Path(folder) / "campaign.gpkg"

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fieldkit.campaign.reading import PLANS_FOLDER, Campaign, plan_file_name
-from fieldkit.campaign.visit_folders import visit_cloud
+from fieldkit.campaign.reading import PLANS_FOLDER, Campaign
+from fieldkit.campaign.visits import visit_cloud
 from fieldkit.clouds import Cloud, read_cloud
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MissionError, UsageError
@@ -33,6 +33,7 @@ from fieldkit.runtime.parallel import map_parallel
 from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.plants_apart import tell_apart
 from fieldkit.sites.fitted import fitted_to_height
+from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.plot_plants import PlanFacts, plants_on
 from fieldkit.sites.site import SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
@@ -275,5 +276,5 @@ def plan_next_visit(
     with atomic_folder(folder, overwrite=overwrite) as made:
         for each in plans:
             if each.date is not None:
-                save_plan(made / plan_file_name(each.plot), each.plan)
+                save_plan(made / f"{plot_file_name(each.plot)}.json", each.plan)
     return NextVisit(plans, mission)

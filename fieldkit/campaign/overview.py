@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from fieldkit.campaign.engine import changed_stages, is_current
 from fieldkit.campaign.ranking import Drift, Ranked, Score, drift, measured_noise_m, ranking, score_of
 from fieldkit.campaign.reading import Campaign
+from fieldkit.campaign.visits import changed_stages, is_current
 from fieldkit.figures.content import Column, Table, tabulated
 from fieldkit.figures.registry import TRENDS, figure
 from fieldkit.figures.style import millimetres
@@ -28,7 +28,7 @@ def campaign_object(campaign: Campaign) -> dict[str, Any]:
         "folder": str(campaign.folder),
         "plots": [
             {
-                "plot": plot.id, "latitude_deg": plot.latitude_deg, "longitude_deg": plot.longitude_deg,
+                "plot": plot.name, "latitude_deg": plot.latitude_deg, "longitude_deg": plot.longitude_deg,
                 "row_heading_deg": plot.row_heading_deg,
                 "reference": None if plot.reference is None else str(plot.reference),
             }
@@ -69,7 +69,7 @@ def campaign_tables(campaign: Campaign) -> Iterator[Table]:
 def missing(campaign: Campaign, date: str) -> list[str]:
     """Plots without a visit on a date."""
     have = {visit.plot for visit in campaign.visits if visit.date == date}
-    return [plot.id for plot in campaign.plots if plot.id not in have]
+    return [plot.name for plot in campaign.plots if plot.name not in have]
 
 
 def remarks(campaign: Campaign) -> Iterator[str]:
@@ -129,7 +129,7 @@ def _grid(campaign: Campaign) -> Table:
     by_key = {(visit.plot, visit.date): visit for visit in campaign.visits}
     rows = tuple(
         (plot, *(_cell(by_key.get((plot, date)), campaign) for date in dates))
-        for plot in [*(plot.id for plot in campaign.plots), *campaign.vanished]
+        for plot in [*(plot.name for plot in campaign.plots), *campaign.vanished]
     )
     return Table(f"Campaign {campaign.name}{more}", (Column("plot"), *map(Column, dates)), rows)
 

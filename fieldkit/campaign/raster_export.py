@@ -11,15 +11,15 @@ import numpy as np
 
 from fieldkit.campaign.evaluate_visit import WITHOUT_RASTERS
 from fieldkit.campaign.export import campaign_geopackage
-from fieldkit.campaign.folder_names import folder_name
 from fieldkit.campaign.reading import Campaign
-from fieldkit.campaign.visit_folders import visit_files
+from fieldkit.campaign.visits import visit_files
 from fieldkit.documents.csv_text import csv_text
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.evaluation.rasters import CANOPY_FILE, SURFACE_FILE, color_span, require_rasters, write_style
 from fieldkit.files import atomic_folder, write_atomic
 from fieldkit.results.report_files import load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE, Visit
+from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.wording import count, listed
 
 RASTERS_FILE, GEOPACKAGE_FILE = "rasters.csv", "campaign.gpkg"
@@ -104,7 +104,7 @@ def _copied(campaign: Campaign, visit: Visit, folder: Path) -> tuple[RasterRow, 
     from rasterio.errors import RasterioError
 
     notes = "; ".join(visit.notes)
-    canopy, surface = names = [f"{folder_name(visit.plot)}_{visit.date}_{name}" for name in _FILES]
+    canopy, surface = names = [f"{plot_file_name(visit.plot)}_{visit.date}_{name}" for name in _FILES]
     try:
         files = visit_files(campaign.folder, visit)
         if any(name not in files for name in _FILES):

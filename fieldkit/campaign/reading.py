@@ -11,8 +11,7 @@ from fieldkit.campaign.campaign_file import (
     EvaluationTable,
     read_campaign_file,
 )
-from fieldkit.campaign.folder_names import folder_name
-from fieldkit.campaign.visit_folders import read_visits
+from fieldkit.campaign.visits import read_visits
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.documents.versioned_toml import read_versioned
 from fieldkit.errors import MetadataError, MissionError, UsageError
@@ -23,6 +22,7 @@ from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import REFERENCE_FILE, file_sha256, load_evaluation_report
 from fieldkit.results.visit import CAMPAIGN_FILE, Visit
 from fieldkit.sites.fitted import flown_plans
+from fieldkit.sites.plot_ids import plot_file_name
 from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.site_file import load_site
 from fieldkit.sites.vector_files import read_features
@@ -37,7 +37,7 @@ class CampaignPlot:
     """A plot of a campaign.
 
     Attributes:
-        id: its name in the plots file.
+        name: in the plots file.
         latitude_deg, longitude_deg: of the plot frame's origin, WGS 84.
         row_heading_deg: compass heading of the plot frame's x axis.
         shape: corners (latitude, longitude) where it is drawn as a polygon, the last not the first again; else None.
@@ -46,7 +46,7 @@ class CampaignPlot:
         reference_sha256: of the reference.json that campaign.toml names, or None.
     """
 
-    id: str
+    name: str
     latitude_deg: float
     longitude_deg: float
     row_heading_deg: float
@@ -91,15 +91,15 @@ class Campaign:
     vehicle_file: Path | None = None
     camera_file: Path | None = None
 
-    def plot(self, id_: str) -> CampaignPlot:
-        """The plot of an id.
+    def plot(self, name: str) -> CampaignPlot:
+        """The plot of a name.
 
         Raises:
             KeyError: there is none.
         """
-        found = next((plot for plot in self.plots if plot.id == id_), None)
+        found = next((plot for plot in self.plots if plot.name == name), None)
         if found is None:
-            raise KeyError(id_)
+            raise KeyError(name)
         return found
 
     def carried_plan(self, plot: str) -> Plan:
@@ -119,7 +119,7 @@ class Campaign:
         """
         folder = self.folder / PLANS_FOLDER
         made = sorted(each.name for each in folder.iterdir() if each.name <= date) if folder.is_dir() else []
-        files = (folder / each / plan_file_name(plot) for each in reversed(made))
+        files = (folder / each / f"{plot_file_name(plot)}.json" for each in reversed(made))
         file = next((file for file in files if file.is_file()), None)
         return self.carried_plan(plot) if file is None else load_plan(file)
 
@@ -131,7 +131,7 @@ class Campaign:
     @property
     def vanished(self) -> tuple[str, ...]:
         """Plots that have visits and are no longer among the plots."""
-        known = {plot.id for plot in self.plots}
+        known = {plot.name for plot in self.plots}
         return tuple(dict.fromkeys(visit.plot for visit in self.visits if visit.plot not in known))
 
 
@@ -156,7 +156,7 @@ def read_campaign(folder: Path) -> Campaign:
     plots_file = None if table.plots is None else _named(table.plots, file, "plots")
     site = load_site(site_file, plots_file)
     plots = _plots(site, _shapes(site_file, plots_file), table, file)
-    order = {plot.id: k for k, plot in enumerate(plots)}
+    order = {plot.name: k for k, plot in enumerate(plots)}
     visits = sorted(read_visits(folder), key=lambda v: (order.get(v.plot, len(order)), v.plot, v.date))
     return Campaign(
         name=table.name,
@@ -170,11 +170,6 @@ def read_campaign(folder: Path) -> Campaign:
         vehicle_file=None if table.vehicle is None else _named(table.vehicle, file, "vehicle"),
         camera_file=None if table.camera is None else _named(table.camera, file, "camera"),
     )
-
-
-def plan_file_name(plot: str) -> str:
-    """Of a plot's plan, in a folder of one date."""
-    return f"{folder_name(plot)}.json"
 
 
 def visit_plots(campaign: Campaign) -> list[PlotEvaluation]:
@@ -243,7 +238,7 @@ def _plots(
     def made(place: int, plot: SitePlot) -> CampaignPlot:
         reference = references.get(plot.name)
         return CampaignPlot(
-            id=plot.name,
+            name=plot.name,
             latitude_deg=plot.latitude_deg,
             longitude_deg=plot.longitude_deg,
             row_heading_deg=plot.row_heading_deg,

@@ -9,9 +9,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from fieldkit.cache import digest
-from fieldkit.campaign.engine import stage_versions
 from fieldkit.campaign.evaluate_visit import VisitJob
-from fieldkit.campaign.visit_folders import Visits
+from fieldkit.campaign.visits import Visits, stage_versions
 from fieldkit.captures import find_mask
 from fieldkit.captures.selection import FoundPhoto, capture_of, photographs_at
 from fieldkit.files import remove_if_abandoned
@@ -45,7 +44,7 @@ def unchanged(jobs: Sequence[VisitJob], visits: Visits) -> list[Visit]:
     """The visits of jobs that are done already."""
     kept = []
     for job in jobs:
-        visit = visits.get((job.plot.id, job.date))
+        visit = visits.get((job.plot.name, job.date))
         same = visit is not None and job.inputs != "" and visit.inputs == job.inputs
         if visit is not None and same and (job.folder / job.place / EVALUATION_FILE).is_file():
             kept.append(visit)

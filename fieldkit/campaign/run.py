@@ -14,8 +14,7 @@ from fieldkit.campaign.lock import campaign_lock
 from fieldkit.campaign.reading import Campaign, read_campaign
 from fieldkit.campaign.resuming import earlier_photographs, sweep, unchanged, visit_inputs
 from fieldkit.campaign.sorting import Shot, Sorting, sort_photographs
-from fieldkit.campaign.sqlite_table import write_table
-from fieldkit.campaign.visit_folders import Visits, adopt_earlier_visits, keep_visit
+from fieldkit.campaign.visits import Visits, keep_visit
 from fieldkit.captures.selection import FoundPhoto, FoundPhotos, find_photographs
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.rasters import require_rasters
@@ -75,8 +74,8 @@ def evaluate_campaign(
 
     A visit is a plot on a date. Its photographs add up: those that an earlier run found, and that are still where they
     were, count together with new ones (a re-flight). It says what it was made from, so that nothing is computed twice,
-    and what changed is computed again. A run that is killed leaves whole visits only. At its end the table
-    campaign.sqlite is made of all visits, and traits.csv.
+    and what changed is computed again. A run that is killed leaves whole visits only. At its end traits.csv
+    is made of all visits.
 
     Args:
         folder: of the campaign.
@@ -101,15 +100,14 @@ def evaluate_campaign(
         require_rasters()
     with campaign_lock(folder, wait=wait, note=progress.note):
         sweep(folder)
-        adopted = adopt_earlier_visits(folder)
-        campaign = read_campaign(folder)
+        campaign = read_campaign(folder)  # another run may have ended meanwhile
         visits = {visit.key: visit for visit in campaign.visits}
         found, sorting = _sorted(campaign, captures, visits, progress)
         _say(campaign, sorting, found, progress)
         jobs = _jobs(campaign, captures, found, sorting, cache)
         kept = [] if overwrite else unchanged(jobs, visits)
         same = {visit.key for visit in kept}
-        todo = [job for job in jobs if (job.plot.id, job.date) not in same]
+        todo = [job for job in jobs if (job.plot.name, job.date) not in same]
         try:
             weights = [1.0] * len(kept) + [float(len(job.photos)) for job in todo]
             with progress.stage("Visits", len(weights), weights=weights, workers=workers) as advance:
@@ -119,8 +117,6 @@ def evaluate_campaign(
             sweep(folder)  # of workers that were stopped in the middle
         campaign = read_campaign(folder)
         write_traits_csv(folder / TRAITS_FILE, [trait_row(v.plot, v.date, v.traits, v.error) for v in campaign.visits])
-        if adopted:  # else an earlier fieldkit's table is still the only place of a visit
-            write_table(folder, campaign.visits)
     left_out = (*found.findings, *sorting.left_out)
     return CampaignRun(campaign, len(found.photos), evaluated, tuple(kept), left_out, sorting.findings)
 

@@ -104,14 +104,14 @@ def sort_photographs(shots: Sequence[Shot], plots: Sequence[CampaignPlot], plan:
         plots: of the campaign, one or more.
         plan: that was flown over them.
     """
-    by_name = {_folded(plot.id): plot.id for plot in plots}
+    by_name = {_folded(plot.name): plot.name for plot in plots}
     given = [_Given(shot, *(shot.belongs or _said(shot.folders, by_name))) for shot in shots]
     _by_geotag(given, plots, plan)
     _by_neighbours(given)
     findings: list[Finding] = []
     left_out: list[Finding] = []
     for each in given:
-        each.plot = each.folder_plot or each.tag_plot or (plots[0].id if _only_choice(each, plots) else None)
+        each.plot = each.folder_plot or each.tag_plot or (plots[0].name if _only_choice(each, plots) else None)
         if each.plot is None:
             left_out.append(_left_out(each))
     findings += _contradicting_plots(given)
@@ -119,7 +119,7 @@ def sort_photographs(shots: Sequence[Shot], plots: Sequence[CampaignPlot], plan:
     visits, undated, odd = _by_date(placed)
     left_out += undated
     findings += odd
-    order = {plot.id: k for k, plot in enumerate(plots)}
+    order = {plot.name: k for k, plot in enumerate(plots)}
     visits.sort(key=lambda visit: (order[visit.plot], visit.date))
     findings += _sorted_by_neighbours(placed)
     return Sorting(tuple(visits), tuple(left_out), tuple(findings))
@@ -156,17 +156,17 @@ def _by_geotag(given: Sequence[_Given], plots: Sequence[CampaignPlot], plan: Pla
         nearest_plot = float(layout.spacing[best].min())
         reach = min(max(_LEAST_REACH_M, 0.5 * nearest_plot), _MOST_REACH_M) + 2.0 * accuracy
         if not away[best] <= reach:
-            each.problem = f"far: {away[best]:,.0f} m from what the plan photographs on {plots[best].id}, the nearest"
+            each.problem = f"far: {away[best]:,.0f} m from what the plan photographs on {plots[best].name}, the nearest"
             continue
         # Of plots that fit alike the nearest two are enough to say that they do.
         if len(plots) > 1:
             second = int(order[1])
             margin = min(accuracy, _AMBIGUOUS * float(layout.spacing[best, second]))
             if away[second] - away[best] < margin:
-                each.candidates = (plots[best].id, plots[second].id)
+                each.candidates = (plots[best].name, plots[second].name)
                 each.problem = "ambiguous"
                 continue
-        each.tag_plot = plots[best].id
+        each.tag_plot = plots[best].name
 
 
 def _by_neighbours(given: Sequence[_Given]) -> None:

@@ -90,7 +90,7 @@ def command(
     if as_json:
         emit_json(
             {
-                "output": folder, "campaign": made.name, "plots": [plot.id for plot in made.plots],
+                "output": folder, "campaign": made.name, "plots": [plot.name for plot in made.plots],
                 "stations": len(made.plan.stations), "references": sorted(references),
             }
         )  # fmt: skip

@@ -22,7 +22,7 @@ from fieldkit.evaluation.cloud_reference import (
 from fieldkit.evaluation.commanded_poses import FlownMission
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
-from fieldkit.evaluation.plots import count_photographs, find_plots, result_folders
+from fieldkit.evaluation.plots import count_photographs, find_plots
 from fieldkit.evaluation.rasters import Rasters
 from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
 from fieldkit.figures.spreadsheets import TRAITS_FILE, plot_rows, write_plots_csv, write_traits_csv
@@ -33,6 +33,7 @@ from fieldkit.results.evaluation import EvaluationReport, PlotEvaluation
 from fieldkit.results.plan_file import load_plan
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, file_sha256, save_report
 from fieldkit.runtime.progress import Progress
+from fieldkit.sites.plot_ids import plot_file_name
 
 __all__ = ["COMPARISON_FILE", "DISTANCES_M", "PLOTS_FILE", "evaluate_captures"]
 
@@ -64,8 +65,7 @@ def evaluate_captures(
     Args:
         captures: a folder of photographs, or a folder of such folders (one per plot); never written to.
         output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply,
-            overview.png and, with a reference, comparison.png. A plot that is named as one of these files gets
-            a folder with a number.
+            overview.png and, with a reference, comparison.png.
         settings: choices; None takes the defaults. Bounds default to the reference's volume.
         reference: folder that `build_reference` wrote, or a cloud (PLY, LAS, LAZ); None gives figures that need none.
         reference_frame: of a cloud, as `open_reference` takes it.
@@ -108,7 +108,7 @@ def evaluate_captures(
         flown = None if plan is None else _flown_plan(plan, mission, read, flight)
         scoring = Scoring.against(read, refine=refine, distances_m=tuple(distances_m))
         run = _Run(folder, settings, scoring, flight, flown, poses, cache, progress, workers, rasters)
-        places = result_folders([name for name, _ in plots], (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE))
+        places = [plot_file_name(name, (EVALUATION_FILE, PLOTS_FILE, TRAITS_FILE)) for name, _ in plots]
         results = run.plots(plots, places)
         report = evaluation_report(
             Path(captures).absolute().name,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
 from pathlib import Path
 
 from fieldkit.captures.folder import list_capture, natural_key
@@ -41,22 +39,6 @@ def find_plots(captures: Path) -> tuple[list[tuple[str, Path]], list[str]]:
         )
     counted = {folder for _, folder in plots}
     return plots, [clean_text(folder.name) for folder in folders if folder not in counted]
-
-
-def result_folders(names: Sequence[str], reserved: Sequence[str]) -> list[str]:
-    """A folder of the result for each plot: its name, with a number where that is one of the reserved names of files.
-
-    Letters' case is not told apart in reserved names: some file systems do not, either.
-    """
-    taken = {name.casefold() for name in reserved}
-    given = set(names)
-    folders = []
-    for name in names:
-        others = (f"{name}-{number}" for number in itertools.count(2))
-        found = name if name.casefold() not in taken else next(other for other in others if other not in given)
-        given.add(found)
-        folders.append(found)
-    return folders
 
 
 def count_photographs(folder: Path) -> int:

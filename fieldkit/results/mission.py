@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import Field, model_validator
 
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.results.evaluation import FileEntry, OriginEntry
@@ -84,8 +84,8 @@ class MissionStation(MissionPlace):
 
     kind: Literal["station"] = "station"
     plot: str
-    index: Annotated[int, Field(ge=0, validation_alias=AliasChoices("index", "station"))]
-    """In the plot's plan, from 0; people's station number is one more. Earlier files call it ``station``."""
+    index: Annotated[int, Field(ge=0)]
+    """In the plot's plan, from 0; people's station number is one more."""
     yaw_deg: Heading
     """True heading of the optical axis, clockwise from north."""
     pitch_deg: Pitch

@@ -5,18 +5,18 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import BaseModel
 
-from fieldkit.documents.json_file import check_version, read_kind, schema_text, validated
+from fieldkit.documents.json_file import read_model, schema_text
 from fieldkit.errors import MetadataError
 from fieldkit.files import write_atomic
 from fieldkit.regular_files import open_regular
 from fieldkit.results.comparison import ComparisonReport
 from fieldkit.results.evaluation import EvaluationReport, FileEntry, ReferenceReport
 from fieldkit.results.mission import MissionRecord
-from fieldkit.results.plan import Plan, station_number
+from fieldkit.results.plan import Plan
 from fieldkit.results.visit import Visit
 
 REFERENCE_FILE = "reference.json"
@@ -102,36 +102,4 @@ def _load(path: Path, name: str, model: type[_Report], kind: str) -> _Report:
     file = path / name if path.is_dir() else path
     command = "fieldkit reference" if kind == "reference" else "fieldkit evaluate"
     again = f"Give the folder that `{command}` wrote, or run it again."
-    document = read_kind(file, kind, again, max_bytes=_MAX_BYTES)
-    check_version(document, model.model_fields["version"].default, file, again)
-    _count_from_1(document)
-    for plot in document["plots"] if isinstance(document.get("plots"), list) else ():
-        if isinstance(plot, dict):
-            plot.pop("plants", None)  # figures by definitions that were given up, before there were traits
-    return validated(model, document, file, again)
-
-
-def _count_from_1(document: dict[str, Any]) -> None:
-    """Number stations from 1 in a report of a fieldkit that counted them from 0.
-
-    Every station of a plan is named, photographed or missing, so that such a report names "station 0".
-    """
-    plots = document.get("plots")
-    for plot in plots if isinstance(plots, list) else []:
-        found = plot.get("adherence") if isinstance(plot, dict) else None
-        if not isinstance(found, dict):
-            continue
-        tables = [found.get(key) for key in ("stations", "photographs")]
-        rows = [row for table in tables if isinstance(table, list) for row in table if isinstance(row, dict)]
-        missing = found.get("missing")
-        missing = missing if isinstance(missing, list) else []
-        if "station 0" in [*(row.get("station") for row in rows), *missing]:
-            for row in rows:
-                row["station"] = _one_more(row.get("station"))
-            found["missing"] = [_one_more(name) for name in missing]
-
-
-def _one_more(station: Any) -> Any:
-    number = station.removeprefix("station ") if isinstance(station, str) else ""
-    counted = number.isascii() and number.isdecimal() and len(number) < 10
-    return f"station {station_number(int(number))}" if counted else station
+    return read_model(model, kind, file, again, max_bytes=_MAX_BYTES)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from datetime import date
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Field
 
+from fieldkit.documents.json_file import read_model
+from fieldkit.files import write_atomic
 from fieldkit.results.evaluation import ByDistance, PlotEvaluation
 from fieldkit.results.fields import Count, Strict
 from fieldkit.results.traits import TraitsEntry
 
 CAMPAIGN_FILE = "campaign.toml"
 """What makes a folder a campaign's."""
-VISITS_FOLDER = "visits"
+VISITS_FOLDER, VISIT_FILE = "visits", "visit.json"
+_MAX_BYTES = 8 << 20
 
 
 def _is_a_date(text: str) -> str:
@@ -69,7 +73,7 @@ class Visit(Strict):
     predicted_low_m: float | None = None
     predicted_high_m: float | None = None
     traits: TraitsEntry | None = None
-    """Of the plants; null where there is no result, and in visits of earlier versions."""
+    """Of the plants; null where there is no result."""
     cpu_s: float = 0.0
     """What the evaluation took."""
     error: str = ""
@@ -79,9 +83,9 @@ class Visit(Strict):
     doubts: tuple[str, ...] = ()
     """Codes of findings with which the result must not be taken as it is."""
     fieldkit: str = ""
-    """Version that computed it; empty where an earlier one did not say."""
+    """Version that computed it."""
     stages: dict[str, int] = Field(default_factory=dict)
-    """Versions of the stages it was computed by; empty where an earlier fieldkit did not say."""
+    """Versions of the stages it was computed by."""
     inputs: str = ""
     """Digest of all that the result depends on; empty where it is to be evaluated again."""
     photographs: dict[str, Annotated[str, AfterValidator(_is_a_path)]] = Field(default_factory=dict)
@@ -145,3 +149,22 @@ class Visit(Strict):
 _UNSEEN = {"kind", "version", "stages", "inputs", "photographs"}
 ROW = tuple(Visit(plot="", date="0001-01-01").row())
 """The keys of `Visit.row`, in order."""
+
+
+def save_visit(folder: Path, visit: Visit) -> None:
+    """Write visit.json (UTF-8, indented) into a visit's folder, which is made where it is missing.
+
+    Raises:
+        StorageError: the place is full or not writable; an older file is left as it was.
+    """
+    write_atomic(folder / VISIT_FILE, visit.model_dump_json(indent=2) + "\n")
+
+
+def load_visit(folder: Path) -> Visit:
+    """Read a folder's visit.json.
+
+    Raises:
+        MetadataError: it is missing, not JSON, no visit, of another version, or a field is wrong.
+    """
+    remedy = "Move it away, and run `fieldkit evaluate` on the photographs again."
+    return read_model(Visit, "visit", folder / VISIT_FILE, remedy, max_bytes=_MAX_BYTES)

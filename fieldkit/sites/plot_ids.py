@@ -1,17 +1,38 @@
-"""Which field of a plots file holds the plots' ids."""
+"""Which field of a plots file holds the plots' ids, and how an id is written as a file's name."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fieldkit.cache import digest
 from fieldkit.sites.geojson import Feature
 from fieldkit.wording import count
 
 ID_FIELDS = ("plot_id", "id", "name", "fid")
 """Looked for in this order, whatever their case."""
 _MOST_FIELDS = 12
+_MAX_NAME_BYTES = 200
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+_UNSAFE = set('/\\:*?"<>|%')
+
+
+def plot_file_name(plot: str, reserved: Collection[str] = ()) -> str:
+    """A plot's id as the name of a file or folder: what file systems refuse is written %XX.
+
+    Different ids have different names, and none of them is a ``reserved`` one, in whatever case.
+    """
+    safe = "".join(f"%{ord(c):02X}" if c in _UNSAFE or ord(c) < 32 else c for c in plot)
+    if safe.startswith(".") or safe.endswith("."):
+        safe = safe.replace(".", "%2E")
+    if _DEVICE.fullmatch(safe) or safe.casefold() in {name.casefold() for name in reserved}:
+        safe = f"%{ord(safe[0]):02X}{safe[1:]}"
+    encoded = safe.encode()
+    if len(encoded) <= _MAX_NAME_BYTES:
+        return safe
+    return f"{encoded[: _MAX_NAME_BYTES - 20].decode('utf-8', 'ignore')}%{digest(plot)[:16]}"
 
 
 class IdProblem(ValueError):

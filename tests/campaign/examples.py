@@ -51,7 +51,7 @@ def plots_geojson(plots: tuple[CampaignPlot, ...]) -> str:
         ring_ = [[longitude, latitude] for latitude, longitude in plot.shape or ()]
         geometry = {"type": "Polygon", "coordinates": [[*ring_, ring_[0]]]} if ring_ else {
             "type": "Point", "coordinates": [plot.longitude_deg, plot.latitude_deg]}  # fmt: skip
-        properties = {"name": plot.id, "row_heading_deg": plot.row_heading_deg}
+        properties = {"name": plot.name, "row_heading_deg": plot.row_heading_deg}
         features.append({"type": "Feature", "properties": properties, "geometry": geometry})
     return json.dumps({"type": "FeatureCollection", "features": features})
 
@@ -80,7 +80,7 @@ def flown(
         yaw, pitch, _ = pose.yaw_pitch_roll_deg()
         tag = GeoTag(latitude, longitude, altitude, "ellipsoid", horizontal_accuracy_m=accuracy_m)
         taken = start + timedelta(seconds=4 * k)
-        name = f"{folder}/{plot.id}-{start:%m%d%H%M}-{k}.jpg"
+        name = f"{folder}/{plot.name}-{start:%m%d%H%M}-{k}.jpg"
         aim = {"yaw_deg": yaw, "pitch_deg": pitch} if angles else {}
         shots.append(Shot(name, photo(name, geotag=tag, captured_at=taken, **aim), tuple(folder.split("/"))))
     return shots

@@ -21,10 +21,9 @@ from fieldkit.campaign import Campaign, Visit, find_campaign, read_campaign
 from fieldkit.campaign.campaign_file import CampaignTable, EvaluationTable, campaign_text, read_campaign_file
 from fieldkit.campaign.create import CampaignSources, init_campaign, split_references
 from fieldkit.campaign.export import campaign_csv, export_campaign
-from fieldkit.campaign.folder_names import folder_name
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
 from fieldkit.campaign.ranking import drift, ranking
-from fieldkit.campaign.visit_folders import keep_visit
+from fieldkit.campaign.visits import keep_visit
 from fieldkit.errors import FieldkitError, MetadataError, UsageError
 from fieldkit.results.doubtful import OTHER_PLANTS
 from fieldkit.results.plan import PlanMethod
@@ -68,7 +67,7 @@ class TestInit:
         assert found.plan.stations == PLAN.stations
         assert found.evaluation == EvaluationTable(fidelity="draft", refine=True)
         assert found.visits == ()
-        assert [plot.id for plot in found.plots] == [plot.id for plot in FIELD]
+        assert [plot.name for plot in found.plots] == [plot.name for plot in FIELD]
         for plot, drawn in zip(found.plots, FIELD, strict=True):
             assert plot.row_heading_deg == drawn.row_heading_deg
             assert plot.latitude_deg == pytest.approx(drawn.latitude_deg, abs=1e-9)
@@ -98,7 +97,7 @@ class TestInit:
             name="Über",
         )  # fmt: skip
         assert found.name == "Über"
-        assert [plot.id for plot in found.plots] == ["r1c1"]
+        assert [plot.name for plot in found.plots] == ["r1c1"]
         assert found.vehicle_file == tmp_path / "other" / "vehicle.toml"
         assert found.camera_file == tmp_path / "other" / "camera.toml"
         assert (tmp_path / "other" / "camera.toml").is_file()
@@ -108,7 +107,7 @@ class TestInit:
         more = field(3, 2)
         (made.folder / "plots.geojson").write_text(plots_geojson(more[1:]))
         found = read_campaign(made.folder)
-        assert [plot.id for plot in found.plots] == [plot.id for plot in more[1:]]
+        assert [plot.name for plot in found.plots] == [plot.name for plot in more[1:]]
         assert found.vanished == ("r1c1",)
         assert len(found.visits) == len(VISITS)
         assert [v.plot for v in found.visits][-2:] == ["r1c1", "r1c1"]
@@ -186,21 +185,6 @@ class TestReading:
         assert read_campaign(folder / "campaign.toml") == read_campaign(folder)
         with pytest.raises(MetadataError, match="is no campaign"):
             read_campaign(tmp_path)
-
-    @pytest.mark.parametrize(
-        ("plot", "name"),
-        [
-            ("r1c1", "r1c1"), ("a/b", "a%2Fb"), ("..", "%2E%2E"), (".x", "%2Ex"), ("100 %", "100 %25"),
-            ("x\\y:z", "x%5Cy%3Az"), ("CON", "%43ON"), ("aux.1", "%61ux.1"), ("con1", "con1"),
-        ],
-    )  # fmt: skip
-    def test_folder_names(self, plot: str, name: str) -> None:
-        assert folder_name(plot) == name
-
-    def test_long_names_fit_and_differ(self) -> None:
-        a, b = folder_name("𝄞" * 80), folder_name("𝄞" * 79 + "x")
-        assert a != b
-        assert max(len(a.encode()), len(b.encode())) <= 255
 
 
 class TestRanking:
@@ -326,7 +310,7 @@ class TestExport:
         assert geometry[5] is None
         meta, _, _, data = read(file, layer="plots")
         columns = dict(zip(meta["fields"], data, strict=True))
-        assert columns["plot"].tolist() == [plot.id for plot in FIELD]
+        assert columns["plot"].tolist() == [plot.name for plot in FIELD]
         assert columns["visits"].tolist() == [2, 1, 1, 1]
         assert columns["chamfer_m"][0] == 0.02  # the latest
         database = sqlite3.connect(file)

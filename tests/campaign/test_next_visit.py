@@ -12,7 +12,7 @@ import pytest
 
 from fieldkit.campaign import Campaign, Visit, read_campaign
 from fieldkit.campaign.next_visit import grown, next_plans, plan_next_visit
-from fieldkit.campaign.visit_folders import keep_visit
+from fieldkit.campaign.visits import keep_visit
 from fieldkit.cli.main import main
 from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError

@@ -12,9 +12,8 @@ import pytest
 
 from fieldkit.campaign import Campaign, Visit, read_campaign
 from fieldkit.campaign.evaluate_visit import WITHOUT_RASTERS
-from fieldkit.campaign.folder_names import folder_name
 from fieldkit.campaign.raster_export import GEOPACKAGE_FILE, RASTERS_FILE, export_rasters, without_rasters
-from fieldkit.campaign.visit_folders import keep_visit, visit_cloud, visit_place
+from fieldkit.campaign.visits import keep_visit, visit_cloud, visit_place
 from fieldkit.clouds import Cloud, write_cloud
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.conversion import evaluation_report, plot_evaluation
@@ -22,13 +21,14 @@ from fieldkit.evaluation.rasters import Rasters, write_rasters
 from fieldkit.evaluation.reference import CLOUD_FILE
 from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.report_files import EVALUATION_FILE, describe_files, save_report
+from fieldkit.sites.plot_ids import plot_file_name
 from tests.campaign.examples import campaign_folder, field
 from tests.evaluation.examples import plant_cloud, reconstruction
 
 rasterio = pytest.importorskip("rasterio")
 pytest.importorskip("pyogrio")
 SLASH = "a/1"
-FIELD = (replace(field(2, 2)[0], id=SLASH), *field(2, 2)[1:])
+FIELD = (replace(field(2, 2)[0], name=SLASH), *field(2, 2)[1:])
 DATE, LATER = "2026-06-18", "2026-06-25"
 HIGHER = Cloud(plant_cloud().points * (1.0, 1.0, 2.0))
 
@@ -36,7 +36,7 @@ HIGHER = Cloud(plant_cloud().points * (1.0, 1.0, 2.0))
 def evaluated(folder: Path, plot: str, date: str, cloud: Cloud | None = None, *, rasters: bool = True) -> None:
     """A visit as `fieldkit evaluate` leaves it."""
     found, settings = reconstruction(cloud=cloud), ReconstructionSettings()
-    place, own = folder / visit_place(plot, date), folder_name(plot)
+    place, own = folder / visit_place(plot, date), plot_file_name(plot)
     (place / own).mkdir(parents=True)
     write_cloud(place / own / CLOUD_FILE, found.plants)
     names = write_rasters(place / own, found, settings, Rasters(0.01)) if rasters else []
@@ -73,7 +73,7 @@ def test_one_folder_for_a_map(season: Campaign, tmp_path: Path) -> None:
     expected = {RASTERS_FILE, GEOPACKAGE_FILE, *(f"{name}.{suffix}" for name in names for suffix in ("tif", "qml"))}
     assert {path.name for path in (tmp_path / "maps").iterdir()} == expected
     for row in rows[:2]:
-        own = season.folder / visit_place(row.plot, row.date) / folder_name(row.plot)
+        own = season.folder / visit_place(row.plot, row.date) / plot_file_name(row.plot)
         for name, source in ((row.canopy_height, "canopy-height.tif"), (row.surface, "surface.tif")):
             assert (tmp_path / "maps" / name).read_bytes() == (own / source).read_bytes()
             with rasterio.open(tmp_path / "maps" / name) as file:
@@ -105,7 +105,7 @@ def test_every_visit_has_a_row(season: Campaign, tmp_path: Path) -> None:
 
 
 def test_a_damaged_raster_is_left_out_and_named(season: Campaign, tmp_path: Path) -> None:
-    file = season.folder / visit_place(SLASH, DATE) / folder_name(SLASH) / "surface.tif"
+    file = season.folder / visit_place(SLASH, DATE) / plot_file_name(SLASH) / "surface.tif"
     file.write_bytes(b"no raster")
     rows = export_rasters(season, tmp_path / "maps")
     assert rows[0].no_rasters.startswith("cannot be read: ")

@@ -10,11 +10,10 @@ import pytest
 
 from fieldkit.campaign import Visit, read_campaign
 from fieldkit.campaign.campaign_file import EvaluationTable
-from fieldkit.campaign.engine import changed_stages, is_current, stage_versions
 from fieldkit.campaign.evaluate_visit import VisitJob
 from fieldkit.campaign.overview import campaign_object, campaign_tables, remarks
 from fieldkit.campaign.resuming import unchanged, visit_inputs
-from fieldkit.campaign.visit_folders import keep_visit
+from fieldkit.campaign.visits import changed_stages, is_current, keep_visit, stage_versions
 from fieldkit.captures.selection import FoundPhoto
 from fieldkit.reconstruction.versions import STAGES
 from tests.campaign.examples import PLAN, campaign_folder, field, flown
@@ -33,7 +32,7 @@ def job(folder: Path) -> VisitJob:
 
 def raised(monkeypatch: pytest.MonkeyPatch, stage: str) -> None:
     changed = MappingProxyType({**STAGES, stage: STAGES[stage] + 1})
-    monkeypatch.setattr("fieldkit.campaign.engine.STAGES", changed)
+    monkeypatch.setattr("fieldkit.campaign.visits.STAGES", changed)
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -41,7 +40,7 @@ def test_another_version_of_any_stage_is_another_visit(
     stage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = job(tmp_path)
-    visit = Visit(plot=FIELD[0].id, date=DATE, folder=before.place, inputs=before.inputs, stages=stage_versions())
+    visit = Visit(plot=FIELD[0].name, date=DATE, folder=before.place, inputs=before.inputs, stages=stage_versions())
     (tmp_path / before.place).mkdir(parents=True)
     (tmp_path / before.place / "evaluation.json").touch()
     assert unchanged([before], {visit.key: visit}) == [visit]
@@ -88,7 +87,7 @@ def test_the_rasters_cells_count_and_no_rasters_leave_digests_as_they_were(tmp_p
 
 def test_a_visit_without_inputs_or_evaluation_is_tried_again(tmp_path: Path) -> None:
     made = job(tmp_path)
-    visit = Visit(plot=FIELD[0].id, date=DATE, folder=made.place, inputs=made.inputs)
+    visit = Visit(plot=FIELD[0].name, date=DATE, folder=made.place, inputs=made.inputs)
     assert unchanged([made], {visit.key: visit}) == []  # its evaluation is gone
     nothing = visit.model_copy(update={"inputs": ""})
     assert unchanged([replace(made, inputs="")], {visit.key: nothing}) == []

@@ -33,8 +33,8 @@ def test_a_flight_over_plots_side_by_side(noise_m: float) -> None:
         for shot in flown(plot, start=MORNING + timedelta(minutes=k), noise_m=noise_m, seed=k)
     ]
     found = sort_photographs(shots, FIELD, PLAN)
-    assert counts(found) == {(plot.id, "2026-06-18"): 8 for plot in FIELD}
-    assert [visit.plot for visit in found.visits] == [plot.id for plot in FIELD]
+    assert counts(found) == {(plot.name, "2026-06-18"): 8 for plot in FIELD}
+    assert [visit.plot for visit in found.visits] == [plot.name for plot in FIELD]
     for visit in found.visits:
         assert all(visit.plot in place for place in visit.places)
     assert codes(found) == []
@@ -44,7 +44,7 @@ def test_stations_over_a_neighbour_are_told_by_where_they_look() -> None:
     """Rows 1.5 m apart: a camera 1.4 m beside its plot stands over the middle of the next."""
     close = field(3, 1)
     shots = flown(close[1])
-    middles = {plot.id: plot for plot in close}
+    middles = {plot.name: plot for plot in close}
     nearest = []
     for shot in shots:
         tag = shot.photo.geotag
@@ -70,7 +70,7 @@ def test_without_angles_what_fits_two_plots_goes_with_its_neighbours_in_time() -
 
 
 def test_far_photographs_are_named_and_not_dropped() -> None:
-    far = replace(FIELD[0], id="elsewhere", latitude_deg=FIELD[0].latitude_deg + 0.01)
+    far = replace(FIELD[0], name="elsewhere", latitude_deg=FIELD[0].latitude_deg + 0.01)
     found = sort_photographs([*flown(FIELD[0]), *flown(far)], FIELD, PLAN)
     assert counts(found) == {("r1c1", "2026-06-18"): 8}
     assert codes(found) == ["far-from-plots"] * 8
@@ -117,19 +117,19 @@ def test_dates_by_the_cameras_clock() -> None:
     plot = FIELD[5]
     evening = flown(plot, start=datetime(2026, 6, 18, 23, 59, 50))
     found = sort_photographs(evening, FIELD, PLAN)
-    assert counts(found) == {(plot.id, "2026-06-18"): 8}  # one flight over midnight is one visit
+    assert counts(found) == {(plot.name, "2026-06-18"): 8}  # one flight over midnight is one visit
     later = flown(plot, start=datetime(2026, 6, 25, 9, 0))
     found = sort_photographs([*flown(plot), *later], FIELD, PLAN)
-    assert counts(found) == {(plot.id, "2026-06-18"): 8, (plot.id, "2026-06-25"): 8}
+    assert counts(found) == {(plot.name, "2026-06-18"): 8, (plot.name, "2026-06-25"): 8}
 
 
 def test_a_reflight_adds_up_and_another_pass_does_not() -> None:
     plot = FIELD[5]
     again = flown(plot, start=MORNING + timedelta(minutes=40))[:3]
-    assert counts(sort_photographs([*flown(plot), *again], FIELD, PLAN)) == {(plot.id, "2026-06-18"): 11}
+    assert counts(sort_photographs([*flown(plot), *again], FIELD, PLAN)) == {(plot.name, "2026-06-18"): 11}
     afternoon = flown(plot, start=MORNING + timedelta(hours=6))[:5]
     found = sort_photographs([*flown(plot), *afternoon], FIELD, PLAN)
-    assert counts(found) == {(plot.id, "2026-06-18"): 8}
+    assert counts(found) == {(plot.name, "2026-06-18"): 8}
     assert codes(found) == ["another-pass"] * 5
     assert "from 09:00" in found.visits[0].notes[0]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.campaign import Visit, read_campaign
-from fieldkit.campaign.visit_folders import keep_visit
+from fieldkit.campaign.visits import keep_visit
 from fieldkit.cli.main import main
 from fieldkit.evaluation.rasters import Rasters
 from tests.campaign.examples import campaign_folder, field

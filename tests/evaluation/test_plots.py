@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fieldkit.errors import CaptureError
-from fieldkit.evaluation.plots import count_photographs, find_plots, result_folders
+from fieldkit.evaluation.plots import count_photographs, find_plots
 
 SMALL_PHOTOGRAPH = Path(__file__).parents[1] / "data" / "small_plot" / "IMG_0001.jpg"
 
@@ -60,12 +60,6 @@ def test_names_that_are_no_utf_8_are_written_out(tmp_path: Path) -> None:
     plots, passed_over = find_plots(tmp_path)
     assert sorted(name for name, _ in plots) == [r"Fl\udce4che", "plot 1"]
     assert passed_over == [r"l\udce9er"]
-
-
-def test_plots_named_as_files_of_the_result_have_folders_beside_them() -> None:
-    names = ["evaluation.json", "plot 1", "Plots.csv", "plots.csv", "plots.csv-2"]
-    folders = result_folders(names, ("evaluation.json", "plots.csv"))
-    assert folders == ["evaluation.json-2", "plot 1", "Plots.csv-2", "plots.csv-3", "plots.csv-2"]
 
 
 def test_photographs_are_counted(tmp_path: Path) -> None:

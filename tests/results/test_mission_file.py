@@ -57,12 +57,6 @@ def test_it_holds_what_was_exported(tmp_path: Path) -> None:
     assert MissionRecord.model_validate_json(record_bytes(found)) == found
 
 
-def test_records_of_before_say_station_for_the_index(record: MissionRecord) -> None:
-    text = record_bytes(record).decode()
-    assert '"index": ' in text
-    assert MissionRecord.model_validate_json(text.replace('"index": ', '"station": ')) == record
-
-
 def test_frames_are_the_sites_own_to_the_last_digit(tmp_path: Path) -> None:
     exported(tmp_path, planned(5, height_m=2.0), plots=SITES / "hillside.geojson")
     found, site = (

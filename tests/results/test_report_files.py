@@ -18,7 +18,6 @@ from fieldkit.reconstruction.settings import ReconstructionSettings
 from fieldkit.results.evaluation import EvaluationReport, ReferenceReport
 from fieldkit.results.report_files import (
     SCHEMA_FILES,
-    _count_from_1,
     check_file,
     describe_files,
     json_schema,
@@ -115,23 +114,6 @@ def test_wrong_fields(
     assert raised.value.message.startswith(message)
     assert raised.value.path == file
     assert raised.value.remedy
-
-
-def test_stations_of_reports_that_count_from_0_get_the_plans_numbers(tmp_path: Path) -> None:
-    def report(first: int) -> dict[str, Any]:
-        rows = [{"image": f"{k}.jpg", "station": f"station {k + first}"} for k in (0, 9)]
-        photographs = [*map(dict, rows), {"image": "x.jpg"}]
-        found = {"stations": rows, "missing": [f"station {4 + first}"], "photographs": photographs}
-        return {"plots": [{"adherence": None}, {"adherence": found}]}
-
-    before, now = report(0), report(1)
-    _count_from_1(before)
-    now["plots"][1]["adherence"]["photographs"][2]["station"] = None
-    assert before == now
-    _count_from_1(before)
-    assert before == now
-    for hostile in ({}, {"plots": 3}, {"plots": [3, {"adherence": {"stations": 3, "missing": [[], "station 0"]}}]}):
-        _count_from_1(hostile)
 
 
 def test_newer_version_asks_for_a_newer_fieldkit(tmp_path: Path, reference: ReferenceReport) -> None:

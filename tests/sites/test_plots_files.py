@@ -24,7 +24,7 @@ from fieldkit.documents.mistaken import check_order
 from fieldkit.errors import MetadataError, UsageError
 from fieldkit.results.plan import Plan, Station
 from fieldkit.results.plan_file import save_plan
-from fieldkit.sites.plot_ids import IdProblem, plot_ids
+from fieldkit.sites.plot_ids import IdProblem, plot_file_name, plot_ids
 from fieldkit.sites.site import SitePlot
 from fieldkit.sites.site_file import load_plots, load_site, read_plots
 from fieldkit.sites.vector_files import read_features
@@ -332,7 +332,7 @@ def test_a_campaign_takes_its_plots_along_as_geojson(
     monkeypatch.setitem(sys.modules, "pyogrio", None)
     for campaign in (made, read_campaign(tmp_path / "season")):
         assert_same(campaign.site.plots)
-        assert [plot.id for plot in campaign.plots] == list(IDS)
+        assert [plot.name for plot in campaign.plots] == list(IDS)
         assert all(plot.shape is not None and len(plot.shape) == 4 for plot in campaign.plots)
     first = json.loads((tmp_path / "season" / "plots.geojson").read_text())["features"][0]
     assert first["properties"] == {"plot_id": "A01", "name": "x", "entry": "A01"}
@@ -349,10 +349,10 @@ def test_a_campaign_takes_all_parts_of_a_fence_along(tmp_path: Path) -> None:
     )
     made = init_campaign(tmp_path / "season", CampaignSources(tmp_path / "plan.json", site_file(tmp_path, text)))
     assert len(made.site.fence) == 1
-    assert [plot.id for plot in made.plots] == list(IDS)
+    assert [plot.name for plot in made.plots] == list(IDS)
     # A file given beside the site's own has its own field.
     other = CampaignSources(tmp_path / "plan.json", site_file(tmp_path, text), tmp_path / "field.gpkg")
-    assert [plot.id for plot in init_campaign(tmp_path / "other", other).plots] == ["x", "y", "z", "w"]
+    assert [plot.name for plot in init_campaign(tmp_path / "other", other).plots] == ["x", "y", "z", "w"]
 
 
 @pytest.mark.parametrize(("key", "value", "slip"), [("plant_height_m", 250, "2.5"), ("row_spacing_m", 75, "0.75")])
@@ -388,3 +388,26 @@ def test_changed_at_random(tmp_path: Path, suffix: str) -> None:
     assert not found.defects
     assert (found.hangs, found.written) == (0, ())
     assert found.refused > 20
+
+
+@pytest.mark.parametrize(
+    ("plot", "name"),
+    [
+        ("r1c1", "r1c1"), ("a/b", "a%2Fb"), ("..", "%2E%2E"), (".x", "%2Ex"), ("100 %", "100 %25"),
+        ("x\\y:z", "x%5Cy%3Az"), ("CON", "%43ON"), ("aux.1", "%61ux.1"), ("con1", "con1"),
+    ],
+)  # fmt: skip
+def test_names_of_plots_files(plot: str, name: str) -> None:
+    assert plot_file_name(plot) == name
+
+
+def test_long_names_fit_and_differ() -> None:
+    a, b = plot_file_name("𝄞" * 80), plot_file_name("𝄞" * 79 + "x")
+    assert a != b
+    assert max(len(a.encode()), len(b.encode())) <= 255
+
+
+def test_names_of_a_results_own_files_are_left_to_them() -> None:
+    reserved = ("evaluation.json", "plots.csv")
+    names = [plot_file_name(name, reserved) for name in ("evaluation.json", "plot 1", "Plots.csv", "plots.csv")]
+    assert names == ["%65valuation.json", "plot 1", "%50lots.csv", "%70lots.csv"]

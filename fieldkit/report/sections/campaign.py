@@ -80,7 +80,7 @@ def plot_map(campaign: Campaign, anchor: str) -> PlotMap | None:
         local = frame.to_local([c[0] for c in corners], [c[1] for c in corners], [0.0] * len(corners))
         if abs(local[:, :2]).max() > _FARTHEST_M:
             return None
-        plots.append(MappedPlot(plot.id, (tuple((float(e), float(n)) for e, n, _ in local),)))
+        plots.append(MappedPlot(plot.name, (tuple((float(e), float(n)) for e, n, _ in local),)))
     measures = [measure for figure in _FOLLOWED if (measure := _measure(campaign, figure)) is not None]
     if not measures:
         return None

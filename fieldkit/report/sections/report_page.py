@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from fieldkit.campaign.visit_folders import visit_cloud
+from fieldkit.campaign.visits import visit_cloud
 from fieldkit.clouds import read_cloud
 from fieldkit.errors import FieldkitError
 from fieldkit.figures.content import Details, Page, Paragraph, Picture, Section, Terms, View

@@ -62,7 +62,7 @@ def campaign_statements(result: CampaignResult) -> Iterator[Statement]:
             "problem", f"{count(len(failed) - _NAMED, 'more capture')} without a score; the table says why."
         )
     last = {v.plot for v in visits if v.date == dates[-1]}
-    absent = [plot.id for plot in campaign.plots if plot.id not in last]
+    absent = [plot.name for plot in campaign.plots if plot.name not in last]
     if absent:
         yield Statement(
             "note",

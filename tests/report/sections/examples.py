@@ -11,7 +11,7 @@ from PIL import Image
 
 from fieldkit.campaign import Visit
 from fieldkit.campaign.create import CampaignSources, init_campaign
-from fieldkit.campaign.visit_folders import keep_visit
+from fieldkit.campaign.visits import keep_visit
 from fieldkit.clouds import Cloud, score, write_cloud
 from fieldkit.errors import CaptureError
 from fieldkit.evaluation.conversion import evaluation_report, failed_plot, plot_evaluation, reference_report
@@ -152,7 +152,7 @@ def write_campaign(
         for k, plot in enumerate(campaign.plots):
             value = 0.008 + 0.001 * k + 0.002 * day
             visit = Visit(
-                plot=plot.id, date=date, captures="captures", folder=f"visits/{date}/{plot.id}", images=13,
+                plot=plot.name, date=date, captures="captures", folder=f"visits/{date}/{plot.name}", images=13,
                 registered=13, right=13 if k else 11, pose_rms_m=0.02, chamfer_m=value, accuracy_m=value / 3,
                 completeness_m=2 * value / 3, f_score={"0.005": 0.6, "0.010": 0.9 - 0.02 * k},
                 cpu_s=20.0,
@@ -160,10 +160,10 @@ def write_campaign(
                 notes=(HOSTILE,) if k == 2 else (),
             )  # fmt: skip
             if k == 7:
-                visit = Visit(plot=plot.id, date=date, images=9, error=f"the photographs fell apart {HOSTILE}")
+                visit = Visit(plot=plot.name, date=date, images=9, error=f"the photographs fell apart {HOSTILE}")
             elif k == 6:
                 visit = Visit(
-                    plot=plot.id, date=date, images=13, registered=13, right=13, predicted_chamfer_m=0.011,
+                    plot=plot.name, date=date, images=13, registered=13, right=13, predicted_chamfer_m=0.011,
                     predicted_low_m=0.008, predicted_high_m=0.016,
                     traits=TraitsEntry(height_m=0.7, cover_percent=40.0, canopy_volume_m3=0.25),
                 )  # fmt: skip

@@ -1,30 +1,32 @@
-"""Visits in their folders, and the table that is made of them."""
+"""Visits in their folders."""
 
 from __future__ import annotations
 
 import json
-import sqlite3
 import subprocess
 import sys
 import textwrap
-from contextlib import closing
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fieldkit.campaign import Visit
-from fieldkit.campaign.earlier_formats import read_earlier_table
-from fieldkit.campaign.sqlite_table import write_table
-from fieldkit.campaign.visit_folders import keep_visit, read_visits
+from fieldkit.campaign.visits import keep_visit, read_visits
 from fieldkit.errors import CaptureError, MetadataError, StorageError
 from fieldkit.evaluation.conversion import failed_plot
 from fieldkit.results.evaluation import PredictionEntry
 from fieldkit.results.traits import TraitsEntry
-from fieldkit.results.visit import ROW
-from fieldkit.results.visit_file import visit_document, visit_of_document
-from tests.campaign.test_earlier_formats import FAILED, FULL
+from fieldkit.results.visit import load_visit, save_visit
+
+FULL = Visit(
+    plot="r1c1", date="2026-06-18", captures="flights/1", folder="visits/r1c1/2026-06-18", images=13, registered=12,
+    right=11, pose_rms_m=0.02, chamfer_m=0.011, accuracy_m=0.006, completeness_m=0.005, f_score={"0.010": 0.9},
+    predicted_chamfer_m=0.012, predicted_low_m=0.01, predicted_high_m=0.015,
+    cpu_s=20.5, error="", notes=("one", "two ü"), inputs="abc",
+)  # fmt: skip
+FAILED = Visit(plot="r1c1", date="2026-06-25", error="it’s <b>broken</b>")
 
 
 def test_visits_come_back_and_replace_each_other(tmp_path: Path) -> None:
@@ -60,12 +62,14 @@ def test_somebodys_other_work_is_left_alone(tmp_path: Path) -> None:
     assert keep_visit(tmp_path, FULL)
 
 
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.text(max_size=20), st.floats(allow_nan=False, allow_infinity=False), st.lists(st.text(max_size=9)))
-def test_values_round_trip(text: str, number: float, notes: list[str]) -> None:
+def test_values_round_trip(tmp_path: Path, text: str, number: float, notes: list[str]) -> None:
     visit = Visit(
         plot="p", date="2026-01-01", captures=text, pose_rms_m=number, notes=tuple(notes), f_score={"0.010": 0.5}
     )
-    assert visit_of_document(json.loads(visit.model_dump_json()), Path("x")) == visit
+    save_visit(tmp_path, visit)
+    assert load_visit(tmp_path) == visit
 
 
 @pytest.mark.parametrize(
@@ -81,7 +85,7 @@ def test_values_that_nobody_wrote(change: dict[str, object], tmp_path: Path) -> 
     keep_visit(tmp_path, FULL)
     file = tmp_path / FULL.folder / "visit.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | change))
-    for read in (lambda: visit_of_document(visit_document(file.parent), file.parent), lambda: read_visits(tmp_path)):
+    for read in (lambda: load_visit(file.parent), lambda: read_visits(tmp_path)):
         with pytest.raises(MetadataError) as caught:
             read()
         assert caught.value.path == file
@@ -91,22 +95,6 @@ def test_values_that_nobody_wrote(change: dict[str, object], tmp_path: Path) -> 
 def test_a_place_that_cannot_be_written(unwritable: Path) -> None:
     with pytest.raises(StorageError):
         keep_visit(unwritable, FULL)
-    with pytest.raises(StorageError):
-        write_table(unwritable, [FULL])
-
-
-def test_the_table_is_made_of_the_visits(tmp_path: Path) -> None:
-    write_table(tmp_path, [FULL, FAILED])
-    write_table(tmp_path, [FULL, FAILED])
-    assert [path.name for path in tmp_path.iterdir()] == ["campaign.sqlite"]  # one file, to be copied at any time
-    assert read_earlier_table(tmp_path) == []  # nothing is only there
-    with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as database:
-        database.row_factory = sqlite3.Row
-        rows = [dict(row) for row in database.execute("SELECT * FROM visits ORDER BY date")]
-    assert tuple(rows[0]) == ROW
-    assert rows[0] == FULL.row() | {"f_score": '{"0.010": 0.9}', "notes": '["one", "two ü"]', "doubts": "[]"}
-    assert rows[1]["error"] == FAILED.error
-    assert rows[1]["chamfer_m"] is None
 
 
 def test_a_visit_has_the_figures_of_its_evaluation() -> None:
@@ -135,7 +123,7 @@ def test_killed_while_writing(tmp_path: Path) -> None:
         import sys
         from pathlib import Path
         from fieldkit.campaign import Visit
-        from fieldkit.campaign.visit_folders import keep_visit
+        from fieldkit.campaign.visits import keep_visit
         for k in range(100_000):
             plot = f"{sys.argv[2]}-{k % 50}"
             keep_visit(Path(sys.argv[1]), Visit(plot=plot, date="2026-01-01", captures="x" * 2000, images=k))
@@ -156,12 +144,3 @@ def test_killed_while_writing(tmp_path: Path) -> None:
         last = int(said.split()[-1])
         newest = max(visit.images for visit in read_visits(tmp_path) if visit.plot.startswith(f"{seconds}-"))
         assert newest in (last, last + 1)
-
-
-def test_plants_figures_of_earlier_definitions_are_not_taken_over(tmp_path: Path) -> None:
-    keep_visit(tmp_path, FULL)
-    file = tmp_path / FULL.folder / "visit.json"
-    file.write_text(json.dumps(json.loads(file.read_text()) | {"height_m": 0.7, "cover": 0.2, "hull_m3": 0.3}))
-    (visit,) = read_visits(tmp_path)
-    assert visit == FULL
-    assert visit.height_m is None
