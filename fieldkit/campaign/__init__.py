@@ -8,18 +8,17 @@ beside its evaluation; tables, ranks and exports are made of these files.
 | What does campaign.toml say? | campaign_file.py |
 | How is a campaign's folder made? | create.py |
 | How is it read, with plots, plan and visits? | reading.py |
-| Where is a visit kept, and how is it read? | visit_folders.py; names of folders: folder_names.py |
+| Where is a visit kept, and how is it read? | visits.py; names of folders: fieldkit/sites/plot_ids.py |
 | What does `fieldkit evaluate` do in a campaign? | run.py; one run at a time: lock.py |
 | Which plot and date is a photograph of? | sorting.py; by its geotag: layout.py; by its time: dates_and_passes.py |
 | How is a visit resumed, what is computed again? | resuming.py |
 | What does a worker do with a visit? | evaluate_visit.py; how it is watched: fieldkit/runtime/worker_pool.py |
 | In which frame is a visit reconstructed? | visit_frame.py |
-| Which fieldkit computed a visit? | engine.py; versions of its stages: fieldkit/reconstruction/versions.py |
+| Which fieldkit computed a visit? | visits.py; versions of its stages: fieldkit/reconstruction/versions.py |
 | Which plot is better, and what changed? | ranking.py; as `campaign show` says it: overview.py |
-| How does it leave for other programs? | export.py (CSV, GeoJSON, GeoPackage); sqlite_table.py (campaign.sqlite) |
+| How does it leave for other programs? | export.py (CSV, GeoJSON, GeoPackage) |
 | How do height models leave for QGIS? | raster_export.py |
 | What is flown next? | next_visit.py |
-| How are campaigns of an earlier fieldkit read? | earlier_formats.py |
 """
 
 from fieldkit.campaign.reading import Campaign, CampaignPlot, find_campaign, read_campaign, visit_plots
