@@ -19,6 +19,10 @@ from fieldkit.planning.surrogate.set_process import SetProcess
 from fieldkit.runtime.threads import one_torch_thread
 
 _SAMPLES = 256
+_APART = 1e-8
+"""Variance that a set has of its own, as a share of the process's. So the joint posterior of sets that hardly differ is
+not singular; it is far above the rounding of any BLAS and far below what tells sets apart.
+"""
 
 
 class _Model(GPyTorchModel):
@@ -33,8 +37,8 @@ class _Model(GPyTorchModel):
 
     def posterior(self, X: Tensor, *_: Any, **__: Any) -> GPyTorchPosterior:
         mean, covariance = map(torch.from_numpy, self._process.posterior(X.numpy()))
-        # As an operator: it is factored with jitter where sets are all but the same.
-        return GPyTorchPosterior(MultivariateNormal(mean, DenseLinearOperator(covariance)))
+        own = _APART * self._process.variance * torch.eye(covariance.shape[-1], dtype=covariance.dtype)
+        return GPyTorchPosterior(MultivariateNormal(mean, DenseLinearOperator(covariance + own)))
 
 
 @one_torch_thread()

@@ -94,3 +94,16 @@ def test_improvements_are_finite_for_tried_sets_and_largest_where_more_is_expect
     assert alone.tolist() == log_improvements(process, x[:8], candidates, None, 3).tolist()
     waiting = log_improvements(process, x[:8], candidates[1:], better[:1], 3)
     assert waiting.max() < alone.max() + 1e-9
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-12, 1e-8, 1e-6, 1e-3])
+def test_sets_that_hardly_differ_leave_their_joint_posterior_regular(apart: float) -> None:
+    """Without a variance of its own for each set, the Cholesky factor needs jitter, with a `NumericalWarning`."""
+    x, y = data(12, 1)
+    process = fit_sets(x, y, SLOPES, REST_M, 0.001)
+    twins = x.copy()
+    twins[:, :FEATURES] += apart * np.random.default_rng(3).standard_normal((12, FEATURES))
+    pending = twins[:4].copy()
+    pending[:, TERMS] += 0.3
+    improvements = log_improvements(process, np.vstack([x, twins]), np.vstack([twins, pending]), pending, 3)
+    assert np.isfinite(improvements).all()
