@@ -15,7 +15,7 @@ import numpy as np
 
 from fieldkit.errors import FieldkitError
 from fieldkit.flightlogs.dialect import mavlink
-from fieldkit.missions.autopilots import render
+from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import definite
 from fieldkit.missions.files.writing import mission_bytes

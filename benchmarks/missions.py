@@ -18,7 +18,7 @@ from benchmarks.mission_trips import make_trips, random_mission
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.suite import run_studies
 from benchmarks.upload_trials import cut_trials, upload_trials
-from fieldkit.missions.autopilots import render
+from fieldkit.missions.autopilots.writing import render
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.routing.mission import Mission
 from fieldkit.runtime.progress import Progress

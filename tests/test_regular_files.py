@@ -25,11 +25,11 @@ from fieldkit.files import write_atomic
 from fieldkit.flightlogs.reading import read_flight_log
 from fieldkit.flightlogs.tlog_frames import read_frames
 from fieldkit.link.signing import read_key
-from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
 from fieldkit.missions.files.litchi import read_litchi
 from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.reading import read_mission
 from fieldkit.missions.files.waypoints import read_waypoints
+from fieldkit.missions.files.wpml_reading import read_wpml
 from fieldkit.planning.run.folder import LOG_FILE, SETTINGS_FILE, read_log, read_settings
 from fieldkit.planning.run.outcome import OUTCOME_FILE, read_outcome
 from fieldkit.regular_files import check_replaceable, open_regular, read_regular

@@ -58,6 +58,8 @@ class FlownMission:
             frame: the plot's.
             home_amsl_m: home above mean sea level by the flight log; the file's own where None.
         """
+        if self.execution.refused:
+            return {}, self.execution.refused[0][1]
         origin = frame.origin
         if origin is None:
             return {}, "the plot is not georeferenced, so the mission's positions have no place in it"

@@ -11,7 +11,7 @@ from fieldkit.errors import MissionError
 from fieldkit.geometry.geodesy import on_earth
 from fieldkit.link.item_rules import Kind, WireItem, stored, stored_fence_item
 from fieldkit.link.listener import ARDUPILOT
-from fieldkit.missions.autopilots.ardupilot.accepting import MEASURED
+from fieldkit.missions.autopilots.accepting import MEASURED
 from fieldkit.missions.items import MissionItem, command_name, plain_frame, with_jump_moved
 from fieldkit.routing.mission import Fence, Home
 from fieldkit.wording import count

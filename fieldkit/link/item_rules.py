@@ -1,6 +1,6 @@
 """What ArduCopter 4.5.6 makes of an item that comes over the link: refused, or kept and given back so.
 
-The rules of mission items are those of `autopilots.ardupilot.accepting`; fences and rally points were measured in the
+The rules of mission items are those of `autopilots.accepting`; fences and rally points were measured in the
 same recording (sim/sitl/probe_items).
 """
 
@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from fieldkit.missions.autopilots.ardupilot.accepting import (
+from fieldkit.missions.autopilots.accepting import (
     FRAMES,
     PLACED,
     Result,

@@ -17,7 +17,7 @@ from fieldkit.geometry.geodesy import LocalFrame, on_earth
 from fieldkit.link.filter_flags import uses_gps
 from fieldkit.link.listener import ARDUPILOT
 from fieldkit.link.mavsdk_vehicle import MavsdkVehicle
-from fieldkit.missions.autopilots.ardupilot.modes import AUTO
+from fieldkit.link.modes import AUTO
 from fieldkit.routing.mission import Home
 
 WITHIN_M = 10.0

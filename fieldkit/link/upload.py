@@ -26,7 +26,7 @@ from fieldkit.link.upload_outcome import (
     UploadReport,
 )
 from fieldkit.link.wires import open_wire
-from fieldkit.missions.autopilots.ardupilot.accepting import Result
+from fieldkit.missions.autopilots.accepting import Result
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.routing.mission import Fence, Home
 

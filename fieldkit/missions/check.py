@@ -10,14 +10,14 @@ import numpy as np
 
 from fieldkit.errors import MissionError
 from fieldkit.figures.style import format_seconds
-from fieldkit.missions.autopilots.dji.models import dji_model
+from fieldkit.missions.autopilots.effects import Stay
 from fieldkit.missions.autopilots.execution import Execution, distance
 from fieldkit.missions.autopilots.interpret import interpret
 from fieldkit.missions.check_items import FAR_M, item_findings, place_findings
 from fieldkit.missions.check_photographs import adjusted_findings, deviations, photograph_findings, plan_findings
+from fieldkit.missions.files.dji_models import dji_model
 from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
-from fieldkit.missions.files.stop_actions import Stay
 from fieldkit.missions.findings import Finding, Report, error, warning
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
@@ -64,6 +64,7 @@ def check_mission(
     findings += _fit(read, vehicle)
     dialect = vehicle.dialect if vehicle.dialect != "dji" else read.firmware or "ardupilot"
     flown = interpret(read, vehicle, dialect)
+    findings += [error("unknown-item", message, number) for number, message in flown.refused]
     if read.items:
         findings += item_findings(read, vehicle, dialect)
     findings += place_findings(read, origin)

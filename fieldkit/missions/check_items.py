@@ -9,7 +9,7 @@ from fieldkit.documents.mistaken import look_swapped
 from fieldkit.figures.style import format_length
 from fieldkit.geometry.geodesy import great_circle_m, on_earth
 from fieldkit.missions.autopilots.acceptance import dropped, refusal
-from fieldkit.missions.autopilots.flight import GOING, LANDINGS, TAKEOFFS
+from fieldkit.missions.autopilots.effects import GOING, LANDINGS, TAKEOFFS
 from fieldkit.missions.autopilots.jumps import course
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding, error, warning
@@ -22,8 +22,9 @@ FAR_M = 5000.0
 """Farther from home than few-view missions go: a coordinate is wrong."""
 _AMSL_BELOW_HOME_M = 5.0
 _HIGH_M = 120.0
-_KNOWN = frozenset(int(command) for command in Command)
-_INTERVALS = frozenset({Command.DO_SET_CAM_TRIGG_DIST, Command.DO_SET_CAM_TRIGG_INTERVAL})
+_INTERVALS = frozenset({
+    Command.DO_SET_CAM_TRIGG_DIST, Command.DO_SET_CAM_TRIGG_INTERVAL, Command.DO_TRIGGER_CONTROL,
+})  # fmt: skip
 
 
 def item_findings(read: ReadMission, vehicle: Vehicle, dialect: str) -> Iterator[Finding]:
@@ -54,8 +55,6 @@ def _one(number: int, item: MissionItem, dialect: str, vehicle: Vehicle) -> Iter
     if refused is not None:
         yield error("item-rejected", f"{item.name} is refused at the upload ({refused})", number)
         return
-    if item.command not in _KNOWN:
-        yield warning("unknown-item", f"{item.name} is not understood: what it does in flight is unknown", number)
     for what in dropped(item, dialect):
         yield warning("value-dropped", f"{item.name}: the autopilot drops the {what}", number)
     p1, p2, p3 = item.params[:3]

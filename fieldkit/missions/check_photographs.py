@@ -38,7 +38,7 @@ def photograph_findings(
         grounds: heights above home of the ground below photographs, by the number of the item that takes them; home's
             own where one is missing.
     """
-    if not flown.photographs and not flown.uncounted:
+    if not flown.photographs and not flown.uncounted and not flown.refused:
         yield error("no-photographs", "the mission takes no photograph")
     for shot in flown.photographs:
         if shot.never:
@@ -71,8 +71,6 @@ def _when(shot: Photograph, vehicle: Vehicle, places: Mapping[int, GeoPoint]) ->
             f"the turn to its heading is late: it is over {shot.turning_s:.1f} s after the photograph",
             *where,
         )
-        return
-    if shot.interval:  # said once for all of them
         return
     if shot.moving:
         yield error(

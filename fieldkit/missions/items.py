@@ -60,9 +60,12 @@ class Command(IntEnum):
     DO_MOUNT_CONFIGURE = 204
     DO_MOUNT_CONTROL = 205
     DO_SET_CAM_TRIGG_DIST = 206
+    DO_FENCE_ENABLE = 207
     NAV_SET_YAW_SPEED = 213
     DO_SET_CAM_TRIGG_INTERVAL = 214
+    DO_SET_RESUME_REPEAT_DIST = 215
     SET_CAMERA_MODE = 530
+    SET_CAMERA_FOCUS = 532
     JUMP_TAG = 600
     DO_JUMP_TAG = 601
     DO_GIMBAL_MANAGER_PITCHYAW = 1000
@@ -70,6 +73,7 @@ class Command(IntEnum):
     IMAGE_START_CAPTURE = 2000
     IMAGE_STOP_CAPTURE = 2001
     DO_TRIGGER_CONTROL = 2003
+    VIDEO_STOP_CAPTURE = 2501
 
 
 POSITIONAL = frozenset({
@@ -117,7 +121,10 @@ def command_name(command: int) -> str:
     try:
         return Command(command).name
     except ValueError:
-        return f"command {command}"
+        from fieldkit.flightlogs.dialect import mavlink  # takes a moment, and hardly any mission needs it
+
+        entry = mavlink.enums["MAV_CMD"].get(command)
+        return f"command {command}" if entry is None else str(entry.name).removeprefix("MAV_CMD_")
 
 
 def with_jump_moved(item: MissionItem, by: int) -> MissionItem:

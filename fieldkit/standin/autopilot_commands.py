@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from fieldkit.flightlogs.dialect import mavlink
 from fieldkit.flightlogs.mavlink_frames import Message
-from fieldkit.missions.autopilots.ardupilot.modes import AUTO, GUIDED, LAND, LOITER, RTL, STABILIZE
+from fieldkit.link.modes import AUTO, GUIDED, LAND, LOITER, RTL, STABILIZE
 from fieldkit.standin.autopilot_state import Autopilot, Step, sender
 
 _SET_MODE = 176

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from fieldkit.flightlogs.mavlink_frames import Message
 from fieldkit.link.item_rules import Kind, WireItem
-from fieldkit.missions.autopilots.ardupilot.modes import STABILIZE
+from fieldkit.link.modes import STABILIZE
 from fieldkit.standin.transfers import ItemList, Peer
 
 _NO_MISSION, _NO_FENCE, _NO_RALLY = ItemList(Kind.MISSION), ItemList(Kind.FENCE), ItemList(Kind.RALLY)

@@ -21,7 +21,7 @@ from fieldkit.link.filter_flags import uses_gps
 from fieldkit.link.item_rules import Kind, stored
 from fieldkit.link.signing import Signer
 from fieldkit.link.wires import parse_address
-from fieldkit.missions.autopilots.ardupilot.accepting import Result, in_centimetres
+from fieldkit.missions.autopilots.accepting import Result, in_centimetres
 from fieldkit.missions.items import MissionItem, command_name
 from fieldkit.standin import autopilot_model
 from fieldkit.standin.autopilot_state import Autopilot

@@ -19,7 +19,7 @@ from fieldkit.link.item_rules import (
     stored_fence_item,
     stored_rally_item,
 )
-from fieldkit.missions.autopilots.ardupilot.accepting import Result
+from fieldkit.missions.autopilots.accepting import Result
 
 ASK_AGAIN_S = 1.0
 GIVE_UP_S = 8.0

@@ -18,7 +18,7 @@ from fieldkit.link.item_rules import (
     stored_fence_item,
     stored_rally_item,
 )
-from fieldkit.missions.autopilots.ardupilot.accepting import MAX_ALTITUDE_M, MEASURED, TAKEN, Result, in_centimetres
+from fieldkit.missions.autopilots.accepting import MAX_ALTITUDE_M, MEASURED, TAKEN, Result, in_centimetres
 
 
 def test_all_measured_items(probe: dict[str, Any]) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from fieldkit.cli.check_mission import command
 from fieldkit.errors import UsageError
-from fieldkit.missions.autopilots import render
+from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.qgc_plan import plan_bytes
 from fieldkit.missions.files.read_mission import ReadMission
@@ -178,6 +178,8 @@ def swapped(items: list[MissionItem]) -> list[MissionItem]:
         (with_items(lambda items: 50 * items), "too-many-items"),
         (with_items(inserted(MissionItem(206, 2, (2.0, 0, 0, 0, 0, 0, 0)))), "photo-interval"),
         (with_items(inserted(MissionItem(17, 3, (0.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "stops-there"),
+        (with_items(inserted(MissionItem(2003, 2, (1.0, 0, 0, 0, 0, 0, 0)))), "item-rejected"),
+        (with_items(inserted(MissionItem(82, 3, (1.0, 0, 0, 0, 50.865, 6.4473, 3.0)))), "unknown-item"),
         (ReadMission("plan"), "empty"),
         (ReadMission("plan", ITEMS, home=HOME, firmware="dji"), "wrong-vehicle"),
     ],
@@ -186,6 +188,19 @@ def test_every_fault_is_found(read: ReadMission, error: str) -> None:
     report = check_mission(read, vehicle())
     assert not report.ok
     assert counted(report)[error] > 0, report.findings
+
+
+@pytest.mark.parametrize(("dialect", "command", "name"), [
+    ("ardupilot", 222, "DO_GUIDED_LIMITS"), ("ardupilot", 181, "DO_SET_RELAY"), ("ardupilot", 531, "SET_CAMERA_ZOOM"),
+    ("ardupilot", 18, "NAV_LOITER_TURNS"), ("px4", 187, "DO_SET_ACTUATOR"), ("px4", 2500, "VIDEO_START_CAPTURE"),
+])  # fmt: skip
+def test_what_nobody_can_say_the_photographs_of_is_refused_by_name(dialect: Any, command: int, name: str) -> None:
+    items = render(small_mission(), vehicle(dialect))[int(dialect == "ardupilot") :]
+    place = (50.865, 6.4473, 3.0) if command == 18 else (0.0, 0.0, 0.0)
+    strange = MissionItem(command, 3 if command == 18 else 2, (1.0, 0.0, 0.0, 0.0, *place))
+    report = check_mission(ReadMission("plan", (*items[:2], strange, *items[2:]), home=HOME), vehicle(dialect))
+    assert counted(report)["unknown-item"] == 1
+    assert report.findings[0].message == f"item 3 is {name}: fieldkit cannot say what photographs this gives"
 
 
 @pytest.mark.parametrize(
@@ -199,7 +214,6 @@ def test_every_fault_is_found(read: ReadMission, error: str) -> None:
         (with_items(changed(Command.NAV_TAKEOFF, p7=0.5)), "takeoff-raised"),
         (with_items(changed(Command.DO_MOUNT_CONTROL, p7=0.0)), "mount-mode"),
         (with_items(without(Command.NAV_LAND)), "no-landing"),
-        (with_items(inserted(MissionItem(181, 2, (0.0,) * 7))), "unknown-item"),
         (with_items(changed(Command.NAV_WAYPOINT, frame=10)), "datum"),
         (replace(with_items(lambda _: None), firmware="px4"), "wrong-vehicle"),
     ],

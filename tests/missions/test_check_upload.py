@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fieldkit.missions.autopilots import render
+from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.check_upload import findings_by_dialect
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding

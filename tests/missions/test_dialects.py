@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.autopilots import render
+from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.items import Command, same_item
 from fieldkit.routing.mission import GeoPoint, Shot
 from fieldkit.vehicles.vehicle import Mount, Speeds, Trigger

@@ -7,8 +7,7 @@ import math
 import pytest
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.autopilots.acceptance import dropped, refusal
-from fieldkit.missions.autopilots.item_checks import check_items, item_problem
+from fieldkit.missions.autopilots.acceptance import check_items, dropped, item_problem, refusal
 from fieldkit.missions.items import Command, Frame, MissionItem, Params, same_item
 from tests.missions.vehicles import item_of, recording
 

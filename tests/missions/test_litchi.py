@@ -110,7 +110,7 @@ def checked(folder: Path, *rows: dict[str, object], units: str = "m") -> Report:
     return replace(report, findings=tuple(f for f in report.findings if f.code != "too-few-waypoints"))
 
 
-def acts(*actions: tuple[int, float], **others: object) -> dict[str, object]:
+def acts(*actions: tuple[float, float], **others: object) -> dict[str, object]:
     cells: dict[str, object] = {}
     for k, (kind, parameter) in enumerate(actions, 1):
         cells |= {f"actiontype{k}": kind, f"actionparam{k}": parameter}
@@ -165,22 +165,22 @@ def test_a_point_of_interest_is_faced(tmp_path: Path) -> None:
         assert (second, pitch) == (pytest.approx(102.7, abs=0.1), -45.0)
         assert codes(report) == set()
     ground = checked(tmp_path, acts(*SHOT, **poi, gimbalmode=1, poi_altitudemode=1), units="ft")
-    assert (codes(ground), poses(ground)[0][1]) == ({"pitch-unknown"}, None)
-    assert codes(checked(tmp_path, acts(*SHOT, gimbalmode=1))) == {"pitch-unknown"}
+    for report in (ground, checked(tmp_path, acts(*SHOT, gimbalmode=1))):
+        assert (codes(report), poses(report)[0][1]) == ({"unknown-item", "no-pitch"}, None)
+        assert not report.ok
 
 
-def test_photographs_at_intervals_are_taken_on_the_way(tmp_path: Path) -> None:
-    report = checked(tmp_path, TILTED | {"photo_distinterval": 5}, TILTED, TILTED | {"photo_distinterval": 5})
-    assert [shot.interval for shot in report.photographs] == [True, True, True]
-    assert codes(report) == {"photo-interval"}
-    assert [f.item for f in report.findings if f.code == "photo-interval"] == [0]
-    timed = checked(tmp_path, TILTED | {"photo_timeinterval": 2}, TILTED | {"gimbalpitchangle": -25}, TILTED)
-    pitches = [shot.pitch_deg for shot in timed.photographs if shot.pitch_deg is not None]
-    assert pitches[0] == -45.0
-    assert pitches == sorted(pitches)
-    assert len(pitches) == len(timed.photographs) > 2
+def test_photographs_at_intervals_are_an_error_and_not_counted(tmp_path: Path) -> None:
+    for name, unit in (("photo_distinterval", "m"), ("photo_timeinterval", "s")):
+        report = checked(tmp_path, TILTED | {name: 5}, acts(*SHOT, **TILTED), TILTED | {name: 5})
+        assert len(report.photographs) == 1
+        (found,) = (f for f in report.findings if f.code == "photo-interval")
+        assert (found.item, f"every 5 {unit} up to waypoint 1" in found.message) == (0, True)
 
 
-def test_other_actions_are_told_of(tmp_path: Path) -> None:
-    assert codes(checked(tmp_path, acts((2, 0.0), (3, 0.0), (5, -45.0), *SHOT))) == {"not-modelled"}
-    assert codes(checked(tmp_path, acts((9, 0.0), (5, -45.0), *SHOT))) == {"unknown-item"}
+def test_actions_that_nobody_can_say_the_photographs_of_are_refused(tmp_path: Path) -> None:
+    assert codes(checked(tmp_path, acts((3, 0.0), (5, -45.0), *SHOT))) == set()
+    for kind in (2, 9, 4.5):
+        report = checked(tmp_path, acts((kind, 0.0), (5, -45.0), *SHOT))
+        assert (codes(report), report.ok) == ({"unknown-item"}, False)
+        assert f"waypoint 0 has an action {kind:g}" in report.findings[0].message

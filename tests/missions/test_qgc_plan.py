@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 
 from benchmarks.mission_trips import difference, mavsdk_importer
 from fieldkit.errors import MetadataError, MissionError, UsageError
-from fieldkit.missions.autopilots import render
+from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.check import check_mission
 from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.read_mission import ReadMission

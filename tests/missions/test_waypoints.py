@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 
 from benchmarks.mission_trips import by_pymavlink, complete_photographs, difference, random_mission
 from fieldkit.errors import MetadataError
-from fieldkit.missions.autopilots import render
+from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.waypoints import read_waypoints
 from fieldkit.missions.files.writing import mission_bytes

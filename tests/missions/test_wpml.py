@@ -13,9 +13,9 @@ import pytest
 
 from fieldkit.documents.xml_tree import parse_local
 from fieldkit.errors import MetadataError, MissionError
-from fieldkit.missions.autopilots.dji.wpml import TEMPLATE, WAYLINES
-from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
 from fieldkit.missions.autopilots.interpret import interpret
+from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
+from fieldkit.missions.files.wpml_reading import read_wpml
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.routing.mission import Shot
 from tests.missions.vehicles import small_mission, vehicle

@@ -13,8 +13,8 @@ import pytest
 
 from fieldkit.flightlogs.dialect import mavlink
 from fieldkit.flightlogs.tlog_frames import read_messages
-from fieldkit.missions.autopilots.ardupilot.accepting import in_centimetres
-from fieldkit.missions.autopilots.ardupilot.modes import AUTO
+from fieldkit.link.modes import AUTO
+from fieldkit.missions.autopilots.accepting import in_centimetres
 from fieldkit.standin import autopilot_model
 from fieldkit.standin.autopilot_state import Autopilot
 

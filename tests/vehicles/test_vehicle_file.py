@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from benchmarks.fuzzing import Target, fuzz
 from fieldkit.errors import MetadataError, MissionError
 from fieldkit.missions.autopilots.execution import Execution, Photograph
-from fieldkit.missions.autopilots.stops import check_shot
+from fieldkit.missions.autopilots.writing import check_shot
 from fieldkit.missions.check_photographs import photograph_findings
 from fieldkit.results.plan import PlanCamera
 from fieldkit.routing.mission import GeoPoint, Shot

@@ -1,31 +1,53 @@
-"""What photographs a mission really gives: its items carried out as each autopilot does.
+"""What photographs a mission really gives: its commands carried out as each autopilot does.
 
 ArduPilot (measured on ArduCopter 4.5.6): the items behind a NAV item that are none themselves run one after the other
 while the *next* NAV item is carried out, and are lost where that one ends first; CONDITION_YAW holds up those behind
-it until the turn is done. PX4 (read from its source): items run strictly in order. Waypoints of formats without items
-are DJI's (`dji.app_flight`).
+it until the turn is done. PX4 (read from its source): items run strictly in order. DJI's apps and Litchi carry out the
+actions of a waypoint in order; a pitch or heading that was commanded stays until another one is.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from fieldkit.missions.autopilots.acceptance import refusal
-from fieldkit.missions.autopilots.dji.app_flight import fly_stops
-from fieldkit.missions.autopilots.execution import LONGEST_S, Execution
-from fieldkit.missions.autopilots.flight import GOING, TAKEOFFS, Flight, Nav, dwell_seconds, is_shutter
+from fieldkit.missions.autopilots.effects import (
+    AUTOPILOTS,
+    GOING,
+    TAKEOFFS,
+    Craft,
+    Effect,
+    Effects,
+    Face,
+    Go,
+    Shoot,
+    ShootOnTheWay,
+    Stay,
+    cannot_say,
+)  # fmt: skip
+from fieldkit.missions.autopilots.execution import Execution, FlownLeg, Photograph, aim, along, distance
 from fieldkit.missions.autopilots.jumps import Numbered, course
-from fieldkit.missions.files.read_mission import ReadMission, ReadStop
+from fieldkit.missions.autopilots.state import State, Turn, begun, camera_moves, carried_out, gone, photograph
+from fieldkit.missions.files.read_mission import FREE, ReadMission, ReadStop
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.flight_time import landing_s, takeoff_s
-from fieldkit.routing.motion import TURN_LAG_S
+from fieldkit.routing.mission import GeoPoint
+from fieldkit.routing.motion import Leg, Way, leg
 from fieldkit.vehicles.vehicle import Vehicle
 
 # Commands up to here are NAV ones (MAVLink common.xml); so are ArduPilot's yaw-and-speed, script and attitude items.
 _LAST_NAV = 95
 _OTHER_NAV = frozenset({int(Command.NAV_SET_YAW_SPEED), 42702, 42703})
+_PASSED_FOR = frozenset({
+    Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TIME,
+})  # fmt: skip
+"""A waypoint without a hold is passed if one of these follows (ArduCopter's ModeAuto::set_next_wp)."""
+_SLOWEST_MPS = 0.01
+"""Of a waypoint's own speed; with less, 0 above all, the app's counts."""
+_NO_WAY_M = 0.01
+_REFUSED = "the autopilot refuses the item"
 
 
 def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
@@ -36,125 +58,288 @@ def interpret(read: ReadMission, vehicle: Vehicle, dialect: str) -> Execution:
         vehicle: its speeds and mount.
         dialect: "ardupilot" or "px4"; of no matter for a file without items.
     """
+    log = _Log(refused=dict(read.refused))
+    craft = Craft(vehicle, read.home, AUTOPILOTS.get(dialect, AUTOPILOTS["ardupilot"]))
     if read.stops:
-        climbs = read.home is None  # with a home the way up from there is the first leg
-        return _with_ends(fly_stops(read.stops, read.home, vehicle), read.stops, vehicle, climbs=climbs)
-    flight, followed = Flight(vehicle, read.home, dialect), course(read, dialect)
-    (_px4 if dialect == "px4" else _ardupilot)(flight, followed.numbered)
+        return _with_ends(log.ended(_fly_stops(craft, log, read.stops)), read, vehicle)
+    followed = course(read, dialect)
+    state = (_fly_in_order if craft.autopilot.in_order else _fly_in_queues)(craft, log, followed.numbered)
     for number, item in followed.unreached:
-        flight.lost(number, item, "the mission never comes to it")
-    return flight.done()
+        log.lose(state, number, craft.effects(item), "the mission never comes to it")
+    return log.ended(state)
 
 
-def _ardupilot(flight: Flight, numbered: Numbered) -> None:
-    """NAV items in turn, each with the queue of items that stand before it."""
-    queue: list[tuple[int, MissionItem]] = []
-    rested, passing = 0.0, False
-    for at, (number, item) in enumerate(numbered):
-        if refusal(item, "ardupilot") is not None or not _is_nav(item):
-            queue.append((number, item))
-            continue
-        nav = _ardupilot_nav(flight, number, item, _next_nav(numbered, at), rested, passing)
-        before = len(flight.photographs)
-        _run(flight, queue, nav)
-        queue = []
-        flight.clock = nav.over_s
-        if item.command == Command.NAV_DELAY:
-            flight.lengthen(nav.dwell_s, before)
-            rested, passing = nav.rested_s + nav.dwell_s, False
+@dataclass
+class _Log:
+    """What has happened so far, and which photographs the vehicle still stands at."""
+
+    photographs: list[Photograph] = field(default_factory=list)
+    legs: list[FlownLeg] = field(default_factory=list)
+    skipped: list[tuple[int, str]] = field(default_factory=list)
+    refused: dict[int, str] = field(default_factory=dict)
+    uncounted: bool = False
+    still: list[tuple[int, float]] = field(default_factory=list)
+
+    def shoot(self, shot: Photograph, clock_s: float, *, stands: bool = True) -> None:
+        if stands:
+            self.still.append((len(self.photographs), clock_s))
+        self.photographs.append(shot)
+
+    def stand_no_more(self, clock_s: float) -> None:
+        """The photographs taken standing here are over: something turns or leaves."""
+        for k, taken_s in self.still:
+            self.photographs[k] = replace(self.photographs[k], after_s=max(clock_s - taken_s, 0.0))
+        self.still = []
+
+    def fly(self, number: int, start: GeoPoint | None, path: tuple[GeoPoint, ...]) -> None:
+        """Legs from a place, where it is known, over others."""
+        for end in path:
+            if start is not None:
+                self.legs.append(FlownLeg(start, end, number))
+            start = end
+
+    def say_not(self, number: int, item: MissionItem) -> None:
+        self.refused.setdefault(number, cannot_say(f"item {number} is {item.name}"))
+
+    def lose(self, state: State, number: int, effects: Effects | None, why: str) -> None:
+        """An item that the autopilot does not carry out."""
+        self.skipped.append((number, why))
+        if any(isinstance(effect, Shoot) for effect in effects or ()):
+            self.never(state, number, why)
+
+    def never(self, state: State, number: int, why: str) -> None:
+        shot = Photograph(number, len(self.photographs), state.here, None, None, state.waypoint, never=why)
+        self.photographs.append(shot)
+
+    def ended(self, state: State) -> Execution:
+        self.stand_no_more(state.clock_s)
+        return Execution(
+            tuple(self.photographs), tuple(self.legs), state.clock_s, tuple(self.skipped),
+            tuple(sorted(self.refused.items())), self.uncounted,
+        )  # fmt: skip
+
+
+def _do(craft: Craft, log: _Log, state: State, number: int, effect: Effect) -> State:
+    """An effect where the vehicle is; it goes nowhere."""
+    if isinstance(effect, Shoot):
+        if effect.never:
+            log.never(state, number, effect.never)
+        else:
+            log.shoot(photograph(state, number, len(log.photographs), settles=effect.settles), state.clock_s)
+        return state
+    log.uncounted = log.uncounted or isinstance(effect, ShootOnTheWay)
+    after = carried_out(state, effect, craft.vehicle)
+    if camera_moves(state, after):
+        log.stand_no_more(state.clock_s)
+    return after
+
+
+@dataclass(frozen=True)
+class _Nav:
+    """The NAV item of an ArduPilot that is being carried out.
+
+    Attributes:
+        number: of the item.
+        begun: the state as it begins.
+        way: None where it stands still.
+        path: places that the way leads to.
+        dwell_s: that it stays at the end.
+    """
+
+    number: int
+    begun: State
+    way: Leg | Way | None
+    path: tuple[GeoPoint, ...]
+    dwell_s: float
+
+    @property
+    def travel_s(self) -> float:
+        return 0.0 if self.way is None else self.way.seconds
+
+    @property
+    def over_s(self) -> float:
+        """When it completes."""
+        return self.begun.clock_s + self.travel_s + self.dwell_s
+
+
+def _fly_in_queues(craft: Craft, log: _Log, numbered: Numbered) -> State:
+    """An ArduPilot: NAV items in turn, each with the queue of items that stand before it."""
+    state, queued = begun(craft), 0
+    navs = [k for k, (_, item) in enumerate(numbered) if _is_nav(item) and refusal(item, "ardupilot") is None]
+    for at, after in zip(navs, (*navs[1:], None), strict=False):
+        number, item = numbered[at]
+        effects = craft.effects(item)
+        if effects is None:
+            log.say_not(number, item)
+        (effect,) = effects or (Go(),)
+        nav, state = _nav(craft, state, number, item, effect, None if after is None else numbered[after][1])
+        log.fly(number, nav.begun.here, nav.path)
+        if nav.way is not None:
+            log.stand_no_more(nav.begun.clock_s)
+        state = replace(_run(craft, log, state, numbered[queued:at], nav), clock_s=nav.over_s)
+        if nav.way is None:
+            state = replace(state, passing=False)
         else:
             passing = nav.dwell_s <= 0.0 and item.command not in TAKEOFFS
-            rested = nav.dwell_s
-            flight.waypoint, flight.arrived_s = number, flight.clock - nav.dwell_s
-    for number, item in queue:
-        if refusal(item, "ardupilot") is not None:
-            flight.refused(number, item)
-            continue
-        flight.lost(number, item, "the mission is over before it: no NAV item follows")
+            state = replace(state, passing=passing, waypoint=number, arrived_s=nav.over_s - nav.dwell_s)
+        queued = at + 1
+    for number, item in numbered[queued:]:
+        over = "the mission is over before it: no NAV item follows"
+        log.lose(state, number, craft.effects(item), over if refusal(item, "ardupilot") is None else _REFUSED)
+    return state
 
 
-def _next_nav(numbered: Numbered, at: int) -> MissionItem | None:
-    """The NAV item after the one at an index."""
-    for k in range(at + 1, len(numbered)):
-        item = numbered[k][1]
-        if _is_nav(item) and refusal(item, "ardupilot") is None:
-            return item
-    return None
+def _nav(
+    craft: Craft, state: State, number: int, item: MissionItem, effect: Effect, following: MissionItem | None
+) -> tuple[_Nav, State]:
+    """A NAV item begun, and the state with the place that it leads to."""
+    if isinstance(effect, Stay):
+        return _Nav(number, state, None, (), effect.seconds), state
+    go = effect if isinstance(effect, Go) else Go()
+    passed = item.command == Command.NAV_WAYPOINT and go.dwell_s <= 0.0
+    passed = passed and following is not None and following.command in _PASSED_FOR
+    there, way, path = gone(craft, state, item, go.how, following if passed else None)
+    return _Nav(number, state, way, path, go.dwell_s), there
 
 
-def _ardupilot_nav(
-    flight: Flight, number: int, item: MissionItem, following: MissionItem | None, rested: float, passing: bool
-) -> Nav:
-    begin, start = flight.clock, flight.track.here
-    if item.command == Command.NAV_DELAY:
-        seconds = min(max(item.params[0], 0.0), LONGEST_S)
-        return Nav(number, begin, start, start, None, (), 0.0, seconds, rested, passing)
-    known = len(flight.track.legs)
-    way = flight.go(number, item, following)
-    path = tuple(leg_.end for leg_ in flight.track.legs[known:])
-    return Nav(number, begin, start, flight.track.here, way, path, way.seconds, dwell_seconds(item), rested, passing)
-
-
-def _run(flight: Flight, queue: Numbered, nav: Nav) -> None:
+def _run(craft: Craft, log: _Log, state: State, queue: Numbered, nav: _Nav) -> State:
     """Carry out a queue while a NAV item is; what comes too late is lost."""
-    now = nav.begin_s
     leaves = nav.way is not None
     for number, item in queue:
+        effects = craft.effects(item)
         if refusal(item, "ardupilot") is not None:
-            flight.refused(number, item)
-            continue
-        if now > nav.begin_s and now >= nav.over_s:
-            flight.lost(number, item, f"item {nav.number} is over before the items in front of it are done")
-            continue
-        if is_shutter(item):
-            flight.shoot(number, item, now, nav)
-            continue
-        if leaves:
-            # With each waypoint the heading is the autopilot's own again, until the next CONDITION_YAW (measured).
-            flight.commanded, leaves = False, False
-        now = flight.do(item, now)
-    if leaves:
-        flight.commanded = False
-    if nav.way is not None and not flight.commanded:
-        flight.heading.release()
-
-
-def _px4(flight: Flight, numbered: Numbered) -> None:
-    """Items strictly one after the other."""
-    rested, passing = 0.0, False
-    for number, item in numbered:
-        if refusal(item, "px4") is not None:
-            flight.refused(number, item)
-        elif item.command == Command.NAV_DELAY:
-            seconds = min(max(item.params[0], 0.0), LONGEST_S)
-            flight.lengthen(seconds, len(flight.photographs))
-            flight.clock, passing, rested = flight.clock + seconds, False, rested + seconds
-        elif item.command in GOING or item.command == Command.NAV_RETURN_TO_LAUNCH:
-            begin, yaw = flight.clock, item.params[3]
-            flight.clock += flight.go(number, item).seconds
-            flight.commanded = math.isfinite(yaw)
-            if flight.commanded:
-                flight.heading.turn_to(yaw, begin)
-                # The hold waits for the heading, too.
-                flight.clock = max(flight.clock, flight.heading.done_s + TURN_LAG_S)
-            flight.arrived_s, flight.waypoint = flight.clock, number
-            rested = dwell_seconds(item, whole=False)
-            flight.clock, passing = flight.clock + rested, rested <= 0.0
-        elif is_shutter(item):
-            here = flight.track.here
-            nav = Nav(flight.waypoint, flight.clock, here, here, None, (), 0.0, 0.0, rested, passing)
-            flight.shoot(number, item, flight.clock, nav)
+            log.lose(state, number, effects, _REFUSED)
+        elif nav.begun.clock_s < state.clock_s >= nav.over_s:
+            log.lose(
+                state, number, effects, f"item {nav.number} is over before the items in front of it are done"
+            )  # fmt: skip
+        elif effects is None:
+            log.say_not(number, item)
         else:
-            flight.clock = flight.do(item, flight.clock)
+            for effect in effects:
+                if isinstance(effect, Shoot) and not effect.never:
+                    _shoot(log, state, number, nav)
+                    continue
+                if leaves:
+                    # With each waypoint the heading is the autopilot's own again, until the next CONDITION_YAW
+                    # (measured).
+                    state, leaves = replace(state, commanded=False), False
+                state = _do(craft, log, state, number, effect)
+    if leaves:
+        state = replace(state, commanded=False)
+    if nav.way is not None and not state.commanded:
+        state = replace(state, turn=replace(state.turn, free=True))
+    return state
+
+
+def _shoot(log: _Log, state: State, number: int, nav: _Nav) -> None:
+    """A photograph while a NAV item is carried out: it belongs to the place before."""
+    since, index, start = state.clock_s - nav.begun.clock_s, len(log.photographs), nav.begun.here
+    if nav.way is None or since <= 0.0:  # the vehicle stands where the waypoint before left it, or leaves
+        shot = photograph(replace(state, here=start), number, index)
+    elif since < nav.travel_s:
+        place = start and along((start, *nav.path), nav.way.fraction(since))
+        shot = replace(photograph(replace(state, here=place), number, index), moving=True, late_s=since, settled_s=0.0)
+    else:  # so late that the next place is reached
+        shot = replace(photograph(state, number, index), moving=False, late_s=since, settled_s=since - nav.travel_s)
+    log.shoot(shot, state.clock_s, stands=nav.way is None or since >= nav.travel_s > 0.0)
+
+
+def _fly_in_order(craft: Craft, log: _Log, numbered: Numbered) -> State:
+    """A PX4: items strictly one after the other."""
+    state = begun(craft)
+    for number, item in numbered:
+        effects = craft.effects(item)
+        if refusal(item, "px4") is not None:
+            log.lose(state, number, effects, _REFUSED)
+            continue
+        if effects is None:
+            log.say_not(number, item)
+            effects = (Go(),) if item.command in GOING else ()
+        for effect in effects:
+            if isinstance(effect, Go):
+                state = _go_in_order(craft, log, state, number, item, effect)
+            else:
+                state = _do(craft, log, state, number, effect)
+                state = replace(state, passing=state.passing and not isinstance(effect, Stay))
+    return state
+
+
+def _go_in_order(craft: Craft, log: _Log, state: State, number: int, item: MissionItem, go: Go) -> State:
+    log.stand_no_more(state.clock_s)
+    there, way, path = gone(craft, state, item, go.how)
+    log.fly(number, state.here, path)
+    clock, turn, commanded = state.clock_s + way.seconds, state.turn, math.isfinite(go.yaw_deg)
+    if commanded:  # the hold waits for the heading, too
+        turn = turn.turned(Face(go.yaw_deg), state.clock_s, craft.vehicle.speeds)
+        clock = max(clock, turn.over_s)
+    return replace(
+        there, clock_s=clock + go.dwell_s, arrived_s=clock, turn=turn, commanded=commanded, waypoint=number,
+        passing=go.dwell_s <= 0.0 and go.how != "takeoff",
+    )  # fmt: skip
 
 
 def _is_nav(item: MissionItem) -> bool:
     return item.command <= _LAST_NAV or item.command in _OTHER_NAV
 
 
-def _with_ends(flown: Execution, stops: Sequence[ReadStop], vehicle: Vehicle, *, climbs: bool) -> Execution:
+def _fly_stops(craft: Craft, log: _Log, stops: Sequence[ReadStop]) -> State:
+    """DJI's apps and Litchi: waypoints with their actions."""
+    state = begun(craft, commanded=True)
+    if state.here is not None and stops[0].height_from == "home":  # it climbs first
+        above = replace(state.here, height_m=stops[0].place.height_m)
+        log.fly(stops[0].number, state.here, (above,))
+        state = replace(state, here=above)
+    for before, stop in zip((None, *stops[:-1]), stops, strict=True):
+        for effect in stop.before:
+            state = _do(craft, log, state, stop.number, effect)
+        log.stand_no_more(state.clock_s)
+        state = _at_stop(craft, log, state, before, stop)
+        for effect in stop.actions:
+            state = _do(craft, log, state, stop.number, effect)
+        log.uncounted = log.uncounted or stop.uncounted
+    return state
+
+
+def _at_stop(craft: Craft, log: _Log, state: State, before: ReadStop | None, stop: ReadStop) -> State:
+    """Fly from a waypoint to the next."""
+    height = stop.place.height_m if stop.height_from == "home" else math.nan
+    place, start, gimbal = replace(stop.place, height_m=height), state.here, state.gimbal
+    horizontal, up = (0.0, 0.0) if start is None else distance(start, place)
+    log.fly(stop.number, start, (place,))
+    speed = (before or stop).speed_mps
+    speed = speed if speed is not None and speed > _SLOWEST_MPS else None
+    clock = state.clock_s + leg(horizontal, up, craft.vehicle.speeds, speed).seconds
+    if stop.pitch_deg is not None and craft.vehicle.mount.kind != "fixed":
+        gimbal = replace(gimbal, pitch_deg=stop.pitch_deg, pitch_why="")
+    turn = _arrival_turn(state, before, stop, place)
+    return replace(
+        state, clock_s=clock, here=place, turn=turn, gimbal=gimbal, arrived_s=clock, waypoint=stop.number,
+        passing=not stop.stops,
+    )  # fmt: skip
+
+
+def _arrival_turn(state: State, before: ReadStop | None, stop: ReadStop, place: GeoPoint) -> Turn:
+    """The heading at a waypoint: its own where it says one, else what the waypoint before asked for on the way."""
+    own, heading = stop.facing, None
+    if own.mode not in ("angle", "poi"):
+        own = before.facing if before is not None else FREE
+    elif own.mode == "angle" and own.angle_deg is not None:
+        heading = own.angle_deg % 360.0
+    if own.mode == "kept":
+        return state.turn
+    if own.mode == "course" and state.here is not None:
+        moves = distance(state.here, place)[0] > _NO_WAY_M
+        heading = aim(state.here, place)[0] if moves else state.turn.at(state.clock_s)
+    elif own.mode == "poi" and own.poi is not None and distance(place, own.poi)[0] > _NO_WAY_M:
+        heading = aim(place, own.poi)[0]
+    return Turn(heading, heading)
+
+
+def _with_ends(flown: Execution, read: ReadMission, vehicle: Vehicle) -> Execution:
     """The flight with take-off and landing, which waypoints do not have; heights that are not above home count as 0."""
-    first, last = (stop.place.height_m if stop.height_from == "home" else 0.0 for stop in (stops[0], stops[-1]))
-    ends_s = takeoff_s(max(first, 0.0), vehicle.speeds) + landing_s(last, vehicle.speeds)
-    upright_m = (max(first, 0.0) if climbs else 0.0) + max(last, 0.0)
-    return replace(flown, seconds=flown.seconds + ends_s, upright_m=upright_m)
+    ends = (read.stops[0], read.stops[-1])
+    first, last = (max(stop.place.height_m, 0.0) if stop.height_from == "home" else 0.0 for stop in ends)
+    ends_s = takeoff_s(first, vehicle.speeds) + landing_s(last, vehicle.speeds)
+    climbs_m = first if read.home is None else 0.0  # with a home the way up from there is the first leg
+    return replace(flown, seconds=flown.seconds + ends_s, upright_m=climbs_m + last)

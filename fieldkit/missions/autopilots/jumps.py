@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fieldkit.missions.autopilots.acceptance import refusal
-from fieldkit.missions.autopilots.flight import GOING
+from fieldkit.missions.autopilots.effects import AUTOPILOTS, GOING
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
 
@@ -110,7 +110,7 @@ def _jump(item: MissionItem, dialect: str, tags: dict[int, int]) -> tuple[int, i
     target = tags.get(first or 0, -1) if item.command == Command.DO_JUMP_TAG else first
     repeats = second or 0
     # ArduPilot repeats −1 without end and takes less for 0; PX4 keeps the number without a sign.
-    endless = repeats == -1 or (repeats < 0 and dialect == "px4")
+    endless = repeats == -1 or (repeats < 0 and AUTOPILOTS[dialect].endless)
     return -1 if target is None else target, None if endless else repeats
 
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from fieldkit.errors import MetadataError, MissionError
+from fieldkit.missions.autopilots.effects import LITCHI, Effect, Shoot, Stay, cannot_say
 from fieldkit.missions.autopilots.execution import aim
-from fieldkit.missions.autopilots.stops import LEAST_EXPOSURE_S
+from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S
 from fieldkit.missions.files.limits import LONGEST_STAY_S, MAX_ITEMS, MOST_WAYPOINTS, number, read_text
-from fieldkit.missions.files.read_mission import ReadMission, ReadStop, Remark, in_passing
+from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, Remark, in_passing
 from fieldkit.missions.files.route import RoutePoint, route_points
-from fieldkit.missions.files.stop_actions import Action, Face, Facing, Series, Shoot, Stay, Tilt
 from fieldkit.routing.mission import GeoPoint, Mission
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.wording import count
@@ -84,66 +84,71 @@ def read_litchi(path: Path) -> ReadMission:
     filled = [(line, row) for line, row in enumerate(rows[1:], 2) if any(cell.strip() for cell in row)]
     if len(filled) > MAX_ITEMS:
         raise _error(path, f"has more than {MAX_ITEMS} waypoints")
+    cells = [_Row(path, names, row, line) for line, row in filled]
+    refused: list[tuple[int, str]] = []
+    stops = [_stop(row, k, refused) for k, row in enumerate(cells)]
     remarks = [
         Remark("heading-mode", "headings count only with Litchi's Heading Mode set to Custom, which no file can hold")
     ]
-    stops = [_read_row(path, names, row, line, k, remarks) for k, (line, row) in enumerate(filled)]
-    for stop in stops[:-1]:  # behind the last one there is no way
-        remarks += [in_passing(series.every, series.unit, stop.number, series.until) for series in stop.series]
+    for k, row in enumerate(cells[:-1]):  # behind the last one there is no way
+        for name, unit in (("photo_timeinterval", "s"), ("photo_distinterval", "m")):
+            if (every := row.value(name) or 0.0) > 0.0:
+                remarks.append(in_passing(every, unit, k, k + 1))
+                stops[k] = replace(stops[k], uncounted=True)
     for before, stop, after in zip((None, *stops), stops, (*stops[1:], None), strict=False):
-        if stop.pitch_deg is not None and not any(each is not None and _pitched(each) for each in (before, after)):
+        if stop.pitch_deg is not None and not any(e is not None and e.pitch_deg is not None for e in (before, after)):
             message = "Litchi sets the gimbal's pitch only between waypoints that both have one: is it meant so?"
             remarks.append(Remark("not-modelled", message, item=stop.number))
-    return ReadMission("litchi", stops=tuple(stops), firmware="dji", remarks=tuple(remarks), first_number=0)
+    return ReadMission(
+        "litchi", stops=tuple(stops), firmware="dji", remarks=tuple(remarks), refused=tuple(refused), first_number=0
+    )
 
 
-def _read_row(path: Path, names: list[str], row: list[str], line: int, index: int, remarks: list[Remark]) -> ReadStop:
-    if len(row) > len(names):
-        raise _error(path, f"line {line} has {count(len(row), 'column')}, its header {len(names)}")
-    cells = dict(zip(names, row, strict=False))
+class _Row:
+    """The cells of a row, by column."""
 
-    def value(*keys: str) -> float | None:
-        text = next((cells[key] for key in keys if cells.get(key, "").strip()), "")
+    def __init__(self, path: Path, names: list[str], row: list[str], line: int) -> None:
+        if len(row) > len(names):
+            raise _error(path, f"line {line} has {count(len(row), 'column')}, its header {len(names)}")
+        self.path, self.line, self.cells = path, line, dict(zip(names, row, strict=False))
+
+    def value(self, *keys: str) -> float | None:
+        """The first of some columns that is filled."""
+        text = next((self.cells[key] for key in keys if self.cells.get(key, "").strip()), "")
         found = number(text)
         if text.strip() and found is None:
-            raise _error(path, f"line {line}: {keys[0]} is not a number: {text[:20]!r}")
+            raise _error(self.path, f"line {self.line}: {keys[0]} is not a number: {text[:20]!r}")
         return found
 
-    latitude, longitude, height = value("latitude"), value("longitude"), _metres(value, "altitude")
+    def metres(self, name: str) -> float | None:
+        """A length that is in metres or in feet."""
+        metres, feet = self.value(f"{name}(m)"), self.value(f"{name}(ft)")
+        return metres if metres is not None else None if feet is None else feet * _FEET_M
+
+
+def _stop(row: _Row, index: int, refused: list[tuple[int, str]]) -> ReadStop:
+    latitude, longitude, height = row.value("latitude"), row.value("longitude"), row.metres("altitude")
     if latitude is None or longitude is None or height is None:
-        raise _error(path, f"line {line} lacks a latitude, longitude or altitude")
-    place = GeoPoint(latitude, longitude, height)
-    above = "ground" if value("altitudemode") == 1 else "home"
-    mode = value("gimbalmode")
-    pitch = value("gimbalpitchangle") if mode == _INTERPOLATE else None
-    heading, pitch_why = value("heading(deg)", "heading"), ""
-    poi = GeoPoint(value("poi_latitude") or 0.0, value("poi_longitude") or 0.0, _metres(value, "poi_altitude") or 0.0)
-    if poi.latitude_deg or poi.longitude_deg:
-        heading, steep = aim(place, poi)
-        if mode == _FOCUS and above == "home" and value("poi_altitudemode") != 1:
-            pitch = steep
-        elif mode == _FOCUS:
-            pitch_why = "it is aimed at a point of interest, and the heights above ground are not known"
-    elif mode == _FOCUS:
-        pitch_why = "it is aimed at a point of interest that the file does not have"
-    actions: list[Action] = []
+        raise _error(row.path, f"line {row.line} lacks a latitude, longitude or altitude")
+    place, above = GeoPoint(latitude, longitude, height), "ground" if row.value("altitudemode") == 1 else "home"
+    mode, heading = row.value("gimbalmode"), row.value("heading(deg)", "heading")
+    pitch = row.value("gimbalpitchangle") if mode == _INTERPOLATE else None
+    east, north = row.value("poi_longitude") or 0.0, row.value("poi_latitude") or 0.0
+    focused = mode == _FOCUS
+    if north or east:
+        heading, steep = aim(place, GeoPoint(north, east, row.metres("poi_altitude") or 0.0))
+        if focused and above == "home" and row.value("poi_altitudemode") != 1:
+            pitch, focused = steep, False
+    if focused:  # there is none, or its height above the waypoint's is not known
+        refused.append((index, cannot_say(f"waypoint {index} is aimed at a point of interest that is not placed")))
+    actions: list[Effect] = []
     for k in range(1, _ACTIONS + 1):
-        kind, amount = value(f"actiontype{k}"), value(f"actionparam{k}") or 0.0
-        match kind:
-            case 0:
-                actions.append(Stay(max(amount, 0.0) / 1000.0))
-            case 1:
-                actions.append(Shoot())
-            case 2:
-                remarks.append(Remark("not-modelled", "records a video, which is passed over", item=index))
-            case 4:
-                actions.append(Face(amount))
-            case 5:
-                actions.append(Tilt(amount))
-            case None | -1 | 3:
-                pass
-            case _:
-                remarks.append(Remark("unknown-item", f"the action {kind:g} is not known, and passed over", item=index))
+        kind = row.value(f"actiontype{k}")
+        act = LITCHI.get(-1.0 if kind is None else kind)
+        if act is None:
+            refused.append((index, cannot_say(f"waypoint {index} has an action {kind:g}")))
+        else:
+            actions += act(row.value(f"actionparam{k}") or 0.0)
     # A curve size above 0 rounds the corner, unless an action stops the aircraft.
     held = any(isinstance(action, Shoot) or (isinstance(action, Stay) and action.seconds > 0.0) for action in actions)
     return ReadStop(
@@ -152,29 +157,10 @@ def _read_row(path: Path, names: list[str], row: list[str], line: int, index: in
         height_from=above,
         facing=Facing("free") if heading is None else Facing("angle", heading % 360.0),
         pitch_deg=pitch,
-        pitch_why=pitch_why,
         actions=tuple(actions),
-        stops=held or not (value("curvesize(m)", "curvesize(ft)") or 0.0) > 0.0,
-        speed_mps=value("speed(m/s)"),
-        series=_series(value, index),
+        stops=held or not (row.value("curvesize(m)", "curvesize(ft)") or 0.0) > 0.0,
+        speed_mps=row.value("speed(m/s)"),
     )
-
-
-def _pitched(stop: ReadStop) -> bool:
-    return stop.pitch_deg is not None or bool(stop.pitch_why)
-
-
-def _metres(value: Callable[..., float | None], name: str) -> float | None:
-    """A length that is in metres or in feet."""
-    metres, feet = value(f"{name}(m)"), value(f"{name}(ft)")
-    return metres if metres is not None else None if feet is None else feet * _FEET_M
-
-
-def _series(value: Callable[..., float | None], index: int) -> tuple[Series, ...]:
-    """Photographs at intervals, from one waypoint to the next."""
-    seconds, metres = value("photo_timeinterval") or 0.0, value("photo_distinterval") or 0.0
-    timed = (Series(seconds, "s", index + 1),) if seconds > 0.0 else ()
-    return (*timed, *((Series(metres, "m", index + 1),) if metres > 0.0 else ()))
 
 
 def _error(path: Path, message: str) -> MetadataError:

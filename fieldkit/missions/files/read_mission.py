@@ -3,10 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
-from fieldkit.missions.files.stop_actions import FREE, Action, Facing, Series
+from fieldkit.missions.autopilots.effects import Effects
 from fieldkit.missions.items import Command, Frame, MissionItem, with_jump_moved
 from fieldkit.routing.mission import Fence, GeoPoint, Home
+
+
+@dataclass(frozen=True)
+class Facing:
+    """Where the nose points at a waypoint and from it to the next.
+
+    Attributes:
+        mode: "angle": to the angle at the waypoint; "course": along the way; "kept": as the waypoint's actions leave
+            it; "poi": towards a place; "free": the app's or the pilot's.
+        angle_deg: of "angle"; None where the file has none that counts.
+        poi: of "poi"; None where the file has none.
+    """
+
+    mode: Literal["angle", "course", "kept", "poi", "free"] = "free"
+    angle_deg: float | None = None
+    poi: GeoPoint | None = None
+
+
+FREE = Facing()
 
 
 @dataclass(frozen=True)
@@ -18,14 +38,12 @@ class ReadStop:
         place: where; its height is above take-off.
         height_from: "home", or what else the file says that the height is above.
         facing: heading there and from there on.
-        pitch_deg: of the gimbal on arrival, turned evenly on the way; None where it stays as it was.
-        pitch_why: why nobody can say what it is on arrival; "" elsewhere.
+        pitch_deg: of the gimbal on arrival, turned on the way; None where it stays as it was.
         before: done before the way to it.
         actions: done there, one after the other.
         stops: whether the vehicle stands still there.
         speed_mps: towards the next one, or None.
-        series: photographs at intervals that begin here.
-        uncounted: whether photographs are taken that are neither in ``actions`` nor in ``series``.
+        uncounted: whether photographs are taken from it on that are not in ``actions``.
     """
 
     number: int
@@ -33,12 +51,10 @@ class ReadStop:
     height_from: str = "home"
     facing: Facing = FREE
     pitch_deg: float | None = None
-    pitch_why: str = ""
-    before: tuple[Action, ...] = ()
-    actions: tuple[Action, ...] = ()
+    before: Effects = ()
+    actions: Effects = ()
     stops: bool = True
     speed_mps: float | None = None
-    series: tuple[Series, ...] = ()
     uncounted: bool = False
 
 
@@ -61,9 +77,7 @@ class Remark:
 
 def in_passing(every: float, unit: str, start: int, end: int) -> Remark:
     """Of photographs at intervals of so many seconds or metres from one waypoint to another."""
-    message = (
-        f"photographs are taken every {every:g} {unit} up to waypoint {end}, on the way: none of them stands still"
-    )
+    message = f"photographs are taken every {every:g} {unit} up to waypoint {end}, on the way: they are not counted"
     return Remark("photo-interval", message, item=start, error=True)
 
 
@@ -80,6 +94,7 @@ class ReadMission:
         fence: None where the file has none.
         rally: places to return to.
         remarks: what its reader noticed.
+        refused: what nobody can say the photographs of: number of the waypoint, and words that name it.
         first_number: of ``items[0]``: 1 behind a home row and in .plan files, whose doJumpId counts from 1.
         drone: droneEnumValue and droneSubEnumValue of the aircraft that a WPML file is for; None where it names none.
     """
@@ -92,6 +107,7 @@ class ReadMission:
     fence: Fence | None = None
     rally: tuple[GeoPoint, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    refused: tuple[tuple[int, str], ...] = ()
     first_number: int = 1
     drone: tuple[int, int] | None = None
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from fieldkit.documents.mistaken import refuse_other
 from fieldkit.errors import MetadataError
-from fieldkit.missions.autopilots.dji.wpml_reading import read_wpml
 from fieldkit.missions.files.limits import REMEDY
 from fieldkit.missions.files.litchi import read_litchi
 from fieldkit.missions.files.qgc_plan import read_plan
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.files.waypoints import read_waypoints
+from fieldkit.missions.files.wpml_reading import read_wpml
 
 READERS: dict[str, Callable[[Path], ReadMission]] = {
     ".plan": read_plan,

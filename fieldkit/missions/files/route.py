@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from fieldkit.errors import MissionError
-from fieldkit.missions.autopilots.stops import check_shot
+from fieldkit.missions.autopilots.writing import check_shot
 from fieldkit.routing.mission import GeoPoint, Mission, Shot
 from fieldkit.vehicles.vehicle import Vehicle
 

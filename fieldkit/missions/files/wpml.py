@@ -15,9 +15,9 @@ import re
 
 from fieldkit.documents.xml_tree import escaped
 from fieldkit.geometry.angles import wrapped_deg
-from fieldkit.missions.autopilots.dji.models import DjiModel, dji_model
-from fieldkit.missions.autopilots.stops import LEAST_EXPOSURE_S
+from fieldkit.missions.autopilots.writing import LEAST_EXPOSURE_S
 from fieldkit.missions.files.archive import zip_bytes
+from fieldkit.missions.files.dji_models import DjiModel, dji_model
 from fieldkit.missions.files.limits import MOST_WAYPOINTS
 from fieldkit.missions.files.route import RoutePoint, route_points
 from fieldkit.results.plan import station_number

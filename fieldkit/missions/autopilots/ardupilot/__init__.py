@@ -1,1 +1,0 @@
-"""ArduPilot: the items it is given, and what it makes of them."""

@@ -1,1 +1,0 @@
-"""DJI: missions as WPML files, and what its apps and Litchi make of waypoints."""

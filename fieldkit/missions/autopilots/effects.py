@@ -1,0 +1,409 @@
+"""What every command of a mission does to place, heading, pitch, shutter and time: one table for all formats.
+
+`ARDUPILOT` and `PX4` have MAVLink's commands, `WPML` the actions of DJI's files, `LITCHI` those of Litchi's. A command
+that is not in its table, or whose row gives None, could change a photograph in a way that fieldkit does not know: the
+mission is refused by that command's name. Rows without effects move no camera and release no shutter.
+
+WPML as in DJI's Cloud API documentation ("DJI WPML", common elements). That a relative angle of the gimbal counts from
+where the gimbal is, is from DJI's Mobile SDK ("GimbalAngleRotationMode"): the Cloud API's words are about yaw alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from fieldkit.geometry.geodesy import on_earth
+from fieldkit.missions.autopilots.accepting import kept_params
+from fieldkit.missions.files.limits import number
+from fieldkit.missions.items import Command, MissionItem, plain_frame
+from fieldkit.routing.mission import GeoPoint, Home
+from fieldkit.vehicles.vehicle import Vehicle
+
+LONGEST_S = 1e6
+"""Longest wait or turn that is believed: clocks stay finite."""
+
+
+@dataclass(frozen=True)
+class Go:
+    """Fly to the item's place and stay for ``dwell_s``; a PX4 turns to ``yaw_deg`` meanwhile, where it is a number."""
+
+    how: Literal["fly", "takeoff", "land", "return"] = "fly"
+    dwell_s: float = 0.0
+    yaw_deg: float = math.nan
+
+
+@dataclass(frozen=True)
+class Stay:
+    """Stand still for so many seconds."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Shoot:
+    """Take a photograph; ``settles`` where the action waits until the camera is turned, ``never`` why it takes none."""
+
+    settles: bool = False
+    never: str = ""
+
+
+@dataclass(frozen=True)
+class ShootOnTheWay:
+    """Take photographs at intervals from here on: they are not counted."""
+
+
+@dataclass(frozen=True)
+class Face:
+    """Turn the vehicle.
+
+    Attributes:
+        angle_deg: heading to turn to, or angle to turn by (clockwise positive) where ``relative``.
+        way: 1 clockwise, −1 counterclockwise, 0 the short way.
+        rate_dps: the profile's where 0 or above that.
+        mount: the mount's yaw does it, and nothing waits for it.
+        nearly_deg: a turn of less goes the short way, whatever way is asked for: headings are rounded.
+    """
+
+    angle_deg: float
+    way: int = 0
+    relative: bool = False
+    rate_dps: float = 0.0
+    mount: bool = False
+    nearly_deg: float = 0.0
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """Turn the gimbal to a pitch, or by one where ``relative``, within so many seconds."""
+
+    pitch_deg: float
+    relative: bool = False
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Pan:
+    """Turn the gimbal's own yaw.
+
+    Off the nose; from north, and then along with the nose; by an angle ("itself"); or from north to stay ("lock").
+    """
+
+    yaw_deg: float
+    base: Literal["nose", "north", "itself", "lock"]
+
+
+@dataclass(frozen=True)
+class Aim:
+    """Aim the camera at a place from here on, or at none any more."""
+
+    at: GeoPoint | None
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Fly at another speed from here on."""
+
+    which: Literal["cruise_mps", "climb_mps", "descent_mps"]
+    mps: float
+
+
+Effect = Go | Stay | Shoot | ShootOnTheWay | Face | Tilt | Pan | Aim | Speed
+Effects = tuple[Effect, ...]
+
+
+@dataclass(frozen=True)
+class Autopilot:
+    """What tells autopilots apart, and the vehicle that one flies.
+
+    Attributes:
+        commands: the table.
+        in_order: items run strictly one after the other; else those behind a NAV item run during the next one.
+        return_m, pause_s: least height of a return to home, and how long it stands there before it lands.
+        endless: whether a count of repeats below 0 never ends; else only −1 does.
+    """
+
+    commands: Mapping[int, Row]
+    in_order: bool
+    return_m: float
+    pause_s: float
+    endless: bool
+
+
+@dataclass(frozen=True)
+class Craft:
+    """A vehicle with its autopilot, and home, where the file has one: the zero of heights."""
+
+    vehicle: Vehicle
+    home: Home | None
+    autopilot: Autopilot
+
+    def height_m(self, frame: int, altitude: float) -> float:
+        """Above home; NaN where that cannot be said."""
+        if plain_frame(frame) == 3:
+            return altitude
+        if plain_frame(frame) in (0, 2) and self.home is not None and self.home.amsl_m is not None:
+            return altitude - self.home.amsl_m
+        return math.nan
+
+    def effects(self, item: MissionItem) -> Effects | None:
+        """Of an item; None where nobody can say."""
+        row = self.autopilot.commands.get(item.command)
+        return None if row is None else row(item, self)
+
+
+Row = Callable[[MissionItem, Craft], Effects | None]
+
+
+def cannot_say(what: str) -> str:
+    """Words that refuse something by its name."""
+    return f"{what}: fieldkit cannot say what photographs this gives"
+
+
+def _nothing(_item: MissionItem, _craft: Craft) -> Effects:
+    return ()
+
+
+def _go(item: MissionItem, _craft: Craft) -> Effects:
+    dwells = item.command in (Command.NAV_WAYPOINT, Command.NAV_LOITER_TIME) and math.isfinite(item.params[0])
+    return (Go(dwell_s=_seconds(item.params[0]) if dwells else 0.0, yaw_deg=item.params[3]),)
+
+
+def _ends(how: Literal["takeoff", "land", "return"]) -> Row:
+    return lambda item, _craft: (Go(how, yaw_deg=item.params[3]),)
+
+
+def _stay(item: MissionItem, _craft: Craft) -> Effects:
+    return (Stay(_seconds(item.params[0])),)
+
+
+def _seconds(value: float) -> float:
+    return min(max(0.0, value), LONGEST_S)  # 0 where it is not a number
+
+
+def _speed(item: MissionItem, _craft: Craft) -> Effects:
+    kind, mps = item.params[:2]
+    which: dict[float, Literal["climb_mps", "descent_mps"]] = {2.0: "climb_mps", 3.0: "descent_mps"}
+    return (Speed(which.get(kind, "cruise_mps"), mps),) if 0.01 < mps < 100.0 else ()
+
+
+def _roi(item: MissionItem, craft: Craft) -> Effects | None:
+    if item.command in (Command.DO_SET_ROI, Command.NAV_ROI) and item.params[0] in (1.0, 2.0):
+        return None  # at a waypoint
+    latitude, longitude, altitude = item.params[4:]
+    if (latitude == 0.0 and longitude == 0.0) or not on_earth(latitude, longitude):
+        return (Aim(None),)
+    return (Aim(GeoPoint(latitude, longitude, craft.height_m(item.frame, altitude))),)
+
+
+def _digicam(item: MissionItem, _craft: Craft) -> Effects:
+    return (Shoot(never="" if item.params[4] == 1.0 else "DO_DIGICAM_CONTROL shoots only with parameter 5 = 1"),)
+
+
+def _intervals(item: MissionItem, _craft: Craft) -> Effects:
+    if item.command == Command.DO_SET_CAM_TRIGG_DIST and item.params[2] == 1.0:
+        return (Shoot(),)
+    return (ShootOnTheWay(),) if item.params[0] > 0.0 else ()
+
+
+def _mount(item: MissionItem, _craft: Craft) -> Effects:
+    return (Tilt(item.params[0]), Pan(item.params[2], "nose"))
+
+
+_YAW_LOCK = 16
+"""GIMBAL_MANAGER_FLAGS_YAW_LOCK (MAVLink common.xml): the gimbal's yaw is from north."""
+
+
+def _pitch_yaw(item: MissionItem, _craft: Craft) -> Effects:
+    pitch, yaw, flags = item.params[0], item.params[1], item.params[4]
+    locked = math.isfinite(flags) and bool(int(flags) & _YAW_LOCK)
+    pan = (Pan(yaw, "lock" if locked else "nose"),) if math.isfinite(yaw) else ()
+    return (Tilt(pitch), *pan) if math.isfinite(pitch) else ()
+
+
+_BOTH: Mapping[int, Row] = {
+    Command.NAV_WAYPOINT: _go,
+    Command.NAV_LOITER_UNLIM: _go,
+    Command.NAV_LOITER_TIME: _go,
+    Command.NAV_RETURN_TO_LAUNCH: _ends("return"),
+    Command.NAV_LAND: _ends("land"),
+    Command.NAV_VTOL_LAND: _ends("land"),
+    Command.NAV_TAKEOFF: _ends("takeoff"),
+    Command.NAV_VTOL_TAKEOFF: _ends("takeoff"),
+    Command.NAV_DELAY: _stay,
+    Command.CONDITION_DELAY: _stay,
+    Command.DO_CHANGE_SPEED: _speed,
+    Command.NAV_ROI: _roi,
+    Command.DO_SET_ROI: _roi,
+    Command.DO_SET_ROI_LOCATION: _roi,
+    Command.DO_SET_ROI_NONE: lambda _item, _craft: (Aim(None),),
+    Command.DO_MOUNT_CONTROL: _mount,
+    Command.DO_GIMBAL_MANAGER_PITCHYAW: _pitch_yaw,
+    Command.IMAGE_START_CAPTURE: lambda _item, _craft: (Shoot(),),
+    Command.DO_DIGICAM_CONTROL: _digicam,
+    Command.DO_SET_CAM_TRIGG_DIST: _intervals,
+    Command.DO_SET_CAM_TRIGG_INTERVAL: _intervals,
+    Command.DO_TRIGGER_CONTROL: _intervals,
+    Command.DO_MOUNT_CONFIGURE: lambda item, _craft: () if item.params[0] == 2.0 else None,  # 2: by such commands
+    **dict.fromkeys(
+        (
+            Command.DO_LAND_START, Command.DO_FENCE_ENABLE, Command.DO_SET_RESUME_REPEAT_DIST,
+            Command.DO_DIGICAM_CONFIGURE, Command.SET_CAMERA_MODE, Command.SET_CAMERA_FOCUS, Command.IMAGE_STOP_CAPTURE,
+            Command.VIDEO_STOP_CAPTURE, Command.DO_GIMBAL_MANAGER_CONFIGURE, Command.JUMP_TAG, Command.DO_JUMP,
+            Command.DO_JUMP_TAG,
+        ),
+        _nothing,
+    ),
+}  # fmt: skip
+
+
+LANDINGS = frozenset({Command.NAV_LAND, Command.NAV_VTOL_LAND, Command.NAV_PAYLOAD_PLACE})
+TAKEOFFS = frozenset({Command.NAV_TAKEOFF, Command.NAV_VTOL_TAKEOFF})
+GOING = frozenset({
+    Command.NAV_WAYPOINT, Command.NAV_SPLINE_WAYPOINT, Command.NAV_LOITER_TO_ALT, Command.NAV_LOITER_TIME,
+    Command.NAV_LOITER_UNLIM, Command.NAV_LOITER_TURNS, *LANDINGS, *TAKEOFFS,
+})  # fmt: skip
+"""Commands that lead to a place, also those of which the table cannot say how."""
+
+
+def _kept(row: Row) -> Row:
+    """The row of what ArduPilot keeps of an item's numbers."""
+
+    def of(item: MissionItem, craft: Craft) -> Effects | None:
+        p1, p2, p3, p4, *place = item.params
+        kept = kept_params(item.command, (p1, p2, p3, p4))
+        return row(replace(item, params=(*kept, place[0], place[1], place[2])), craft)
+
+    return of
+
+
+def _condition_yaw(item: MissionItem, _craft: Craft) -> Effects:
+    """As ArduCopter's AutoYaw::set_fixed_yaw: of the direction only the sign counts, in relative turns, too."""
+    angle, rate, direction, relative = item.params[:4]
+    way = int(direction > 0.0) - int(direction < 0.0)
+    if relative > 0.0:
+        return (Face(-angle if direction < 0.0 else angle, relative=True, rate_dps=rate),)
+    return (Face(angle, way, rate_dps=rate),)
+
+
+def _mount_or_nose(item: MissionItem, craft: Craft) -> Effects:
+    """On a mount without an axis of its own, the yaw turns the copter (measured)."""
+    if craft.vehicle.mount.kind != "pitch":
+        return _mount(item, craft)
+    return (Tilt(item.params[0]), Face(item.params[2], mount=True))
+
+
+ARDUPILOT = Autopilot(
+    commands={
+        **_BOTH,
+        Command.NAV_WAYPOINT: _kept(_go),
+        Command.NAV_LOITER_TIME: _kept(_go),
+        Command.CONDITION_YAW: _kept(_condition_yaw),
+        Command.DO_MOUNT_CONTROL: _mount_or_nose,
+        Command.DO_GIMBAL_MANAGER_PITCHYAW: _kept(_pitch_yaw),
+    },
+    in_order=False,
+    return_m=15.0,  # RTL_ALT as it comes (measured)
+    pause_s=5.0,  # RTL_LOIT_TIME as it comes (read from mount_then_yaw.BIN)
+    endless=False,
+)
+PX4 = Autopilot(
+    commands=_BOTH,
+    in_order=True,
+    return_m=30.0,  # RTL_RETURN_ALT as it comes; near home it may stay lower
+    pause_s=0.0,
+    endless=True,
+)
+AUTOPILOTS: Mapping[str, Autopilot] = {"ardupilot": ARDUPILOT, "px4": PX4}
+
+
+Values = Mapping[str, str]
+"""Parameters of a WPML action, by name."""
+
+
+def _on(values: Values, name: str) -> bool:
+    return values.get(name) in ("1", "true")
+
+
+def _angle(values: Values, name: str) -> float | None:
+    return number(values.get(name, ""))
+
+
+def _hover(values: Values) -> Effects:
+    return (Stay(_seconds(_angle(values, "hoverTime") or 0.0)),)
+
+
+def _rotate_yaw(values: Values) -> Effects | None:
+    heading = _angle(values, "aircraftHeading")
+    way = {"clockwise": 1, "counterClockwise": -1}.get(values.get("aircraftPathMode", ""), 0)
+    return None if heading is None else (Face(heading, way, nearly_deg=_ROUNDED_DEG),)
+
+
+_ROUNDED_DEG = 1.0
+
+
+def _gimbal_rotate(values: Values) -> Effects | None:
+    if _on(values, "gimbalRollRotateEnable") and _angle(values, "gimbalRollRotateAngle"):
+        return None
+    relative = values.get("gimbalRotateMode") == "relativeAngle"
+    seconds = _angle(values, "gimbalRotateTime") if _on(values, "gimbalRotateTimeEnable") else None
+    effects: list[Effect] = []
+    if _on(values, "gimbalPitchRotateEnable"):
+        pitch = _angle(values, "gimbalPitchRotateAngle")
+        if pitch is None:
+            return None
+        effects.append(Tilt(pitch, relative, _seconds(seconds or 0.0)))
+    if _on(values, "gimbalYawRotateEnable"):
+        yaw = _angle(values, "gimbalYawRotateAngle")
+        if yaw is None:
+            return None
+        base: Literal["nose", "north"] = "nose" if values.get("gimbalHeadingYawBase") == "aircraft" else "north"
+        effects.append(Pan(yaw, "itself" if relative else base))
+    return tuple(effects)
+
+
+def _oriented_shoot(values: Values) -> Effects | None:
+    """The vehicle and its gimbal are turned, and a photograph is taken, by one action."""
+    if _on(values, "accurateFrameValid"):  # it aims at what it recognises
+        return None
+    heading, pitch, yaw = (
+        _angle(values, name) for name in ("aircraftHeading", "gimbalPitchRotateAngle", "gimbalYawRotateAngle")
+    )
+    turns: tuple[Effect | None, ...] = (
+        None if heading is None else Face(heading),
+        None if pitch is None else Tilt(pitch),
+        None if yaw is None else Pan(yaw, "north"),
+    )
+    return (*(turn for turn in turns if turn is not None), Shoot(settles=True))
+
+
+def _no_matter(_values: Values) -> Effects:
+    return ()
+
+
+WPML: Mapping[str, Callable[[Values], Effects | None]] = {
+    "takePhoto": lambda _values: (Shoot(),),
+    "hover": _hover,
+    "rotateYaw": _rotate_yaw,
+    "gimbalRotate": _gimbal_rotate,
+    "orientedShoot": _oriented_shoot,
+    "accurateShoot": _oriented_shoot,
+    **dict.fromkeys(
+        ("stopRecord", "stopTimeLapse", "stopContinuousShooting", "focus", "setFocusType", "customDirName", "megaphone",
+         "searchlight"),
+        _no_matter,
+    ),
+}  # fmt: skip
+"""By actionActuatorFunc. gimbalEvenlyRotate is done on the way, and read with its waypoints."""
+
+LITCHI: Mapping[float, Callable[[float], Effects]] = {
+    -1: lambda _none: (),
+    0: lambda milliseconds: (Stay(_seconds(milliseconds / 1000.0)),),
+    1: lambda _none: (Shoot(),),
+    3: lambda _none: (),  # a video ends
+    4: lambda heading: (Face(heading),),
+    5: lambda pitch: (Tilt(pitch),),
+}
+"""By actiontype, from actionparam."""

@@ -1,1 +1,0 @@
-"""PX4: the items it is given."""

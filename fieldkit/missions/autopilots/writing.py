@@ -1,0 +1,262 @@
+"""A neutral mission in the words of ArduPilot and PX4.
+
+ArduPilot: the order of items that was measured to photograph where it should (ArduCopter 4.5.6). DO items run when the
+waypoint before them completes, so the gimbal and the heading of a photograph stand before its waypoint, and the shutter
+behind it. NAV_DELAY keeps the vehicle there for the exposure: the next DO items would turn the gimbal. Thirteen of
+thirteen photographs came within 0.07 m and 0.85° of heading.
+
+PX4: from its source and documentation; not flown. The heading stands in the waypoint, the gimbal manager is configured
+once, and every item without a place is in MAV_FRAME_MISSION. The shutter fires at the instant the vehicle would leave
+(PX4-Autopilot issue 12539), so a delay stands before it to settle and another one behind it for the exposure. Checked
+against PX4-Autopilot's source (mavlink_mission.cpp, FeasibilityChecker.cpp, mission_block.cpp): all items that are
+written here are taken in their frames. A waypoint is done when place, height and heading count as reached (horizontally
+within parameter 2, vertically within NAV_MC_ALT_RAD, the heading within MIS_YAW_ERR, 12° unless it was set) and its
+hold, which counts from the place, is over; what is left the vehicle makes up for while it settles. Older releases
+reject a mission that takes off to less than NAV_ACC_RAD + 1 m (3 m on multicopters), on the ground.
+"""
+
+from __future__ import annotations
+
+import math
+
+from fieldkit.errors import MissionError
+from fieldkit.geometry.geodesy import LocalFrame
+from fieldkit.missions.autopilots.acceptance import check_items
+from fieldkit.missions.items import Command, Frame, MissionItem
+from fieldkit.routing.mission import GeoPoint, Mission, Shot
+from fieldkit.routing.motion import leg, turn_seconds
+from fieldkit.vehicles.vehicle import Vehicle
+
+LEAST_EXPOSURE_S = 0.5
+"""Stood still after the shutter command at least: a delay of 0 is none, and command and shutter take their time."""
+LEAST_HOLD_S = 1
+"""A waypoint with a hold below one second is passed through (measured)."""
+_TARGETING = 2.0
+"""MAV_MOUNT_MODE_MAVLINK_TARGETING, in param 7 of DO_MOUNT_CONTROL."""
+_HOLD_S = 1.0
+_LEVEL = 12.0
+"""GIMBAL_MANAGER_FLAGS: roll and pitch locked to the horizon (4 + 8), yaw follows the vehicle."""
+_NAN = math.nan
+
+
+def render(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
+    """The mission's items in the vehicle's dialect, in the order they are uploaded, every one range-checked.
+
+    Raises:
+        MissionError: the dialect has no mission items, or one of the mission's stops is none that it takes; or there
+            are more items than the vehicle stores.
+    """
+    write = {"ardupilot": _ardupilot_items, "px4": _px4_items}.get(vehicle.dialect)
+    if write is None:
+        raise MissionError(
+            f"{vehicle.title} takes no mission items", remedy="Export with --format wpml or --format litchi."
+        )
+    items = write(mission, vehicle)
+    check_items(items, vehicle.dialect, [shot.name for shot in mission.shots])
+    if vehicle.max_items is not None and len(items) > vehicle.max_items:
+        raise MissionError(
+            f"the mission has {len(items)} items; {vehicle.title} stores {vehicle.max_items}",
+            remedy="Fly fewer plots at once.",
+        )
+    return items
+
+
+def _ardupilot_items(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
+    """Home first, which ArduPilot overwrites with its own; its altitude is 0 where the site gives none.
+
+    The mission ends with a waypoint over the landing place and NAV_LAND: RTL would climb to 15 m first.
+    """
+    home = mission.home
+    items = [
+        MissionItem(
+            Command.NAV_WAYPOINT, Frame.GLOBAL,
+            (0.0, 0.0, 0.0, 0.0, round(home.latitude_deg, 9), round(home.longitude_deg, 9), home.amsl_m or 0.0),
+        ),
+        MissionItem(
+            Command.NAV_TAKEOFF, Frame.GLOBAL_RELATIVE_ALT,
+            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, round(mission.takeoff_m, 4)),
+        ),
+        speed(mission),
+    ]  # fmt: skip
+    station = 0
+    for stop, turning in zip(mission.stops, unfinished_turns(mission, vehicle), strict=True):
+        if isinstance(stop, Shot):
+            items += _ardupilot_photograph(stop, station, mission, vehicle, turning)
+            station += 1
+        else:
+            items.append(_ardupilot_waypoint(stop.place, LEAST_HOLD_S))
+    items.append(_ardupilot_waypoint(mission.landing, LEAST_HOLD_S))
+    items.append(
+        position(
+            Command.NAV_LAND,
+            GeoPoint(mission.landing.latitude_deg, mission.landing.longitude_deg, 0.0),
+            (0.0, 0.0, 0.0, 0.0),
+        )
+    )
+    return tuple(items)
+
+
+def _ardupilot_photograph(
+    shot: Shot, station: int, mission: Mission, vehicle: Vehicle, turning_s: float
+) -> list[MissionItem]:
+    check_shot(shot, vehicle)
+    hold = max(LEAST_HOLD_S, math.ceil(mission.settle_s + turning_s - 1e-9))
+    items = []
+    if vehicle.mount.kind != "fixed":
+        # On a pitch-only mount the yaw of 0 turns the copter north, until CONDITION_YAW behind it; on a pan mount it
+        # is relative to the nose.
+        pitch = round(shot.pitch_deg, 3)
+        items.append(action(Command.DO_MOUNT_CONTROL, pitch, p7=_TARGETING, station=station))
+    items.append(action(Command.CONDITION_YAW, heading(shot.yaw_deg), station=station))
+    items.append(_ardupilot_waypoint(shot.place, hold, station))
+    items.append(_shutter(vehicle, station))
+    items.append(delay(max(mission.exposure_s, LEAST_EXPOSURE_S), station))
+    return items
+
+
+def _shutter(vehicle: Vehicle, station: int) -> MissionItem:
+    if vehicle.trigger.command == "image_start_capture":
+        return action(Command.IMAGE_START_CAPTURE, p3=1.0, station=station)
+    if vehicle.trigger.command == "digicam_control":
+        return action(Command.DO_DIGICAM_CONTROL, p5=1.0, station=station)  # shoots only so
+    raise MissionError(
+        f"{vehicle.title}: ArduPilot has no trigger {vehicle.trigger.command!r}",
+        remedy='Set the profile\'s trigger to "image_start_capture" or "digicam_control".',
+    )
+
+
+def _ardupilot_waypoint(place: GeoPoint, hold_s: int, station: int | None = None) -> MissionItem:
+    return position(Command.NAV_WAYPOINT, place, (float(hold_s), 0.0, 0.0, 0.0), station)
+
+
+def _px4_items(mission: Mission, vehicle: Vehicle) -> tuple[MissionItem, ...]:
+    """PX4 has no home item."""
+    if vehicle.trigger.command != "image_start_capture":
+        raise MissionError(
+            f"{vehicle.title}: PX4 need not act on the trigger {vehicle.trigger.command!r}",
+            remedy='Set the profile\'s trigger to "image_start_capture".',
+        )
+    home = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
+    items = [position(Command.NAV_TAKEOFF, home, (0.0, 0.0, 0.0, _NAN)), speed(mission)]
+    if vehicle.mount.kind != "fixed":
+        # −2: the one that carries out the mission takes control; −1: secondary control stays as it is.
+        items.append(action(Command.DO_GIMBAL_MANAGER_CONFIGURE, -2.0, -2.0, -1.0, -1.0))
+    station = 0
+    for stop in mission.stops:
+        if isinstance(stop, Shot):
+            items += _px4_photograph(stop, station, mission, vehicle)
+            station += 1
+        else:
+            items.append(_px4_waypoint(stop.place, _NAN, vehicle))
+    items.append(_px4_waypoint(mission.landing, _NAN, vehicle))
+    latitude, longitude, _ = coordinates(mission.landing)
+    items.append(
+        MissionItem(Command.NAV_LAND, Frame.GLOBAL_RELATIVE_ALT, (0.0, 0.0, 0.0, _NAN, latitude, longitude, 0.0))
+    )
+    return tuple(items)
+
+
+def _px4_photograph(shot: Shot, station: int, mission: Mission, vehicle: Vehicle) -> list[MissionItem]:
+    check_shot(shot, vehicle)
+    items = []
+    if vehicle.mount.kind != "fixed":
+        pitch = round(shot.pitch_deg, 3)
+        turn = Command.DO_GIMBAL_MANAGER_PITCHYAW
+        items.append(action(turn, pitch, 0.0, _NAN, _NAN, p5=_LEVEL, station=station))
+    items.append(_px4_waypoint(shot.place, heading(shot.yaw_deg), vehicle, station))
+    if mission.settle_s >= 0.001:  # files hold milliseconds, and a delay of 0 is none
+        items.append(delay(mission.settle_s, station))
+    items.append(action(Command.IMAGE_START_CAPTURE, p3=1.0, station=station))
+    items.append(delay(max(mission.exposure_s, LEAST_EXPOSURE_S), station))
+    return items
+
+
+def _px4_waypoint(place: GeoPoint, yaw_deg: float, vehicle: Vehicle, station: int | None = None) -> MissionItem:
+    # A hold brings the vehicle to rest also at places on the way, so that legs stay straight.
+    return position(Command.NAV_WAYPOINT, place, (_HOLD_S, vehicle.acceptance_m, 0.0, yaw_deg), station)
+
+
+def check_shot(shot: Shot, vehicle: Vehicle) -> None:
+    """Refuse a photograph to whose heading and pitch the vehicle cannot turn.
+
+    A mission does not say how high the ground below a photograph is: `fieldkit.sites.reach` checks the
+    height above it, before there is a mission.
+
+    Raises:
+        MissionError: its pitch is beyond the mount, or an angle is not finite.
+    """
+    mount = vehicle.mount
+    if not (math.isfinite(shot.yaw_deg) and math.isfinite(shot.pitch_deg)):
+        raise MissionError(f"{shot.name}: its heading or pitch is not a number", remedy="Make the plan again.")
+    if not mount.reaches(shot.pitch_deg):
+        raise MissionError(
+            f"{shot.name}: pitch {shot.pitch_deg:.1f}° is beyond the mount of {vehicle.title} ({mount.range_text}); "
+            f"the nearest is {mount.nearest_deg(shot.pitch_deg):g}°",
+            remedy="Give --adjust to take the nearest pose, or plan within these limits.",
+        )
+
+
+def position(
+    command: Command, place: GeoPoint, params: tuple[float, float, float, float], station: int | None = None
+) -> MissionItem:
+    """An item at a place, its height above home."""
+    return MissionItem(command, Frame.GLOBAL_RELATIVE_ALT, (*params, *coordinates(place)), station=station)
+
+
+def coordinates(place: GeoPoint) -> tuple[float, float, float]:
+    """Latitude, longitude and height, rounded to 0.1 mm so that files hold no digits without meaning."""
+    return round(place.latitude_deg, 9), round(place.longitude_deg, 9), round(place.height_m, 4)
+
+
+def action(
+    command: Command,
+    p1: float = 0.0,
+    p2: float = 0.0,
+    p3: float = 0.0,
+    p4: float = 0.0,
+    *,
+    p5: float = 0.0,
+    p7: float = 0.0,
+    station: int | None = None,
+) -> MissionItem:
+    """An item without a place."""
+    return MissionItem(command, Frame.MISSION, (p1, p2, p3, p4, p5, 0.0, p7), station=station)
+
+
+def delay(seconds: float, station: int | None = None) -> MissionItem:
+    """Stand still; −1 where NAV_DELAY would take a time of day."""
+    return action(Command.NAV_DELAY, round(seconds, 3), -1.0, -1.0, -1.0, station=station)
+
+
+def speed(mission: Mission) -> MissionItem:
+    """Horizontal speed from here on; the throttle is left as it is."""
+    return action(Command.DO_CHANGE_SPEED, 1.0, round(mission.speed_mps, 3), -1.0)
+
+
+def heading(yaw_deg: float) -> float:
+    """In [0, 360), rounded to 0.001°."""
+    return round(yaw_deg % 360.0, 3) % 360.0
+
+
+def unfinished_turns(mission: Mission, vehicle: Vehicle) -> list[float]:
+    """By stop: seconds that the vehicle still turns after it has arrived, where the leg is shorter than the turn.
+
+    The turn to a photograph begins when the stop before it is left. The heading after take-off is not known: half a
+    turn is allowed for.
+    """
+    frame = LocalFrame(mission.home.latitude_deg, mission.home.longitude_deg)
+    before = GeoPoint(mission.home.latitude_deg, mission.home.longitude_deg, mission.takeoff_m)
+    yaw: float | None = None
+    left: list[float] = []
+    for stop in mission.stops:
+        a, b = (
+            frame.to_local(p.latitude_deg, p.longitude_deg, p.height_m)[0] for p in (before, stop.place)
+        )  # fmt: skip
+        wait = 0.0
+        if isinstance(stop, Shot):
+            way = leg(math.hypot(*(b - a)[:2]), float((b - a)[2]), vehicle.speeds, mission.speed_mps)
+            wait = max(0.0, turn_seconds(yaw, stop.yaw_deg, vehicle.speeds) - way.seconds)
+            yaw = stop.yaw_deg
+        left.append(wait)
+        before = stop.place
+    return left

@@ -1,0 +1,271 @@
+"""DJI's WPML read back: the waylines, which the aircraft flies, with what is done at each waypoint.
+
+Semantics as in DJI's Cloud API documentation ("DJI WPML": waylines.wpml, common elements). Of the template only the
+gimbal's pitch by waypoint is looked at, which says whether the waylines' own one is more than a placeholder: Pilot 2
+and DJI Fly write 0 there whatever the gimbal does.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from fieldkit.documents.xml_tree import XmlError, parse_local
+from fieldkit.errors import MetadataError
+from fieldkit.geometry.geodesy import on_earth
+from fieldkit.missions.autopilots.effects import WPML, Effect, Effects, Shoot, cannot_say
+from fieldkit.missions.files.archive import read_members
+from fieldkit.missions.files.limits import MAX_ITEMS, number, read_bytes
+from fieldkit.missions.files.read_mission import Facing, ReadMission, ReadStop, Remark, in_passing
+from fieldkit.missions.files.wpml import TEMPLATE, WAYLINES
+from fieldkit.routing.mission import GeoPoint, Home
+
+_REMEDY = "Save it again with DJI Pilot 2, or export it with `fieldkit export-mission --format wpml`."
+_MOST_ACTIONS = 20 * MAX_ITEMS
+_SAME_DEG = 0.05
+_INTERVALS = {"multipleTiming": "s", "multipleDistance": "m"}
+
+
+def read_wpml(path: Path) -> ReadMission:
+    """Read a WPML .kmz.
+
+    Raises:
+        MetadataError: no such archive, hostile XML, or a waypoint that is none.
+    """
+    data = read_bytes(path)
+    members = read_members(data, [WAYLINES], path)
+    if WAYLINES not in members:
+        raise MetadataError(f"holds no {WAYLINES}: it is no DJI mission", path=path, remedy=_REMEDY)
+    try:
+        root = parse_local(members[WAYLINES])
+    except XmlError as error:
+        raise MetadataError(f"{WAYLINES}: {error}", path=path, remedy=_REMEDY) from error
+    folders = list(root.iter("Folder"))
+    if not folders:
+        raise MetadataError(f"{WAYLINES} has no Folder with a wayline", path=path, remedy=_REMEDY)
+    reader = _Reader(path, _set_pitches(data, path))
+    for folder in folders:
+        reader.read_folder(folder)
+    return ReadMission(
+        "wpml",
+        stops=reader.read(),
+        home=_read_home(root),
+        firmware="dji",
+        remarks=tuple(reader.remarks),
+        refused=tuple(reader.refused),
+        first_number=0,
+        drone=_read_drone(root),
+    )
+
+
+def _set_pitches(data: bytes, path: Path) -> dict[tuple[str, str], float | None]:
+    """The template's pitches by template and waypoint: None where they are left to the pilot."""
+    try:
+        root = parse_local(read_members(data, [TEMPLATE], path)[TEMPLATE])
+    except (XmlError, MetadataError, KeyError):  # the waylines count
+        return {}
+    found: dict[tuple[str, str], float | None] = {}
+    for folder in root.iter("Folder"):
+        mode, template = folder.findtext("gimbalPitchMode"), folder.findtext("templateId", "0")
+        for placemark in folder.iter("Placemark"):
+            pitch = number(placemark.findtext("gimbalPitchAngle", ""))
+            if mode == "manual" or (mode == "usePointSetting" and pitch is not None):
+                found[template, placemark.findtext("index", "")] = None if mode == "manual" else pitch
+    return found
+
+
+def _read_drone(root: Element) -> tuple[int, int] | None:
+    drone, variant = (
+        number(root.findtext(f"Document/missionConfig/droneInfo/drone{name}Value", "")) for name in ("Enum", "SubEnum")
+    )
+    return None if drone is None else (int(drone), int(variant or 0))
+
+
+def _read_home(root: Element) -> Home | None:
+    values = _numbers(root.findtext("Document/missionConfig/takeOffRefPoint", ""))
+    if len(values) < 2 or values[0] is None or values[1] is None or not on_earth(values[0], values[1]):
+        return None
+    return Home(values[0], values[1], None)
+
+
+def _numbers(text: str) -> list[float | None]:
+    return [number(part) for part in text.split(",")]
+
+
+def _own(placemark: Element, folder: Element, switch: str, own: str, everybodys: str) -> Element | None:
+    """A waypoint's own element, or its wayline's where it has none or its useGlobal… switch is on."""
+    found, shared = placemark.find(own), folder.find(everybodys)
+    on = placemark.findtext(f"useGlobal{switch}") in ("1", "true")
+    return shared if shared is not None and (on or found is None) else found
+
+
+def _text(element: Element | None) -> str:
+    return "" if element is None else element.text or ""
+
+
+@dataclass
+class _Reader:
+    """Waypoints as they are read, and what is done at them, which stands in groups for several of them."""
+
+    path: Path
+    set_pitches: dict[tuple[str, str], float | None]
+    stops: list[ReadStop] = field(default_factory=list)
+    actions: dict[int, list[Effect]] = field(default_factory=lambda: defaultdict(list))
+    remarks: list[Remark] = field(default_factory=list)
+    refused: list[tuple[int, str]] = field(default_factory=list)
+    most: int = _MOST_ACTIONS
+
+    def read(self) -> tuple[ReadStop, ...]:
+        """As it is flown: actions on arrival make the aircraft stop whatever its turn mode."""
+        return tuple(
+            replace(stop, actions=tuple(self.actions[k]), stops=True) if k in self.actions else stop
+            for k, stop in enumerate(self.stops)
+        )
+
+    def read_folder(self, folder: Element) -> None:
+        """One wayline: its waypoints first, then what is done at them."""
+        first = len(self.stops)
+        places: dict[int, int] = {}
+        groups: list[tuple[Element, int, int]] = []
+        for placemark in folder.iter("Placemark"):
+            here = len(self.stops)
+            if here >= MAX_ITEMS:
+                raise MetadataError(f"has more than {MAX_ITEMS} waypoints", path=self.path, remedy=_REMEDY)
+            self.stops.append(self._read_placemark(placemark, folder))
+            index = number(placemark.findtext("index", ""))
+            own = here - first if index is None else int(index)
+            places.setdefault(own, here)
+            groups += [(element, own, here) for element in placemark.findall("actionGroup")]
+        start = folder.find("startActionGroup")
+        if start is not None and len(self.stops) > first:
+            before = self._effects(start.iter("action"), first)
+            if any(isinstance(effect, Shoot) for effect in before):
+                self._refuse(first, "a photograph before the way to its first waypoint")
+            turns = tuple(effect for effect in before if not isinstance(effect, Shoot))
+            self.stops[first] = replace(self.stops[first], before=turns)
+        for element, own, here in groups:  # in the order of the file; those of one waypoint run one after the other
+            self._place(element, own, here, places)
+
+    def _read_placemark(self, placemark: Element, folder: Element) -> ReadStop:
+        index = len(self.stops)
+        parts = _numbers(placemark.findtext("Point/coordinates") or "")
+        height = number(placemark.findtext("executeHeight") or placemark.findtext("height") or "")
+        if len(parts) < 2 or parts[0] is None or parts[1] is None or height is None:
+            raise MetadataError(f"waypoint {index} has no coordinates and height", path=self.path, remedy=_REMEDY)
+        mode = folder.findtext("executeHeightMode") or "relativeToStartPoint"
+        heading = _own(placemark, folder, "HeadingParam", "waypointHeadingParam", "globalWaypointHeadingParam")
+        turn = _own(placemark, folder, "TurnParam", "waypointTurnParam/waypointTurnMode", "globalWaypointTurnMode")
+        return ReadStop(
+            index,
+            GeoPoint(parts[1], parts[0], height),
+            height_from={"relativeToStartPoint": "home", "WGS84": "ellipsoid"}.get(mode, "ground"),
+            facing=self._facing(heading, index),
+            pitch_deg=self._pitch(placemark, index, folder.findtext("templateId", "0")),
+            stops=_text(turn).startswith("toPointAndStop"),
+            speed_mps=number(_text(_own(placemark, folder, "Speed", "waypointSpeed", "autoFlightSpeed"))),
+        )
+
+    def _facing(self, parameters: Element | None, index: int) -> Facing:
+        def text(name: str) -> str:
+            return "" if parameters is None else parameters.findtext(name, "")
+
+        match text("waypointHeadingMode"):
+            case "smoothTransition" if text("waypointHeadingAngleEnable") in ("0", "false"):
+                self._remark(index, "its waypointHeadingAngle does not count: waypointHeadingAngleEnable is off")
+                return Facing("angle")
+            case "smoothTransition":
+                return Facing("angle", number(text("waypointHeadingAngle")))
+            case "towardPOI":
+                parts = _numbers(text("waypointPoiPoint"))
+                if len(parts) >= 2 and parts[0] is not None and parts[1] is not None and (parts[0] or parts[1]):
+                    return Facing("poi", poi=GeoPoint(parts[0], parts[1], 0.0))  # its height is not aimed at
+                self._remark(index, "faces a point of interest that the file does not have")
+                return Facing("poi")
+            case "followWayline":
+                return Facing("course")
+            case "fixed":
+                return Facing("kept")
+            case _:
+                return Facing()
+
+    def _pitch(self, placemark: Element, index: int, template: str) -> float | None:
+        """The waypoint's own pitch, where it is more than a placeholder."""
+        parameters = placemark.find("waypointGimbalHeadingParam")
+        pitch = None if parameters is None else number(parameters.findtext("waypointGimbalPitchAngle", ""))
+        if parameters is None or pitch is None:
+            return None
+        yaw = number(parameters.findtext("waypointGimbalYawAngle", ""))
+        if yaw:
+            self._refuse(index, f"a waypointGimbalYawAngle of {yaw:g}°")
+        mode = parameters.findtext("waypointGimbalHeadingMode")
+        if mode is not None:
+            return pitch if mode == "smoothTransition" else None
+        key = template, placemark.findtext("index", "")
+        wanted = self.set_pitches.get(key, 0.0)
+        if wanted is None:
+            return None
+        if key in self.set_pitches and abs(wanted - pitch) <= _SAME_DEG:
+            return pitch
+        if pitch == 0.0:
+            return None
+        self._remark(index, f"waypointGimbalPitchAngle is taken to count ({pitch:g}°): nothing in the file says so")
+        return pitch
+
+    def _place(self, group: Element, own: int, here: int, places: dict[int, int]) -> None:
+        """Give a group's actions to the waypoints that it is for."""
+        given = [number(group.findtext(f"actionGroup{end}Index", "")) for end in ("Start", "End")]
+        first = own if given[0] is None else int(given[0])
+        last = first if given[1] is None else int(given[1])
+        start, end = places.get(first), places.get(last, len(self.stops) - 1)
+        trigger = group.findtext("actionTrigger/actionTriggerType", "")
+        elements = group.findall("action")
+        functions = [element.findtext("actionActuatorFunc", "") for element in elements]
+        every = number(group.findtext("actionTrigger/actionTriggerParam", ""))
+        if start is None:
+            self._refuse(here, f"an action group for waypoint {first}, which the wayline has not")
+        elif trigger == "reachPoint" and group.findtext("actionGroupMode") in (None, "", "sequence"):
+            effects = self._effects(elements, here)
+            if end > start:
+                message = f"an action group of waypoints {start} to {end} is carried out at each of them"
+                self._remark(here, message)
+            for k in range(start, max(end, start) + 1):
+                self.most -= 1 + len(effects)
+                if self.most < 0:
+                    raise MetadataError(f"has more than {_MOST_ACTIONS} actions", path=self.path, remedy=_REMEDY)
+                self.actions[k] += effects
+        elif trigger == "betweenAdjacentPoints" and functions == ["gimbalEvenlyRotate"] and end == start + 1:
+            pitch = number(elements[0].findtext("actionActuatorFuncParam/gimbalPitchRotateAngle", ""))
+            if pitch is None:
+                self._refuse(here, "a gimbalEvenlyRotate without an angle")
+            self.stops[end] = replace(self.stops[end], pitch_deg=pitch)
+        elif trigger in _INTERVALS and functions == ["takePhoto"] and every and every > 0.0 and end > start:
+            self.stops[start] = replace(self.stops[start], uncounted=True)
+            self.remarks.append(in_passing(every, _INTERVALS[trigger], start, end))
+        elif functions:
+            self.stops[start] = replace(self.stops[start], uncounted="takePhoto" in functions)
+            how = ", ".join(text[:30] for text in (trigger, group.findtext("actionGroupMode", "")) if text)
+            what = ", ".join(functions)[:60]
+            self._refuse(here, f"{what} in an action group ({how or 'without a trigger'})")
+
+    def _effects(self, elements: Iterable[Element], here: int) -> Effects:
+        """Actions in the order of the file."""
+        effects: list[Effect] = []
+        for element in elements:
+            function = element.findtext("actionActuatorFunc", "")
+            parameters = element.find("actionActuatorFuncParam")
+            values = {} if parameters is None else {each.tag: each.text or "" for each in parameters}
+            row = WPML.get(function)
+            found = None if row is None else row(values)
+            if found is None:
+                self._refuse(here, f"the action {function[:40]!r}")
+            effects += found or ()
+        return tuple(effects)
+
+    def _refuse(self, here: int, what: str) -> None:
+        self.refused.append((here, cannot_say(f"waypoint {here} has {what}")))
+
+    def _remark(self, here: int, message: str) -> None:
+        self.remarks.append(Remark("not-modelled", message, item=here))
