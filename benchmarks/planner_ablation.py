@@ -12,11 +12,11 @@ from functools import partial
 
 import numpy as np
 
+from benchmarks.planners.random_sets import Random, TunedBosfm
+from benchmarks.planners.rings import CircleAim
 from benchmarks.result import Cell, ResultTable
 from fieldkit.planning.methods.bosfm import Bosfm
-from fieldkit.planning.methods.circle import CircleSearch
 from fieldkit.planning.methods.field import Field, FieldSettings
-from fieldkit.planning.methods.random import Random
 from fieldkit.planning.problem import Judge, Method, PlanningProblem, Result, lowest
 from fieldkit.planning.score.geometric import GeometricScore, ScoreSettings
 from fieldkit.planning.space.cameras import Cameras
@@ -90,9 +90,9 @@ def variants() -> dict[str, Callable[[PlanningProblem, int], Method]]:
     }
     return made | {
         "random": Random,
-        "circle-aim": partial(CircleSearch, aim=True),
+        "circle-aim": CircleAim,
         "bosfm": lambda problem, seed: Bosfm(problem, seed=seed),
-        "bosfm-tuned": lambda problem, seed: Bosfm(problem, seed=seed, tuned=True),
+        "bosfm-tuned": lambda problem, seed: TunedBosfm(problem, seed=seed),
     }
 
 

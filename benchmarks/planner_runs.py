@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from benchmarks.planners import PLANNERS
 from benchmarks.result import Cell, spread
 from fieldkit import __version__
 from fieldkit.cache import StageCache
@@ -241,10 +242,12 @@ def _outcome(
     known: Sequence[LogEntry],
 ) -> Outcome:  # fmt: skip
     if not (output / SETTINGS_FILE).is_file():
-        return plan_views(output, settings, cache=cache, workers=workers, progress=progress, known=known)
+        return plan_views(
+            output, settings, cache=cache, workers=workers, progress=progress, known=known, methods=PLANNERS
+        )
     if read_settings(output) == settings and (output / PLAN_FILE).is_file():
         return read_outcome(output)
-    return resume_plan(output, settings, cache=cache, workers=workers, progress=progress, known=known)
+    return resume_plan(output, settings, cache=cache, workers=workers, progress=progress, known=known, methods=PLANNERS)
 
 
 def _ran(settings: SearchSettings, outcome: Outcome, plan: Plan, entries: Sequence[LogEntry]) -> Ran:

@@ -17,7 +17,7 @@ from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MissionError, UsageError
 from fieldkit.files import atomic_folder
 from fieldkit.missions.export_mission import ExportedMission, export_mission
-from fieldkit.planning.methods.geometric import Effort, optimise
+from fieldkit.planning.methods.optimise import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.flyable import vehicle_envelope
 from fieldkit.planning.run.outcome import plants_of

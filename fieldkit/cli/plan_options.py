@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 _FROM = "from:"
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 Preset = Literal["field", "paper"]
-Method = Literal[
-    "field", "bosfm", "bosfm-tuned", "score", "circle", "circle-aim", "two-rings", "hemisphere", "mcp", "geometric",
-    "smith", "random", "uniform", "match-graph",
-]  # fmt: skip
+Method = Literal["score", "field", "bosfm", "circle", "uniform"]
 Fidelity = Literal["draft", "standard", "fine"]
 Purpose = Literal["kind", "this-plot"]
 Mapping = Literal["prior", "incremental", "global"]

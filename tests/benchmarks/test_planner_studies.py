@@ -17,8 +17,8 @@ from benchmarks.planner_surrogate import prediction_errors, surrogate_table, var
 from benchmarks.planner_transfer import Carried, transfer_table
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
-from fieldkit.planning.methods.geometric import Effort
-from fieldkit.planning.methods.random import sample_seed
+from fieldkit.planning.methods.bosfm import sample_seed
+from fieldkit.planning.methods.optimise import Effort
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.recorded import Rehearsal
 from fieldkit.planning.problem import Result, Trial

@@ -17,7 +17,7 @@ from fieldkit.cli.main import main
 from fieldkit.clouds import Cloud
 from fieldkit.errors import UsageError
 from fieldkit.missions.files.reading import read_mission
-from fieldkit.planning.methods.geometric import Effort
+from fieldkit.planning.methods.optimise import Effort
 from fieldkit.results.plan import Plan, PlanEnvelope
 from fieldkit.runtime.progress import Silent
 from fieldkit.sites.fit import fit_plot

@@ -65,7 +65,7 @@ class TestCandidates:
         assert words("plan --fidelity ") == ["draft", "standard", "fine"]
         assert not offered("plan --fidelity ").files
         assert words("plan --fidelity=s") == ["--fidelity=standard"]
-        assert words("plan --method ci") == ["circle", "circle-aim"]
+        assert words("plan --method ci") == ["circle"]
         assert words("cache ") == ["show", "prune", "clear"]
         assert words("completion ") == ["bash", "zsh", "fish"]
         assert offered("plan -n ") == Candidates()
@@ -126,7 +126,7 @@ CASES = [
     ("fieldkit expo", {"export-mission"}),
     ("fieldkit scene ", {"new", "show", "from-reference", "--help"}),
     ("fieldkit plan --met", {"--method"}),
-    ("fieldkit plan --method ci", {"circle", "circle-aim"}),
+    ("fieldkit plan --method ci", {"circle"}),
     ("fieldkit export-mission plan.json --vehicle ardu", {"ardupilot-pan", "ardupilot-pitch"}),
     ("fieldkit simulate case", {"case-1", "case-2", "case-3", "case.toml"}),
     ("fieldkit upload m.plan --connect udpin://0.0.0.0:14550 --sig", {"--signed", "--signing-key"}),

@@ -218,7 +218,7 @@ def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(
 @pytest.mark.slow
 def test_photographs_are_chosen_resumed_and_extended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = str(tmp_path / "run")
-    begin = ["plan", "--captures", str(SMALL_PLOT), "-n", "4", "--method", "random", "--finalists", "1", "-o", run]
+    begin = ["plan", "--captures", str(SMALL_PLOT), "-n", "4", "--method", "bosfm", "--finalists", "1", "-o", run]
     assert main([*begin, "--evaluations", "2", "--workers", "1", "--json"]) == 0
     told = capsys.readouterr()
     first = json.loads(told.out)

@@ -75,6 +75,6 @@ def bowl_settings(**more: object) -> SearchSettings:
     """Settings of a small run by the method `random`."""
     values: dict[str, object] = {
         "fieldkit": "0", "source": PlanSource(kind="scene", name="bowl"), "path": "nowhere", "cameras": 4,
-        "method": "random", "evaluations": 12, "finalists": 3, "repeats": 2,
+        "method": "circle", "evaluations": 12, "finalists": 3, "repeats": 2,
     }  # fmt: skip
     return SearchSettings(**(values | more))  # type: ignore[arg-type]

@@ -1,22 +1,22 @@
-"""The methods `bosfm`, the paper's Algorithm 1 unchanged, and `bosfm-tuned`, the same with better inputs."""
+"""The method `bosfm`: the paper's Algorithm 1 unchanged."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from fieldkit.planning.methods.encoded_space import EncodedSpace
-from fieldkit.planning.methods.random import sample_seed
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
-from fieldkit.planning.score.cost_model import LEAST_M, NOISE
-from fieldkit.planning.space.cameras import Cameras
+from fieldkit.planning.space.cameras import Array, Cameras
 from fieldkit.planning.surrogate.acquisition import suggest
 
 _STREAM = 42
 _DRAWS = 20
+_RANDOM_STREAM = 41
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +27,10 @@ class Bosfm:
     cube of `Coding`; results that are not measured are left out. No set is proposed twice; `propose` gives None once
     all sets were tried. A trial's notes are the drawn ``model``, the ``weights`` by name, and ``remarks`` on numerics.
 
-    With ``tuned`` three things change, as a practitioner would change them. Cameras are given by azimuth, radius and
-    height about the plot's middle and sorted by azimuth, so that similar sets have similar codes (`CylindricalCoding`).
-    The models see y = −ln(value), so that the cap for sets that do not register no longer makes up most of the
-    variance. The models' noise is at least 5 % of a value, like that of evaluations.
-
     Attributes:
         problem: the planning problem.
         initial: random trials before the first model; the paper takes 50.
         seed: of all draws.
-        tuned: whether it is `bosfm-tuned`.
 
     Raises:
         ValueError: no initial trial.
@@ -45,7 +39,6 @@ class Bosfm:
     problem: PlanningProblem
     initial: int = 50
     seed: int = 0
-    tuned: bool = False
 
     def __post_init__(self) -> None:
         if self.initial < 1:
@@ -53,11 +46,17 @@ class Bosfm:
 
     @property
     def name(self) -> str:
-        return "bosfm-tuned" if self.tuned else "bosfm"
+        return "bosfm"
+
+    _least_noise: ClassVar[float] = 0.0
+
+    def _worth(self, values_m: Array) -> Array:
+        """What the models see of costs: y, large is good."""
+        return -values_m
 
     @cached_property
     def _space(self) -> EncodedSpace:
-        return EncodedSpace(self.problem, cylindrical=self.tuned)
+        return EncodedSpace(self.problem)
 
     def propose(self, number: int, results: Sequence[Result], pending: Sequence[Trial]) -> Trial | None:
         tried = [result.trial.cameras for result in results] + [trial.cameras for trial in pending]
@@ -67,15 +66,14 @@ class Bosfm:
         broken = [result.trial.cameras for result in results if not result.measured]
         waiting = [trial.cameras for trial in pending]
         encode = self._space.encode
-        values = np.array([max(result.value_m, LEAST_M) if self.tuned else result.value_m for result in measured])
         found = suggest(
             np.array([encode(result.trial.cameras) for result in measured]),
-            -np.log(values) if self.tuned else -values,
+            self._worth(np.array([result.value_m for result in measured])),
             self._space,
             np.random.default_rng([self.seed, _STREAM, number]),
             pending=np.array([encode(cameras) for cameras in waiting]) if waiting else None,
             avoid=np.array([encode(cameras) for cameras in broken]) if broken else None,
-            least_noise=NOISE if self.tuned else 0.0,
+            least_noise=self._least_noise,
         )
         notes: dict[str, object] = {
             "model": found.model,
@@ -102,3 +100,8 @@ class Bosfm:
                 if self._space.encode(cameras).tobytes() not in known:
                     return Trial(number, cameras, origin, notes or {})
         return None
+
+
+def sample_seed(seed: int, *parts: int) -> int:
+    """A seed for `PlanningProblem.sample`, from a method's seed, a trial's number and other numbers of the draw."""
+    return int(np.random.SeedSequence([seed, _RANDOM_STREAM, *parts]).generate_state(1, np.uint64)[0])

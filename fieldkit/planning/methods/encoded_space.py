@@ -6,12 +6,13 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, islice
+from typing import ClassVar
 
 import numpy as np
 
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.space.cameras import Array, Cameras
-from fieldkit.planning.space.coding import Coding, CylindricalCoding
+from fieldkit.planning.space.coding import Coding
 
 _FEW = 1000
 _SPREADS = (0.02, 0.1, 0.3)
@@ -27,17 +28,16 @@ class EncodedSpace:
 
     Attributes:
         problem: the planning problem.
-        cylindrical: whether codes are those of `CylindricalCoding`.
     """
 
     problem: PlanningProblem
-    cylindrical: bool = False
+
+    _coding: ClassVar[type[Coding]] = Coding
 
     @cached_property
     def coding(self) -> Coding:
         """The coding of the envelope, or of the recorded views."""
-        coding = CylindricalCoding if self.cylindrical else Coding
-        return coding.of(self.problem.envelope, self.problem.views)
+        return self._coding.of(self.problem.envelope, self.problem.views)
 
     @cached_property
     def _codes(self) -> Array:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from fieldkit.errors import UsageError
 from fieldkit.planning.problem import Chooser, Method, PlanningProblem
@@ -11,32 +12,46 @@ from fieldkit.planning.settings import SearchSettings
 from fieldkit.runtime.shipped import shipped_page
 
 CPU_BUILD = "uv pip install torch --torch-backend=cpu"
+_TORCH = ("torch", "gpytorch", "botorch")
 
 
-def make_method(problem: PlanningProblem, settings: SearchSettings) -> Method | Chooser:
-    """The method that a run's settings name.
+@dataclass(frozen=True)
+class MethodEntry:
+    """A method by its maker, and what it needs and can."""
+
+    make: Callable[[PlanningProblem, SearchSettings], Method | Chooser]
+    torch: bool = False
+    """It needs the extra `search`."""
+    matches: bool = False
+    """It uses a recorded set's counted matches (`Plot.matches`)."""
+    weights: bool = False
+    """It uses the geometric score's weights (`SearchSettings.weights`)."""
+    for_a_kind: bool = False
+    """It can plan for several plots, and does so by default."""
+
+
+def method_entry(name: str, methods: Mapping[str, MethodEntry] | None = None) -> MethodEntry:
+    """The entry of a method.
+
+    Args:
+        name: of the method.
+        methods: to choose from; None for fieldkit's own.
 
     Raises:
-        UsageError: no method has this name, or it does not suit the problem.
+        UsageError: there is no such method, or PyTorch, GPyTorch or BoTorch is missing for it.
     """
-    if settings.method not in _MAKERS:
-        raise UsageError(f"there is no method {settings.method!r}", remedy=f"Choose one of {', '.join(METHOD_NAMES)}.")
-    return _MAKERS[settings.method](problem, settings)
-
-
-def check_installed(method: str) -> None:
-    """Refuse a method whose packages are not installed, before anything is rendered or reconstructed for it.
-
-    Raises:
-        UsageError: PyTorch, GPyTorch or BoTorch is missing.
-    """
-    if method in USING_TORCH and any(importlib.util.find_spec(name) is None for name in _TORCH):
+    methods = METHODS if methods is None else methods
+    if name not in methods:
+        raise UsageError(f"there is no method {name!r}", remedy=f"Choose one of {', '.join(methods)}.")
+    entry = methods[name]
+    if entry.torch and any(importlib.util.find_spec(package) is None for package in _TORCH):
         raise UsageError(
-            f"the search {method!r} needs PyTorch and BoTorch, which are not installed",
+            f"the search {name!r} needs PyTorch and BoTorch, which are not installed",
             remedy="Install the extra: pip install 'fieldkit[search]'. On Linux take PyTorch's CPU build first, by "
             f"{CPU_BUILD} (pip's line: {shipped_page('docs/install.md')}): the usual one brings gigabytes for NVIDIA "
             "GPUs. Or plan without it: --method score.",
         )
+    return entry
 
 
 def _field(problem: PlanningProblem, settings: SearchSettings) -> Method:
@@ -49,25 +64,13 @@ def _field(problem: PlanningProblem, settings: SearchSettings) -> Method:
 def _bosfm(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.bosfm import Bosfm
 
-    return Bosfm(problem, settings.initial or 50, settings.seed, settings.method == "bosfm-tuned")
+    return Bosfm(problem, settings.initial or 50, settings.seed)
 
 
 def _circle(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.circle import CircleSearch
 
-    return CircleSearch(problem, settings.seed, aim=settings.method == "circle-aim")
-
-
-def _coverage(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.coverage import MaximumCoverage
-
-    return MaximumCoverage(problem, settings.seed)
-
-
-def _geometric(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.geometric import GeometricOptimum, Triangulation
-
-    return GeometricOptimum(settings.method, problem, Triangulation(problem), settings.seed)
+    return CircleSearch(problem, settings.seed)
 
 
 def _score(problem: PlanningProblem, settings: SearchSettings) -> Chooser:
@@ -76,66 +79,17 @@ def _score(problem: PlanningProblem, settings: SearchSettings) -> Chooser:
     return ScoreOptimum(problem, settings.weights, settings.seed)
 
 
-def _smith(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.geometric import GeometricOptimum
-    from fieldkit.planning.methods.smith import Reconstructability
-
-    return GeometricOptimum(settings.method, problem, Reconstructability(problem), settings.seed)
-
-
-def _two_rings(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.two_rings import TwoRings
-
-    return TwoRings(problem, settings.seed)
-
-
-def _hemisphere(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.hemisphere import Hemisphere
-
-    return Hemisphere(problem, settings.seed)
-
-
-def _random(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.random import Random
-
-    return Random(problem, settings.seed)
-
-
 def _uniform(problem: PlanningProblem, settings: SearchSettings) -> Method:
     from fieldkit.planning.methods.subsets import Uniform
 
     return Uniform(problem, settings.seed)
 
 
-def _match_graph(problem: PlanningProblem, settings: SearchSettings) -> Method:
-    from fieldkit.planning.methods.subsets import MatchGraph
-
-    return MatchGraph(problem, settings.seed)
-
-
-_MAKERS: dict[str, Callable[[PlanningProblem, SearchSettings], Method | Chooser]] = {
-    "field": _field,
-    "bosfm": _bosfm,
-    "bosfm-tuned": _bosfm,
-    "score": _score,
-    "circle": _circle,
-    "circle-aim": _circle,
-    "two-rings": _two_rings,
-    "hemisphere": _hemisphere,
-    "mcp": _coverage,
-    "geometric": _geometric,
-    "smith": _smith,
-    "random": _random,
-    "uniform": _uniform,
-    "match-graph": _match_graph,
+METHODS: Mapping[str, MethodEntry] = {
+    "field": MethodEntry(_field, torch=True, matches=True, weights=True, for_a_kind=True),
+    "bosfm": MethodEntry(_bosfm, torch=True),
+    "score": MethodEntry(_score, matches=True, weights=True, for_a_kind=True),
+    "circle": MethodEntry(_circle),
+    "uniform": MethodEntry(_uniform),
 }
-METHOD_NAMES = tuple(_MAKERS)
-USING_TORCH = frozenset({"field", "bosfm", "bosfm-tuned"})
-"""Methods that need the extra `search`."""
-_TORCH = ("torch", "gpytorch", "botorch")
-USING_MATCHES = frozenset({"field", "score", "match-graph"})
-"""Methods that use a recorded set's counted matches (`Plot.matches`)."""
-USING_WEIGHTS = frozenset({"field", "score"})
-"""Methods that use the geometric score's weights (`SearchSettings.weights`)."""
-FOR_A_KIND = frozenset({"field", "score"})
-"""Methods that can plan for several plots, and do so by default."""
+"""Every method of `fieldkit plan`. Others plug in by the same protocols: `plan_views` takes any such mapping."""

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from fieldkit.planning.methods.field import Field
-from fieldkit.planning.methods.geometric import Effort, optimise
+from fieldkit.planning.methods.optimise import Effort, optimise
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel, Weights
 from fieldkit.planning.score.registration import Registration

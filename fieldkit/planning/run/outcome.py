@@ -14,7 +14,7 @@ from fieldkit.files import write_atomic
 from fieldkit.pictures.curves import png
 from fieldkit.pictures.plants_apart import draw_plants_apart
 from fieldkit.pictures.search import draw_plan, draw_search
-from fieldkit.planning.methods.registry import USING_WEIGHTS
+from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
 from fieldkit.planning.run.loop import Ending, Finalist, Stopped
@@ -124,7 +124,7 @@ def write_outcome(
         chamfer_m=chosen.value_m,
         chamfer_spread_m=chosen.spread_m,
         expected_m=chosen.trial.notes.get("expected_m"),
-        weights=settings.weights if settings.method in USING_WEIGHTS else None,
+        weights=settings.weights if settings.method in METHODS and METHODS[settings.method].weights else None,
         evaluations=len(trials),
         failed_evaluations=sum(bool(entry.failure) for entry in trials),
         confirmations=sum(len(finalist.entries) for finalist in confirmed),

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from fieldkit.cache import StageCache
 from fieldkit.errors import FieldkitError, ReconstructionError, UsageError
-from fieldkit.planning.methods.registry import USING_MATCHES, check_installed, make_method
+from fieldkit.planning.methods.registry import METHODS, MethodEntry, method_entry
 from fieldkit.planning.problem import Chooser, Limited, Trial
 from fieldkit.planning.run.executor import Evaluator, Executor, ProcessExecutor
 from fieldkit.planning.run.folder import LogEntry, RunFolder, create_run, open_run
@@ -38,6 +38,7 @@ def plan_views(
     watch: Watch | None = None,
     expect: Callable[[int], None] = lambda _: None,
     known: Sequence[LogEntry] = (),
+    methods: Mapping[str, MethodEntry] = METHODS,
 ) -> Outcome:
     """Find the cameras and write the plan.
 
@@ -53,6 +54,7 @@ def plan_views(
         watch: called with every evaluation.
         expect: called with the most evaluations that the search can have, before the first.
         known: evaluations of the same plot, mapping and noise by other runs, which are not repeated.
+        methods: by name; other planners plug in here.
 
     Raises:
         UsageError: ``output`` exists, the settings contradict themselves, or the method's packages are not installed.
@@ -60,10 +62,11 @@ def plan_views(
         ReconstructionError: no set of cameras could be evaluated.
         StorageError: the disk is full; the run can be resumed if anything was evaluated.
     """
-    check_installed(settings.method)
+    method_entry(settings.method, methods)
     with create_run(output, settings, overwrite=overwrite) as run:
         try:
-            return _planned(run, cache, workers, scheduler, progress or Silent(), watch or no_watch, expect, known)
+            progress, watch = progress or Silent(), watch or no_watch
+            return _planned(run, cache, workers, scheduler, progress, watch, expect, known, methods)
         except FieldkitError:
             if not run.entries:  # so that the same call, put right, is not refused
                 shutil.rmtree(run.path, ignore_errors=True)
@@ -81,20 +84,21 @@ def resume_plan(
     watch: Watch | None = None,
     expect: Callable[[int], None] = lambda _: None,
     known: Sequence[LogEntry] = (),
+    methods: Mapping[str, MethodEntry] = METHODS,
 ) -> Outcome:
     """Resume an interrupted run, or extend a finished one; no evaluation is repeated.
 
     Args:
         output: the run's folder.
         settings: to go on with; None takes the run's own. Only `settings.CHANGEABLE` and paths may differ.
-        cache, workers, scheduler, progress, watch, expect, known: as `plan_views`.
+        cache, workers, scheduler, progress, watch, expect, known, methods: as `plan_views`.
 
     Raises:
         MetadataError: ``output`` is not a run's folder, or is damaged.
         FieldkitError: as `plan_views`.
     """
     with open_run(output) as run:
-        check_installed(run.settings.method)
+        method_entry(run.settings.method, methods)
         if settings is not None and settings != run.settings:
             run.save_settings(settings)
         progress = progress or Silent()
@@ -103,19 +107,20 @@ def resume_plan(
                 f"this run was begun with fieldkit {run.settings.fieldkit} and goes on with {__version__}: where the "
                 "changelog names the objective, values of the two do not compare"
             )
-        return _planned(run, cache, workers, scheduler, progress, watch or no_watch, expect, known)
+        return _planned(run, cache, workers, scheduler, progress, watch or no_watch, expect, known, methods)
 
 
 def _planned(
     run: RunFolder, cache: StageCache, workers: int, scheduler: str, progress: Progress, watch: Watch,
-    expect: Callable[[int], None], known: Sequence[LogEntry],
+    expect: Callable[[int], None], known: Sequence[LogEntry], methods: Mapping[str, MethodEntry],
 ) -> Outcome:  # fmt: skip
     settings = run.settings
+    entry = method_entry(settings.method, methods)
     setup = set_up_run(
         settings, run.path, cache=cache, progress=progress, workers=workers,
-        count_matches=settings.method in USING_MATCHES,
+        count_matches=entry.matches,
     )  # fmt: skip
-    method = make_method(setup.problem, settings)
+    method = entry.make(setup.problem, settings)
     if isinstance(method, Chooser):
         expect(0)
         return _chosen(method, run, setup, workers, scheduler, progress, watch, known)

@@ -13,7 +13,7 @@ from fieldkit import wording
 from fieldkit.captures.camera_file import read_camera_file
 from fieldkit.documents.json_file import first_problem
 from fieldkit.errors import MetadataError, UsageError
-from fieldkit.planning.methods.registry import FOR_A_KIND, USING_WEIGHTS
+from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.run.flyable import flight_noise, read_vehicle, vehicle_envelope
 from fieldkit.planning.run.run_setup import describe_sources
 from fieldkit.planning.settings import (
@@ -173,10 +173,10 @@ def new_settings(request: PlanRequest, workers: int, *, deterministic: bool) -> 
         values |= KIND_CONFIRMED
     values |= _PRESETS[given.get("preset", "field")] | given | {"plots": plots}
     for key in ("weights", "heights"):
-        if key in given and values["method"] not in USING_WEIGHTS:
+        if key in given and not METHODS[values["method"]].weights:
             raise UsageError(
                 f"--{key} would change nothing: {values['method']} does not go by the geometric score",
-                remedy=f"Leave it out, or choose one of {', '.join(sorted(USING_WEIGHTS))}.",
+                remedy=f"Leave it out, or choose one of {', '.join(n for n in METHODS if METHODS[n].weights)}.",
             )
     try:
         return SearchSettings(**values, noise=noise, envelope=EnvelopeSettings(**envelope))
@@ -213,14 +213,14 @@ def _plots(purpose: str | None, plots: int | None, method: str, given: int) -> i
         if (plots or 1) > 1:
             raise UsageError(f"--vary {plots} plans for more than this plot", remedy="Give --for or --vary.")
         return 1
-    if given > 1 and method not in FOR_A_KIND:
+    if given > 1 and not METHODS[method].for_a_kind:
         raise UsageError(
             f"{method} plans for one plot, and {given} are given",
-            remedy=f"Give one, or choose one of {', '.join(sorted(FOR_A_KIND))}.",
+            remedy=f"Give one, or choose one of {', '.join(name for name in METHODS if METHODS[name].for_a_kind)}.",
         )
     if plots is not None:
         return plots
-    return max(given, KIND_PLOTS if purpose == "kind" or method in FOR_A_KIND else 1)
+    return max(given, KIND_PLOTS if purpose == "kind" or METHODS[method].for_a_kind else 1)
 
 
 def _refused(error: ValidationError) -> UsageError:

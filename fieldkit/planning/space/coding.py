@@ -93,40 +93,6 @@ class Coding:
         return distance, ahead, right, np.cross(right, ahead)
 
 
-class CylindricalCoding(Coding):
-    """The same with azimuth, clockwise from north, and radius about the target's middle in place of x and y.
-
-    Cameras come sorted by azimuth, so that their order tells nothing. Radii reach to the box's farthest corner; places
-    beyond its sides are cut to them.
-    """
-
-    def encode(self, cameras: Cameras) -> Array:
-        """The code u (5n,) of n cameras by azimuth; values beyond the limits are cut to them."""
-        azimuth, radius = self._polar(cameras.positions)
-        order = np.argsort(azimuth, kind="stable")
-        code = super().encode(cameras.select(order)).reshape(-1, PER_CAMERA)
-        code[:, 0], code[:, 1] = azimuth[order] / 360.0, np.minimum(radius[order] / self._widest_m, 1.0)
-        return code.reshape(-1)
-
-    def decode(self, code: Array) -> Cameras:
-        """The cameras of a code u (5n,); see `Coding.decode`."""
-        share = np.clip(np.array(code, dtype=np.float64).reshape(-1, PER_CAMERA), 0.0, 1.0)
-        turn, radius = 2.0 * np.pi * share[:, 0], self._widest_m * share[:, 1]
-        places = self.center[:2] + radius[:, None] * np.column_stack([np.sin(turn), np.cos(turn)])
-        span = self.high[:2] - self.low[:2]
-        share[:, :2] = (places - self.low[:2]) / np.where(span > 0, span, 1.0)
-        return super().decode(share.reshape(-1))
-
-    def _polar(self, positions: Array) -> tuple[Array, Array]:
-        east, north = (positions[:, :2] - self.center[:2]).T
-        return np.degrees(np.arctan2(east, north)) % 360.0, np.hypot(east, north)
-
-    @property
-    def _widest_m(self) -> float:
-        away = np.maximum(np.abs(self.low[:2] - self.center[:2]), np.abs(self.high[:2] - self.center[:2]))
-        return float(np.hypot(*away))
-
-
 def _places(cameras: Cameras, ground: tuple[float, float, float]) -> Array:
     """(n, 3) x, y and height above the ground."""
     a, b, c = ground

@@ -12,6 +12,7 @@ import torch
 from botorch.acquisition.analytic import LogExpectedImprovement
 from botorch.models.model import Model
 from botorch.optim.optimize import optimize_acqf
+from linear_operator.utils.warnings import NumericalWarning  # type: ignore[import-untyped]
 
 from fieldkit.planning.space.cameras import Array
 from fieldkit.planning.surrogate.ensemble import fit_ensemble
@@ -130,7 +131,9 @@ def _known(x: Array, data: Array) -> bool:
 
 
 def _values(acquisition: LogExpectedImprovement, x: Array) -> Array:
-    with torch.no_grad():
+    with torch.no_grad(), warnings.catch_warnings():
+        # At a known point the variance is 0 up to rounding; GPyTorch raises it to 1e-10 where the sum is negative.
+        warnings.filterwarnings("ignore", "Negative variance values", NumericalWarning)
         values: Array = acquisition(torch.from_numpy(x)[:, None]).numpy()
     return values
 

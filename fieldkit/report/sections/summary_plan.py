@@ -42,7 +42,7 @@ def plan_statements(result: PlanResult) -> Iterator[Statement]:
     if settings is None:
         return
     measured = [trial for trial in result.trials if trial.measured]
-    if outcome is not None and outcome.finalists and settings.method not in ("circle", "circle-aim"):
+    if outcome is not None and outcome.finalists and settings.method != "circle":
         circles = [trial.value_m for trial in measured if trial.origin.startswith("circle")]
         chosen = outcome.finalists[0].search_value_m
         if outcome.finalists[0].origin.startswith("circle"):

@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.planners.random_sets import CylindricalSpace, Random, TunedBosfm
 from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics
 from fieldkit.planning.methods.bosfm import Bosfm
 from fieldkit.planning.methods.encoded_space import EncodedSpace
-from fieldkit.planning.methods.random import Random
 from fieldkit.planning.problem import PlanningProblem, Result, Trial
 from fieldkit.planning.space.cameras import Cameras
 from fieldkit.planning.space.envelope import Envelope
@@ -68,7 +68,7 @@ def run(method: Bosfm | Random, count: int) -> list[Result]:
 )
 @settings(max_examples=12)
 def test_every_proposal_is_feasible(plot: PlanningProblem, seed: int, known: int, waiting: int, tuned: bool) -> None:
-    method = Bosfm(plot, QUICK, seed, tuned)
+    method = (TunedBosfm if tuned else Bosfm)(plot, QUICK, seed)
     trials = [Trial(k, plot.sample(seed + k), "given") for k in range(known + waiting)]
     results = [Result(trial, cost(trial.cameras)) for trial in trials[:known]]
     trial = method.propose(50, results, trials[known:])
@@ -178,7 +178,7 @@ def test_the_best_untried_recorded_set_is_chosen() -> None:
 @pytest.mark.parametrize("tuned", [False, True])
 def test_it_is_better_than_random(tuned: bool) -> None:
     plot = problem(3)
-    ours = [result.value_m for result in run(Bosfm(plot, 8, 1, tuned), 22)]
+    ours = [result.value_m for result in run((TunedBosfm if tuned else Bosfm)(plot, 8, 1), 22)]
     random = [result.value_m for result in run(Random(plot, 1), 66)]
     assert min(ours) < min(random)  # though there are three times as many of these
 
@@ -202,7 +202,7 @@ def test_codes_of_recorded_sets_do_not_know_the_order() -> None:
 def test_tuned_codes_do_not_know_the_cameras_order() -> None:
     plot = problem(4)
     cameras = plot.sample(3)
-    tuned, literal = EncodedSpace(plot, cylindrical=True), EncodedSpace(plot)
+    tuned, literal = CylindricalSpace(plot), EncodedSpace(plot)
     turned = cameras.select([2, 0, 3, 1])
     np.testing.assert_array_equal(tuned.encode(cameras), tuned.encode(turned))
     assert (literal.encode(cameras) != literal.encode(turned)).any()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.planners.rings import CircleAim
 from fieldkit.planning.methods.circle import CircleSearch, expected_circle
 from fieldkit.planning.problem import Result, Trial
 from fieldkit.planning.score.cost_model import WEIGHTS, CostModel
@@ -30,7 +31,8 @@ def run(method: CircleSearch) -> list[Result]:
 
 @pytest.mark.parametrize(("aim", "count"), [(False, 33), (True, 37)])
 def test_the_grid_is_refined_and_ends(aim: bool, count: int) -> None:
-    found = run(CircleSearch(PROBLEM, aim=aim))
+    method = CircleAim if aim else CircleSearch
+    found = run(method(PROBLEM))
     assert len(found) == count
     assert all(PROBLEM.contains(r.trial.cameras) for r in found)
     grid = found[:25]
@@ -40,7 +42,7 @@ def test_the_grid_is_refined_and_ends(aim: bool, count: int) -> None:
     if aim:
         assert len({r.trial.notes["aim_m"] for r in found}) == 5
         assert len({r.trial.notes["radius_m"] for r in found[25:29]}) == 1
-    assert [r.trial.cameras for r in found] == [r.trial.cameras for r in run(CircleSearch(PROBLEM, 7, aim=aim))]
+    assert [r.trial.cameras for r in found] == [r.trial.cameras for r in run(method(PROBLEM, 7))]
 
 
 def test_broken_and_missing_results_do_not_lead() -> None:

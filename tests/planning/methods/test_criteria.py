@@ -7,14 +7,12 @@ import itertools
 import numpy as np
 import pytest
 
-from fieldkit.planning.methods.geometric import (
+from benchmarks.planners.criteria import GeometricOptimum, Reconstructability, Triangulation
+from fieldkit.planning.methods.optimise import (
     Cost,
     Effort,
-    GeometricOptimum,
-    Triangulation,
     optimise,
 )
-from fieldkit.planning.methods.smith import Reconstructability
 from fieldkit.planning.score.geometric import GeometricScore
 from fieldkit.planning.score.visibility import Surface, look
 from fieldkit.planning.space.ranges import fill_distance_m

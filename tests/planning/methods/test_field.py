@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
+from benchmarks.planners import PLANNERS
+from benchmarks.planners.random_sets import Random
 from fieldkit.clouds import Cloud
 from fieldkit.planning.methods.field import Field, FieldSettings
-from fieldkit.planning.methods.geometric import Effort
 from fieldkit.planning.methods.moves import looked_at, near
-from fieldkit.planning.methods.random import Random
-from fieldkit.planning.methods.registry import METHOD_NAMES, make_method
+from fieldkit.planning.methods.optimise import Effort
+from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.methods.subsets import MatchGraph, Uniform
 from fieldkit.planning.problem import Judge, Method, PlanningProblem, Result, Trial
 from fieldkit.planning.score.geometric import GeometricScore
@@ -295,11 +296,11 @@ def test_moves_are_near_and_feasible() -> None:
     assert np.allclose(np.cross(points - cameras.positions, cameras.forward), 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", METHOD_NAMES)
+@pytest.mark.parametrize("name", PLANNERS)
 def test_every_method_has_its_own_name(name: str) -> None:
     problem = bowl_problem(4, views=12 if name in ("uniform", "match-graph") else 0)
-    method = make_method(problem, bowl_settings(method=name))
-    assert method.name == name
+    assert PLANNERS[name].make(problem, bowl_settings(method=name)).name == name
+    assert set(METHODS) <= set(PLANNERS)
 
 
 def blind_results(method: Field, problem: PlanningProblem, count: int, least: float) -> list[Result]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from fieldkit.geometry import Intrinsics
-from fieldkit.planning.methods.geometric import Effort
+from fieldkit.planning.methods.optimise import Effort
 from fieldkit.planning.methods.score import ScoreOptimum
 from fieldkit.planning.score.cost_model import CERTAINTY, WEIGHTS, CostModel
 from fieldkit.planning.score.geometric import GeometricScore

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fieldkit.planning.methods.hemisphere import Cap, Hemisphere
-from fieldkit.planning.methods.staged import StagedSearch
-from fieldkit.planning.methods.two_rings import Rings, TwoRings
+from benchmarks.planners.rings import Cap, Hemisphere, Rings, TwoRings
+from fieldkit.planning.methods.circle import StagedSearch
 from fieldkit.planning.problem import Result
 from tests.planning.leafy import problem, recorded
 

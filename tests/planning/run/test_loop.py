@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldkit.planning.methods.random import Random
+from benchmarks.planners.random_sets import Random
 from fieldkit.planning.objective.objective import Objective
 from fieldkit.planning.problem import Gain, PlanningProblem, Result, Trial, lowest
 from fieldkit.planning.run.executor import Executor, ProcessExecutor, SerialExecutor

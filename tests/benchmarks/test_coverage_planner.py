@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from fieldkit.planning.methods.coverage import MaximumCoverage, exact_cover, greedy_cover, lattice_views
+from benchmarks.planners.coverage import MaximumCoverage, exact_cover, greedy_cover, lattice_views
 from tests.planning.leafy import problem, recorded
 
 
