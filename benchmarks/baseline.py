@@ -19,7 +19,7 @@ from fieldkit.clouds import Cloud
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.agreement import align_to_positions, judge
 from fieldkit.reconstruction.colmap_model import model_poses
-from fieldkit.reconstruction.dense import Settings, fuse, prepare_view
+from fieldkit.reconstruction.dense import DenseSettings, fuse, prepare_view
 from fieldkit.reconstruction.known_poses import known_poses
 from fieldkit.reconstruction.pipeline import KnownPlot
 from fieldkit.reconstruction.stage_times import StageTimer
@@ -41,7 +41,7 @@ class Baseline:
     """
 
     def __init__(
-        self, capture: Capture, intrinsics: Intrinsics, plot: KnownPlot, settings: Settings, progress: Progress
+        self, capture: Capture, intrinsics: Intrinsics, plot: KnownPlot, settings: DenseSettings, progress: Progress
     ) -> None:
         self._capture, self._intrinsics, self._plot, self._settings = capture, intrinsics, plot, settings
         self._timer = StageTimer(progress)

@@ -17,7 +17,7 @@ from fieldkit.cache import StageCache
 from fieldkit.clouds import Cloud, score
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense import Settings, View, compute_depth_maps, fuse, prepare_view
+from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse, prepare_view
 from fieldkit.runtime.progress import Progress, Silent
 from fieldkit.scenes.renderer import Renderer
 
@@ -102,7 +102,7 @@ def measure(
     truth: Cloud,
 ) -> list[DenseRun]:
     """Run both methods on the same photographs."""
-    settings = Settings(fidelity="standard")
+    settings = DenseSettings(fidelity="standard")
     runs = []
     for method in ("PatchMatch (fieldkit)", "SGBM (OpenCV), 3 pairs"):
         start = time.process_time()
@@ -133,7 +133,7 @@ def warm_up(
 ) -> None:
     """Compile the kernels."""
     views = _views(photographs[:3], poses[:3], intrinsics)
-    settings = Settings(fidelity="standard")
+    settings = DenseSettings(fidelity="standard")
     maps = compute_depth_maps(views, volume, settings, seed=0, progress=Silent(), cache=StageCache(None))
     fuse(views, maps, volume, settings)
 

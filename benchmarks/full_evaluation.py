@@ -23,7 +23,7 @@ from fieldkit.errors import ReconstructionError
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.reconstruction.cameras import cameras_of
-from fieldkit.reconstruction.dense import Settings as DenseSettings
+from fieldkit.reconstruction.dense import DenseSettings
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings

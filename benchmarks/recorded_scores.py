@@ -25,8 +25,7 @@ from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings
 from fieldkit.planning.objective.recorded import RecordedSource
-from fieldkit.reconstruction.dense import Settings as DenseSettings
-from fieldkit.reconstruction.dense import compute_depth_maps, fuse, prepare_view
+from fieldkit.reconstruction.dense import DenseSettings, compute_depth_maps, fuse, prepare_view
 from fieldkit.reconstruction.pipeline import KnownPlot, place
 from fieldkit.reconstruction.result import clearance
 from fieldkit.reconstruction.settings import ReconstructionSettings

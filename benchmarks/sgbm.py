@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense.rays import depth_range
-from fieldkit.reconstruction.dense.settings import Settings
+from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_sources
 from fieldkit.reconstruction.dense.support import gray
-from fieldkit.reconstruction.dense.views import DepthMap, View
+from fieldkit.reconstruction.dense.views import DepthMap, View, depth_range
 
 PAIRS = 3
 # The best of six settings on a tuning scene: larger blocks, OpenCV's usual penalties (8 and 32 times the block's area),
@@ -46,7 +45,7 @@ class Rectified:
     baseline: float
 
 
-def sgbm_depth_maps(views: Sequence[View], volume: Volume, settings: Settings) -> list[DepthMap]:
+def sgbm_depth_maps(views: Sequence[View], volume: Volume, settings: DenseSettings) -> list[DepthMap]:
     """Depth maps by OpenCV StereoSGBM on the `PAIRS` best pairs of each view; deterministic.
 
     Costs are 0 where there is a depth, and normals are zero, since the matcher gives neither.

@@ -21,8 +21,8 @@ from fieldkit.geometry import Intrinsics, Pose, Similarity
 from fieldkit.geometry.priors import SourceFrame
 from fieldkit.reconstruction.cameras import ASSUMED_35MM, assumed_camera, cameras_of, spread_deg
 from fieldkit.reconstruction.colmap_model import model_intrinsics, model_points, model_poses, transform_model
-from fieldkit.reconstruction.dense import Settings as DenseSettings
-from fieldkit.reconstruction.dense import View, compute_depth_maps, fuse, prepare_view
+from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse, prepare_view
+from fieldkit.reconstruction.dense.fusion import fusion_rule
 from fieldkit.reconstruction.dense.views import view_camera
 from fieldkit.reconstruction.doubts import doubts
 from fieldkit.reconstruction.guided import Region
@@ -133,7 +133,7 @@ def reconstruct(
         stray=1.0 - len(nearby) / max(1, len(above)),
         scene=fused if settings.mask == "none" and not reach_m else None,
         gsd_m=gsd_m,
-        fusion_rule=dense.rule(),
+        fusion_rule=fusion_rule(settings.min_agreeing_views),
         times=timer.times(cached),
     )
 
@@ -299,14 +299,6 @@ class _Dense:
     @property
     def options(self) -> DenseSettings:
         return DenseSettings(fidelity=self.settings.fidelity, min_agreeing=self.settings.min_agreeing_views)
-
-    def rule(self) -> str:
-        """The fusion rule in words."""
-        o = self.options
-        return (
-            f"cost < {o.max_cost}, depths within {100 * o.max_relative_depth:g} %, reprojection < "
-            f"{o.max_reprojection_px} px, at least {o.min_agreeing} agreeing views, and as many more than see through"
-        )
 
     def cloud(self, mask: MaskKind) -> Cloud:
         """The fused cloud of all views that count."""

@@ -1,18 +1,18 @@
 """Dense stereo: undistorted views with known poses in, depth maps and a fused cloud out.
 
 views = [prepare_view(...), ...]
-maps = compute_depth_maps(views, volume, Settings(), seed=0, progress=Silent(), cache=StageCache(None))
-cloud = fuse(views, maps, volume, Settings())
+maps = compute_depth_maps(views, volume, DenseSettings(), seed=0, progress=Silent(), cache=StageCache(None))
+cloud = fuse(views, maps, volume, DenseSettings())
 """
 
 from fieldkit.reconstruction.dense.depth_maps import compute_depth_maps
 from fieldkit.reconstruction.dense.fusion import fuse
-from fieldkit.reconstruction.dense.settings import Settings
+from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.views import DepthMap, View, prepare_view, working_size
 
 __all__ = [
+    "DenseSettings",
     "DepthMap",
-    "Settings",
     "View",
     "compute_depth_maps",
     "fuse",

@@ -5,24 +5,36 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.cache import StageCache, digest
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense.matching import UNMATCHED, Problem, pack_view
+from fieldkit.reconstruction.dense.matching import GEOMETRIC_SWEEPS, UNMATCHED, Problem, pack_view
 from fieldkit.reconstruction.dense.patchmatch import Active, Planes
-from fieldkit.reconstruction.dense.rays import active_pixels
-from fieldkit.reconstruction.dense.settings import Settings
+from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_sources
-from fieldkit.reconstruction.dense.views import DepthMap, View
+from fieldkit.reconstruction.dense.views import DepthMap, View, active_pixels
 from fieldkit.reconstruction.versions import STAGES
 from fieldkit.runtime.parallel import map_threads
 from fieldkit.runtime.progress import Progress
 
 STAGE = "depth"
+SWEEPS, FIRST_RANGE_PX = 3, 4.0
+"""Rounds of propagation and perturbation (each a red and a black half) on the coarsest level, and the size of the first
+change there, as the shift of a typical source pixel."""
+PYRAMID_SWEEPS, PYRAMID_RANGE_PX = 2, 1.5
+"""The same on the finer levels."""
+PYRAMID_STARTS = 1
+"""Random planes per pixel there, beside the coarser level's."""
+BEYOND_UNMASKED = 4.0
+"""`DenseSettings.beyond` of views without a mask."""
+COARSEST = 300_000
+"""Views are halved as long as the largest has more pixels than this."""
+COARSE_PASSES, GEOMETRIC_PASSES = 2, 1
+"""Geometric passes on levels of reduced views and on the last one. They take over planes of the source views and also
+ask for agreement with their depths."""
 _VERSION = STAGES["depth"]
 _KEPT = 32
 _GEOMETRIC_SWEEP = 1.5
@@ -32,7 +44,7 @@ _GEOMETRIC_SWEEP = 1.5
 def compute_depth_maps(
     views: Sequence[View],
     volume: Volume,
-    settings: Settings,
+    settings: DenseSettings,
     *,
     seed: int,
     progress: Progress,
@@ -60,11 +72,12 @@ def compute_depth_maps(
     """
     sources = choose_sources(views, volume, settings)
     contents = [view_digest(view) for view in views]
-    matching = matching_settings(settings)
+    # The views have their fidelity; how depths are fused is no part of the key.
+    chosen = replace(settings, fidelity="standard", min_agreeing=2)
     count = range(len(views))
     shared = _Shared(volume, settings)
-    levels = _levels(views, settings)
-    weights = [work for work in _work_of_passes(levels, settings) for _ in count]
+    levels = _levels(views)
+    weights = [work for work in _work_of_passes(levels) for _ in count]
     keys = [
         digest(
             STAGES["depth"],
@@ -73,7 +86,7 @@ def compute_depth_maps(
             [contents[j] for j in sources[i]],
             volume,
             seed,
-            matching,
+            chosen,
             levels,
         )
         for i in count
@@ -90,7 +103,7 @@ def compute_depth_maps(
                 return _match(views[i], near, level, coarser[i] if coarser else None, shared, random)
 
             results = map_threads(_cached(cache, keys, first), count, workers=workers, advance=advance)
-            for number in range(1, 1 + _passes(settings, level)):
+            for number in range(1, 1 + _passes(level)):
                 keys = [digest(_VERSION, "geometry", keys[i], [keys[j] for j in sources[i]]) for i in count]
 
                 def later(i: int, level: int = level, number: int = number, before: list[Planes] = results) -> Planes:
@@ -102,7 +115,7 @@ def compute_depth_maps(
     return [to_depth_map(view, planes, volume, settings) for view, planes in zip(views, results, strict=True)]
 
 
-def to_depth_map(view: View, planes: Planes, volume: Volume, settings: Settings) -> DepthMap:
+def to_depth_map(view: View, planes: Planes, volume: Volume, settings: DenseSettings) -> DepthMap:
     """Depths, normals and costs as images; depths behind the volume are left out."""
     active = active_pixels(view, volume, _beyond(view, settings))
     shape = active.place.shape
@@ -128,40 +141,31 @@ def view_digest(view: View) -> str:
     return digest(view.image, view.intrinsics, view.pose.rotation, view.pose.center, view.mask)
 
 
-def matching_settings(settings: Settings) -> dict[str, Any]:
-    """The settings that the depth maps depend on; those of the fusion are not among them."""
-    fusion = {
-        "max_cost", "max_relative_depth", "max_reprojection_px", "min_agreeing", "see_through_px", "see_through_depths",
-        "fusion_neighbors", "thin_gsd",
-    }  # fmt: skip
-    return {name: value for name, value in vars(settings).items() if name not in fusion | {"fidelity"}}
-
-
 def _random_key(seed: int, view: View, level: int, number: int = 0) -> np.uint64:
     # Of the pixels alone: a pose that differs by a rounding error must not bring other random planes, or a capture
     # would not even match itself (chamfer distance above one ground sampling distance).
     return np.uint64(int(digest(seed, view.image, level, number)[:16], 16))
 
 
-def _levels(views: Sequence[View], settings: Settings) -> int:
-    """How often views are halved: until the largest has at most `Settings.coarsest` pixels."""
+def _levels(views: Sequence[View]) -> int:
+    """How often views are halved: until the largest has at most `COARSEST` pixels."""
     pixels = max((view.intrinsics.width * view.intrinsics.height for view in views), default=0)
     levels = 0
-    while pixels / 4**levels > settings.coarsest:
+    while pixels / 4**levels > COARSEST:
         levels += 1
     return levels
 
 
-def _passes(settings: Settings, level: int) -> int:
-    return settings.coarse_passes if level else settings.geometric_passes
+def _passes(level: int) -> int:
+    return COARSE_PASSES if level else GEOMETRIC_PASSES
 
 
-def _work_of_passes(levels: int, settings: Settings) -> list[float]:
+def _work_of_passes(levels: int) -> list[float]:
     """What every pass costs, in sweeps over all pixels by the photographs alone."""
     work = []
     for level in range(levels, -1, -1):
-        first = settings.pyramid_sweeps if level < levels else settings.sweeps
-        passes = [first, *[_GEOMETRIC_SWEEP * settings.geometric_sweeps] * _passes(settings, level)]
+        first = PYRAMID_SWEEPS if level < levels else SWEEPS
+        passes = [first, *[_GEOMETRIC_SWEEP * GEOMETRIC_SWEEPS] * _passes(level)]
         work += [sweeps / 4.0**level for sweeps in passes]
     return work
 
@@ -183,7 +187,7 @@ def _cached(cache: StageCache, keys: list[str], compute: Callable[[int], Planes]
 class _Shared:
     """What several reference views need of a view, kept for the last `_KEPT` asked for."""
 
-    def __init__(self, volume: Volume, settings: Settings) -> None:
+    def __init__(self, volume: Volume, settings: DenseSettings) -> None:
         self.settings = settings
         self.reduced = lru_cache(_KEPT)(reduced)
         self.active = lru_cache(_KEPT)(lambda view: active_pixels(view, volume, _beyond(view, settings)))
@@ -198,16 +202,14 @@ def _match(
     reference = shared.reduced(view, level)
     active = shared.active(reference)
     near = [shared.reduced(source, level) for source in sources]
-    problem = Problem.build(reference, active, near, settings, shared.packed)
+    problem = Problem.build(reference, active, near, settings.best_sources, shared.packed)
     planes, fresh = problem.empty()
     if coarser is None:
-        return problem.solve(planes, fresh, random, settings.starts, settings.sweeps, settings.first_range_px)
+        return problem.solve(planes, fresh, random, settings.starts, SWEEPS, FIRST_RANGE_PX)
     coarse = shared.reduced(view, level + 1)
     factor = reference.intrinsics.width / coarse.intrinsics.width
     _carry_over(planes, fresh, active, shared.active(coarse), coarser, factor)
-    return problem.solve(
-        planes, fresh, random, settings.pyramid_starts, settings.pyramid_sweeps, settings.pyramid_range_px
-    )
+    return problem.solve(planes, fresh, random, PYRAMID_STARTS, PYRAMID_SWEEPS, PYRAMID_RANGE_PX)
 
 
 def _match_geometry(
@@ -216,14 +218,13 @@ def _match_geometry(
     """A later pass of a level: photographs and agreement with the source views' depths."""
     reference = shared.reduced(view, level)
     near = [(shared.reduced(source, level), planes) for source, planes in sources]
-    problem = Problem.build(
-        reference, shared.active(reference), [source for source, _ in near], shared.settings, shared.packed
-    )
+    best = shared.settings.best_sources
+    problem = Problem.build(reference, shared.active(reference), [source for source, _ in near], best, shared.packed)
     return problem.refine(first, [(source, shared.active(source), planes) for source, planes in near], random)
 
 
-def _beyond(view: View, settings: Settings) -> float:
-    return settings.beyond_unmasked if view.mask is None else settings.beyond
+def _beyond(view: View, settings: DenseSettings) -> float:
+    return BEYOND_UNMASKED if view.mask is None else settings.beyond
 
 
 def reduced(view: View, level: int) -> View:

@@ -1,6 +1,6 @@
 """Fusion of depth maps into one cloud.
 
-A pixel's depth is kept if enough other views agree with it and few see through it (the rule is in `Settings`). The
+A pixel's depth is kept if enough other views agree with it and few see through it (`fuse` has the rule). The
 pixels that agreed are then used up, so that a surface seen by many views is not stored many times. Views are taken in
 order and pixels row by row, so the cloud depends on nothing but the arguments.
 """
@@ -19,24 +19,31 @@ from fieldkit.clouds.cloud import Cloud, concatenate
 from fieldkit.clouds.thinning import voxel_thin
 from fieldkit.clouds.volume import Volume, crop
 from fieldkit.reconstruction.dense.masks import inner_colors
-from fieldkit.reconstruction.dense.settings import Settings
+from fieldkit.reconstruction.dense.matching import MAX_COST
+from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.source_views import choose_fusion_neighbors
 from fieldkit.reconstruction.dense.views import DepthMap, View
 from fieldkit.runtime.kernels import fast_kernel
 
+MAX_RELATIVE_DEPTH, MAX_REPROJECTION_PX = 0.012, 1.5
+"""Largest relative difference of two depths that agree, and largest round-trip distance of their pixels."""
+SEE_THROUGH_PX, SEE_THROUGH_DEPTHS = 2, 3.0
+"""A view sees through a point if all of its pixels within so many are background or so many times farther behind than
+`MAX_RELATIVE_DEPTH`. Masks miss thin parts, and poses are off by a pixel."""
 
-def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: Settings) -> Cloud:
+
+def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: DenseSettings) -> Cloud:
     """One cloud of the depths that several views agree on.
 
     A depth of view A agrees with view B if its point, projected into B, meets a depth there that differs by less than
-    `Settings.max_relative_depth`, and that depth's own point, projected back into A, lies within
-    `Settings.max_reprojection_px`. Depths that cost `Settings.max_cost` or more count nowhere. The point is the mean
+    `MAX_RELATIVE_DEPTH`, and that depth's own point, projected back into A, lies within
+    `MAX_REPROJECTION_PX`. Depths that cost `MAX_COST` or more count nowhere. The point is the mean
     of the agreeing depths along A's ray, each seen from A; its colour the mean of their pixels' (`inner_colors`),
     its normal the mean of their normals.
 
-    A point is dropped unless, of all views, those that have its depth at its pixel are `Settings.min_agreeing` more
-    than those that see through it. A view does so where all pixels within `Settings.see_through_px` show background
-    (off the mask, inside the photograph) or depths `Settings.see_through_depths` times as far behind as may agree.
+    A point is dropped unless, of all views, those that have its depth at its pixel are `DenseSettings.min_agreeing`
+    more than those that see through it. A view does so where all pixels within `SEE_THROUGH_PX` show background
+    (off the mask, inside the photograph) or depths `SEE_THROUGH_DEPTHS` times as far behind as may agree.
 
     Args:
         views: n views.
@@ -45,13 +52,21 @@ def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, 
         settings: the rule.
 
     Returns:
-        Points in the plot frame (metres) with colours and normals, thinned to voxels of `Settings.thin_gsd`.
+        Points in the plot frame (metres) with colours and normals, thinned to voxels of one ground sampling distance.
     """
+    cloud = agreeing_points(views, depth_maps, volume, settings)
+    return voxel_thin(cloud, ground_sampling_distance(views, volume)) if len(cloud) else cloud
+
+
+def agreeing_points(
+    views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, settings: DenseSettings
+) -> Cloud:
+    """What `fuse` thins."""
     size = (max(v.intrinsics.height for v in views), max(v.intrinsics.width for v in views)) if views else (1, 1)
     depths = np.zeros((len(views), *size), dtype=np.float32)
     for i, depth_map in enumerate(depth_maps):
         rows, columns = depth_map.depth.shape
-        good = depth_map.cost < settings.max_cost
+        good = depth_map.cost < MAX_COST
         depths[i, :rows, :columns] = np.where(good, depth_map.depth, np.float32(0.0))
     cameras = np.stack([_camera(view) for view in views]) if views else np.zeros((0, 16))
     bounds = np.array([(v.intrinsics.height, v.intrinsics.width) for v in views], dtype=np.int64).reshape(-1, 2)
@@ -75,8 +90,8 @@ def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, 
             used,
             cameras,
             bounds,
-            settings.max_relative_depth,
-            settings.max_reprojection_px,
+            MAX_RELATIVE_DEPTH,
+            MAX_REPROJECTION_PX,
             settings.min_agreeing,
             points,
             origin,
@@ -87,16 +102,21 @@ def fuse(views: Sequence[View], depth_maps: Sequence[DepthMap], volume: Volume, 
             background,
             cameras,
             bounds,
-            settings.max_relative_depth,
-            settings.max_relative_depth * settings.see_through_depths,
-            settings.see_through_px,
+            MAX_RELATIVE_DEPTH,
+            MAX_RELATIVE_DEPTH * SEE_THROUGH_DEPTHS,
+            SEE_THROUGH_PX,
             settings.min_agreeing,
         )
         parts.append(Cloud(points[:count][kept], *_appearance(colors, depth_maps, origin[:count][kept])))
-    cloud = crop(concatenate(parts), volume)
-    if settings.thin_gsd > 0 and len(cloud):
-        cloud = voxel_thin(cloud, settings.thin_gsd * ground_sampling_distance(views, volume))
-    return cloud
+    return crop(concatenate(parts), volume)
+
+
+def fusion_rule(min_agreeing: int) -> str:
+    """The rule of `fuse` in words."""
+    return (
+        f"cost < {MAX_COST}, depths within {100 * MAX_RELATIVE_DEPTH:g} %, reprojection < {MAX_REPROJECTION_PX} px, at "
+        f"least {min_agreeing} agreeing views, and as many more than see through"
+    )
 
 
 def ground_sampling_distance(views: Sequence[View], volume: Volume) -> float:

@@ -22,10 +22,28 @@ from fieldkit.reconstruction.dense.patchmatch import (
     start,
     sweep,
 )
-from fieldkit.reconstruction.dense.settings import Settings
 from fieldkit.reconstruction.dense.support import gray, pack_source, relative_camera, support_weights
 from fieldkit.reconstruction.dense.views import View
 
+COLOR_SIGMA = 20.0
+"""Width of the bilateral weights, grey levels."""
+OFF_MASK_WEIGHT = 0.15
+"""Factor for samples off the plant mask."""
+NOISE = 1.0
+"""Standard deviation of the grey levels that counts as no texture."""
+SLACK = 0.4
+"""None of a hypothesis' best source views counts more than this above the lowest: the surface may be hidden in all but
+one."""
+PERTURBATIONS = 3
+"""Random changes tried per pixel and round, each half as large as the one before."""
+SECOND_RANGE_PX = 1.0
+"""Size of the first change in geometric passes, as the shift of a typical source pixel."""
+GEOMETRIC_SWEEPS = 1
+"""Rounds in each geometric pass."""
+GEOMETRIC_WEIGHT, GEOMETRIC_CAP_PX = 0.2, 3.0
+"""Geometric passes add weight · min(round-trip error in pixels, cap) to the cost."""
+MAX_COST = 0.6
+"""A depth whose cost (1 − correlation) is not below is carried to no other view and takes no part in the fusion."""
 _ALONE = Agreement(np.zeros((1, 1, 1), dtype=np.float32), np.float32(0.0), np.float32(0.0))
 """The photographs alone."""
 _SAME_PX = 0.05
@@ -40,14 +58,13 @@ class Problem:
 
     view: View
     active: Active
-    settings: Settings
     stereo: Stereo
     pixel_w: float
     """Change of inverse depth that moves the typical source pixel by one, 1/m."""
 
     @classmethod
     def build(
-        cls, view: View, active: Active, sources: list[View], settings: Settings,
+        cls, view: View, active: Active, sources: list[View], best_sources: int,
         packed: Callable[[View], NDArray[np.uint32]] | None = None,
     ) -> Problem:  # fmt: skip
         """The arrays of ``view``; ``packed`` gives those of a source that others share (`pack_view`)."""
@@ -64,9 +81,9 @@ class Problem:
             active.pixels,
             OFFSET_U,
             OFFSET_V,
-            np.float32(settings.color_sigma),
-            np.float32(settings.off_mask_weight),
-            np.float32(settings.noise**2),
+            np.float32(COLOR_SIGMA),
+            np.float32(OFF_MASK_WEIGHT),
+            np.float32(NOISE**2),
         )
         stereo = Stereo(
             support,
@@ -75,11 +92,11 @@ class Problem:
             np.array(cameras, dtype=np.float32).reshape(-1, 12),
             np.array(back, dtype=np.float32).reshape(-1, 12),
             _lens(view),
-            np.float32(settings.noise**2),
-            min(settings.best_sources, len(sources)),
-            np.float32(settings.slack),
+            np.float32(NOISE**2),
+            min(best_sources, len(sources)),
+            np.float32(SLACK),
         )
-        return cls(view, active, settings, stereo, _pixel_inverse_depth(view, sources))
+        return cls(view, active, stereo, _pixel_inverse_depth(view, sources))
 
     def empty(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Planes (n, 3) without content and the mask (n,) that says so."""
@@ -118,26 +135,24 @@ class Problem:
         found = Planes(first.planes.copy(), first.costs.copy())
         if not len(found.planes) or not self.stereo.best:
             return found
-        settings, stereo, active = self.settings, self.stereo, self.active
-        agreement = Agreement(
-            _inverse_depths(sources), np.float32(settings.geometric_weight), np.float32(settings.geometric_cap_px)
-        )
+        stereo, active = self.stereo, self.active
+        agreement = Agreement(_inverse_depths(sources), np.float32(GEOMETRIC_WEIGHT), np.float32(GEOMETRIC_CAP_PX))
         score(found, active, stereo, agreement)
         carried = np.zeros_like(found.planes)
         for view, pixels, planes in sources:
             rotation = (view.pose.rotation @ self.view.pose.rotation.T).astype(np.float32)
             offset = (view.pose.rotation @ (self.view.pose.center - view.pose.center)).astype(np.float32)
-            limit = np.float32(settings.max_cost)
+            limit = np.float32(MAX_COST)
             carry(carried, active, pixels, planes, _lens(view), stereo.lens, rotation, offset, limit)
             adopt(found, carried, active, stereo, agreement)
-        self._sweep(found, agreement, key, settings.geometric_sweeps, settings.second_range_px)
+        self._sweep(found, agreement, key, GEOMETRIC_SWEEPS, SECOND_RANGE_PX)
         score(found, active, stereo, _ALONE)
         return found
 
     def _sweep(self, found: Planes, agreement: Agreement, key: np.uint64, sweeps: int, range_px: float) -> None:
         reach, same = range_px * self.pixel_w, np.float32(_SAME_PX * self.pixel_w)
         for step in range(sweeps):
-            steps = Steps(self.settings.perturbations, np.float32(reach), same)
+            steps = Steps(PERTURBATIONS, np.float32(reach), same)
             for color in (0, 1):
                 sweep(found, self.active, self.stereo, agreement, steps, key, color, step)
             reach *= 0.5

@@ -8,18 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense.settings import Settings
+from fieldkit.reconstruction.dense.settings import DenseSettings
 from fieldkit.reconstruction.dense.views import View
 
 _GRID = 4
 """Points along each edge of the volume for which overlap and angle are counted."""
+BEST_ANGLE_DEG = 12.0
+"""Angle between two views about the volume at which a source view is worth most."""
+MAX_ANGLE_DEG = 50.0
+FUSION_NEIGHBORS = 10
+"""Views that each view is compared with in the fusion."""
 
 
-def pair_scores(views: Sequence[View], volume: Volume, settings: Settings) -> NDArray[np.float64]:
+def pair_scores(views: Sequence[View], volume: Volume, settings: DenseSettings) -> NDArray[np.float64]:
     """How well each view serves as a source of each other, (n, n) in [0, 1]; rows are reference views.
 
     The mean over points of the volume seen by both of a bell in the angle between the two rays
-    (`Settings.best_angle_deg`; half-width 8° below and 15° above it; 0 outside the limits) times the share of the
+    (`BEST_ANGLE_DEG`; half-width 8° below and 15° above it; 0 outside the limits) times the share of the
     reference's points that both see times a penalty for sources that see the points much smaller.
     """
     edges = [np.linspace(0.5 / _GRID, 1.0 - 0.5 / _GRID, _GRID)] * 3
@@ -46,26 +51,26 @@ def pair_scores(views: Sequence[View], volume: Volume, settings: Settings) -> ND
             continue
         both = seen & seen[i]
         angle = np.degrees(np.arccos(np.clip((rays * rays[i]).sum(axis=2), -1.0, 1.0)))
-        width = np.where(angle < settings.best_angle_deg, 8.0, 15.0)
-        bell = np.exp(-0.5 * ((angle - settings.best_angle_deg) / width) ** 2)
-        bell[(angle < settings.min_angle_deg) | (angle > settings.max_angle_deg)] = 0.0
+        width = np.where(angle < BEST_ANGLE_DEG, 8.0, 15.0)
+        bell = np.exp(-0.5 * ((angle - BEST_ANGLE_DEG) / width) ** 2)
+        bell[(angle < settings.min_angle_deg) | (angle > MAX_ANGLE_DEG)] = 0.0
         ratio = np.minimum(scale / scale[i], 1.0)
         scores[i] = np.where(both, bell * ratio, 0.0).sum(axis=1) / own
         scores[i, i] = 0.0
     return scores
 
 
-def choose_sources(views: Sequence[View], volume: Volume, settings: Settings) -> list[tuple[int, ...]]:
-    """Indices of each view's source views, best first; fewer than `Settings.sources` where no more are within limits.
+def choose_sources(views: Sequence[View], volume: Volume, settings: DenseSettings) -> list[tuple[int, ...]]:
+    """Indices of each view's source views, best first; fewer than asked for where no more are within limits.
 
     Ties are broken by the views' order.
     """
     return _best(pair_scores(views, volume, settings), settings.sources)
 
 
-def choose_fusion_neighbors(views: Sequence[View], volume: Volume, settings: Settings) -> list[tuple[int, ...]]:
+def choose_fusion_neighbors(views: Sequence[View], volume: Volume, settings: DenseSettings) -> list[tuple[int, ...]]:
     """Indices of the views each view is compared with in the fusion, best first."""
-    return _best(pair_scores(views, volume, settings), settings.fusion_neighbors)
+    return _best(pair_scores(views, volume, settings), FUSION_NEIGHBORS)
 
 
 def _best(scores: NDArray[np.float64], count: int) -> list[tuple[int, ...]]:

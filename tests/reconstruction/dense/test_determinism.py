@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from fieldkit.cache import StageCache
-from fieldkit.reconstruction.dense import Settings, View, compute_depth_maps, fuse
+from fieldkit.reconstruction.dense import DenseSettings, View, compute_depth_maps, fuse
 from fieldkit.reconstruction.dense import depth_maps as module
 from fieldkit.runtime.progress import Silent
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
-PASSES = 1 + Settings().geometric_passes
+PASSES = 1 + module.GEOMETRIC_PASSES
 ROOT = Path(__file__).parents[3]
 PROGRAM = "from tests.reconstruction.dense.test_determinism import run; print(run())"
 
@@ -31,7 +31,7 @@ def run(seed: int = 0, cache: StageCache | None = None, given: list[View] | None
     """Digest of depths, normals, costs and the fused cloud."""
     state = hashlib.sha256()
     scene = views() if given is None else given
-    settings = Settings()
+    settings = DenseSettings()
     found = compute_depth_maps(scene, VOLUME, settings, seed=seed, progress=Silent(), cache=cache or StageCache(None))
     cloud = fuse(scene, found, VOLUME, settings)
     for depth_map in found:
@@ -65,9 +65,8 @@ def test_freshly_compiled_kernels_give_the_same_bytes(tmp_path):
 
 def test_the_seed_matters_but_little():
     scene = views()
-    maps = [
-        compute_depth_maps(scene, VOLUME, Settings(), seed=s, progress=Silent(), cache=StageCache(None)) for s in (0, 1)
-    ]
+    settings, nothing = DenseSettings(), StageCache(None)
+    maps = [compute_depth_maps(scene, VOLUME, settings, seed=s, progress=Silent(), cache=nothing) for s in (0, 1)]
     first, second = (m[0].depth for m in maps)
     assert (first != second).any()
     both = (first > 0) & (second > 0)
@@ -105,7 +104,7 @@ def test_a_view_from_another_side_leaves_the_others_as_they_are(tmp_path):
 def test_whatever_matters_is_part_of_the_key(tmp_path, change):
     cache = StageCache(tmp_path)
     scene = views(3)
-    settings, seed, volume = Settings(), 0, VOLUME
+    settings, seed, volume = DenseSettings(), 0, VOLUME
 
     def compute() -> int:
         compute_depth_maps(scene, volume, settings, seed=seed, progress=Silent(), cache=cache)
@@ -121,7 +120,7 @@ def test_whatever_matters_is_part_of_the_key(tmp_path, change):
     elif change == "mask":
         mask = np.ones(image.shape[:2], dtype=bool)
     elif change == "setting":
-        settings = Settings(noise=1.01)
+        settings = DenseSettings(beyond=0.31)
     elif change == "seed":
         seed = 7
     else:
@@ -132,7 +131,7 @@ def test_whatever_matters_is_part_of_the_key(tmp_path, change):
 
 def test_the_fusion_rule_is_no_part_of_the_key(tmp_path):
     cache = StageCache(tmp_path)
-    for settings in (Settings(), Settings(min_agreeing=1, max_reprojection_px=2.0, thin_gsd=0.0)):
+    for settings in (DenseSettings(), DenseSettings("full", min_agreeing=1)):
         compute_depth_maps(views(3), VOLUME, settings, seed=0, progress=Silent(), cache=cache)
     assert cache.sizes()["depth"].entries == 3 * PASSES
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from fieldkit.clouds.volume import Volume
-from fieldkit.reconstruction.dense import DepthMap, Settings, View, fuse
-from fieldkit.reconstruction.dense.fusion import ground_sampling_distance
+from fieldkit.reconstruction.dense import DenseSettings, DepthMap, View, fuse, fusion
+from fieldkit.reconstruction.dense.fusion import agreeing_points, ground_sampling_distance
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
-RULE = Settings(thin_gsd=0.0)
+RULE = DenseSettings()
 Made = tuple[list[View], list[DepthMap]]
 
 
@@ -42,7 +42,7 @@ def scaled(depth_map: DepthMap, factor: float) -> DepthMap:
 
 
 def test_exact_depths_give_points_on_the_plane(perfect):
-    cloud = fuse(*perfect, VOLUME, RULE)
+    cloud = agreeing_points(*perfect, VOLUME, RULE)
     assert len(cloud) > 20_000
     # Agreeing pixels are up to 1.5 pixels apart, which on a plane seen at 16° moves the mean depth a little.
     assert np.abs(cloud.points[:, 2]).max() < 0.004
@@ -54,40 +54,42 @@ def test_exact_depths_give_points_on_the_plane(perfect):
 def test_a_pixel_is_used_once(perfect):
     views, maps = perfect
     pixels = sum((m.depth > 0).sum() for m in maps)
-    assert len(fuse(views, maps, VOLUME, RULE)) < 0.6 * pixels
+    assert len(agreeing_points(views, maps, VOLUME, RULE)) < 0.6 * pixels
 
 
 @pytest.mark.parametrize(("needed", "wrong", "kept"), [(1, 2, True), (2, 1, True), (2, 2, False), (3, 1, False)])
 def test_enough_views_have_to_agree(perfect, needed, wrong, kept):
     views, maps = perfect
     maps = [scaled(m, 1.0 + 0.05 * (i + 1)) if i < wrong else m for i, m in enumerate(maps)]
-    on_plane = np.abs(fuse(views, maps, VOLUME, replace(RULE, min_agreeing=needed)).points[:, 2]) < 0.01
+    on_plane = np.abs(agreeing_points(views, maps, VOLUME, replace(RULE, min_agreeing=needed)).points[:, 2]) < 0.01
     assert bool(np.count_nonzero(on_plane) > 1000) is kept
 
 
 @pytest.mark.parametrize(("factor", "kept"), [(1.008, True), (1.016, False)])
-def test_depths_agree_within_a_relative_difference(perfect, factor, kept):
+def test_depths_agree_within_a_relative_difference(perfect, factor, kept, monkeypatch):
     views, maps = perfect
     two = ([views[0], views[1]], [maps[0], scaled(maps[1], factor)])
-    rule = replace(RULE, min_agreeing=1, max_reprojection_px=10.0)
-    assert (len(fuse(*two, VOLUME, rule)) > 1000) is kept
+    monkeypatch.setattr(fusion, "MAX_REPROJECTION_PX", 10.0)
+    rule = replace(RULE, min_agreeing=1)
+    assert (len(agreeing_points(*two, VOLUME, rule)) > 1000) is kept
 
 
-def test_depths_agree_within_a_round_trip(perfect):
+def test_depths_agree_within_a_round_trip(perfect, monkeypatch):
     views, maps = perfect
     two = ([views[0], views[1]], [maps[0], scaled(maps[1], 1.01)])
-    counts = [
-        len(fuse(*two, VOLUME, replace(RULE, min_agreeing=1, max_reprojection_px=limit))) for limit in (0.2, 1.0, 4.0)
-    ]
+    counts = []
+    for limit in (0.2, 1.0, 4.0):
+        monkeypatch.setattr(fusion, "MAX_REPROJECTION_PX", limit)
+        counts.append(len(agreeing_points(*two, VOLUME, replace(RULE, min_agreeing=1))))
     assert counts[0] < counts[1] < counts[2]
 
 
 def test_dear_depths_count_nowhere(perfect):
     views, maps = perfect
     dear = [replace(m, cost=np.full_like(m.cost, 0.6)) for m in maps]
-    assert len(fuse(views, dear, VOLUME, RULE)) == 0
-    assert len(fuse(views, [*maps[:2], *dear[2:]], VOLUME, RULE)) == 0
-    assert len(fuse(views, [*maps[:3], *dear[3:]], VOLUME, RULE)) > 1000
+    assert len(agreeing_points(views, dear, VOLUME, RULE)) == 0
+    assert len(agreeing_points(views, [*maps[:2], *dear[2:]], VOLUME, RULE)) == 0
+    assert len(agreeing_points(views, [*maps[:3], *dear[3:]], VOLUME, RULE)) > 1000
 
 
 def test_colours_are_the_mean_of_the_agreeing_pixels(perfect):
@@ -95,7 +97,7 @@ def test_colours_are_the_mean_of_the_agreeing_pixels(perfect):
     painted = []
     for i, view in enumerate(views):
         painted.append(replace(view, image=np.full_like(view.image, 10 + 20 * i)))
-    cloud = fuse(painted, maps, VOLUME, RULE)
+    cloud = agreeing_points(painted, maps, VOLUME, RULE)
     assert cloud.colors is not None
     all_four = (cloud.colors == 40).all(axis=1)
     assert all_four.mean() > 0.3
@@ -113,7 +115,7 @@ def disputed(full: Made, through: int) -> Made:
 
 def found_on_the_plane(given: Made) -> bool:
     """Whether the fused cloud has points of the plane z = 0 where all views see it."""
-    cloud = fuse(*given, VOLUME, RULE)
+    cloud = agreeing_points(*given, VOLUME, RULE)
     middle = (np.abs(cloud.points[:, :2]) < 0.2).all(axis=1) & (np.abs(cloud.points[:, 2]) < 0.01)
     count = int(np.count_nonzero(middle))
     assert count == 0 or count > 1000
@@ -129,7 +131,11 @@ def test_a_point_that_other_views_show_background_behind_is_dropped(eight, throu
 def test_unknown_depths_and_pixels_outside_of_the_photograph_are_no_background(eight):
     views, maps = disputed(eight, 5)
     outside = [replace(v, inside=v.mask) for v in views]
-    assert len(fuse(outside, maps, VOLUME, RULE)) == len(fuse(*disputed(eight, 0), VOLUME, RULE)) > 1000
+    assert (
+        len(agreeing_points(outside, maps, VOLUME, RULE))
+        == len(agreeing_points(*disputed(eight, 0), VOLUME, RULE))
+        > 1000
+    )
 
 
 def test_a_point_in_front_of_what_other_views_show_is_dropped(eight):
@@ -158,7 +164,7 @@ def test_colours_of_edges_are_those_farther_in(perfect):
     image = np.where(inner[..., None], np.uint8(200), np.uint8(20)) * np.ones(3, dtype=np.uint8)
     painted = [replace(v, image=image, mask=edge) for v in views]
     cut = [replace(m, depth=np.where(edge, m.depth, np.float32(0.0))) for m in maps]
-    cloud = fuse(painted, cut, VOLUME, RULE)
+    cloud = agreeing_points(painted, cut, VOLUME, RULE)
     assert cloud.colors is not None
     assert len(cloud) > 1000
     assert (cloud.colors == 200).all()
@@ -166,7 +172,7 @@ def test_colours_of_edges_are_those_farther_in(perfect):
 
 def test_points_outside_the_volume_are_dropped(perfect):
     small = Volume((-0.1, -0.2, -0.1), (0.1, 0.2, 0.1))
-    cloud = fuse(*perfect, small, RULE)
+    cloud = agreeing_points(*perfect, small, RULE)
     assert len(cloud) > 100
     assert small.contains(cloud.points).all()
 
@@ -175,7 +181,6 @@ def test_thinning_follows_the_ground_sampling_distance(perfect):
     views, _ = perfect
     gsd = ground_sampling_distance(views, VOLUME)
     assert gsd == pytest.approx(np.linalg.norm(views[0].pose.center - VOLUME.center) / 260.0)
-    thin = fuse(*perfect, VOLUME, replace(RULE, thin_gsd=4.0))
-    cells = np.floor(thin.points / (4.0 * gsd))
-    assert len(np.unique(cells, axis=0)) == len(thin)
-    assert 100 < len(thin) < 0.2 * len(fuse(*perfect, VOLUME, RULE))
+    thin = fuse(*perfect, VOLUME, RULE)
+    assert len(np.unique(np.floor(thin.points / gsd), axis=0)) == len(thin)
+    assert 100 < len(thin) < len(agreeing_points(*perfect, VOLUME, RULE))

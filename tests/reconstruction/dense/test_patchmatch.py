@@ -7,15 +7,16 @@ import pytest
 
 from fieldkit.cache import StageCache
 from fieldkit.geometry import Intrinsics
-from fieldkit.reconstruction.dense import DepthMap, Settings, View, compute_depth_maps, fuse
+from fieldkit.reconstruction.dense import DenseSettings, DepthMap, View, compute_depth_maps, fuse
+from fieldkit.reconstruction.dense import depth_maps as module
 from fieldkit.runtime.progress import Silent
 from tests.reconstruction.dense.planes import VOLUME, Plane, ring, scene_views
 
 NOTHING_KEPT = StageCache(None)
-STANDARD = Settings()
+STANDARD = DenseSettings()
 
 
-def depth_maps(views: list[View], settings: Settings = STANDARD, seed: int = 0) -> list[DepthMap]:
+def depth_maps(views: list[View], settings: DenseSettings = STANDARD, seed: int = 0) -> list[DepthMap]:
     return compute_depth_maps(views, VOLUME, settings, seed=seed, progress=Silent(), cache=NOTHING_KEPT)
 
 
@@ -121,17 +122,19 @@ def test_views_of_different_sizes_go_together():
 
 
 @pytest.mark.parametrize("coarsest", [10_000_000, 20_000, 5_000])
-def test_every_number_of_pyramid_levels_finds_the_plane(coarsest):
+def test_every_number_of_pyramid_levels_finds_the_plane(coarsest, monkeypatch):
+    monkeypatch.setattr(module, "COARSEST", coarsest)
     views, truth = scene_views([Plane(slope_x=-0.25)], ring(4))
-    found = depth_maps(views, Settings(coarsest=coarsest))
+    found = depth_maps(views)
     errors = np.concatenate([relative_errors(f, t).ravel() for f, t in zip(found, truth, strict=True)])
     assert np.mean(errors < 0.005) > 0.95
 
 
 @pytest.mark.parametrize(("best", "sources", "geometric"), [(1, 1, 0), (1, 3, 1), (3, 4, 1), (2, 4, 0)])
-def test_other_settings_find_the_plane_too(best, sources, geometric):
+def test_other_settings_find_the_plane_too(best, sources, geometric, monkeypatch):
+    monkeypatch.setattr(module, "GEOMETRIC_PASSES", geometric)
     views, truth = scene_views([Plane(slope_y=0.2)], ring(5))
-    settings = Settings(best_sources=best, sources=sources, geometric_passes=geometric)
+    settings = DenseSettings(best_sources=best, sources=sources)
     errors = np.concatenate(
         [relative_errors(f, t, 30).ravel() for f, t in zip(depth_maps(views, settings), truth, strict=True)]
     )

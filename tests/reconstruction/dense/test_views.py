@@ -7,7 +7,7 @@ import pytest
 
 from fieldkit.errors import UsageError
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.reconstruction.dense import Settings, View, prepare_view, working_size
+from fieldkit.reconstruction.dense import DenseSettings, View, prepare_view, working_size
 from fieldkit.reconstruction.dense.views import undistortion_grid
 
 POSE = Pose(np.eye(3), np.zeros(3))
@@ -119,9 +119,9 @@ def test_a_view_checks_its_parts():
 
 def test_settings_name_what_is_wrong_with_them():
     with pytest.raises(UsageError, match="fidelity 'best'"):
-        Settings(fidelity="best")
+        DenseSettings(fidelity="best")
     with pytest.raises(UsageError, match="source views"):
-        Settings(best_sources=4)
+        DenseSettings(best_sources=4)
 
 
 def test_pixels_from_outside_the_photograph_are_told_from_background():
