@@ -7,7 +7,6 @@ import re
 import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from glob import escape
 from pathlib import Path
 
 from PIL import Image
@@ -26,8 +25,7 @@ from fieldkit.captures.model import CameraGroup, Capture, Photo
 from fieldkit.captures.one_camera import one_camera
 from fieldkit.captures.poses_csv import read_poses_csv
 from fieldkit.captures.priors import PriorSet, priors_from_geo, priors_from_gps, priors_from_poses, priors_from_program
-from fieldkit.captures.programs import PosesFile, ProgramCamera, ProgramPoses, read_cameras_json
-from fieldkit.captures.programs.matching import program_of
+from fieldkit.captures.programs import PosesFile, ProgramPoses, program_of
 from fieldkit.errors import CaptureError, MetadataError
 from fieldkit.results.finding import Finding
 from fieldkit.wording import count
@@ -90,8 +88,9 @@ def read_capture(
     photos, hemispheres = settle_hemispheres(kept)
     findings = [*without_findings_of(aside, findings), *duplicates, *other_cameras, *hemispheres]
     folders = (folder.absolute(), contents.image_folder.absolute())
-    program, odd = program_of(photos, folders, poses) if sidecars or poses is not None else (None, ())
-    groups, camera_findings = _cameras(photos, contents, folders, program)
+    sizes = {photo.name: (photo.width, photo.height) for photo in photos}
+    program, odd = program_of(sizes, folders, poses) if sidecars or poses is not None else (None, ())
+    groups, camera_findings = _cameras(photos, contents, program)
     priors = _priors(photos, contents, program)
     findings += [*camera_findings, *without_findings_of(aside, [*odd, *priors.findings])]
     markers = contents.sidecars.get("markers.toml")
@@ -257,40 +256,30 @@ def _too_large(what: str, max_pixels: int) -> str:
 
 
 def _cameras(
-    photos: list[Photo], contents: FolderContents, folders: tuple[Path, Path], program: ProgramPoses | None
+    photos: list[Photo], contents: FolderContents, program: ProgramPoses | None
 ) -> tuple[list[CameraGroup], list[Finding]]:
     toml, json_file = contents.sidecars.get("camera.toml"), contents.sidecars.get("camera.json")
     path = toml or json_file
     if path is None:
-        return _program_cameras(photos, folders, program)
+        return _program_cameras(photos, program)
     groups, findings = group_cameras(photos, read_camera_file(path), path)
     if toml is not None and json_file is not None:
         findings.append(Finding("camera.json", "sidecar-unused", "camera.toml is used instead"))
     return groups, findings
 
 
-def _program_cameras(
-    photos: list[Photo], folders: tuple[Path, Path], program: ProgramPoses | None
-) -> tuple[list[CameraGroup], list[Finding]]:
+def _program_cameras(photos: list[Photo], program: ProgramPoses | None) -> tuple[list[CameraGroup], list[Finding]]:
     """Cameras as another program calibrated them, where it did; else as `group_cameras`."""
-    entries, path, source = [], None, ""
-    if program is not None:
-        entries, path, source = program.camera_entries(), program.path, program.program
-    elif (found := read_cameras_json(folders)) is not None:
-        path, source = found[0], "OpenDroneMap"
-        entries = [CameraEntry(camera.intrinsics, _of_its_shape(camera, photos), camera.exact) for camera in found[1]]
-    kept = [entry for entry in entries if entry.images and _fits(entry, photos)]
+    if program is None:
+        return group_cameras(photos)
+    entries = program.camera_entries()
+    kept = [entry for entry in entries if _fits(entry, photos)]
     findings = []
-    if path is not None and len(kept) < len(entries):
-        message = f"a calibration of {source} is of pictures of another shape; not used"
-        findings.append(Finding(path.name, "camera-unused", message))
-    groups, odd = group_cameras(photos, kept, path if kept else None, source)
+    if len(kept) < len(entries):
+        message = f"a calibration of {program.program} is of pictures of another shape; not used"
+        findings.append(Finding(program.path.name, "camera-unused", message))
+    groups, odd = group_cameras(photos, kept, program.path if kept else None, program.program)
     return groups, [*findings, *odd]
-
-
-def _of_its_shape(camera: ProgramCamera, photos: list[Photo]) -> tuple[str, ...]:
-    entry = CameraEntry(camera.intrinsics)
-    return tuple(escape(photo.name) for photo in photos if entry.at_size(photo.width, photo.height))
 
 
 def _fits(entry: CameraEntry, photos: list[Photo]) -> bool:

@@ -6,16 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from fieldkit.captures.markers_file import MarkersFile
+from fieldkit.captures.programs.model import ProgramPoses
 from fieldkit.geometry import Intrinsics
 from fieldkit.geometry.geodesy import LocalFrame
 from fieldkit.geometry.priors import PosePrior
 from fieldkit.results.finding import Finding
-
-if TYPE_CHECKING:
-    from fieldkit.captures.programs.model import ProgramPoses
 
 
 @dataclass(frozen=True)

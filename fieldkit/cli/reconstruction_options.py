@@ -103,8 +103,8 @@ class PosesOptions:
         Path | None,
         Option(
             "--poses",
-            help="A COLMAP model's folder, OpenDroneMap's reconstruction.json or shots.geojson, or Metashape's cameras "
-            "(XML or Omega Phi Kappa). Without: what lies beside the photographs.",
+            help="A COLMAP model's folder, OpenDroneMap's shots.geojson, or Metashape's cameras as XML. Without: what "
+            "lies beside the photographs.",
         ),
     ] = None
     poses_frame: Annotated[

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures import Capture
+from fieldkit.captures.crs import frame_about, height_datum, parse_crs, to_geodetic
 from fieldkit.captures.programs import METRES
-from fieldkit.captures.programs.frames import frame_about, height_datum, parse_crs, to_geodetic
 from fieldkit.clouds import Cloud, Volume, read_cloud
 from fieldkit.clouds.ground import Plane, fit_ground_plane
 from fieldkit.clouds.las import read_las

@@ -1,6 +1,6 @@
-"""Poses and cameras that other programs found: COLMAP, OpenDroneMap and Metashape."""
+"""Poses and cameras that other programs found: COLMAP, OpenDroneMap and Metashape (XML)."""
 
-from fieldkit.captures.programs.model import METRES, PosesFile, ProgramCamera, ProgramPoses
-from fieldkit.captures.programs.reading import find_results, read_cameras_json, read_result
+from fieldkit.captures.programs.model import METRES, PosesFile, ProgramPoses
+from fieldkit.captures.programs.results import program_of, read_result
 
-__all__ = ["METRES", "PosesFile", "ProgramCamera", "ProgramPoses", "find_results", "read_cameras_json", "read_result"]
+__all__ = ["METRES", "PosesFile", "ProgramPoses", "program_of", "read_result"]

@@ -78,31 +78,6 @@ def write_colmap(folder: Path, poses: Mapping[str, Pose], camera: Intrinsics = C
     return folder
 
 
-def write_opensfm(
-    path: Path, poses: Mapping[str, Pose], *, reference: LocalFrame | None = ORIGIN,
-    gps: Mapping[str, NDArray[np.float64]] | None = None, camera: Mapping[str, Any] | None = None,
-) -> Path:  # fmt: skip
-    """reconstruction.json: rotation vectors of world-to-camera rotations."""
-    shots: dict[str, Any] = {}
-    for name, pose in poses.items():
-        vector = Rotation.from_matrix(pose.rotation).as_rotvec()
-        shots[name] = {
-            "rotation": vector.tolist(),
-            "translation": (-pose.rotation @ pose.center).tolist(),
-            "camera": "c",
-        }
-        if gps is not None:
-            shots[name] |= {"gps_position": gps[name].tolist(), "gps_dop": 5.0}
-    part: dict[str, Any] = {"cameras": {"c": camera or opensfm_camera()}, "shots": shots, "points": {}}
-    if reference is not None:
-        part["reference_lla"] = {
-            "latitude": reference.latitude_deg, "longitude": reference.longitude_deg, "altitude": reference.altitude_m,
-        }  # fmt: skip
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps([part]))
-    return path
-
-
 def opensfm_camera() -> dict[str, Any]:
     """`CAMERA` in OpenSfM's terms: by the longer side, from the picture's middle."""
     fx, fy, cx, cy, k1, k2, p1, p2 = CAMERA.params
@@ -131,14 +106,21 @@ def to_grid(poses: Mapping[str, Pose], epsg: int = 32632) -> dict[str, Pose]:
     return placed
 
 
-def write_shots(path: Path, poses: Mapping[str, Pose], epsg: int = 32632) -> Path:
-    """odm_report/shots.geojson: UTM coordinates, rotation vectors against the grid, longitudes and latitudes."""
+def write_shots(
+    path: Path, poses: Mapping[str, Pose], epsg: int = 32632, camera: Mapping[str, Any] | None = None
+) -> Path:
+    """odm_report/shots.geojson: UTM coordinates, rotation vectors against the grid, longitudes and latitudes.
+
+    And cameras.json beside it.
+    """
+    camera = camera or opensfm_camera()
     features = []
     latitudes, longitudes, heights = ORIGIN.to_geodetic(np.array([pose.center for pose in poses.values()]))
     for index, (name, pose) in enumerate(to_grid(poses, epsg).items()):
         place = [float(longitudes[index]), float(latitudes[index]), float(heights[index])]
         properties = {
-            "filename": name, "focal": 0.72, "width": 4000, "height": 3000, "translation": pose.center.tolist(),
+            "filename": name, "focal": 0.72, "width": camera["width"], "height": camera["height"],
+            "translation": pose.center.tolist(),
             "rotation": Rotation.from_matrix(pose.rotation).as_rotvec().tolist(),
         }  # fmt: skip
         features.append(
@@ -146,6 +128,7 @@ def write_shots(path: Path, poses: Mapping[str, Pose], epsg: int = 32632) -> Pat
         )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    (path.parent / "cameras.json").write_text(json.dumps({"v2 dji": camera}))
     return path
 
 
@@ -206,30 +189,4 @@ def write_metashape(
         f'<group id="0" label="Group 1" type="folder">{"".join(cameras[:2])}</group>{"".join(cameras[2:])}</cameras>\n'
         f"{f'<reference>{reference}</reference>' if reference else ''}\n</chunk>\n</document>\n"
     )
-    return path
-
-
-def opk_deg(pose: Pose) -> tuple[float, float, float]:
-    """Omega, phi, kappa: Euler angles about x, then y, then z of the camera-to-world turn, y up and z backward."""
-    turn = pose.rotation.T @ np.diag([1.0, -1.0, -1.0])
-    omega, phi, kappa = Rotation.from_matrix(turn).as_euler("XYZ", degrees=True)
-    return float(omega), float(phi), float(kappa)
-
-
-def write_opk(
-    path: Path, poses: Mapping[str, Pose], *, system: str = "", matrix: bool = True, mark: str = "\t"
-) -> Path:
-    """Metashape's text, with coordinates and orientations as they are."""
-    lines = [f"# CoordinateSystem: {system}"] if system else []
-    lines += [
-        f"# Cameras ({len(poses)})",
-        "# PhotoID, X, Y, Z, Omega, Phi, Kappa, r11, r12, r13, r21, r22, r23, r31, r32, r33",
-    ]
-    for name, pose in poses.items():
-        rows = (np.diag([1.0, -1.0, -1.0]) @ pose.rotation).ravel() if matrix else []
-        lines.append(
-            mark.join([name.removesuffix(".JPG"), *(f"{v:.16f}" for v in (*pose.center, *opk_deg(pose), *rows))])
-        )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n")
     return path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +28,7 @@ from tests.captures.programs.known_set import (
     some_motion,
     write_colmap,
     write_metashape,
-    write_opensfm,
-    write_opk,
+    write_shots,
 )
 from tests.captures.programs.known_set import known_poses as truth
 
@@ -47,10 +45,7 @@ def codes(capture: Capture) -> list[str]:
 
 
 def prior_poses(capture: Capture) -> dict[str, Pose]:
-    found = {}
-    for name, prior in capture.priors.items():
-        found[name] = prior.pose
-    return found
+    return {name: prior.pose for name, prior in capture.priors.items()}
 
 
 def working(known: KnownPoses) -> dict[str, Pose]:
@@ -155,7 +150,7 @@ def test_stated_metres(photographs: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("program", ["OpenDroneMap", "Metashape"])
 def test_georeferenced_programs_are_the_metric_source(photographs: Path, program: str) -> None:
     if program == "OpenDroneMap":
-        write_opensfm(photographs / "opensfm" / "reconstruction.topocentric.json", truth())
+        write_shots(photographs / "odm_report" / "shots.geojson", truth())
     else:
         labels = {name: f"C:/flight/{name.removesuffix('.JPG')}" for name in NAMES}
         start = Similarity(3.0, some_motion().rotation, ORIGIN._origin())
@@ -166,32 +161,22 @@ def test_georeferenced_programs_are_the_metric_source(photographs: Path, program
     assert utm_epsg_of(capture.origin) == 32632
     assert capture.groups[0].source == program
     distance, angle = apart(about(capture.origin, prior_poses(capture), ORIGIN), truth())
-    assert distance < 1e-6
-    assert angle < 1e-5
+    assert distance < 1e-3
+    assert angle < 0.01
 
 
 def test_positions_beside_the_photographs_come_before_a_programs_place(photographs: Path) -> None:
-    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    write_shots(photographs / "shots.geojson", truth())
     write_positions(photographs, truth())
     assert read_capture(photographs).metric_source == "poses.csv"
 
 
 def test_a_camera_file_comes_before_a_programs_camera(photographs: Path) -> None:
-    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    write_shots(photographs / "shots.geojson", truth())
     (photographs / "camera.toml").write_text(
         'model = "SIMPLE_PINHOLE"\nwidth = 120\nheight = 90\nparams = [99, 60, 45]\n'
     )
     assert read_capture(photographs).groups[0].source == "camera.toml"
-
-
-def test_opendronemaps_cameras_alone(photographs: Path) -> None:
-    other = opensfm_camera() | {"width": 3000, "height": 3000}
-    (photographs / "cameras.json").write_text(json.dumps({"v2 a": opensfm_camera(), "v2 b": other}))
-    capture = read_capture(photographs)
-    assert capture.groups[0].source == "OpenDroneMap"
-    assert capture.groups[0].intrinsics is not None
-    assert capture.groups[0].intrinsics.fx == pytest.approx(CAMERA.fx * 120 / 4000)
-    assert "camera-unused" in codes(capture)
 
 
 def test_poses_of_some_photographs(photographs: Path) -> None:
@@ -205,7 +190,7 @@ def test_poses_of_some_photographs(photographs: Path) -> None:
 
 def test_of_several_results_one_is_used_and_the_others_are_named(photographs: Path) -> None:
     write_colmap(photographs / "sparse" / "0", truth())
-    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    write_shots(photographs / "shots.geojson", truth())
     capture = read_capture(photographs)
     assert capture.program is not None
     assert capture.program.program == "COLMAP"
@@ -221,13 +206,13 @@ def test_a_result_of_other_photographs(photographs: Path, tmp_path: Path) -> Non
 
 
 def test_results_are_not_looked_at_where_a_flight_log_gives_the_poses(photographs: Path) -> None:
-    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    write_shots(photographs / "shots.geojson", truth())
     assert read_capture(photographs, sidecars=False).metric_source is None
 
 
 def test_pictures_that_a_program_turned_keep_their_places_only(photographs: Path) -> None:
     upright = opensfm_camera() | {"width": 3000, "height": 4000}
-    write_opensfm(photographs / "reconstruction.topocentric.json", truth(), camera=upright)
+    write_shots(photographs / "shots.geojson", truth(), camera=upright)
     capture = read_capture(photographs)
     assert "angles-not-used" in codes(capture)
     assert capture.groups[0].source == "self-calibrated"
@@ -245,15 +230,15 @@ def test_an_undistorted_models_camera_is_not_that_of_the_photographs(photographs
 def test_a_project_of_opendronemap_is_a_capture(photo_file: MakePhoto, tmp_path: Path) -> None:
     for name in NAMES:
         photo_file(f"images/{name}")
-    write_opensfm(tmp_path / "capture" / "opensfm" / "reconstruction.topocentric.json", truth())
+    write_shots(tmp_path / "capture" / "odm_report" / "shots.geojson", truth())
     assert read_capture(tmp_path / "capture").metric_source == "OpenDroneMap"
 
 
 def test_heights_of_unknown_datum_may_meet_any_reference(photographs: Path) -> None:
-    write_opensfm(photographs / "reconstruction.topocentric.json", truth())
+    write_shots(photographs / "shots.geojson", truth())
     place = LocalFrame(ORIGIN.latitude_deg, ORIGIN.longitude_deg, 150.0, "ellipsoid")
     known = known_poses(read_capture(photographs), SourceFrame("geo.txt", place, Similarity.identity()))
-    assert apart(working(known), about(ORIGIN, truth(), place))[0] < 1e-6
+    assert apart(working(known), about(ORIGIN, truth(), place))[0] < 1e-3
 
 
 def test_a_damaged_result_in_the_folder_is_an_error_that_says_how_to_do_without(photographs: Path) -> None:
@@ -261,12 +246,6 @@ def test_a_damaged_result_in_the_folder_is_an_error_that_says_how_to_do_without(
     with pytest.raises(MetadataError) as raised:
         read_capture(photographs)
     assert "move it out" in raised.value.remedy
-
-
-def test_metashapes_cameras_txt_beside_a_list_of_images_is_no_colmap_model(photographs: Path) -> None:
-    write_opk(photographs / "cameras.txt", truth())
-    (photographs / "images.txt").write_text("\n".join(NAMES))
-    assert read_capture(photographs).metric_source == "Metashape"
 
 
 def test_a_result_outside_the_folder_behind_a_link_is_not_read(photographs: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Poses of geocentric, geographic and projected coordinates in a local east-north-up frame."""
+"""Geocentric, geographic and projected coordinates, and poses in them, as a local east-north-up frame."""
 
 from __future__ import annotations
 
@@ -81,32 +81,35 @@ def frame_about(geodetic: NDArray[np.float64], datum: str) -> LocalFrame:
     return LocalFrame(float(latitude), float(longitude), float(geodetic[:, 2].mean()), datum)
 
 
-def local_from_crs(
-    poses: Mapping[str, Pose], crs: Any, path: Path | None, *, true_north: bool = False
-) -> tuple[LocalFrame, dict[str, Pose]]:
-    """A local frame, and poses in it.
+def local_from_crs(poses: Mapping[str, Pose], crs: Any, path: Path | None) -> tuple[LocalFrame, dict[str, Pose]]:
+    """A local frame, and poses in it whose centres are a system's coordinates.
 
-    Args:
-        poses: centres in the system's coordinates. Orientations: of a geocentric system in its axes; else against east,
-            north and up of the grid at each camera.
-        crs: pyproj's.
-        path: for messages.
-        true_north: orientations are against true north although the coordinates are projected.
+    Orientations are of a geocentric system in its axes, else against the grid's east, north and up at each camera.
 
     Raises:
         MetadataError: as `to_geodetic`.
     """
     centers = np.array([pose.center for pose in poses.values()])
     geodetic = to_geodetic(centers, crs, path)
-    datum = height_datum(crs)
     if crs.is_geocentric:
-        frame = frame_about(geodetic, datum)
-        local = frame.to_local(*geodetic.T)
-        turn = frame.rotation()
-        turned = {name: Pose(pose.rotation @ turn.T, at) for (name, pose), at in zip(poses.items(), local, strict=True)}
-        return frame, turned
-    headings = np.zeros(len(poses)) if true_north else grid_headings(centers, crs, path)
-    return local_from_geodetic(poses, geodetic, headings, datum)
+        return _local_from_axes(poses, geodetic, height_datum(crs))
+    return local_from_geodetic(poses, geodetic, _grid_headings(centers, crs, path), height_datum(crs))
+
+
+def local_from_geocentric(poses: Mapping[str, Pose]) -> tuple[LocalFrame, dict[str, Pose]]:
+    """A local frame, and poses in it of geocentric ones of WGS 84 whose heights' datum is not known."""
+    centers = np.array([pose.center for pose in poses.values()])
+    return _local_from_axes(poses, np.stack(ecef_to_geodetic(centers), axis=1), "unknown")
+
+
+def _local_from_axes(
+    poses: Mapping[str, Pose], geodetic: NDArray[np.float64], datum: str
+) -> tuple[LocalFrame, dict[str, Pose]]:
+    """Of poses whose orientations are against geocentric axes; centres do not count."""
+    frame = frame_about(geodetic, datum)
+    local, turn = frame.to_local(*geodetic.T), frame.rotation()
+    placed = zip(poses.items(), local, strict=True)
+    return frame, {name: Pose(pose.rotation @ turn.T, center) for (name, pose), center in placed}
 
 
 def local_from_geodetic(
@@ -125,11 +128,13 @@ def local_from_geodetic(
     rows = zip(poses.items(), geodetic, headings, frame.to_local(*geodetic.T), strict=True)
     for (name, pose), (latitude, longitude, _), heading, center in rows:
         level = LocalFrame(float(latitude), float(longitude)).rotation()
-        placed[name] = Pose(pose.rotation @ (frame.rotation() @ level.T @ _turn(float(heading))).T, center)
+        sine, cosine = np.sin(heading), np.cos(heading)
+        to_true = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        placed[name] = Pose(pose.rotation @ (frame.rotation() @ level.T @ to_true).T, center)
     return frame, placed
 
 
-def grid_headings(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDArray[np.float64]:
+def _grid_headings(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDArray[np.float64]:
     """Heading of a system's +y at points (n, 3), radians clockwise from true north; (n,)."""
     if crs.is_geographic:
         return np.zeros(len(points))
@@ -137,9 +142,3 @@ def grid_headings(points: NDArray[np.float64], crs: Any, path: Path | None) -> N
     here, there = to_geodetic(points, crs, path), to_geodetic(points + step, crs, path)
     norths = [LocalFrame(at[0], at[1], at[2]).to_local(*to)[0] for at, to in zip(here.tolist(), there, strict=True)]
     return np.array([np.arctan2(north[0], north[1]) for north in norths])
-
-
-def _turn(heading: float) -> NDArray[np.float64]:
-    """(3, 3) from grid east, north, up to true ones, where grid north has that heading (radians)."""
-    sine, cosine = np.sin(heading), np.cos(heading)
-    return np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])

@@ -6,16 +6,18 @@ aligned (`colmap model_aligner`), which its files do not say.
 
 from __future__ import annotations
 
+import mmap
 import os
+import struct
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fieldkit.captures.programs.colmap_sizes import AGAIN, DAMAGED, WALKS, check_complete
-from fieldkit.captures.programs.frames import local_from_crs, parse_crs
-from fieldkit.captures.programs.model import METRES, ProgramCamera, ProgramPoses
+from fieldkit.captures.camera_file import CameraEntry
+from fieldkit.captures.crs import local_from_crs, parse_crs
+from fieldkit.captures.programs.model import METRES, PosesFile, ProgramPoses
 from fieldkit.errors import MetadataError
 from fieldkit.geometry import Intrinsics, Pose
 from fieldkit.regular_files import check_regular
@@ -28,28 +30,19 @@ _NEEDED, _SINCE_3_12 = ("cameras", "images"), ("rigs", "frames")
 _LARGEST = 1e12
 _MAX_BYTES = 4 << 30
 _REMEDY = "Give the folder that COLMAP wrote, with cameras and images as .bin or .txt."
-_UNSCALED = "without metric scale, since COLMAP's files have none"
-_BINARY, _TEXT = ".bin", ".txt"
 
 
 def colmap_suffix(folder: Path) -> str | None:
     """``".bin"`` or ``".txt"`` where a folder holds a COLMAP model in that form, else None."""
-    for suffix in (_BINARY, _TEXT):
+    for suffix in (".bin", ".txt"):
         if all((folder / f"{name}{suffix}").is_file() for name in _NEEDED):
             return suffix
     return None
 
 
-def read_colmap(folder: Path, frame: str = "") -> ProgramPoses:
-    """The registered images of a model.
-
-    Args:
-        folder: of the model.
-        frame: what a person says it is in: `METRES`, a coordinate system, or "" for nothing.
-
-    Raises:
-        MetadataError: it is no model, damaged or too large, or has no registered image.
-    """
+def read_colmap(given: PosesFile) -> ProgramPoses:
+    """The registered images of the model in a folder."""
+    folder, frame = given.path, given.frame
     try:
         poses, cameras, findings = _contents(_load(folder))
     except MetadataError:
@@ -59,10 +52,9 @@ def read_colmap(folder: Path, frame: str = "") -> ProgramPoses:
         raise MetadataError(f"COLMAP cannot read this model: {detail}", path=folder, remedy=_REMEDY) from error
     if not poses:
         raise MetadataError("no image of this model is registered", path=folder, remedy=_REMEDY)
-    origin, said = None, _UNSCALED
-    if frame == METRES:
-        said = "in metres, as was said"
-    elif frame:
+    origin = None
+    said = "in metres, as was said" if frame else "without metric scale, since COLMAP's files have none"
+    if frame and frame != METRES:
         crs = parse_crs(frame, folder)
         origin, poses = local_from_crs(poses, crs, folder)
         said = f"in {crs.name}, as was said"
@@ -72,7 +64,7 @@ def read_colmap(folder: Path, frame: str = "") -> ProgramPoses:
     )  # fmt: skip
 
 
-def _contents(model: pycolmap.Reconstruction) -> tuple[dict[str, Pose], list[ProgramCamera], list[Finding]]:
+def _contents(model: pycolmap.Reconstruction) -> tuple[dict[str, Pose], list[CameraEntry], list[Finding]]:
     """Poses of the registered images, their cameras, and what is odd about these."""
     images = sorted((model.image(k) for k in model.reg_image_ids()), key=lambda image: str(image.name))
     poses = {
@@ -92,35 +84,35 @@ def _contents(model: pycolmap.Reconstruction) -> tuple[dict[str, Pose], list[Pro
             message = f"COLMAP's camera {key} is not used ({error}); its poses are"
             findings.append(Finding(names[0], "camera-unused", message))
         else:
-            cameras.append(ProgramCamera(own, names))
+            cameras.append(CameraEntry(own, names))
     return poses, cameras, findings
 
 
 def _load(folder: Path) -> pycolmap.Reconstruction:
+    """The model without its points, which may be many and are not needed."""
     suffix = colmap_suffix(folder)
     if suffix is None:
         raise MetadataError("this folder holds no COLMAP model", path=folder, remedy=_REMEDY)
     from fieldkit.runtime.colmap import pycolmap
 
+    binary = suffix == ".bin"
     with tempfile.TemporaryDirectory(prefix="fieldkit-") as place:
-        # The points may be many and are not needed, so COLMAP is shown a model without.
         bare = Path(place)
         for name in (*_NEEDED, *_SINCE_3_12):
             file = (folder / f"{name}{suffix}").resolve()
             if file.exists():
-                _check(file)
-                if suffix == _BINARY and name in WALKS:
-                    check_complete(file, name)
+                _check(file, name if binary else "")
                 (bare / file.name).symlink_to(file)
-        (bare / f"points3D{suffix}").write_bytes(bytes(8) if suffix == _BINARY else b"")
+        (bare / f"points3D{suffix}").write_bytes(bytes(8) if binary else b"")
         model = pycolmap.Reconstruction(os.fspath(bare))
-    written = 8 + sum(24 + 8 * len(camera.params) for camera in model.cameras.values())
-    if suffix == _BINARY and (folder / f"cameras{_BINARY}").stat().st_size != written:
-        raise MetadataError(DAMAGED, path=folder / f"cameras{_BINARY}", remedy=AGAIN)
+    cameras = folder / f"cameras{suffix}"
+    if binary and cameras.stat().st_size != 8 + sum(24 + 8 * len(own.params) for own in model.cameras.values()):
+        raise _damaged(cameras)
     return model
 
 
-def _check(file: Path) -> None:
+def _check(file: Path, kind: str) -> None:
+    """Refuse a file that is too large, or that does not end where its numbers of entries say: COLMAP would go on."""
     try:
         size = check_regular(file).st_size
     except OSError as error:
@@ -128,3 +120,37 @@ def _check(file: Path) -> None:
         raise MetadataError(f"cannot be read: {reason}", path=file, remedy=_REMEDY) from error
     if size > _MAX_BYTES:
         raise MetadataError("is larger than 4 GiB", path=file, remedy="Use a model of one plot's photographs.")
+    if kind in ("images", *_SINCE_3_12):
+        try:
+            with file.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                if _end(data, kind) == size:
+                    return
+        except (struct.error, ValueError, IndexError, OSError):
+            pass  # beyond the end
+        raise _damaged(file)
+
+
+def _end(data: mmap.mmap, kind: str) -> int:
+    """Where the entries end that a file's number of entries promises."""
+    (count,) = struct.unpack_from("<Q", data)
+    at = 8
+    for _ in range(count):
+        if kind == "images":  # id, pose, camera, name, points
+            end = data.find(b"\0", at + 64)
+            if end < 0:
+                raise ValueError
+            at = end + 9 + 24 * struct.unpack_from("<Q", data, end + 1)[0]
+        elif kind == "rigs":  # id, sensors: the first without a pose
+            (sensors,) = struct.unpack_from("<I", data, at + 4)
+            at += 16 if sensors else 8
+            for _ in range(1, sensors):
+                at += 9 + (56 if data[at + 8] else 0)
+        else:  # id, rig, pose, data
+            at += 68 + 16 * struct.unpack_from("<I", data, at + 64)[0]
+        if at > len(data):
+            raise ValueError
+    return at
+
+
+def _damaged(file: Path) -> MetadataError:
+    return MetadataError("is damaged or was cut short", path=file, remedy="Copy the model again.")

@@ -1,0 +1,145 @@
+"""Which files are other programs' results, reading them, and what they say of a folder's photographs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from fieldkit import wording
+from fieldkit.captures.listed_names import match_names
+from fieldkit.captures.programs.colmap import colmap_suffix, read_colmap
+from fieldkit.captures.programs.metashape import read_metashape_xml
+from fieldkit.captures.programs.model import POSITION_SHARE, PosesFile, ProgramPoses
+from fieldkit.captures.programs.opendronemap import SHOTS, read_shots
+from fieldkit.errors import MetadataError
+from fieldkit.regular_files import open_regular
+from fieldkit.results.finding import Finding
+
+_COLMAP_FILES = ("images", "cameras", "points3D", "rigs", "frames")
+_COLMAP_PLACES = ("sparse/0", "sparse", ".")
+_ODM_PLACES = (f"odm_report/{SHOTS}", SHOTS)
+_HEAD_BYTES = 4096
+_MOST_FILES = 50
+_KINDS = "Give a COLMAP model's folder, OpenDroneMap's shots.geojson, or Metashape's cameras as Agisoft XML."
+
+
+def program_of(
+    sizes: dict[str, tuple[int, int]], folders: Sequence[Path], given: PosesFile | None
+) -> tuple[ProgramPoses | None, tuple[Finding, ...]]:
+    """The poses of photographs that another program found, by their names, and what is to be said of them.
+
+    Args:
+        sizes: width and height of a capture's photographs, by name.
+        folders: of the capture, where a result may lie.
+        given: a result that was named; it counts instead of one in the folders.
+
+    Raises:
+        MetadataError: a result cannot be read, or the one that was named has none of the photographs.
+    """
+    if given is not None:
+        found, odd = _of_photographs(read_result(given), sizes)
+        if found is None:
+            raise MetadataError(
+                f"has poses of none of the photographs (the folder has {next(iter(sizes))})", path=given.path,
+                remedy="Give the result of these photographs; their names there must be those of the files.",
+            )  # fmt: skip
+        return found, tuple(odd)
+    found, findings = None, []
+    for path in _find_results(folders):
+        if found is not None:
+            findings.append(Finding(path.name, "sidecar-unused", f"{found.path.name} of {found.program} is used"))
+            continue
+        try:
+            found, odd = _of_photographs(read_result(PosesFile(path)), sizes)
+        except MetadataError as error:
+            remedy = f"{error.remedy} Or move it out of the photographs' folder."
+            raise MetadataError(error.message, path=error.path or path, remedy=remedy) from error
+        findings += odd
+        if found is None:
+            findings.append(Finding(path.name, "sidecar-unused", "it has poses of none of the photographs"))
+    return found, tuple(findings)
+
+
+def read_result(given: PosesFile) -> ProgramPoses:
+    """Another program's result.
+
+    Raises:
+        MetadataError: it is none that is read, unreadable, malformed, or says itself what frame it is in.
+    """
+    path = given.path
+    if path.is_dir():
+        found = next((place for place in (path, path / "sparse" / "0", path / "sparse") if colmap_suffix(place)), None)
+        if found is not None:
+            return read_colmap(replace(given, path=found))
+        inside = _find_results([path])
+        if not inside:
+            raise MetadataError("this folder holds no result with poses", path=path, remedy=_KINDS)
+        return read_result(replace(given, path=inside[0]))
+    suffix = path.suffix.lower()
+    if suffix in (".bin", ".txt") and path.stem in _COLMAP_FILES and colmap_suffix(path.parent):
+        return read_colmap(replace(given, path=path.parent))
+    if suffix == ".xml":
+        return read_metashape_xml(given)
+    if suffix == ".geojson":
+        given.check_open()
+        return read_shots(path)
+    raise MetadataError("holds no poses of COLMAP, OpenDroneMap or Metashape", path=path, remedy=_KINDS)
+
+
+def _find_results(folders: Sequence[Path]) -> list[Path]:
+    """Results with poses where their programs put them, of Metashape by their content; the first to be used first."""
+    found = dict.fromkeys(path for folder in dict.fromkeys(folders) for path in _in_folder(folder))
+    roots = [folder.resolve() for folder in folders]
+    return [path for path in found if any(path.resolve().is_relative_to(root) for root in roots)]
+
+
+def _in_folder(folder: Path) -> Iterator[Path]:
+    yield from [place for each in _COLMAP_PLACES if colmap_suffix(place := folder / each)][:1]
+    yield from [place for each in _ODM_PLACES if (place := folder / each).is_file()][:1]
+    try:
+        names = sorted(entry.name for entry in os.scandir(folder) if entry.name.lower().endswith(".xml"))
+    except OSError:
+        return
+    for name in names[:_MOST_FILES]:
+        try:
+            with open_regular(folder / name) as file:
+                head = file.read(_HEAD_BYTES)
+        except (OSError, ValueError):
+            continue
+        if b"<document" in head and b"<chunk" in head:
+            yield folder / name
+
+
+def _of_photographs(
+    result: ProgramPoses, sizes: dict[str, tuple[int, int]]
+) -> tuple[ProgramPoses | None, list[Finding]]:
+    """Of these photographs. Orientations and cameras of those that the program had upright do not count."""
+    matched: dict[str, str] = {}
+    for entry, name in match_names(result.poses, list(sizes)).items():
+        if name not in matched.values():
+            matched[entry] = name
+    if not matched:
+        return None, []
+    found = result.renamed(matched)
+    turned = {
+        name for camera in found.cameras for name in camera.images
+        if (sizes[name][0] - sizes[name][1]) * (camera.intrinsics.width - camera.intrinsics.height) < 0
+    }  # fmt: skip
+    cameras = tuple(camera for camera in found.cameras if not turned & set(camera.images))
+    found = replace(found, unoriented=found.unoriented | turned, cameras=cameras)
+    many = f"{len(found.poses)} of {len(sizes)}" if len(found.poses) < len(sizes) else "all"
+    said = (
+        f"{found.program} has poses of {many} photographs, {found.frame_said}; taken for good to "
+        f"{100 * POSITION_SHARE:g} % of the cameras' spread and {found.angle_accuracy_deg:.2g}°"
+    )
+    findings = [Finding(found.path.name, "program-poses", said)]
+    if found.unoriented:
+        names = ", ".join(sorted(found.unoriented)[:3])
+        message = (
+            f"{found.program} has turned {wording.count(len(found.unoriented), 'photograph')} ({names}): only "
+            "positions are used"
+        )
+        findings.append(Finding(found.path.name, "angles-not-used", message))
+    return found, [*findings, *result.findings]
