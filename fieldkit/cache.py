@@ -64,9 +64,6 @@ def digest(*parts: Any) -> str:
     and dataclasses of these. A value's type counts: 1, 1.0, True and "1" differ; a tuple and a list do not.
     Floats count by their shortest exact form, arrays by type, shape and bytes (whatever their memory layout and byte
     order), dataclasses by their class's name and fields.
-
-    Raises:
-        TypeError: a value of another type, such as a path, which means something else on every machine.
     """
     state = hashlib.blake2b(digest_size=16)
     for part in parts:
@@ -96,11 +93,7 @@ class StageCache:
         self.problem: str | None = None
 
     def path(self, stage: str, key: str) -> Path:
-        """The file of an entry, whether or not it exists.
-
-        Raises:
-            ValueError: the cache has no root, or a name cannot be part of a path.
-        """
+        """The file of an entry, whether or not it exists."""
         if self.root is None:
             raise ValueError("this cache keeps nothing")
         if not _STAGE.fullmatch(stage) or not _KEY.fullmatch(key):

@@ -41,9 +41,6 @@ def storage_errors(path: Path) -> Iterator[None]:
 
     A full disk is always reported. Errors such as EACCES are reported only for ``path`` itself, its parents or its
     content, so that an unreadable input is not blamed on the output.
-
-    Raises:
-        StorageError: in place of such an OSError. Other exceptions pass.
     """
     path = Path(path)
     try:
@@ -57,11 +54,7 @@ def storage_errors(path: Path) -> Iterator[None]:
 
 
 def check_writable(path: Path) -> None:
-    """Make sure that a file can be created in ``path`` or, if it does not exist, in its nearest parent.
-
-    Raises:
-        StorageError: it cannot.
-    """
+    """Make sure that a file can be created in ``path`` or, if it does not exist, in its nearest parent."""
     folder = _absolute(path)
     while not os.path.lexists(folder) and folder != folder.parent:
         folder = folder.parent
@@ -85,10 +78,6 @@ def file_beside(name: Path, owner: Path) -> Path | None:
 
     Returns:
         The file, with links followed unless the path is absolute; None if it leads out of the folder.
-
-    Raises:
-        OSError, RuntimeError: links in a circle.
-        ValueError: a NUL in the name.
     """
     if name.is_absolute():
         return name
@@ -98,12 +87,7 @@ def file_beside(name: Path, owner: Path) -> Path | None:
 
 
 def write_atomic(path: Path, data: bytes | str) -> None:
-    """Write a file under a temporary name, sync it and rename it to ``path``; text is written as UTF-8.
-
-    Raises:
-        StorageError: the place is full or not writable, or something else than a file is there (a device, a FIFO, a
-            folder); what was there stays unchanged.
-    """
+    """Write a file under a temporary name, sync it and rename it to ``path``; text is written as UTF-8."""
     path = _absolute(path)
     content = data.encode("utf-8") if isinstance(data, str) else data
     partial = _partial_name(path)
@@ -135,11 +119,6 @@ def atomic_folder(target: Path, *, overwrite: bool = False, marker: str | None =
         target: the result's folder.
         overwrite: replace an existing result; it stays in place until the new one is complete.
         marker: name of a file in every such result. An existing folder without it is never replaced.
-
-    Raises:
-        UsageError: ``target`` exists and ``overwrite`` is off or does not apply, or another run is writing it; raised
-            before the block runs.
-        StorageError: the disk is full or not writable.
     """
     target = _absolute(target)
     _check_target(target, overwrite, marker)
@@ -240,11 +219,7 @@ def _make_locked(partial: Path) -> int | None:
 
 
 def _check_alone(partial: Path, target: Path) -> None:
-    """Refuse to go on beside another living run for the same target; that one does not notice.
-
-    Raises:
-        UsageError: there is one.
-    """
+    """Refuse to go on beside another living run for the same target; that one does not notice."""
     start = _partial_start(target)
     for other in target.parent.iterdir():
         named = other.name.startswith(start) and other.name.endswith(_PARTIAL) and other != partial

@@ -18,11 +18,7 @@ else:
 
 
 def open_folder(path: Path) -> int | None:
-    """A descriptor of a folder, to lock or sync it; None on Windows, which opens none.
-
-    Raises:
-        OSError: it is missing, or cannot be read.
-    """
+    """A descriptor of a folder, to lock or sync it; None on Windows, which opens none."""
     return None if os.name == "nt" else os.open(path, os.O_RDONLY)
 
 
@@ -33,10 +29,6 @@ def lock(descriptor: int, *, shared: bool = False, wait: bool = False) -> None:
         descriptor: of the file.
         shared: beside other shared locks.
         wait: until another process lets go of it.
-
-    Raises:
-        BlockingIOError: another process holds it, and ``wait`` is off.
-        OSError: the disk or the system has no locks.
     """
     if not HAS_LOCKS:
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))

@@ -20,21 +20,13 @@ _READING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 
 
 
 def check_regular(path: Path) -> os.stat_result:
-    """The status of a file; links are followed.
-
-    Raises:
-        OSError: it is missing, or no regular file; ``strerror`` says so in words.
-    """
+    """The status of a file; links are followed."""
     return _regular(Path(path).stat(), path)
 
 
 @contextmanager
 def open_regular(path: Path) -> Iterator[BufferedReader]:
-    """A regular file, open for reading; anything else is refused before it is opened, and never waited for.
-
-    Raises:
-        OSError: as `check_regular`, or it cannot be opened.
-    """
+    """A regular file, open for reading; anything else is refused before it is opened, and never waited for."""
     check_regular(path)  # opening some devices does something already
     # What lies there may have been exchanged since: opening a FIFO must not wait.
     descriptor = os.open(path, _READING)
@@ -49,9 +41,6 @@ def read_regular(path: Path, max_bytes: int | None = None) -> bytes:
     Args:
         path: to read.
         max_bytes: of a larger file no more is read; it is refused.
-
-    Raises:
-        OSError: as `open_regular`, or it is too large.
     """
     with open_regular(path) as file:
         data = file.read(-1 if max_bytes is None else max_bytes + 1)
@@ -64,9 +53,6 @@ def check_replaceable(path: Path, *, overwrite: bool) -> None:
     """Refuse to write over what is there already, unless it is a regular file and ``overwrite`` is given.
 
     Links are refused as well: /dev/stdout is one.
-
-    Raises:
-        UsageError: something is there that may not be replaced.
     """
     try:
         status = Path(path).lstat()

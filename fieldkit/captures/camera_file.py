@@ -29,17 +29,14 @@ _REMEDY = "Expected model, width, height and params (COLMAP's order), once or in
 
 @dataclass(frozen=True)
 class CameraEntry:
-    """One calibrated camera.
-
-    Attributes:
-        intrinsics: at the size the file gives.
-        images: globs of photograph names; empty means all.
-        fixed: whether the calibration is to be held fixed.
-    """
+    """One calibrated camera."""
 
     intrinsics: Intrinsics
+    """At the size the file gives."""
     images: tuple[str, ...] = ()
+    """Globs of photograph names; empty means all."""
     fixed: bool = True
+    """Whether the calibration is to be held fixed."""
 
     def covers(self, name: str) -> bool:
         """Whether a photograph of that name is this camera's."""
@@ -54,11 +51,7 @@ class CameraEntry:
 
 
 def read_camera_file(path: Path) -> list[CameraEntry]:
-    """The cameras of a camera.toml or camera.json.
-
-    Raises:
-        MetadataError: unreadable, malformed, or with a key that does not exist.
-    """
+    """The cameras of a camera.toml or camera.json."""
     return parse_camera_file(read_text(path), path)
 
 

@@ -27,9 +27,6 @@ def group_cameras(
         entries: of the camera file, if there is one.
         path: that file.
         source: what the groups name as the source of intrinsics from it; the file's name where not given.
-
-    Raises:
-        MetadataError: a photograph has another aspect ratio than the entries that cover it.
     """
     members: dict[tuple[object, ...], list[Photo]] = {}
     for photo in photos:

@@ -18,11 +18,7 @@ _STEP_M = 10.0
 
 
 def parse_crs(text: str, path: Path | None) -> Any:
-    """The CRS of pyproj of a code, a WKT or a PROJ string.
-
-    Raises:
-        MetadataError: pyproj is not installed, or does not know it.
-    """
+    """The CRS of pyproj of a code, a WKT or a PROJ string."""
     try:
         from pyproj import CRS
         from pyproj.exceptions import CRSError
@@ -48,9 +44,6 @@ def to_geodetic(points: NDArray[np.float64], crs: Any, path: Path | None) -> NDA
 
     x is east or the longitude. Heights are in the system's unit for them, else in that of x and y; beside degrees in
     metres.
-
-    Raises:
-        MetadataError: the points lie outside the system's area, or nowhere on Earth.
     """
     from pyproj import Transformer
 
@@ -85,9 +78,6 @@ def local_from_crs(poses: Mapping[str, Pose], crs: Any, path: Path | None) -> tu
     """A local frame, and poses in it whose centres are a system's coordinates.
 
     Orientations are of a geocentric system in its axes, else against the grid's east, north and up at each camera.
-
-    Raises:
-        MetadataError: as `to_geodetic`.
     """
     centers = np.array([pose.center for pose in poses.values()])
     geodetic = to_geodetic(centers, crs, path)

@@ -43,9 +43,6 @@ def read_image(photo: Photo | Path, *, max_side: int | None = None, gray: bool =
             ``max_side``: deterministic, the pixel grid stays aligned and no sharpness is lost. The rest is area
             averaging.
         gray: one channel instead of three.
-
-    Raises:
-        CaptureError: the file cannot be read or decoded.
     """
     path = photo.path if isinstance(photo, Photo) else Path(photo)
     try:

@@ -122,9 +122,6 @@ def list_folder(folder: Path) -> FolderContents:
 
     Photographs lie directly in ``folder``; when there are none, ``folder/images`` is used. Hidden files, masks and
     files that are neither images nor named like one are passed over in silence.
-
-    Raises:
-        CaptureError: the folder does not exist, is not a folder or cannot be read.
     """
     root = Path(folder)
     try:
@@ -155,9 +152,6 @@ def list_capture(folder: Path) -> FolderContents:
 
     So it is for a folder that holds no photographs itself, only such folders, two or more, directly or in ``DCIM``. The
     photographs' names are then paths, since cameras begin to count anew in each folder: ``101MEDIA/DJI_0001.JPG``.
-
-    Raises:
-        CaptureError: as `list_folder`.
     """
     contents = list_folder(folder)
     if contents.candidates or any(finding.left_out for finding in contents.findings):

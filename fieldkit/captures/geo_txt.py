@@ -37,14 +37,7 @@ _GEOGRAPHIC = re.compile(r"(WGS\s*84|\+proj=(longlat|latlong)\b.*)", re.IGNORECA
 
 @dataclass(frozen=True)
 class GeoRow:
-    """One line: degrees (WGS 84) and metres; None where the file gives nothing.
-
-    Attributes:
-        has_angles: whether the line has angles that are not all zero (ODM's "not available").
-        datum: of the altitude, as of `fieldkit.captures.GeoTag`.
-        assumed_unit_m: metres per unit that altitude and accuracies are taken to be in, where x and y are in feet and
-            the projection does not say what heights are in; else 1. See `settled_heights`.
-    """
+    """One line: degrees (WGS 84) and metres; None where the file gives nothing."""
 
     image: str
     latitude_deg: float
@@ -53,8 +46,12 @@ class GeoRow:
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
     has_angles: bool = False
+    """Whether the line has angles that are not all zero (ODM's "not available")."""
     datum: str = "unknown"
+    """Of the altitude, as of `fieldkit.captures.GeoTag`."""
     assumed_unit_m: float = 1.0
+    """Metres per unit that altitude and accuracies are taken to be in, where x and y are in feet and the projection
+    does not say what heights are in; else 1. See `settled_heights`."""
 
     def with_lengths(self, factor: float) -> GeoRow:
         """Altitude and accuracies multiplied by a factor."""
@@ -70,12 +67,7 @@ class _RawRow:
 
 
 def read_geo_txt(path: Path) -> tuple[list[GeoRow], list[Finding]]:
-    """The rows of a geo.txt in WGS 84 and what is odd about it.
-
-    Raises:
-        MetadataError: unreadable or malformed (with the line), a projection that is not known, or one that needs
-            pyproj where that is not installed.
-    """
+    """The rows of a geo.txt in WGS 84 and what is odd about it."""
     return parse_geo_txt(read_text(path), path)
 
 

@@ -31,21 +31,18 @@ _MIRRORED_SPREAD_M = 20.0
 
 @dataclass(frozen=True)
 class Heights:
-    """Heights that agree with one another.
-
-    Attributes:
-        heights: metres above ``datum``, by name; photographs whose height cannot be told are missing.
-        accuracies_m: one standard deviation, by the same names.
-        source: what they are, in words.
-        datum: "ellipsoid", "sea level" or "unknown".
-        findings: what is odd, and what was joined.
-    """
+    """Heights that agree with one another."""
 
     heights: dict[str, float]
+    """Metres above ``datum``, by name; photographs whose height cannot be told are missing."""
     accuracies_m: dict[str, float]
+    """One standard deviation, by the same names."""
     source: str
+    """What they are, in words."""
     datum: str
+    """"ellipsoid", "sea level" or "unknown"."""
     findings: tuple[Finding, ...] = ()
+    """What is odd, and what was joined."""
 
 
 def choose_heights(tags: Mapping[str, GeoTag]) -> Heights:

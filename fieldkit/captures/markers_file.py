@@ -41,25 +41,18 @@ class MarkerDistance:
 
 @dataclass(frozen=True)
 class MarkersFile:
-    """What is known of the markers.
-
-    Attributes:
-        dictionary: name of one of OpenCV's predefined dictionaries.
-        side_m: length of the black square's side as printed, metres; None where not given.
-        distances: measured between centres.
-    """
+    """What is known of the markers."""
 
     dictionary: str
+    """Name of one of OpenCV's predefined dictionaries."""
     side_m: float | None = None
+    """Length of the black square's side as printed, metres; None where not given."""
     distances: tuple[MarkerDistance, ...] = ()
+    """Measured between centres."""
 
 
 def dictionary_name(name: str) -> str:
-    """OpenCV's spelling of a dictionary's name: "4x4_50" and "dict_4X4_50" are "DICT_4X4_50".
-
-    Raises:
-        ValueError: there is none of that name.
-    """
+    """OpenCV's spelling of a dictionary's name: "4x4_50" and "dict_4X4_50" are "DICT_4X4_50"."""
     wanted = name.strip().upper().removeprefix("DICT_")
     for known in _dictionary_names():
         if known.upper() == f"DICT_{wanted}":
@@ -82,11 +75,7 @@ def _dictionary_names() -> list[str]:
 
 
 def read_markers_file(path: Path) -> MarkersFile:
-    """The content of a markers.toml.
-
-    Raises:
-        MetadataError: unreadable, malformed, or with a key that does not exist.
-    """
+    """The content of a markers.toml."""
     return parse_markers_file(read_text(path), path)
 
 

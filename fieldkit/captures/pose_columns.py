@@ -44,19 +44,16 @@ _NOT_LETTERS = re.compile(r"[^a-z°]+")
 
 @dataclass(frozen=True)
 class PoseColumns:
-    """Where a table keeps what.
-
-    Attributes:
-        index: column by what it means: ``image``, ``x`` and ``y`` or ``longitude`` and ``latitude``, ``z``, angles.
-        accuracies: columns of standard deviations, and metres per their unit.
-        names: the header's own names, by column.
-        scale: metres per unit of x, y and z (of z alone beside longitude and latitude).
-    """
+    """Where a table keeps what."""
 
     index: dict[str, int]
+    """Column by what it means: ``image``, ``x`` and ``y`` or ``longitude`` and ``latitude``, ``z``, angles."""
     accuracies: tuple[tuple[int, float], ...]
+    """Columns of standard deviations, and metres per their unit."""
     names: tuple[str, ...]
+    """The header's own names, by column."""
     scale: float
+    """Metres per unit of x, y and z (of z alone beside longitude and latitude)."""
 
     @property
     def count(self) -> int:
@@ -75,11 +72,7 @@ class PoseColumns:
 
 
 def read_columns(fields: Sequence[str], path: Path | None) -> tuple[PoseColumns, list[Finding]]:
-    """The columns that a header names, and a finding for those that are not used.
-
-    Raises:
-        MetadataError: a column is missing or there twice, or units are mixed.
-    """
+    """The columns that a header names, and a finding for those that are not used."""
     index: dict[str, int] = {}
     units: dict[str, float] = {}
     accuracies: list[tuple[int, float]] = []

@@ -34,14 +34,11 @@ _DEGREES_EXTENT, _DEGREES_DECIMALS = 0.1, 5
 
 @dataclass(frozen=True)
 class PoseRow:
-    """One line: metres and degrees; None where a column is absent or the field empty.
-
-    Attributes:
-        position: x, y, z; where ``geographic`` longitude and latitude in degrees and the altitude in metres.
-    """
+    """One line: metres and degrees; None where a column is absent or the field empty."""
 
     image: str
     position: tuple[float, float, float]
+    """X, y, z; where ``geographic`` longitude and latitude in degrees and the altitude in metres."""
     yaw_deg: float | None = None
     pitch_deg: float | None = None
     roll_deg: float | None = None
@@ -50,11 +47,7 @@ class PoseRow:
 
 
 def read_poses_csv(path: Path) -> tuple[list[PoseRow], list[Finding]]:
-    """The rows of a poses.csv and what is odd about it.
-
-    Raises:
-        MetadataError: unreadable or malformed; the message names the line and the column.
-    """
+    """The rows of a poses.csv and what is odd about it."""
     return parse_poses_csv(read_text(path), path)
 
 

@@ -41,9 +41,6 @@ def priors_from_poses(photos: Sequence[Photo], rows: Sequence[PoseRow]) -> Prior
 
     Where it gives longitude and latitude, the frame is a local east-north-up one, as of geo.txt, and photographs
     without angles of its own have those of their XMP.
-
-    Raises:
-        MetadataError: no row names a photograph of the folder, or only some rows are in degrees.
     """
     matched, findings = _match([row.image for row in rows], photos, "poses.csv")
     if any(row.geographic for row in rows):
@@ -96,11 +93,7 @@ def _turned(photo: Photo, row: PoseRow | None) -> Photo:
 
 
 def priors_from_geo(photos: Sequence[Photo], rows: Sequence[GeoRow]) -> PriorSet:
-    """Priors from geo.txt in a local east-north-up frame, with the photographs' XMP angles.
-
-    Raises:
-        MetadataError: no row names a photograph of the folder.
-    """
+    """Priors from geo.txt in a local east-north-up frame, with the photographs' XMP angles."""
     matched, findings = _match([row.image for row in rows], photos, "geo.txt")
     own = {p.name: p.geotag.altitude_m for p in photos if p.geotag is not None and p.geotag.altitude_m is not None}
     rows, odd = settled_heights(rows, {row: own[name] for row, name in matched.items() if name in own})

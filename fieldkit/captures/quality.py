@@ -38,20 +38,17 @@ _MESSAGES = {
 
 @dataclass(frozen=True)
 class Quality:
-    """Figures of one photograph.
-
-    Attributes:
-        sharpness: variance of the Laplacian (3 × 3) of the grey image (0–255) at the working size, over the region.
-        contrast: standard deviation of the grey values over the region.
-        clipped_dark, clipped_bright: shares of the region at or beyond grey 3 and 252.
-        flags: of ``"unreadable"``, ``"empty"``, ``"blurred"``, ``"under-exposed"``, ``"over-exposed"``.
-    """
+    """Figures of one photograph."""
 
     sharpness: float
+    """Variance of the Laplacian (3 × 3) of the grey image (0–255) at the working size, over the region."""
     contrast: float
+    """Standard deviation of the grey values over the region."""
     clipped_dark: float
     clipped_bright: float
+    """Shares of the region at or beyond grey 3 and 252."""
     flags: tuple[str, ...] = ()
+    """Of ``"unreadable"``, ``"empty"``, ``"blurred"``, ``"under-exposed"``, ``"over-exposed"``."""
 
 
 def measure_quality(gray: NDArray[np.uint8], mask: NDArray[np.bool_] | None = None) -> Quality:

@@ -32,19 +32,16 @@ _MASKS = "masks"
 
 @dataclass(frozen=True)
 class FoundPhoto:
-    """A photograph somewhere below a folder.
-
-    Attributes:
-        photo: as read; its name is the file's.
-        place: path of the file relative to the folder that was searched, with "/".
-        sidecars: what lies beside it, by name ("poses.csv", "camera.toml", …).
-        findings: of this file.
-    """
+    """A photograph somewhere below a folder."""
 
     photo: Photo
+    """As read; its name is the file's."""
     place: str
+    """Path of the file relative to the folder that was searched, with "/"."""
     sidecars: Mapping[str, Path]
+    """What lies beside it, by name ("poses.csv", "camera.toml", …)."""
     findings: tuple[Finding, ...] = ()
+    """Of this file."""
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -54,17 +51,14 @@ class FoundPhoto:
 
 @dataclass(frozen=True)
 class FoundPhotos:
-    """All photographs below a folder.
-
-    Attributes:
-        root: the folder, as given.
-        photos: in natural order of their places; of files with the same bytes the first.
-        findings: of files that are left out; their names are places.
-    """
+    """All photographs below a folder."""
 
     root: Path
+    """The folder, as given."""
     photos: tuple[FoundPhoto, ...]
+    """In natural order of their places; of files with the same bytes the first."""
     findings: tuple[Finding, ...]
+    """Of files that are left out; their names are places."""
 
 
 def find_photographs(
@@ -80,10 +74,6 @@ def find_photographs(
     Args:
         root: the folder.
         skip: says of a folder that it is passed over with all below it.
-        progress: told of each file.
-
-    Raises:
-        CaptureError: ``root`` is missing, no folder or unreadable, or there are far too many folders.
     """
     root = Path(root)
     listed: list[FolderContents] = []
@@ -155,9 +145,6 @@ def capture_of(
         photos: one or more, each once.
         camera: calibration of photographs without a camera file of their own.
         without: names of sidecars that are not looked at ("poses.csv").
-
-    Raises:
-        MetadataError: a sidecar is malformed or contradicts the photographs.
     """
     unwanted = frozenset(without)
     photos = sorted(photos, key=lambda each: natural_key(each.photo.path.as_posix()))  # in whatever order they come

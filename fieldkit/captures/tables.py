@@ -20,11 +20,7 @@ _GROUP = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 
 
 def read_text(path: Path) -> str:
-    """A sidecar's text: UTF-8 with or without a byte order mark, or UTF-16 with one; line ends become newlines.
-
-    Raises:
-        MetadataError: unreadable, no regular file, larger than 64 MiB, or in another encoding.
-    """
+    """A sidecar's text: UTF-8 with or without a byte order mark, or UTF-16 with one; line ends become newlines."""
     try:
         data = read_regular(path, _MAX_BYTES)
     except OSError as error:
@@ -49,17 +45,14 @@ def decode_text(data: bytes, path: Path | None = None) -> str:
 
 @dataclass(frozen=True)
 class NumberStyle:
-    """How a file writes its numbers.
-
-    Attributes:
-        decimal: mark before the decimals, "." or ",".
-        thousands: mark between groups of three digits, "" where there is none.
-        certain: whether the file shows it; else it is the likelier of two readings.
-    """
+    """How a file writes its numbers."""
 
     decimal: str = "."
+    """Mark before the decimals, "." or ","."""
     thousands: str = ""
+    """Mark between groups of three digits, "" where there is none."""
     certain: bool = True
+    """Whether the file shows it; else it is the likelier of two readings."""
 
 
 def number_style(fields: Iterable[str]) -> NumberStyle:
@@ -105,11 +98,7 @@ Row = TypeVar("Row")
 
 
 def keep_row(kept: dict[str, tuple[int, Row]], name: str, row: Row, line: int, what: str, path: Path | None) -> str:
-    """Keep what a line says of a photograph, with the line's number; returns what is odd about it, "" for nothing.
-
-    Raises:
-        MetadataError: an earlier line says something else; ``what`` names it.
-    """
+    """Keep what a line says of a photograph, with the line's number; returns what is odd about it, "" for nothing."""
     first, earlier = kept.setdefault(name, (line, row))
     if earlier != row:
         raise MetadataError(

@@ -15,17 +15,13 @@ _NARROW_EXTENT_M = 0.02
 
 @dataclass(frozen=True)
 class UnitSuspicion:
-    """A unit the positions may be in.
-
-    Attributes:
-        unit: its name.
-        factor: metres per that unit.
-        message: one sentence with the figures.
-    """
+    """A unit the positions may be in."""
 
     unit: str
     factor: float
+    """Metres per that unit."""
     message: str
+    """One sentence with the figures."""
 
 
 def suspicious_unit(

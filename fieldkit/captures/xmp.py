@@ -82,46 +82,39 @@ class XmpData:
 
     Yaw is clockwise from north, pitch −90 straight down, roll about the optical axis (north-east-down axes, rotation
     order z-y-x), whatever the maker's own convention.
-
-    Attributes:
-        gimbal_yaw_deg, gimbal_pitch_deg, gimbal_roll_deg: of the camera.
-        flight_yaw_deg: of the aircraft.
-        latitude_deg, longitude_deg: north and east positive.
-        relative_altitude_m: above take-off.
-        absolute_altitude_m: above whatever the maker takes.
-        altitude_type: DJI's, e.g. "RtkAlt".
-        rtk_flag: DJI's; see `RTK_FIXED`.
-        horizontal_accuracy_m, vertical_accuracy_m: one standard deviation.
-        accuracy_of: whose these are: "dji" (RTK), "pix4d" or "".
-        image_source: DJI's name of the camera, e.g. "InfraredCamera".
-        bands: names of the picture's bands, e.g. ("NIR",).
-        makers: whose tags there are, of "dji", "like dji", "skydio", "parrot", "yuneec" and "pix4d".
     """
 
     gimbal_yaw_deg: float | None = None
     gimbal_pitch_deg: float | None = None
     gimbal_roll_deg: float | None = None
+    """Of the camera."""
     flight_yaw_deg: float | None = None
+    """Of the aircraft."""
     latitude_deg: float | None = None
     longitude_deg: float | None = None
+    """North and east positive."""
     relative_altitude_m: float | None = None
     absolute_altitude_m: float | None = None
+    """Above whatever the maker takes."""
     altitude_type: str | None = None
+    """DJI's, e.g. "RtkAlt"."""
     rtk_flag: int | None = None
+    """DJI's; see `RTK_FIXED`."""
     horizontal_accuracy_m: float | None = None
     vertical_accuracy_m: float | None = None
+    """One standard deviation."""
     accuracy_of: str = ""
+    """Whose these are: "dji" (RTK), "pix4d" or ""."""
     image_source: str | None = None
+    """DJI's name of the camera, e.g. "InfraredCamera"."""
     bands: tuple[str, ...] = ()
+    """Names of the picture's bands, e.g. ("NIR",)."""
     makers: frozenset[str] = frozenset()
+    """Whose tags there are, of "dji", "like dji", "skydio", "parrot", "yuneec" and "pix4d"."""
 
 
 def read_fields(packet: bytes) -> dict[str, dict[str, str]]:
-    """The known properties of an XMP packet by maker and meaning, in attribute or element form, under any prefix.
-
-    Raises:
-        XmlError: not well-formed, too large or deep, or with a document type declaration.
-    """
+    """The known properties of an XMP packet by maker and meaning, in attribute or element form, under any prefix."""
     data = _trim(packet)
     if len(data) > _MAX_BYTES:
         raise XmlError(f"it is {len(data)} bytes long")

@@ -34,25 +34,22 @@ _MAX_SCALE_STEP = 0.2
 
 @dataclass(frozen=True)
 class AlignmentStats:
-    """How an alignment went and how large its correction is; whether to accept it is the caller's decision.
-
-    Attributes:
-        converged: the last and finest level settled before it ran out of iterations.
-        overlap: share of the source's points that end up within ``pair_distance_m`` of the target.
-        rms_m: root mean square distance of those points to their nearest neighbours, NaN where there are none.
-        pair_distance_m: the largest distance of a pair at the finest level.
-        shift_m: how far the correction moves the source's centroid.
-        rotation_deg: the angle it turns by.
-        scale: the factor it scales by, 1 unless asked for.
-    """
+    """How an alignment went and how large its correction is; whether to accept it is the caller's decision."""
 
     converged: bool
+    """The last and finest level settled before it ran out of iterations."""
     overlap: float
+    """Share of the source's points that end up within ``pair_distance_m`` of the target."""
     rms_m: float
+    """Root mean square distance of those points to their nearest neighbours, NaN where there are none."""
     pair_distance_m: float
+    """The largest distance of a pair at the finest level."""
     shift_m: float
+    """How far the correction moves the source's centroid."""
     rotation_deg: float
+    """The angle it turns by."""
     scale: float
+    """The factor it scales by, 1 unless asked for."""
 
 
 def icp(
@@ -80,10 +77,6 @@ def icp(
     Returns:
         The transform from the source's frame to the target's, and how it went. Where fewer than 10 points of the
         source come within reach of the target, that is the identity with ``converged`` false.
-
-    Raises:
-        EmptyCloudError: either cloud has no points.
-        ValueError: a distance that is not positive.
     """
     if not (np.isfinite(max_distance_m) and max_distance_m > 0):
         raise ValueError("max_distance_m must be positive")
@@ -111,11 +104,7 @@ def icp(
 def icp_onto_reference(
     cloud: Cloud, reference: Cloud | ReferenceIndex, *, with_scale: bool = False
 ) -> tuple[Similarity, AlignmentStats]:
-    """`icp` of a plot's cloud, placed by its photographs' positions, onto the plot's reference: within 5 cm.
-
-    Raises:
-        EmptyCloudError: either cloud has no points.
-    """
+    """`icp` of a plot's cloud, placed by its photographs' positions, onto the plot's reference: within 5 cm."""
     return icp(cloud, reference, max_distance_m=REFERENCE_REACH_M, with_scale=with_scale)
 
 

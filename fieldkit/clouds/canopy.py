@@ -31,19 +31,16 @@ _ROOM_SHARE, _LEAST_ROOM_M = 0.10, 0.06
 
 @dataclass(frozen=True, eq=False)
 class Canopy:
-    """Cells from above. Row 0 is the lowest y, column 0 the lowest x.
-
-    Attributes:
-        low: (x, y) of the outer corner of the first cell, plot frame, metres.
-        cell_m: edge of the cells.
-        tops: (rows, columns) height of the highest point above the ground; NaN where there is none.
-        cover: (rows, columns) share of each cell that lies below plants, without the seam about leaves.
-    """
+    """Cells from above. Row 0 is the lowest y, column 0 the lowest x."""
 
     low: tuple[float, float]
+    """(x, y) of the outer corner of the first cell, plot frame, metres."""
     cell_m: float
+    """Edge of the cells."""
     tops: NDArray[np.float32]
+    """(rows, columns) height of the highest point above the ground; NaN where there is none."""
     cover: NDArray[np.float32]
+    """(rows, columns) share of each cell that lies below plants, without the seam about leaves."""
 
     def within(self, outline: Outline) -> Canopy:
         """The same, with nothing covered beyond an outline; a cell counts where its middle does."""
@@ -77,9 +74,6 @@ def canopy(points: Array, heights: Array, pixel_m: float) -> Canopy:
         points: (n, 3) of plants, plot frame, without strays; at least one.
         heights: (n,) above the ground.
         pixel_m: ground that a pixel of the depth maps covers.
-
-    Raises:
-        ValueError: no points, or ``pixel_m`` is not a positive number.
     """
     import cv2
 

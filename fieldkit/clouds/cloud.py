@@ -16,18 +16,16 @@ from fieldkit.geometry import Similarity
 class Cloud:
     """Points with what is known about each of them. The arrays are read-only.
 
-    Attributes:
-        points: (n, 3) float64, metres, finite.
-        colors: (n, 3) uint8 sRGB, or None.
-        normals: (n, 3) float32 in the points' frame, unit length or zero where unknown, or None.
-
     Raises:
         ValueError: a wrong shape, a different number of rows, or a position that is not finite.
     """
 
     points: NDArray[np.float64]
+    """(n, 3) float64, metres, finite."""
     colors: NDArray[np.uint8] | None = None
+    """(n, 3) uint8 sRGB, or None."""
     normals: NDArray[np.float32] | None = None
+    """(n, 3) float32 in the points' frame, unit length or zero where unknown, or None."""
 
     def __post_init__(self) -> None:
         points = _rows("points", self.points, np.float64)
@@ -68,11 +66,7 @@ class Cloud:
         return Cloud(transform.apply(self.points), self.colors, normals)
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Lowest and highest corner (3,), (3,) of the points.
-
-        Raises:
-            ValueError: the cloud has no points.
-        """
+        """Lowest and highest corner (3,), (3,) of the points."""
         return self.points.min(axis=0), self.points.max(axis=0)
 
 

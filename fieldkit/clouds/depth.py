@@ -11,24 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 
 @dataclass(frozen=True)
 class DepthError:
-    """Mean absolute depth error (MAE) of one depth image or several.
-
-    Attributes:
-        mae_common_m: mean of |estimate − reference| over the pixels where both have a depth; NaN where none has.
-            It says how precise the depths are and nothing about how many there are.
-        mae_whole_m: mean of |estimate − reference| over every pixel, where a missing depth counts as 0, the value an
-            empty pixel has in a depth image. A pixel the estimate lacks costs the reference's whole depth, and a
-            depth where the reference has none costs itself. NaN for images without pixels.
-        pixels: pixels compared.
-        reference_pixels: pixels where the reference has a depth.
-        common_pixels: pixels where both have one.
-    """
+    """Mean absolute depth error (MAE) of one depth image or several."""
 
     mae_common_m: float
+    """Mean of |estimate − reference| over the pixels where both have a depth; NaN where none has. It says how precise
+    the depths are and nothing about how many there are."""
     mae_whole_m: float
+    """Mean of |estimate − reference| over every pixel, where a missing depth counts as 0, the value an empty pixel has
+    in a depth image. A pixel the estimate lacks costs the reference's whole depth, and a depth where the reference has
+    none costs itself. NaN for images without pixels."""
     pixels: int
     reference_pixels: int
+    """Pixels where the reference has a depth."""
     common_pixels: int
+    """Pixels where both have one."""
 
 
 def depth_mae(reference: ArrayLike, estimate: ArrayLike) -> DepthError:
@@ -37,9 +33,6 @@ def depth_mae(reference: ArrayLike, estimate: ArrayLike) -> DepthError:
     BOSfM reports the MAE "of the depth images" with the ground in them, about 1.0 to 1.16 m for scenes of that
     order in depth. Depths that exist are wrong by millimetres to centimetres, so figures that large can only come
     from pixels without a depth taking part as zeros: `DepthError.mae_whole_m` counts as the paper must have.
-
-    Raises:
-        ValueError: the shapes differ, or a depth is negative.
     """
     truth, guess = _depths(reference), _depths(estimate)
     if truth.shape != guess.shape:

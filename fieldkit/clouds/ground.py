@@ -25,21 +25,18 @@ _REFINEMENTS = 20
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """A plane normal · x = offset with how well it fits.
-
-    Attributes:
-        normal: (3,) unit vector, upwards: towards the cameras.
-        offset: the plane's distance from the origin along the normal, metres.
-        rms_m: root mean square distance of the inliers.
-        inlier_share: share of the cloud's points within ``tolerance_m`` of the plane.
-        tolerance_m: distance up to which a point counts as ground.
-    """
+    """A plane normal · x = offset with how well it fits."""
 
     normal: NDArray[np.float64]
+    """(3,) unit vector, upwards: towards the cameras."""
     offset: float
+    """The plane's distance from the origin along the normal, metres."""
     rms_m: float
+    """Root mean square distance of the inliers."""
     inlier_share: float
+    """Share of the cloud's points within ``tolerance_m`` of the plane."""
     tolerance_m: float
+    """Distance up to which a point counts as ground."""
 
     def __post_init__(self) -> None:
         normal = np.array(self.normal, dtype=np.float64).reshape(3)
@@ -95,15 +92,8 @@ def fit_ground_plane(
         camera_centers: (m, 3) in the same frame. Without them up is the side with more points.
         up: (3,) upwards to within 30°, where it is known (the z axis of a GPS frame, the mean of the cameras' upward
             axes); it keeps a slanting pot or leaf from being taken for the ground where little of that is to be seen.
-        seed: of the random triples and of the sample that planes are rated on.
         tolerance_m: how far ground points may lie from the plane (the soil's roughness and the noise). 0.5 % of the
             cloud's diagonal where not given.
-
-    Raises:
-        EmptyCloudError: no points.
-        ReconstructionError: fewer than 3 points, points on one line, or no plane with the cameras above it that
-            holds at least 1.5 % of the thinned points and has at most three times as many below it.
-        ValueError: a tolerance that is not positive, or an ``up`` without length.
     """
     p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
     if not len(p):

@@ -30,19 +30,16 @@ _CREATION_DATE = slice(90, 94)  # of the header: day of year and year
 
 @dataclass(frozen=True, eq=False)
 class LasCloud:
-    """A LAS file's points and their coordinate reference system.
-
-    Attributes:
-        cloud: in the system's own coordinates (for UTM easting, northing and height), metres.
-        crs_epsg: its EPSG code; None where it has none, or one in feet, since the points are metres.
-        crs: pyproj's of what the file says its coordinates are in, or None.
-        units_m: metres per unit of the file's x, y and z.
-    """
+    """A LAS file's points and their coordinate reference system."""
 
     cloud: Cloud
+    """In the system's own coordinates (for UTM easting, northing and height), metres."""
     crs_epsg: int | None
+    """Its EPSG code; None where it has none, or one in feet, since the points are metres."""
     crs: Any = None
+    """Pyproj's of what the file says its coordinates are in, or None."""
     units_m: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """Metres per unit of the file's x, y and z."""
 
 
 def read_las(path: Path) -> LasCloud:
@@ -51,9 +48,6 @@ def read_las(path: Path) -> LasCloud:
     Colours that use only the lower 8 of their 16 bits, as some writers leave them, are taken as 8-bit ones. Normals
     are read from the extra dimensions nx, ny, nz or NormalX, NormalY, NormalZ. Coordinates in feet, as the file's
     reference system or its GeoTIFF keys state them, become metres.
-
-    Raises:
-        CloudError: the extra `geo` is missing, the file cannot be read or is damaged, or its points are in degrees.
     """
     laspy = _laspy(path)
     path = Path(path)
@@ -75,10 +69,6 @@ def write_las(path: Path, cloud: Cloud, *, crs_epsg: int | None = None) -> None:
         path: the file to write.
         cloud: in the coordinates of the reference system.
         crs_epsg: EPSG code of a projected system in metres, such as 32632 (see `geodesy.utm_epsg`).
-
-    Raises:
-        CloudError: the extra `geo` is missing, or the code is unknown or not a projected system in metres.
-        StorageError: the place is full or not writable.
     """
     path = Path(path)
     laspy = _laspy(path)

@@ -23,11 +23,7 @@ _LEAST_CHUNK_BYTES = 20  # a chunk starts with one uncompressed point, 20 bytes 
 
 
 def check_sizes(file: BinaryIO, path: Path) -> None:
-    """Refuse a file that promises more than it can hold; leaves the file at its start.
-
-    Raises:
-        CloudError: it does, or ends within its header.
-    """
+    """Refuse a file that promises more than it can hold; leaves the file at its start."""
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
     header = file.read(375)

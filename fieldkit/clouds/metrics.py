@@ -21,49 +21,40 @@ DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 
 @dataclass(frozen=True)
 class Chamfer:
-    """Symmetric chamfer distance with its two directed terms, metres.
-
-    Attributes:
-        chamfer_m: accuracy_m + completeness_m (eq. r_func of BOSfM; the same as point-cloud-utils').
-        accuracy_m: mean distance from the estimate's points to the reference: what is there but should not be.
-        completeness_m: mean distance from the reference's points to the estimate: what should be there but is not.
-    """
+    """Symmetric chamfer distance with its two directed terms, metres."""
 
     chamfer_m: float
+    """Accuracy_m + completeness_m (eq. r_func of BOSfM; the same as point-cloud-utils')."""
     accuracy_m: float
+    """Mean distance from the estimate's points to the reference: what is there but should not be."""
     completeness_m: float
+    """Mean distance from the reference's points to the estimate: what should be there but is not."""
 
 
 @dataclass(frozen=True)
 class FScore:
-    """Precision, recall and their harmonic mean at one distance (Knapitsch et al. 2017), each in [0, 1].
-
-    Attributes:
-        precision: share of the estimate's points within the distance of the reference.
-        recall: share of the reference's points within the distance of the estimate.
-        f_score: 2 · precision · recall / (precision + recall), 0 where both are 0.
-    """
+    """Precision, recall and their harmonic mean at one distance (Knapitsch et al. 2017), each in [0, 1]."""
 
     precision: float
+    """Share of the estimate's points within the distance of the reference."""
     recall: float
+    """Share of the reference's points within the distance of the estimate."""
     f_score: float
+    """2 · precision · recall / (precision + recall), 0 where both are 0."""
 
 
 @dataclass(frozen=True)
 class CloudScore:
-    """An estimate's score against a reference.
-
-    Attributes:
-        chamfer: the symmetric distance and its directed terms.
-        f_scores: by distance in metres, ascending.
-        reference_points: points of the reference.
-        estimate_points: points of the estimate.
-    """
+    """An estimate's score against a reference."""
 
     chamfer: Chamfer
+    """The symmetric distance and its directed terms."""
     f_scores: dict[float, FScore]
+    """By distance in metres, ascending."""
     reference_points: int
+    """Points of the reference."""
     estimate_points: int
+    """Points of the estimate."""
 
 
 class ReferenceIndex:
@@ -95,11 +86,6 @@ def score(reference: Cloud | ReferenceIndex, estimate: Cloud, distances_m: Seque
         reference: metres in the plot frame; a `ReferenceIndex` saves the work of indexing it again.
         estimate: metres in the same frame.
         distances_m: positive thresholds for the F-scores.
-
-    Raises:
-        EmptyCloudError: either cloud has no points. An empty cloud has no distance to anything, so what an empty
-            reconstruction is worth is for the caller's written rule to say, not for this function.
-        ValueError: a distance is not a positive number.
     """
     return score_distances(*nearest_distances(reference, estimate), distances_m)
 
@@ -113,9 +99,6 @@ def score_distances(
         to_reference: (m,) metres, m ≥ 1.
         to_estimate: (n,) metres, n ≥ 1.
         distances_m: positive thresholds for the F-scores.
-
-    Raises:
-        ValueError: a distance is not a positive number.
     """
     thresholds = sorted({float(d) for d in distances_m})
     if not all(np.isfinite(d) and d > 0 for d in thresholds):
@@ -129,11 +112,7 @@ def score_distances(
 
 
 def chamfer_distance(reference: Cloud | ReferenceIndex, estimate: Cloud) -> Chamfer:
-    """Symmetric chamfer distance in metres: the sum of the two mean (unsquared) nearest-neighbour distances.
-
-    Raises:
-        EmptyCloudError: either cloud has no points.
-    """
+    """Symmetric chamfer distance in metres: the sum of the two mean (unsquared) nearest-neighbour distances."""
     return _chamfer(*nearest_distances(reference, estimate))
 
 
@@ -152,9 +131,6 @@ def nearest_distances(
     """Distances estimate → reference (m,) and reference → estimate (n,), metres, each in its own cloud's Z-order.
 
     The first are to the reference's surface where the `ReferenceIndex` has one.
-
-    Raises:
-        EmptyCloudError: either cloud has no points.
     """
     kept = reference if isinstance(reference, ReferenceIndex) else ReferenceIndex(reference)
     own = _index(estimate, "estimated")

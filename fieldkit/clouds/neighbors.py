@@ -48,11 +48,7 @@ class PointIndex:
         return len(self.order)
 
     def nearest(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Distance (m,) in metres to the nearest indexed point of each of the points (m, 3), and its index (m,).
-
-        Raises:
-            ValueError: a wrong shape or a coordinate that is not finite.
-        """
+        """Distance (m,) in metres to the nearest indexed point of each of the points (m, 3), and its index (m,)."""
         p = _checked(points)
         local = p - self._origin
         order = z_order(local)

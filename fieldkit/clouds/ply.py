@@ -43,9 +43,6 @@ def read_ply(path: Path) -> Cloud:
 
     Colours may be 8 or 16 bit integers or floating-point numbers in [0, 1]; rows with a coordinate that is not finite
     (how some exporters mark missing points) are left out. The unit is the file's own.
-
-    Raises:
-        CloudError: the file cannot be read, is not a PLY file, is damaged, or has no x, y and z.
     """
     path = Path(path)
     try:
@@ -67,9 +64,6 @@ def write_ply(path: Path, cloud: Cloud) -> None:
 
     Coordinates are float32 where every one of them is below 16 m (then exact to 0.5 µm), else float64; colours are
     uchar red, green, blue; normals float nx, ny, nz.
-
-    Raises:
-        StorageError: the place is full or not writable.
     """
     small = not len(cloud) or float(np.abs(cloud.points).max()) < _FLOAT32_LIMIT_M
     kind, code = ("float", "<f4") if small else ("double", "<f8")

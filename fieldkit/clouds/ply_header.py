@@ -22,17 +22,14 @@ _BROKEN = "Export the cloud again, as PLY with x, y and z."
 
 @dataclass(frozen=True)
 class Property:
-    """One property of an element.
-
-    Attributes:
-        name: as in the file.
-        scalar: NumPy type code of the value, or of a list's items.
-        count: NumPy type code of a list's length, or None for a scalar.
-    """
+    """One property of an element."""
 
     name: str
+    """As in the file."""
     scalar: str
+    """NumPy type code of the value, or of a list's items."""
     count: str | None = None
+    """NumPy type code of a list's length, or None for a scalar."""
 
 
 @dataclass(frozen=True)
@@ -50,25 +47,18 @@ class Element:
 
 @dataclass(frozen=True)
 class Header:
-    """What a PLY file says it holds.
-
-    Attributes:
-        byte_order: "<", ">" or "" for ASCII.
-        elements: in file order.
-        body: offset of the first byte after the header.
-    """
+    """What a PLY file says it holds."""
 
     byte_order: str
+    """"<", ">" or "" for ASCII."""
     elements: tuple[Element, ...]
+    """In file order."""
     body: int
+    """Offset of the first byte after the header."""
 
 
 def read_header(file: BinaryIO, path: Path) -> Header:
-    """Parse the header; the file is left anywhere.
-
-    Raises:
-        CloudError: not a PLY file, or a header that contradicts the format.
-    """
+    """Parse the header; the file is left anywhere."""
     lines, body = _header_lines(file, path)
     byte_order: str | None = None
     elements: list[Element] = []

@@ -20,18 +20,15 @@ _BESIDE_M = 0.25
 
 @dataclass(frozen=True)
 class Stand:
-    """Where the plants are that belong together.
-
-    Attributes:
-        low, high: (x, y) of the corners of the box about them, metres.
-        apart: share of the covered ground that lies more than 0.25 m outside that box.
-        reach: (length, width) of the box about everything.
-    """
+    """Where the plants are that belong together."""
 
     low: tuple[float, float]
     high: tuple[float, float]
+    """(x, y) of the corners of the box about them, metres."""
     apart: float
+    """Share of the covered ground that lies more than 0.25 m outside that box."""
     reach: tuple[float, float]
+    """(length, width) of the box about everything."""
 
 
 def find_stand(points: NDArray[np.float64]) -> Stand | None:

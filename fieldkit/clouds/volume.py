@@ -15,16 +15,14 @@ from fieldkit.clouds.cloud import Cloud
 class Volume:
     """An axis-aligned box.
 
-    Attributes:
-        lower: x, y and z of the lowest corner, metres in the plot frame.
-        upper: the highest corner.
-
     Raises:
         ValueError: a corner is not three finite numbers, or ``lower`` is not below ``upper``.
     """
 
     lower: tuple[float, float, float]
+    """X, y and z of the lowest corner, metres in the plot frame."""
     upper: tuple[float, float, float]
+    """The highest corner."""
 
     def __post_init__(self) -> None:
         lower, upper = (tuple(float(v) for v in np.asarray(c).reshape(-1)) for c in (self.lower, self.upper))
@@ -43,9 +41,6 @@ class Volume:
             points: (n, 3) metres.
             margin_m: added on every side; a flat cloud needs one.
             trim: share of the points to leave out at each end of each axis (0.01 ignores 1 % outliers per side).
-
-        Raises:
-            ValueError: no points, or a box without extent.
         """
         p = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         if not len(p):

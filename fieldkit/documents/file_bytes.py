@@ -28,9 +28,6 @@ def file_bytes(
         name: what is said not to be there.
         missing: the remedy where there is no such file, if it is another one.
         error: what is raised.
-
-    Raises:
-        InputError: of the kind ``error``: the file is missing, unreadable, no regular file, or too large.
     """
     try:
         with open_regular(path) as file:
@@ -48,11 +45,7 @@ def file_bytes(
 
 
 def decoded(data: bytes, path: Path, *, error: type[InputError] = MetadataError) -> str:
-    """The text of a file in UTF-8, with or without a byte order mark.
-
-    Raises:
-        InputError: of the kind ``error``: it is none.
-    """
+    """The text of a file in UTF-8, with or without a byte order mark."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as caught:

@@ -18,11 +18,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> dict[str, Any]:
-    """The JSON object that a file holds; the arguments are those of `file_bytes`.
-
-    Raises:
-        MetadataError: it is missing, unreadable, too large, not JSON, or no object.
-    """
+    """The JSON object that a file holds; the arguments are those of `file_bytes`."""
     data = file_bytes(file, remedy, max_bytes, noun=noun)
     try:
         document = json.loads(data)
@@ -38,11 +34,7 @@ def read_json_object(file: Path, remedy: str, *, noun: str, max_bytes: int) -> d
 
 
 def read_kind(file: Path, kind: str, remedy: str, *, max_bytes: int) -> dict[str, Any]:
-    """The JSON object of a file that fieldkit wrote, whose "kind" says what it is.
-
-    Raises:
-        MetadataError: as `read_json_object`, or it is of another kind, or in a folder of another kind of result.
-    """
+    """The JSON object of a file that fieldkit wrote, whose "kind" says what it is."""
     refuse_other(file, kind, remedy)
     document = read_json_object(file, remedy, noun=kind, max_bytes=max_bytes)
     if document.get("kind") != kind:
@@ -63,22 +55,14 @@ def check_version(document: dict[str, Any], known: int, file: Path, remedy: str)
 
 
 def read_model(model: type[Model], kind: str, file: Path, remedy: str, *, max_bytes: int) -> Model:
-    """A file that fieldkit wrote as a model of pydantic's, which says the version that is known.
-
-    Raises:
-        MetadataError: as `read_kind`, `check_version` and `validated`.
-    """
+    """A file that fieldkit wrote as a model of pydantic's, which says the version that is known."""
     document = read_kind(file, kind, remedy, max_bytes=max_bytes)
     check_version(document, model.model_fields["version"].default, file, remedy)
     return validated(model, document, file, remedy)
 
 
 def validated(model: type[Model], document: dict[str, Any], file: Path, remedy: str) -> Model:
-    """The document of a file as a model of pydantic's; lists may become tuples, all else is strict.
-
-    Raises:
-        MetadataError: a field is wrong; the first one is named.
-    """
+    """The document of a file as a model of pydantic's; lists may become tuples, all else is strict."""
     try:
         return model.model_validate_json(json.dumps(document))
     except ValidationError as error:

@@ -86,11 +86,7 @@ def did_you_mean(given: str, known: Iterable[str], otherwise: str) -> str:
 
 
 def check_order(plan: Path, site: Path) -> None:
-    """Refuse a plan and a site that are swapped, before reading one as the other says that it is broken.
-
-    Raises:
-        UsageError: what is given as the site is JSON or a folder, and what is given as the plan is neither.
-    """
+    """Refuse a plan and a site that are swapped, before reading one as the other says that it is broken."""
     if _may_be_plan(site) and not _may_be_plan(plan):
         message = f"{EXCHANGED.looks_like}: {site} is no site file, and {plan} no plan"
         raise UsageError(message, remedy=EXCHANGED.remedy.format(site, plan))
@@ -132,9 +128,6 @@ def refuse_other(path: Path, noun: str, remedy: str, *, error: type[InputError] 
             profile" or "mission".
         remedy: of the error.
         error: what is raised.
-
-    Raises:
-        InputError: of the kind ``error``: it is something else.
     """
     given = path.parent if path.name in _MARKERS and not path.exists() and path.name != path.as_posix() else path
     found = next(_kinds(given), None)

@@ -28,9 +28,6 @@ def read_toml(
     Args:
         noun: what the file is, for its errors: "site file", "scene file".
         path, remedy, max_bytes, missing, error: as of `file_bytes`.
-
-    Raises:
-        InputError: of the kind ``error``: the file is missing, unreadable, too large, not in UTF-8, or no TOML.
     """
     data = file_bytes(path, remedy, max_bytes, noun=noun, name=noun, missing=missing, error=error)
     return toml_document(decoded(data, path, error=error), path, remedy, error=error)
@@ -46,9 +43,6 @@ def toml_document(
         path: for the error.
         remedy: of the error.
         error: what is raised.
-
-    Raises:
-        InputError: of the kind ``error``: it is too large, or no TOML; the line is named.
     """
     if len(text) > MOST_CHARACTERS:
         raise error(f"is far too large: more than {MOST_CHARACTERS:,} characters", path=path, remedy=remedy)

@@ -17,10 +17,6 @@ def toml_text(table: Mapping[str, Any]) -> str:
 
     Args:
         table: of str, bool, int, finite float, sequences of these, mappings, and sequences of mappings.
-
-    Raises:
-        TypeError: a value of another type.
-        ValueError: a number that is not finite.
     """
     return "\n".join(_lines(table, ())).strip("\n") + "\n"
 

@@ -21,9 +21,6 @@ def read_versioned(path: Path, noun: str, remedy: str, max_bytes: int) -> dict[s
 
     Args:
         path, noun, remedy, max_bytes: as of `read_toml`.
-
-    Raises:
-        MetadataError: as `read_toml`; or it is of another format version.
     """
     document = read_toml(path, noun, remedy, max_bytes)
     _check_format(document.pop("format", None), path)
@@ -31,12 +28,7 @@ def read_versioned(path: Path, noun: str, remedy: str, max_bytes: int) -> dict[s
 
 
 def validated_toml(model: type[Model], document: dict[str, Any], path: Path, remedy: str) -> Model:
-    """The document of a file as a model of pydantic's; lists may become tuples, all else is strict.
-
-    Raises:
-        MetadataError: a key is missing, unknown or wrong; the first problem is named by its key as the file has it,
-            and counted are the others.
-    """
+    """The document of a file as a model of pydantic's; lists may become tuples, all else is strict."""
     try:
         return model.model_validate_json(json.dumps({"format": FORMAT, **document}, default=str))
     except ValidationError as error:

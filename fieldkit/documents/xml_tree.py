@@ -44,11 +44,7 @@ class _LimitedTree(TreeBuilder):
 
 
 def parse(data: bytes) -> Element:
-    """The root element of a document; texts are stripped.
-
-    Raises:
-        XmlError: not well-formed, too deep, too many elements, or with a document type declaration.
-    """
+    """The root element of a document; texts are stripped."""
     parser = DefusedXMLParser(target=_LimitedTree(), forbid_dtd=True)
     try:
         parser.feed(data)

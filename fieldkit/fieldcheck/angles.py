@@ -36,7 +36,6 @@ def angles_as_meant(
         capture: as read.
         plan, site, plot: as `place_tags` takes them.
         graph: of its photographs.
-        seed: of RANSAC.
     """
     if all(prior.yaw_deg is None for prior in capture.priors.values()):
         return capture, []

@@ -69,9 +69,6 @@ def check_captures(
         log: flight log whose poses count instead of the photographs' own.
         fit: whether the plan was fitted to each plot of the site, as of `fieldkit.missions.export_mission`.
         settings: limits; None takes the defaults.
-        cache: of stages; None keeps nothing.
-        workers: threads; None takes the machine's cores.
-        progress: told of stages.
 
     Raises:
         UsageError: the site has several plots and none is named, or none of that name, or one for several folders.

@@ -26,25 +26,22 @@ _THIN = 30
 
 @dataclass(frozen=True)
 class Connection:
-    """How stations hang together.
-
-    Attributes:
-        matches: of each station's ties.
-        neighbours: stations that tie it.
-        components: sizes of the groups, largest first.
-        lonely: stations without a tie whose neighbours are so near that there must be some.
-        thin: stations with few matches, and nothing flown again that would add any.
-        beside_gaps: stations without a tie beside one that is flown again, which may tie them.
-        findings: of the whole capture.
-    """
+    """How stations hang together."""
 
     matches: Mapping[int, int]
+    """Of each station's ties."""
     neighbours: Mapping[int, frozenset[int]]
+    """Stations that tie it."""
     components: tuple[int, ...]
+    """Sizes of the groups, largest first."""
     lonely: frozenset[int]
+    """Stations without a tie whose neighbours are so near that there must be some."""
     thin: frozenset[int]
+    """Stations with few matches, and nothing flown again that would add any."""
     beside_gaps: frozenset[int]
+    """Stations without a tie beside one that is flown again, which may tie them."""
     findings: tuple[CheckFinding, ...]
+    """Of the whole capture."""
 
 
 def connect(

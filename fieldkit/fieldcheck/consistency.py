@@ -35,17 +35,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SeenPose:
-    """A photograph's pose by its ties and the other photographs' tags, without its own.
-
-    Attributes:
-        pose: in the plan's frame.
-        covariance: (6, 6), as `Solution` has it.
-        matches: of its ties.
-    """
+    """A photograph's pose by its ties and the other photographs' tags, without its own."""
 
     pose: Pose
+    """In the plan's frame."""
     covariance: Array
+    """(6, 6), as `Solution` has it."""
     matches: int
+    """Of its ties."""
 
     @property
     def sigma_m(self) -> float:
@@ -82,17 +79,14 @@ class Difference:
 
 @dataclass(frozen=True, eq=False)
 class Consistency:
-    """What photographs say of tags.
-
-    Attributes:
-        seen: poses by index, of the photographs that ties reach.
-        contradicted: photographs with tags that the photographs contradict.
-        untagged: photographs whose pose is known by their ties only.
-    """
+    """What photographs say of tags."""
 
     seen: Mapping[int, SeenPose]
+    """Poses by index, of the photographs that ties reach."""
     contradicted: frozenset[int]
+    """Photographs with tags that the photographs contradict."""
     untagged: frozenset[int]
+    """Photographs whose pose is known by their ties only."""
 
 
 def check_tags(

@@ -34,8 +34,6 @@ def with_guided_ties(graph: TieGraph, poses: Mapping[int, Pose], *, workers: int
     Args:
         graph: of blind matches.
         poses: believed, by photograph; nothing is added where there is none.
-        workers: threads.
-        seed: of RANSAC.
     """
     region = region_of_interest(list(poses.values()))
     if region is None:

@@ -18,118 +18,104 @@ heading; turned and shifted until they fit the stations; not at all, for nothing
 
 @dataclass(frozen=True)
 class CheckSettings:
-    """Limits of a check.
-
-    Attributes:
-        position_m: farthest that a photograph may be taken from its station. RTK flights keep to 5 cm per axis.
-        angle_deg: most that its optical axis may be turned away from the plan's.
-        blur_ratio: edges that many times as wide as in the capture's other photographs are blurred.
-        edge_px: median width (σ) of strong edges, in a picture 1600 pixels wide, that is blurred whatever the others
-            are: twice what the recorded sets have in focus.
-        exposure_stops: farthest from the capture's median brightness.
-        clipped_share: most that may be black or white beyond what the capture's median photograph has.
-        min_matches: verified matches of two photographs from which on they tie each other.
-        seed: of RANSAC.
-    """
+    """Limits of a check."""
 
     position_m: float = 0.25
+    """Farthest that a photograph may be taken from its station. RTK flights keep to 5 cm per axis."""
     angle_deg: float = 8.0
+    """Most that its optical axis may be turned away from the plan's."""
     blur_ratio: float = 1.3
+    """Edges that many times as wide as in the capture's other photographs are blurred."""
     edge_px: float = 1.75
+    """Median width (σ) of strong edges, in a picture 1600 pixels wide, that is blurred whatever the others are: twice
+    what the recorded sets have in focus."""
     exposure_stops: float = 1.5
+    """Farthest from the capture's median brightness."""
     clipped_share: float = 0.15
+    """Most that may be black or white beyond what the capture's median photograph has."""
     min_matches: int = 15
+    """Verified matches of two photographs from which on they tie each other."""
     seed: int = 0
 
 
 @dataclass(frozen=True)
 class CheckFinding:
-    """Something that is not as planned.
-
-    Attributes:
-        code: docs/commands/check.md lists them.
-        station: number in the plan, from 0; None where it concerns the whole capture or no station.
-        photograph: file name; empty where there is none.
-        message: what is wrong.
-        remedy: what to do.
-    """
+    """Something that is not as planned."""
 
     code: str
+    """Docs/commands/check.md lists them."""
     station: int | None
+    """Number in the plan, from 0; None where it concerns the whole capture or no station."""
     photograph: str
+    """File name; empty where there is none."""
     message: str
+    """What is wrong."""
     remedy: str
+    """What to do."""
 
 
 @dataclass(frozen=True)
 class StationCheck:
-    """One station of the plan and its photograph.
-
-    Attributes:
-        station: number in the plan, from 0.
-        photograph: file name; empty where there is none.
-        verdict: what to do about it.
-        edge_px: width (σ) of the photograph's strong edges in the direction that is worst, in a picture 1600 pixels
-            wide.
-        blur_ratio: the same against the capture's other photographs.
-        stops: brightness against the capture's median.
-        clipped: share that is black or white.
-        distance_m: from the station, what is common to all photographs taken out; None where nothing tells.
-        turn_deg: of the optical axis from the plan's.
-        source: of these two: "tags" or "photographs" (as the matches have it).
-        matches: verified ones, with photographs that tie it.
-        neighbours: these photographs' stations.
-    """
+    """One station of the plan and its photograph."""
 
     station: int
+    """Number in the plan, from 0."""
     photograph: str = ""
+    """File name; empty where there is none."""
     verdict: Verdict = "fine"
+    """What to do about it."""
     edge_px: float | None = None
+    """Width (σ) of the photograph's strong edges in the direction that is worst, in a picture 1600 pixels wide."""
     blur_ratio: float | None = None
+    """The same against the capture's other photographs."""
     stops: float | None = None
+    """Brightness against the capture's median."""
     clipped: float | None = None
+    """Share that is black or white."""
     distance_m: float | None = None
+    """From the station, what is common to all photographs taken out; None where nothing tells."""
     turn_deg: float | None = None
+    """Of the optical axis from the plan's."""
     source: str = ""
+    """Of these two: "tags" or "photographs" (as the matches have it)."""
     matches: int = 0
+    """Verified ones, with photographs that tie it."""
     neighbours: tuple[int, ...] = ()
+    """These photographs' stations."""
 
 
 @dataclass(frozen=True)
 class CheckReport:
-    """Whether the photographs of one plot will do.
-
-    Attributes:
-        name: of the plot's folder.
-        plot: of the site; None without one.
-        folder: of the photographs.
-        photographs: that could be read.
-        stations: one for each of the plan, in its order.
-        findings: in the stations' order; those of the whole capture first.
-        extra: photographs that belong to no station.
-        placement: how photographs were put into the plan's frame.
-        shift_m: east or along the row, north, up: by which all photographs lie beside the plan; None where that could
-            not be told. It has been taken out of the stations' distances.
-        turn_deg: by which all headings are off.
-        components: sizes of the groups that hang together by matches, largest first.
-        unchecked: sentences: what could not be looked at, and why.
-        seconds, cpu_seconds: what the check took.
-    """
+    """Whether the photographs of one plot will do."""
 
     name: str
+    """Of the plot's folder."""
     folder: Path
+    """Of the photographs."""
     photographs: int
+    """That could be read."""
     stations: tuple[StationCheck, ...]
+    """One for each of the plan, in its order."""
     findings: tuple[CheckFinding, ...]
+    """In the stations' order; those of the whole capture first."""
     plot: str | None = None
+    """Of the site; None without one."""
     extra: tuple[str, ...] = ()
+    """Photographs that belong to no station."""
     placement: Placement = "none"
+    """How photographs were put into the plan's frame."""
     shift_m: tuple[float, float, float] | None = None
+    """East or along the row, north, up: by which all photographs lie beside the plan; None where that could not be
+    told. It has been taken out of the stations' distances."""
     turn_deg: float | None = None
+    """By which all headings are off."""
     components: tuple[int, ...] = ()
+    """Sizes of the groups that hang together by matches, largest first."""
     unchecked: tuple[str, ...] = ()
+    """Sentences: what could not be looked at, and why."""
     seconds: float = 0.0
     cpu_seconds: float = 0.0
+    """What the check took."""
 
     @property
     def fly_again(self) -> tuple[int, ...]:

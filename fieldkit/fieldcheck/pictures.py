@@ -27,40 +27,34 @@ _EMPTY_CONTRAST = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """Figures of one photograph.
-
-    Attributes:
-        widths: of its edges (`edge_widths`), pixels.
-        light: mean of the scene's light, of which white is 1, as a usual tone curve (γ 2.2) has it.
-        dark, bright: shares that are clipped.
-        contrast: standard deviation of the grey values.
-        readable: whether it could be decoded; all else is 0 otherwise.
-    """
+    """Figures of one photograph."""
 
     widths: NDArray[np.float64]
+    """Of its edges (`edge_widths`), pixels."""
     light: float
+    """Mean of the scene's light, of which white is 1, as a usual tone curve (γ 2.2) has it."""
     dark: float
     bright: float
+    """Shares that are clipped."""
     contrast: float
+    """Standard deviation of the grey values."""
     readable: bool = True
+    """Whether it could be decoded; all else is 0 otherwise."""
 
 
 @dataclass(frozen=True)
 class PictureVerdict:
-    """A photograph beside the others of its camera.
-
-    Attributes:
-        edge_px, blur_ratio, stops, clipped: see `StationCheck`.
-        problem: "", "unreadable", "empty", "blurred", "too-dark" or "too-bright".
-        message: the same in words.
-    """
+    """A photograph beside the others of its camera."""
 
     edge_px: float
     blur_ratio: float
     stops: float
     clipped: float
+    """See `StationCheck`."""
     problem: str = ""
+    """"", "unreadable", "empty", "blurred", "too-dark" or "too-bright"."""
     message: str = ""
+    """The same in words."""
 
 
 def measure_picture(gray: NDArray[np.uint8]) -> Picture:

@@ -29,21 +29,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Tags:
-    """What is written of n photographs.
-
-    Attributes:
-        names: of the photographs.
-        poses: NaN where nothing is known.
-        rolls: (n,) degrees about the optical axes.
-        sigma_m: of a position against the others'.
-        sigma_deg: of the angles.
-    """
+    """What is written of n photographs."""
 
     names: tuple[str, ...]
+    """Of the photographs."""
     poses: PoseArray
+    """NaN where nothing is known."""
     rolls: Array
+    """(n,) degrees about the optical axes."""
     sigma_m: float
+    """Of a position against the others'."""
     sigma_deg: float
+    """Of the angles."""
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -68,29 +65,26 @@ class Tags:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Photographs among the stations.
-
-    Attributes:
-        tags: in the plan's frame, without what is common to all.
-        placement: how they were put there.
-        station_of: index of a photograph to its station.
-        costs_m: index of a photograph to its `fieldkit.geometry.stations.pose_costs`.
-        mean_cost_m: of all photographs with a position.
-        shift_m: (3,) by which all photographs lay beside the plan; NaN where that cannot be told.
-        turn_deg: by which all headings were off; None without headings.
-        scatter_m: of positions about their stations, per axis (1.48 times the median); of heights if much worse.
-        ambiguous: whether another assignment fits as well.
-    """
+    """Photographs among the stations."""
 
     tags: Tags
+    """In the plan's frame, without what is common to all."""
     placement: Placement = "none"
+    """How they were put there."""
     station_of: Mapping[int, int] = field(default_factory=dict)
+    """Index of a photograph to its station."""
     costs_m: Mapping[int, float] = field(default_factory=dict)
+    """Index of a photograph to its `fieldkit.geometry.stations.pose_costs`."""
     mean_cost_m: float = float("inf")
+    """Of all photographs with a position."""
     shift_m: Array = field(default_factory=lambda: np.full(3, np.nan))
+    """(3,) by which all photographs lay beside the plan; NaN where that cannot be told."""
     turn_deg: float | None = None
+    """By which all headings were off; None without headings."""
     scatter_m: float = float("nan")
+    """Of positions about their stations, per axis (1.48 times the median); of heights if much worse."""
     ambiguous: bool = False
+    """Whether another assignment fits as well."""
 
 
 def place_tags(capture: Capture, plan: Plan, site: Site | None = None, plot: SitePlot | None = None) -> Placed:

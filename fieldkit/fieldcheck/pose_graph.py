@@ -33,18 +33,14 @@ residuals' standard deviations (m, r)."""
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Adjusted poses.
-
-    Attributes:
-        poses: by photograph.
-        index: of a photograph among the unknowns.
-        information: (6n, 6n) inverse of the covariance; six unknowns each: a rotation vector in the camera's axes,
-            radians, and the centre, metres.
-    """
+    """Adjusted poses."""
 
     poses: Mapping[int, Pose]
     index: Mapping[int, int]
+    """Of a photograph among the unknowns."""
     information: Array
+    """(6n, 6n) inverse of the covariance; six unknowns each: a rotation vector in the camera's axes, radians, and the
+    centre, metres."""
 
     def covariance(self, k: int) -> Array:
         """(6, 6) of one photograph."""

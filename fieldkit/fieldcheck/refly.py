@@ -54,13 +54,6 @@ def write_refly(
         fit: whether the plan was fitted to the plot, as of `fieldkit.missions.export_mission.export_mission`.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
         overwrite: replace files that are there.
-        seed: of the search for the order.
-
-    Raises:
-        UsageError: no stations, one that the plan does not have, no such plot or format, or a file is there.
-        MetadataError: a file that is given cannot be used.
-        MissionError: see `fieldkit.missions.export.route_plan`; stations are named by the plan's numbers.
-        StorageError: the place is full or not writable.
     """
     format = mission_format(output, format)  # noqa: A001
     output = mission_path(output, format)
@@ -81,11 +74,7 @@ def write_refly(
 
 
 def part_of_plan(plan: Plan, stations: Sequence[int]) -> Plan:
-    """The plan with these of its stations only, in its order.
-
-    Raises:
-        UsageError: no stations, or one that the plan does not have.
-    """
+    """The plan with these of its stations only, in its order."""
     chosen = sorted(set(stations))
     if not chosen:
         raise UsageError("there is no station to fly again", remedy="Nothing needs to be written.")

@@ -36,55 +36,43 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Tie:
-    """Two photographs that see the same.
-
-    Attributes:
-        matches: verified.
-        rotation: (3, 3) of camera j from camera i.
-        translation: (3,) unit vector, from camera i to camera j, seen by camera j, as in `relative_pose`.
-        depths: for each of the two cameras by index: feature index to depth along the optical axis, the baseline being
-            1.
-    """
+    """Two photographs that see the same."""
 
     matches: int
     rotation: Array
+    """(3, 3) of camera j from camera i."""
     translation: Array
+    """(3,) unit vector, from camera i to camera j, seen by camera j, as in `relative_pose`."""
     depths: Mapping[int, Mapping[int, float]]
+    """For each of the two cameras by index: feature index to depth along the optical axis, the baseline being 1."""
 
 
 @dataclass(frozen=True)
 class LengthRatio:
-    """How two baselines at a photograph compare, by the depths of what all see.
-
-    Attributes:
-        middle: the photograph.
-        a, b: the other ends.
-        log_ratio: natural logarithm of |middle − a| / |middle − b|.
-        sigma: its standard deviation.
-    """
+    """How two baselines at a photograph compare, by the depths of what all see."""
 
     middle: int
     a: int
     b: int
+    """The other ends."""
     log_ratio: float
+    """Natural logarithm of |middle − a| / |middle − b|."""
     sigma: float
+    """Its standard deviation."""
 
 
 @dataclass(frozen=True, eq=False)
 class TieGraph:
-    """What the photographs say of each other.
-
-    Attributes:
-        ties: by indices (i < j).
-        ratios: of neighbouring baselines.
-        keyed: features of each photograph.
-        cameras: of the capture.
-    """
+    """What the photographs say of each other."""
 
     ties: Mapping[Pair, Tie]
+    """By indices (i < j)."""
     ratios: tuple[LengthRatio, ...]
+    """Of neighbouring baselines."""
     keyed: tuple[KeyedFeatures, ...]
+    """Features of each photograph."""
     cameras: CameraSet
+    """Of the capture."""
 
 
 def find_ties(
@@ -99,9 +87,6 @@ def find_ties(
     Args:
         capture: as read.
         settings: limits.
-        cache: of stages.
-        workers: threads.
-        progress: told of both stages.
         fallback: intrinsics where the photographs say nothing of theirs and the size fits.
         positions: of the photographs, where known: of many only near ones are matched.
     """

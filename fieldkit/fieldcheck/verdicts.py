@@ -60,24 +60,19 @@ class _Deviation:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """All that was measured of a capture.
-
-    Attributes:
-        names: of the photographs, by index.
-        plan: that was flown.
-        placed: photographs among the stations, by tags.
-        pictures: sharpness and exposure by name.
-        graph: ties.
-        consistency: of tags with ties.
-        settings: limits.
-    """
+    """All that was measured of a capture."""
 
     names: Sequence[str]
+    """Of the photographs, by index."""
     plan: Plan
+    """That was flown."""
     placed: Placed
+    """Photographs among the stations, by tags."""
     pictures: Mapping[str, PictureVerdict]
+    """Sharpness and exposure by name."""
     graph: TieGraph
     consistency: Consistency
+    """Of tags with ties."""
     settings: CheckSettings
 
 

@@ -16,35 +16,29 @@ AngleSource = Literal["gimbal", "commanded gimbal", "fixed mount", "vehicle"]
 
 @dataclass(frozen=True)
 class FixedMount:
-    """A camera that is bolted to the vehicle.
-
-    Attributes:
-        pitch_deg: against the vehicle's level: 0 forward, −90 straight down.
-        yaw_deg: clockwise from its nose.
-    """
+    """A camera that is bolted to the vehicle."""
 
     pitch_deg: float
+    """Against the vehicle's level: 0 forward, −90 straight down."""
     yaw_deg: float = 0.0
+    """Clockwise from its nose."""
 
 
 @dataclass(frozen=True)
 class AchievedPose:
-    """Where a camera was and where it looked. The autopilot's estimate of the vehicle's position, not of the lens's.
-
-    Attributes:
-        place: of the vehicle; the lever arm to the camera is not in the logs.
-        yaw_deg: of the optical axis, clockwise from true north, [0, 360); None where nothing says it.
-        pitch_deg: 0 at the horizon, −90 straight down; None where nothing says it.
-        roll_deg: about the optical axis; None where nothing says it.
-        source: what the angles come from: "gimbal" (as reported), "commanded gimbal", "fixed mount", or "vehicle"
-            (heading only: the log says nothing of the camera).
-    """
+    """Where a camera was and where it looked. The autopilot's estimate of the vehicle's position, not of the lens's."""
 
     place: Place | None
+    """Of the vehicle; the lever arm to the camera is not in the logs."""
     yaw_deg: float | None
+    """Of the optical axis, clockwise from true north, [0, 360); None where nothing says it."""
     pitch_deg: float | None
+    """0 at the horizon, −90 straight down; None where nothing says it."""
     roll_deg: float | None
+    """About the optical axis; None where nothing says it."""
     source: AngleSource
+    """What the angles come from: "gimbal" (as reported), "commanded gimbal", "fixed mount", or "vehicle" (heading only:
+    the log says nothing of the camera)."""
 
 
 def achieved_pose(trigger: Trigger, mount: FixedMount | None = None) -> AchievedPose:

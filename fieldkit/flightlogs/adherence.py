@@ -17,48 +17,41 @@ from fieldkit.geometry.stations import PoseArray, associate
 
 @dataclass(frozen=True)
 class PlannedPose:
-    """Where a photograph was meant to be taken.
-
-    Attributes:
-        name: of the station, for people.
-        latitude_deg, longitude_deg: WGS 84.
-        height_m: above home, or above mean sea level (see `adherence`).
-        yaw_deg: true heading of the optical axis, clockwise from north.
-        pitch_deg: 0 at the horizon, −90 straight down.
-    """
+    """Where a photograph was meant to be taken."""
 
     name: str
+    """Of the station, for people."""
     latitude_deg: float
     longitude_deg: float
+    """WGS 84."""
     height_m: float
+    """Above home, or above mean sea level (see `adherence`)."""
     yaw_deg: float
+    """True heading of the optical axis, clockwise from north."""
     pitch_deg: float
+    """0 at the horizon, −90 straight down."""
 
 
 @dataclass(frozen=True)
 class PoseError:
-    """Achieved less planned, of one photograph.
-
-    Attributes:
-        station: name of the planned pose.
-        trigger: index.
-        east_m, north_m: of the position.
-        up_m: None where the log has no height above the datum of the plan.
-        yaw_deg: in [−180, 180); None where the log says nothing of the heading.
-        pitch_deg: None where the log says nothing of the gimbal.
-        speed_mps: of the vehicle at the shutter.
-        turning_dps: of the camera at the shutter.
-    """
+    """Achieved less planned, of one photograph."""
 
     station: str
+    """Name of the planned pose."""
     trigger: int
     east_m: float
     north_m: float
+    """Of the position."""
     up_m: float | None
+    """None where the log has no height above the datum of the plan."""
     yaw_deg: float | None
+    """In [−180, 180); None where the log says nothing of the heading."""
     pitch_deg: float | None
+    """None where the log says nothing of the gimbal."""
     speed_mps: float | None
+    """Of the vehicle at the shutter."""
     turning_dps: float | None
+    """Of the camera at the shutter."""
 
     @property
     def horizontal_m(self) -> float:
@@ -68,17 +61,14 @@ class PoseError:
 
 @dataclass(frozen=True)
 class Adherence:
-    """How a flight kept to its plan.
-
-    Attributes:
-        errors: one per planned pose that was photographed, in the plan's order.
-        missing: names of planned poses without a photograph.
-        extra: indices of triggers that belong to no planned pose.
-    """
+    """How a flight kept to its plan."""
 
     errors: tuple[PoseError, ...]
+    """One per planned pose that was photographed, in the plan's order."""
     missing: tuple[str, ...]
+    """Names of planned poses without a photograph."""
     extra: tuple[int, ...]
+    """Indices of triggers that belong to no planned pose."""
 
 
 def adherence(

@@ -33,15 +33,12 @@ class Step:
 
 @dataclass(frozen=True)
 class MissionRecord:
-    """The mission that was flown, as far as the log holds it.
-
-    Attributes:
-        steps: items by their number.
-        reached: times and numbers of the items that were reached, in order.
-    """
+    """The mission that was flown, as far as the log holds it."""
 
     steps: Mapping[int, Step]
+    """Items by their number."""
     reached: Sequence[tuple[float, int]]
+    """Times and numbers of the items that were reached, in order."""
 
     @classmethod
     def from_messages(cls, messages: Mapping[str, list[tuple[float, Any]]], system: int) -> MissionRecord:

@@ -30,9 +30,6 @@ def read_dataflash(data: bytes, path: Path) -> FlightLog:
     Args:
         data: the file's bytes.
         path: for messages.
-
-    Raises:
-        MetadataError: it describes none of the messages of a flight.
     """
     messages, skipped = read_messages(data, _NAMES)
     if not messages:

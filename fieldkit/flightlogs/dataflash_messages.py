@@ -29,15 +29,12 @@ _TYPES: dict[str, tuple[str, float]] = {
 
 @dataclass(frozen=True, eq=False)
 class Messages:
-    """All messages of one name, in the file's order.
-
-    Attributes:
-        rows: (n,) structured, raw.
-        scales: of the columns, to their units.
-    """
+    """All messages of one name, in the file's order."""
 
     rows: NDArray[np.void]
+    """(n,) structured, raw."""
     scales: dict[str, float]
+    """Of the columns, to their units."""
 
     def __len__(self) -> int:
         return len(self.rows)

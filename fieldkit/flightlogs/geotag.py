@@ -29,48 +29,40 @@ _LENGTH_DECIMALS, _ANGLE_DECIMALS = 4, 3
 
 @dataclass(frozen=True)
 class PhotoPose:
-    """A photograph's pose in the local frame.
-
-    Attributes:
-        image: file name.
-        position: metres: x east, or along the rows in a plot's frame, z up.
-        yaw_deg: of the optical axis, clockwise from the y axis; None where the log does not say.
-        pitch_deg: 0 at the horizon; None where the log does not say.
-        accuracy_m: one standard deviation.
-        trigger: index in the log.
-        source: of the angles (`AchievedPose`).
-    """
+    """A photograph's pose in the local frame."""
 
     image: str
     position: tuple[float, float, float]
+    """Metres: x east, or along the rows in a plot's frame, z up."""
     yaw_deg: float | None
+    """Of the optical axis, clockwise from the y axis; None where the log does not say."""
     pitch_deg: float | None
+    """0 at the horizon; None where the log does not say."""
     accuracy_m: float
+    """One standard deviation."""
     trigger: int
+    """Index in the log."""
     source: str
+    """Of the angles (`AchievedPose`)."""
 
 
 @dataclass(frozen=True)
 class GeotagReport:
-    """What `geotag` did.
-
-    Attributes:
-        images: photographs read.
-        poses: of those that were matched, in the order of the photographs.
-        matches: how photographs and triggers belong together.
-        origin: of the frame of the poses (z up; z = 0 at its altitude above mean sea level).
-        origin_source: where that is from: "home of the log", "given", "first trigger".
-        triggers: in the log.
-        remarks: of the log and of the matching.
-    """
+    """What `geotag` did."""
 
     images: int
     poses: tuple[PhotoPose, ...]
+    """Of those that were matched, in the order of the photographs."""
     matches: Matches
+    """How photographs and triggers belong together."""
     origin: LocalFrame
+    """Of the frame of the poses (z up; z = 0 at its altitude above mean sea level)."""
     origin_source: str
+    """Where that is from: "home of the log", "given", "first trigger"."""
     triggers: int
+    """In the log."""
     remarks: tuple[str, ...]
+    """Of the log and of the matching."""
 
 
 def geotag(
@@ -140,11 +132,7 @@ def stamp(photo: Photo) -> Stamp:
 
 
 def frame_of(flight: FlightLog, origin: LocalFrame | None = None) -> tuple[LocalFrame, str]:
-    """The local frame of a flight's poses, and what its origin is.
-
-    Raises:
-        MetadataError: the log holds no position.
-    """
+    """The local frame of a flight's poses, and what its origin is."""
     if origin is not None:
         return origin, "given"
     first = next((t.place for t in flight.triggers if t.place is not None and t.place.amsl_m is not None), None)

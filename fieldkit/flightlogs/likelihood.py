@@ -27,19 +27,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What photographs and triggers say.
-
-    Attributes:
-        photo_time: (n,) seconds on the camera's clock; NaN where unknown.
-        trigger_time: (m,) seconds on the log's.
-        photo_place: (n, 2) metres, NaN where unknown.
-        trigger_place: (m, 2).
-    """
+    """What photographs and triggers say."""
 
     photo_time: Array
+    """(n,) seconds on the camera's clock; NaN where unknown."""
     trigger_time: Array
+    """(m,) seconds on the log's."""
     photo_place: Array
+    """(n, 2) metres, NaN where unknown."""
     trigger_place: Array
+    """(m, 2)."""
     whole_seconds: bool = field(init=False)
     """Whether the camera counts whole seconds only."""
     located: NDArray[np.bool_] = field(init=False)
@@ -85,25 +82,22 @@ class Observed:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """How the camera's clock and positions relate to the log's.
-
-    Attributes:
-        offset_s: camera's clock less the log's at ``zero_s``; NaN where times are not compared.
-        rate: how much faster the camera's clock runs.
-        zero_s: on the log's clock.
-        jitter_s: standard deviation of the times, beside the rounding to whole seconds.
-        gate_s: photographs farther off belong to no trigger.
-        shift_m: (2,) camera's positions less the log's.
-        place_m: standard deviation of the positions, per axis.
-    """
+    """How the camera's clock and positions relate to the log's."""
 
     offset_s: float
+    """Camera's clock less the log's at ``zero_s``; NaN where times are not compared."""
     rate: float
+    """How much faster the camera's clock runs."""
     zero_s: float
+    """On the log's clock."""
     jitter_s: float
+    """Standard deviation of the times, beside the rounding to whole seconds."""
     gate_s: float
+    """Photographs farther off belong to no trigger."""
     shift_m: Array
+    """(2,) camera's positions less the log's."""
     place_m: float
+    """Standard deviation of the positions, per axis."""
 
     @classmethod
     def start(cls, observed: Observed, offset_s: float | None) -> Fit:

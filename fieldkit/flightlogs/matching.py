@@ -38,18 +38,15 @@ another."""
 
 @dataclass(frozen=True)
 class Stamp:
-    """What a photograph says of when and where it was taken.
-
-    Attributes:
-        name: of the file.
-        time_s: on the camera's clock, seconds from any zero that all photographs share; None where it has none.
-        latitude_deg, longitude_deg: WGS 84, or None.
-    """
+    """What a photograph says of when and where it was taken."""
 
     name: str
+    """Of the file."""
     time_s: float | None = None
+    """On the camera's clock, seconds from any zero that all photographs share; None where it has none."""
     latitude_deg: float | None = None
     longitude_deg: float | None = None
+    """WGS 84, or None."""
 
     @property
     def located(self) -> bool:
@@ -59,41 +56,33 @@ class Stamp:
 
 @dataclass(frozen=True)
 class Match:
-    """A photograph and its trigger.
-
-    Attributes:
-        photograph: name.
-        trigger: index.
-        distance_m: horizontal, between what photograph and trigger say; None where one of them says nothing.
-    """
+    """A photograph and its trigger."""
 
     photograph: str
     trigger: int
     distance_m: float | None
+    """Horizontal, between what photograph and trigger say; None where one of them says nothing."""
 
 
 @dataclass(frozen=True)
 class Matches:
-    """How photographs and triggers belong together.
-
-    Attributes:
-        pairs: in the triggers' order.
-        photographs: names of those without a trigger, in the order given.
-        triggers: indices of those without a photograph.
-        ambiguous: names of those among ``photographs`` that could belong to more than one trigger.
-        offset_s: camera's clock less the triggers' (UTC where the log knows it, else the log's clock), at the first
-            pair; None where no times were compared.
-        drift_ppm: how much faster the camera's clock runs; 0 where the flight is too short to tell.
-        remarks: what a person should know.
-    """
+    """How photographs and triggers belong together."""
 
     pairs: tuple[Match, ...]
+    """In the triggers' order."""
     photographs: tuple[str, ...]
+    """Names of those without a trigger, in the order given."""
     triggers: tuple[int, ...]
+    """Indices of those without a photograph."""
     ambiguous: tuple[str, ...] = ()
+    """Names of those among ``photographs`` that could belong to more than one trigger."""
     offset_s: float | None = None
+    """Camera's clock less the triggers' (UTC where the log knows it, else the log's clock), at the first pair; None
+    where no times were compared."""
     drift_ppm: float = 0.0
+    """How much faster the camera's clock runs; 0 where the flight is too short to tell."""
     remarks: tuple[str, ...] = ()
+    """What a person should know."""
 
 
 def match(

@@ -21,99 +21,84 @@ _REACH_S = 1.0
 
 @dataclass(frozen=True)
 class Place:
-    """Where the vehicle was, as its estimator had it.
-
-    Attributes:
-        latitude_deg, longitude_deg: WGS 84.
-        amsl_m: above mean sea level.
-        above_home_m: above the home position.
-    """
+    """Where the vehicle was, as its estimator had it."""
 
     latitude_deg: float
     longitude_deg: float
+    """WGS 84."""
     amsl_m: float | None = None
+    """Above mean sea level."""
     above_home_m: float | None = None
+    """Above the home position."""
 
 
 @dataclass(frozen=True)
 class Attitude:
-    """Of the vehicle, north-east-down to forward-right-down, yaw first, then pitch, then roll (Tait–Bryan Z-Y-X).
-
-    Attributes:
-        roll_deg: positive lowers the right side.
-        pitch_deg: positive raises the nose.
-        yaw_deg: clockwise from true north.
-    """
+    """Of the vehicle, north-east-down to forward-right-down, yaw first, then pitch, then roll (Tait–Bryan Z-Y-X)."""
 
     roll_deg: float
+    """Positive lowers the right side."""
     pitch_deg: float
+    """Positive raises the nose."""
     yaw_deg: float
+    """Clockwise from true north."""
 
 
 @dataclass(frozen=True)
 class Gimbal:
-    """Of the camera.
-
-    Attributes:
-        roll_deg, pitch_deg: against the horizon; pitch −90 looks straight down.
-        yaw_deg: clockwise, from ``frame``.
-        frame: "vehicle": from its heading; "north": from true north.
-        source: "reported" by the gimbal (one without encoders reports its targets), or "commanded" by the mission item
-            that ran last, where the log holds no report.
-    """
+    """Of the camera."""
 
     roll_deg: float
     pitch_deg: float
+    """Against the horizon; pitch −90 looks straight down."""
     yaw_deg: float
+    """Clockwise, from ``frame``."""
     frame: YawFrame
+    """"vehicle": from its heading; "north": from true north."""
     source: Literal["reported", "commanded"] = "reported"
+    """"reported" by the gimbal (one without encoders reports its targets), or "commanded" by the mission item that ran
+    last, where the log holds no report."""
 
 
 @dataclass(frozen=True)
 class Trigger:
-    """One release of the shutter.
-
-    Attributes:
-        time_s: on the log's clock (`FlightLog.clock`).
-        utc_s: seconds since 1970-01-01 UTC, or None.
-        image: number that the autopilot gave it, or None.
-        place: None where the log does not say.
-        attitude: of the vehicle, never of the camera; None where the log does not say.
-        gimbal: None where the log holds neither a report nor a command.
-        speed_mps: of the vehicle in space at that moment.
-        accuracy_m: standard deviation of the horizontal position that the GNSS receiver stated.
-        turning_dps: how fast the camera turned, with the vehicle or on its gimbal, degrees per second; a gimbal that
-            reports its targets seems to jump. None where the log does not say.
-        source: message that says so: "CAMERA_FEEDBACK", "CAM", "camera_capture" …
-        interpolated: whether place and attitude are the track's at that time and not the trigger message's own.
-    """
+    """One release of the shutter."""
 
     time_s: float
+    """On the log's clock (`FlightLog.clock`)."""
     utc_s: float | None
+    """Seconds since 1970-01-01 UTC, or None."""
     image: int | None
+    """Number that the autopilot gave it, or None."""
     place: Place | None
+    """None where the log does not say."""
     attitude: Attitude | None
+    """Of the vehicle, never of the camera; None where the log does not say."""
     gimbal: Gimbal | None
+    """None where the log holds neither a report nor a command."""
     speed_mps: float | None
+    """Of the vehicle in space at that moment."""
     accuracy_m: float | None
+    """Standard deviation of the horizontal position that the GNSS receiver stated."""
     source: str
+    """Message that says so: "CAMERA_FEEDBACK", "CAM", "camera_capture" …"""
     turning_dps: float | None = None
+    """How fast the camera turned, with the vehicle or on its gimbal, degrees per second; a gimbal that reports its
+    targets seems to jump. None where the log does not say."""
     interpolated: bool = False
+    """Whether place and attitude are the track's at that time and not the trigger message's own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Values over time.
-
-    Attributes:
-        times_s: (n,) increasing.
-        values: (n, k).
-        angles: columns that are degrees and wrap at 360.
-    """
+    """Values over time."""
 
     times_s: NDArray[np.float64]
+    """(n,) increasing."""
     values: NDArray[np.float64]
+    """(n, k)."""
     angles: tuple[int, ...] = ()
+    """Columns that are degrees and wrap at 360."""
 
     @classmethod
     def of(cls, times_s: ArrayLike, values: ArrayLike, width: int, angles: tuple[int, ...] = ()) -> Series:
@@ -157,42 +142,33 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """The flight between the triggers, on the log's clock.
-
-    Attributes:
-        position: latitude, longitude (degrees), above sea level, above home (metres).
-        velocity: north, east, down, m/s.
-        attitude: roll, pitch, yaw of the vehicle.
-        gimbal_vehicle, gimbal_north: roll, pitch, yaw of the camera, by the frame of their yaw.
-        accuracy: horizontal position accuracy that the GNSS receiver states, m.
-    """
+    """The flight between the triggers, on the log's clock."""
 
     position: Series = field(default_factory=lambda: Series.empty(4))
+    """Latitude, longitude (degrees), above sea level, above home (metres)."""
     velocity: Series = field(default_factory=lambda: Series.empty(3))
+    """North, east, down, m/s."""
     attitude: Series = field(default_factory=lambda: Series.empty(3))
+    """Roll, pitch, yaw of the vehicle."""
     gimbal_vehicle: Series = field(default_factory=lambda: Series.empty(3))
     gimbal_north: Series = field(default_factory=lambda: Series.empty(3))
+    """Roll, pitch, yaw of the camera, by the frame of their yaw."""
     accuracy: Series = field(default_factory=lambda: Series.empty(1))
+    """Horizontal position accuracy that the GNSS receiver states, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlightLog:
-    """A flight, read.
-
-    Attributes:
-        path: the file.
-        kind: of file.
-        clock: of all ``time_s``.
-        home: the last home position before the first trigger; its ``above_home_m`` is 0.
-        triggers: in the order of time.
-        track: everything between.
-        remarks: what a person should know: gaps, damage, other cameras.
-    """
+    """A flight, read."""
 
     path: Path
     kind: LogKind
     clock: Clock
+    """Of all ``time_s``."""
     home: Place | None
+    """The last home position before the first trigger; its ``above_home_m`` is 0."""
     triggers: tuple[Trigger, ...]
+    """In the order of time."""
     track: Track
     remarks: tuple[str, ...] = ()
+    """What a person should know: gaps, damage, other cameras."""

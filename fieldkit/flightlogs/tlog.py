@@ -46,9 +46,6 @@ def read_tlog(data: bytes, path: Path) -> FlightLog:
     Args:
         data: the file's bytes.
         path: for messages.
-
-    Raises:
-        MetadataError: there is no MAVLink in it.
     """
     reader = LogReader(data)
     by_name: dict[str, list[Stamped]] = {name: [] for name in _IDS.values()}

@@ -41,15 +41,12 @@ _REMEDY = "Give a telemetry log as QGroundControl, Mission Planner or MAVProxy w
 
 @dataclass(frozen=True, slots=True)
 class LogFrame:
-    """A frame of a log, whose checksum is right.
-
-    Attributes:
-        time_s: since 1970, as the recorder's clock had it.
-        data: the frame, MAVLink 1 or 2.
-    """
+    """A frame of a log, whose checksum is right."""
 
     time_s: float
+    """Since 1970, as the recorder's clock had it."""
     data: bytes
+    """The frame, MAVLink 1 or 2."""
 
     @property
     def system(self) -> int:
@@ -140,11 +137,7 @@ class LogReader:
 
 
 def read_frames(path: Path) -> Iterator[LogFrame]:
-    """The intact frames of a file, see `LogReader`.
-
-    Raises:
-        MetadataError: the file is missing, unreadable, too large, or has no intact frame.
-    """
+    """The intact frames of a file, see `LogReader`."""
     path = Path(path)
     try:
         if check_regular(path).st_size > MAX_BYTES:
@@ -163,11 +156,7 @@ def read_frames(path: Path) -> Iterator[LogFrame]:
 
 
 def read_messages(path: Path) -> Iterator[tuple[float, int, Message]]:
-    """(time, seconds since 1970; id of the sending system; message) of every message of a file.
-
-    Raises:
-        MetadataError: as `read_frames`.
-    """
+    """(time, seconds since 1970; id of the sending system; message) of every message of a file."""
     for frame in read_frames(path):
         message = frame.message
         if message is not None:

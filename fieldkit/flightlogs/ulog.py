@@ -36,9 +36,6 @@ def read_ulog(data: bytes, path: Path) -> FlightLog:
     Args:
         data: the file's bytes.
         path: for messages.
-
-    Raises:
-        MetadataError: it holds none of the topics of a flight.
     """
     try:
         topics, skipped = read_topics(data, _NAMES)

@@ -35,9 +35,6 @@ def read_topics(data: bytes, names: Set[str]) -> tuple[dict[str, NDArray[np.void
     Args:
         data: of a log.
         names: such as "camera_capture"; those that the log does not hold are not in the result.
-
-    Raises:
-        MetadataError: the header is incomplete, or the log says that old readers cannot read it.
     """
     if len(data) < _HEADER_BYTES or not data.startswith(HEADER):
         raise MetadataError("is no ULog file", remedy="Copy the log again from the autopilot's card.")

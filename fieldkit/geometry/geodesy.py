@@ -88,11 +88,7 @@ def ecef_to_geodetic(points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def utm_epsg(latitude_deg: float, longitude_deg: float) -> int:
-    """EPSG code of the WGS 84 / UTM zone (326zz north, 327zz south), with Norway's and Svalbard's wider zones.
-
-    Raises:
-        ValueError: the latitude is outside −80…84°, where UTM is not defined, or a value is not finite.
-    """
+    """EPSG code of the WGS 84 / UTM zone (326zz north, 327zz south), with Norway's and Svalbard's wider zones."""
     if not (np.isfinite(latitude_deg) and np.isfinite(longitude_deg) and -80.0 <= latitude_deg <= 84.0):
         raise ValueError(f"UTM covers latitudes from −80° to 84°, not {latitude_deg}°")
     longitude = (longitude_deg + 180.0) % 360.0 - 180.0
@@ -111,20 +107,18 @@ class LocalFrame:
     Altitudes above sea level may be given as they are: an undulation of 100 m read as ellipsoidal height scales
     horizontal distances by 16 millionths (1.6 mm over 100 m). ``datum`` only says which it was.
 
-    Attributes:
-        latitude_deg: WGS 84, −90…90.
-        longitude_deg: WGS 84.
-        altitude_m: of the origin, above ``datum``.
-        datum: one of `DATUMS`.
-
     Raises:
         ValueError: a value is not finite, the latitude is outside −90…90, or the datum is unknown to `DATUMS`.
     """
 
     latitude_deg: float
+    """WGS 84, −90…90."""
     longitude_deg: float
+    """WGS 84."""
     altitude_m: float = 0.0
+    """Of the origin, above ``datum``."""
     datum: str = "unknown"
+    """One of `DATUMS`."""
 
     def __post_init__(self) -> None:
         if not all(np.isfinite([self.latitude_deg, self.longitude_deg, self.altitude_m])):

@@ -24,21 +24,17 @@ _LENGTHS = frozenset({"f", "fx", "fy", "cx", "cy"})
 class Intrinsics:
     """A camera model with its size and parameters.
 
-    Attributes:
-        model: a key of `PARAMETER_NAMES`.
-        width: pixels.
-        height: pixels.
-        params: in COLMAP's order; focal lengths and principal point in pixels, with (0, 0) the upper left
-            corner of the upper left pixel, so that its centre is (0.5, 0.5).
-
     Raises:
         ValueError: unknown model, wrong number of parameters, or a size or focal length that is not positive.
     """
 
     model: str
+    """A key of `PARAMETER_NAMES`."""
     width: int
     height: int
     params: tuple[float, ...]
+    """In COLMAP's order; focal lengths and principal point in pixels, with (0, 0) the upper left corner of the upper
+    left pixel, so that its centre is (0.5, 0.5)."""
 
     def __post_init__(self) -> None:
         names = PARAMETER_NAMES.get(self.model)
@@ -89,11 +85,7 @@ class Intrinsics:
         return Intrinsics("PINHOLE", self.width, self.height, (self.fx, self.fy, self.cx, self.cy))
 
     def scaled(self, width: int, height: int) -> Intrinsics:
-        """The same camera at another image size (pixels). A one-focal model needs the aspect ratio kept to 1 %.
-
-        Raises:
-            ValueError: the aspect ratio changes too much for the model.
-        """
+        """The same camera at another image size (pixels). A one-focal model needs the aspect ratio kept to 1 %."""
         sx, sy = width / self.width, height / self.height
         if "f" in PARAMETER_NAMES[self.model] and abs(sx / sy - 1.0) > 0.01:
             raise ValueError(f"{self.width}×{self.height} to {width}×{height} changes the aspect ratio of {self.model}")

@@ -13,16 +13,13 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where a camera is and where it looks.
-
-    Attributes:
-        rotation: (3, 3) camera-from-world rotation; its rows are the camera's x (right), y (down) and
-            z (forward) axes in world coordinates.
-        center: (3,) projection centre in world coordinates, metres.
-    """
+    """Where a camera is and where it looks."""
 
     rotation: Matrix
+    """(3, 3) camera-from-world rotation; its rows are the camera's x (right), y (down) and z (forward) axes in world
+    coordinates."""
     center: Vector
+    """(3,) projection centre in world coordinates, metres."""
 
     def __post_init__(self) -> None:
         rotation = np.array(self.rotation, dtype=np.float64).reshape(3, 3)

@@ -12,17 +12,14 @@ from fieldkit.geometry.pose import Pose
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
-    """x' = scale · rotation · x + translation.
-
-    Attributes:
-        scale: positive, without unit (metres per model unit when it makes a model metric).
-        rotation: (3, 3), determinant +1.
-        translation: (3,), in the target's unit.
-    """
+    """x' = scale · rotation · x + translation."""
 
     scale: float
+    """Positive, without unit (metres per model unit when it makes a model metric)."""
     rotation: NDArray[np.float64]
+    """(3, 3), determinant +1."""
     translation: NDArray[np.float64]
+    """(3,), in the target's unit."""
 
     def __post_init__(self) -> None:
         rotation = np.array(self.rotation, dtype=np.float64).reshape(3, 3)
@@ -39,11 +36,7 @@ class Similarity:
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> Similarity:
-        """From a (3, 4) or (4, 4) matrix whose upper left block is a scaled rotation.
-
-        Raises:
-            ValueError: the block is not a rotation times a positive scale.
-        """
+        """From a (3, 4) or (4, 4) matrix whose upper left block is a scaled rotation."""
         m = np.asarray(matrix, dtype=np.float64)
         determinant = float(np.linalg.det(m[:3, :3]))
         scale = float(np.cbrt(determinant))
@@ -83,9 +76,6 @@ def fit_similarity(source: ArrayLike, target: ArrayLike, *, weights: ArrayLike |
     Args:
         source, target: pairs of points.
         weights: (n,) positive, of the squared errors; equal where None.
-
-    Raises:
-        ValueError: fewer than 3 pairs, or the source points lie on one line.
     """
     s, t = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if len(s) < 3 or s.shape != t.shape:

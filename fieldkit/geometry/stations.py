@@ -75,23 +75,20 @@ class PoseArray:
 
 @dataclass(frozen=True, eq=False)
 class Association:
-    """Photographs and their stations.
-
-    Attributes:
-        station_of: station by photograph, both by index.
-        costs_m: `pose_costs` by photograph, what is common taken out.
-        offset_m: (3,) photographs, turned by ``turn_deg``, less stations, median over the pairs; NaN where not known.
-        heading_deg: of photographs, turned, less stations: what all headings have in common.
-        turn_deg: clockwise turn of the photographs' frame into that of the stations.
-        mean_cost_m: over all photographs with a place, those without a station at `REACH_M`.
-    """
+    """Photographs and their stations."""
 
     station_of: Mapping[int, int] = field(default_factory=dict)
+    """Station by photograph, both by index."""
     costs_m: Mapping[int, float] = field(default_factory=dict)
+    """`pose_costs` by photograph, what is common taken out."""
     offset_m: Array = field(default_factory=lambda: np.full(3, np.nan))
+    """(3,) photographs, turned by ``turn_deg``, less stations, median over the pairs; NaN where not known."""
     heading_deg: float = 0.0
+    """Of photographs, turned, less stations: what all headings have in common."""
     turn_deg: float = 0.0
+    """Clockwise turn of the photographs' frame into that of the stations."""
     mean_cost_m: float = float("inf")
+    """Over all photographs with a place, those without a station at `REACH_M`."""
 
 
 def pose_costs(a: PoseArray, b: PoseArray) -> Array:

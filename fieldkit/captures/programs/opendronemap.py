@@ -1,7 +1,7 @@
 """OpenDroneMap's cameras: odm_report/shots.geojson, and cameras.json beside it or above.
 
-shots.geojson has places on the Earth, UTM coordinates, and rotation vectors from the axes of that grid to the camera's: x
-right, y down, z forward. Lengths in a picture are shares of its longer side (opensfm.org/docs/geometry.html).
+shots.geojson has places on the Earth, UTM coordinates, and rotation vectors from the axes of that grid to the camera's
+(x right, y down, z forward). Lengths in a picture are shares of its longer side (opensfm.org/docs/geometry.html).
 """
 
 from __future__ import annotations

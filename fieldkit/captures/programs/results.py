@@ -34,9 +34,6 @@ def program_of(
         sizes: width and height of a capture's photographs, by name.
         folders: of the capture, where a result may lie.
         given: a result that was named; it counts instead of one in the folders.
-
-    Raises:
-        MetadataError: a result cannot be read, or the one that was named has none of the photographs.
     """
     if given is not None:
         found, odd = _of_photographs(read_result(given), sizes)
