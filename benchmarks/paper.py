@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.depth_images import depth_error
+from benchmarks.depth_images import DepthError, depth_error
 from benchmarks.planner_runs import OF_A_KIND, Confirmed, Contender, Place, Ran, run_all
 from benchmarks.planner_transfer import Carried, carry, flown_over
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.suite import run_studies
 from fieldkit.cache import StageCache, digest
-from fieldkit.clouds import DepthError
 from fieldkit.files import write_atomic
 from fieldkit.pictures.curves import draw_bands, png
 from fieldkit.planning.objective.evaluation import Evaluation

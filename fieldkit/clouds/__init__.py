@@ -2,7 +2,6 @@
 
 from fieldkit.clouds.alignment import AlignmentStats, icp
 from fieldkit.clouds.cloud import Cloud, concatenate
-from fieldkit.clouds.depth import DepthError, depth_mae, pooled_depth_error
 from fieldkit.clouds.ground import Plane, fit_ground_plane
 from fieldkit.clouds.io import read_cloud, write_cloud
 from fieldkit.clouds.las import LasCloud, read_las, write_las
@@ -28,7 +27,6 @@ __all__ = [
     "Chamfer",
     "Cloud",
     "CloudScore",
-    "DepthError",
     "FScore",
     "LasCloud",
     "Plane",
@@ -38,11 +36,9 @@ __all__ = [
     "chamfer_distance",
     "concatenate",
     "crop",
-    "depth_mae",
     "fit_ground_plane",
     "icp",
     "nearest_distances",
-    "pooled_depth_error",
     "read_cloud",
     "read_las",
     "read_ply",

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from fieldkit.clouds.strays import piece_surface_m2
+from fieldkit.clouds.cells import piece_surface_m2
 
 Array = NDArray[np.float64]
 Outline = tuple[tuple[float, float], ...]

@@ -1,11 +1,26 @@
-"""Integer cells that points fall into."""
+"""Integer cells that points fall into, and the pieces that touching cells make: strays, and the stand of plants."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+
+STRAY_M2 = (0.0005, 0.005)
+STRAY_SHARE = 0.05
+"""A piece with less surface than 5 % of the largest one does not count, nor one below 5 cm²; one of 50 cm² does."""
+_REACH_VOXELS = 3
+VOXEL_M, VOXEL_GSD = 0.010, 10.0
+_CELL_M, _GAP_M = 0.03, 0.10
+_LARGE_SHARE = 0.2
+"""A piece that covers at least this share of the largest one's ground belongs to the stand wherever it is."""
+_BESIDE_M = 0.25
 
 
 def cell_keys(cells: NDArray[np.int64], limits: NDArray[np.int64] | None = None) -> NDArray[np.int64] | None:
@@ -34,3 +49,74 @@ def unique_cells(cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[n
         return found, index.reshape(-1)
     _, first, index = np.unique(keys, return_index=True, return_inverse=True)
     return cells[first], index.reshape(-1)
+
+
+def voxel_edge_m(gsd_m: float) -> float:
+    """Edge of the voxels that plants are counted in: 10 mm, or 10 ground sampling distances where that is more."""
+    return max(VOXEL_M, VOXEL_GSD * gsd_m)
+
+
+def without_strays(points: NDArray[np.float64], voxel_m: float) -> NDArray[np.bool_]:
+    """Mask (n,) of the points (n, 3) that belong to a piece large enough to be a leaf (`STRAY_SHARE`, `STRAY_M2`).
+
+    Two points belong to one piece where a chain of points with gaps of at most three voxels leads from one to the
+    other, and never where there is a gap of more than 10.4 voxels; between, it depends on how they fall into cells. A
+    piece's surface is that of its voxels, one face each.
+    """
+    if not len(points):
+        return np.zeros(0, dtype=np.bool_)
+    surface = piece_surface_m2(points, voxel_m, _REACH_VOXELS)
+    low, high = STRAY_M2
+    kept: NDArray[np.bool_] = surface >= max(low, min(high, STRAY_SHARE * float(surface.max())))
+    return kept
+
+
+def piece_surface_m2(points: NDArray[np.float64], voxel_m: float, reach: int = 1) -> NDArray[np.float64]:
+    """Surface (n,) of the piece that each point (n, 3) belongs to: of its voxels, one face each.
+
+    Points belong to one piece where cells of ``reach`` voxels that hold them touch, by a corner at least.
+    """
+    voxels, of_point = unique_cells(np.floor(points / voxel_m).astype(np.int64))
+    coarse, of_voxel = unique_cells(np.floor_divide(voxels, reach))
+    pairs = cKDTree(coarse).query_pairs(1.8, output_type="ndarray")  # all 26 neighbours: √3 < 1.8 < 2
+    links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(coarse),) * 2)
+    pieces = connected_components(links, directed=False)[1][of_voxel]
+    surface: NDArray[np.float64] = (np.bincount(pieces) * voxel_m**2)[pieces][of_point]
+    return surface
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Where the plants are that belong together."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    """(x, y) of the corners of the box about them, metres."""
+    apart: float
+    """Share of the covered ground that lies more than 0.25 m outside that box."""
+    reach: tuple[float, float]
+    """(length, width) of the box about everything."""
+
+
+def find_stand(points: NDArray[np.float64]) -> Stand | None:
+    """The stand in plants' points (n, 3): the box about the large pieces of covered ground, seen from above.
+
+    Pieces are cells of 3 cm with gaps of at most 10 cm; plants and rows may be pieces of their own. None without any.
+    """
+    if not len(points):
+        return None
+    cells, _ = unique_cells(np.floor(points[:, :2] / _CELL_M).astype(np.int64))
+    pairs = cKDTree(cells).query_pairs(_GAP_M / _CELL_M, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(cells),) * 2)
+    pieces = connected_components(links, directed=False)[1]
+    sizes = np.bincount(pieces)
+    corners = np.stack([cells, cells + 1]).astype(np.float64) * _CELL_M
+    large = (sizes >= _LARGE_SHARE * sizes.max())[pieces]
+    low, high = corners[0, large].min(axis=0), corners[1, large].max(axis=0)
+    middles = corners.mean(axis=0)
+    away = np.maximum(low - middles, middles - high).max(axis=1)
+    length, width = (corners[1].max(axis=0) - corners[0].min(axis=0)).tolist()
+    return Stand(
+        (float(low[0]), float(low[1])), (float(high[0]), float(high[1])), float(np.mean(away > _BESIDE_M)),
+        (length, width),
+    )  # fmt: skip

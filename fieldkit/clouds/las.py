@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import os
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.las_header import DAMAGED, check_sizes
 from fieldkit.errors import CloudError
 from fieldkit.files import write_atomic
 from fieldkit.regular_files import open_regular
@@ -26,6 +27,13 @@ _WITH_COLOR = (2, 3, 5, 7, 8, 10)  # point formats
 _LINEAR_UNITS, _VERTICAL_UNITS = 3076, 4099  # GeoTIFF keys (OGC 19-008r4, 7.5)
 _UNITS_M = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}  # by EPSG code: metre, foot, US survey foot
 _CREATION_DATE = slice(90, 94)  # of the header: day of year and year
+_DAMAGED = "The file is damaged or was not copied completely: copy or export it again."
+_LEAST_HEADER = 227  # bytes, LAS 1.0 to 1.2
+_RECORD_HEADER, _EXTENDED_RECORD_HEADER = 54, 60
+_MAX_RATIO = 200
+"""LAZ makes scans 5 to 20 times smaller; equal points thousands of times, and such a file of 7 KB fills gigabytes."""
+_FREE_BYTES = 64 << 20
+_LEAST_CHUNK_BYTES = 20  # a chunk starts with one uncompressed point, 20 bytes in the shortest format
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,16 +127,16 @@ def _damage_reported(path: Path) -> Iterator[None]:
         raise
     except Exception as error:
         detail = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise CloudError(f"cannot be read as LAS: {detail}", path=path, remedy=DAMAGED) from error
+        raise CloudError(f"cannot be read as LAS: {detail}", path=path, remedy=_DAMAGED) from error
     except BaseException as error:
         # A panic in lazrs' Rust code is not an Exception; Ctrl-C and the like pass.
         if type(error).__name__ != "PanicException":
             raise
-        raise CloudError("cannot be read as LAS: its compression is damaged", path=path, remedy=DAMAGED) from error
+        raise CloudError("cannot be read as LAS: its compression is damaged", path=path, remedy=_DAMAGED) from error
 
 
 def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
-    check_sizes(file, path)
+    _check_sizes(file, path)
     with laspy.open(file, closefd=False, laz_backend=laspy.LazBackend.Lazrs, encoding_errors="replace") as reader:
         header = reader.header
         names = set(header.point_format.dimension_names)
@@ -146,10 +154,10 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
                 break  # the last one, or the file ends early
         count = sum(map(len, points))
         if count != header.point_count:
-            raise CloudError(f"ends after {count} of {header.point_count} points", path=path, remedy=DAMAGED)
+            raise CloudError(f"ends after {count} of {header.point_count} points", path=path, remedy=_DAMAGED)
         xyz = np.concatenate(points) if points else np.zeros((0, 3))
         if not np.isfinite(xyz).all():
-            raise CloudError("has coordinates that are not finite", path=path, remedy=DAMAGED)
+            raise CloudError("has coordinates that are not finite", path=path, remedy=_DAMAGED)
         oriented = np.concatenate(normals) if normals else None
         if oriented is not None:
             oriented[~np.isfinite(oriented).all(axis=1)] = 0.0
@@ -159,6 +167,67 @@ def _read(laspy: Any, file: BinaryIO, path: Path) -> LasCloud:
         cloud = Cloud(xyz if metres else xyz * units, _eight_bit(np.concatenate(colors)) if colors else None, oriented)
         epsg = crs.to_epsg() if crs is not None and metres else None
         return LasCloud(cloud, epsg, crs, (float(units[0]), float(units[1]), float(units[2])))
+
+
+def _check_sizes(file: BinaryIO, path: Path) -> None:
+    """Refuse a file that promises more than it can hold (ASPRS LAS 1.4 R15, tables 3, 7 and 24), and go to its start.
+
+    laspy and lazrs take the numbers of records and chunks as promised and reserve memory for them. A damaged number
+    would fill the memory, and a reservation that fails in lazrs ends the whole process.
+    """
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    header = file.read(375)
+    if len(header) < _LEAST_HEADER:
+        raise CloudError("ends within its header", path=path, remedy=_DAMAGED)
+    header_size, points, records = struct.unpack_from("<HII", header, 94)
+    if not _LEAST_HEADER <= header_size <= points <= size:
+        raise CloudError("has a header that contradicts the file's size", path=path, remedy=_DAMAGED)
+    if records * _RECORD_HEADER > points - header_size:
+        raise CloudError(f"promises {records} records, more than it can hold", path=path, remedy=_DAMAGED)
+    if header[25] >= 4 and len(header) == 375:
+        first, count = struct.unpack_from("<QI", header, 235)
+        _check_extended_records(file, first, count, size, path)
+    (record,) = struct.unpack_from("<H", header, 105)
+    (count,) = struct.unpack_from("<I", header, 107)
+    if header[25] >= 4 and len(header) == 375:
+        (count,) = struct.unpack_from("<Q", header, 247)
+    if header[104] & 0x80:  # the point format's top bit says "compressed"
+        _check_chunk_table(file, points, size, path)
+        room = max(_FREE_BYTES, _MAX_RATIO * (size - points))
+    else:
+        room = size - points
+    if count * record > room:
+        raise CloudError(f"promises {count:,} points, more than it can hold", path=path, remedy=_DAMAGED)
+    file.seek(0)
+
+
+def _check_extended_records(file: BinaryIO, position: int, count: int, size: int, path: Path) -> None:
+    for _ in range(count):
+        if position + _EXTENDED_RECORD_HEADER > size:
+            raise CloudError("promises extended records it does not hold", path=path, remedy=_DAMAGED)
+        file.seek(position + 20)
+        (length,) = struct.unpack("<Q", file.read(8))
+        position += _EXTENDED_RECORD_HEADER + length
+        if position > size:
+            raise CloudError("promises extended records it does not hold", path=path, remedy=_DAMAGED)
+
+
+def _check_chunk_table(file: BinaryIO, points: int, size: int, path: Path) -> None:
+    table = _signed(file, points)
+    if table == -1:  # written to a stream: the offset stands at the end
+        table = _signed(file, size - 8)
+    if not points < table <= size - 8:
+        raise CloudError("has no table of its compressed chunks", path=path, remedy=_DAMAGED)
+    file.seek(table + 4)
+    chunks = int.from_bytes(file.read(4), "little")
+    if chunks * _LEAST_CHUNK_BYTES > size:
+        raise CloudError(f"promises {chunks} compressed chunks, more than it can hold", path=path, remedy=_DAMAGED)
+
+
+def _signed(file: BinaryIO, position: int) -> int:
+    file.seek(position)
+    return int.from_bytes(file.read(8), "little", signed=True)
 
 
 def _eight_bit(colors: NDArray[np.uint16]) -> NDArray[np.uint8] | None:

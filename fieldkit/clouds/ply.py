@@ -1,41 +1,60 @@
-"""Reading and writing PLY point clouds.
+"""Reading and writing PLY point clouds (Turk 1994; paulbourke.net/dataformats/ply).
 
-Read: ASCII and binary of both byte orders, any scalar types, elements and properties in any order. Faces, other
-elements, list properties and properties fieldkit has no use for are passed over. Written: binary little endian.
+Read: ASCII and binary of both byte orders, any scalar types, elements and properties in any order. What fieldkit has no
+use for is passed over; lists may only stand behind the vertices, as faces do. Written: binary little endian.
 """
 
 from __future__ import annotations
 
 import io
 import os
-import struct
 import warnings
-from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
-from fieldkit.clouds.ply_header import Element, Header, read_header
 from fieldkit.errors import CloudError
 from fieldkit.files import write_atomic
 from fieldkit.regular_files import open_regular
 from fieldkit.wording import count
 
-_COLOR_NAMES = (
-    ("red", "green", "blue"),
-    ("r", "g", "b"),
-    ("diffuse_red", "diffuse_green", "diffuse_blue"),
-)
+_SCALARS = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
+    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
+    "double": "f8", "float64": "f8",
+}  # fmt: skip
+"""PLY's scalar types, old and new names, as NumPy's type codes."""
+_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_MAX_HEADER_BYTES = 1 << 20
+_COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 _NORMAL_NAMES = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _FLOAT32_LIMIT_M = 16.0  # below it float32 is within 0.5 µm
 _LARGEST_COORDINATE = 1e12  # beyond any place on Earth in millimetres: swapped bytes or damage
 _TRUNCATED = "The file is damaged or was not copied completely: copy or export it again."
 
 Columns = dict[str, NDArray[np.generic]]
+
+
+class _Element(NamedTuple):
+    """One element of a file: its number of rows, and NumPy's type code of each property; None of a list."""
+
+    name: str
+    rows: int
+    kinds: dict[str, str | None]
+
+
+class _Header(NamedTuple):
+    order: str
+    """"<", ">" or "" for ASCII."""
+    before: list[_Element]
+    """Elements before the vertices."""
+    vertex: _Element
+    body: int
+    """Offset of the first byte behind the header."""
 
 
 def read_ply(path: Path) -> Cloud:
@@ -48,11 +67,9 @@ def read_ply(path: Path) -> Cloud:
     try:
         with open_regular(path) as file:
             size = os.fstat(file.fileno()).st_size
-            header = read_header(file, path)
-            vertex = _vertex(header, path)
+            header = _read_header(file, path)
             file.seek(header.body)
-            read = _read_binary if header.byte_order else _read_ascii
-            columns = read(file, header, vertex, size - header.body, path)
+            columns = (_read_binary if header.order else _read_ascii)(file, header, size - header.body, path)
     except OSError as error:
         reason = error.strerror or str(error)
         raise CloudError(f"cannot be read: {reason}", path=path, remedy="Check the path and permissions.") from error
@@ -82,116 +99,102 @@ def write_ply(path: Path, cloud: Cloud) -> None:
     write_atomic(path, "\n".join([*lines, "end_header\n"]).encode("ascii") + rows.tobytes())
 
 
-def _vertex(header: Header, path: Path) -> Element:
-    for element in header.elements:
-        if element.name == "vertex":
-            scalars = {p.name for p in element.properties if p.count is None}
-            if not {"x", "y", "z"} <= scalars:
-                raise CloudError("its vertices have no x, y and z", path=path, remedy="Export the cloud again.")
-            return element
-    raise CloudError("has no vertices", path=path, remedy="Give a point cloud; a material or scene is not one.")
+def _read_header(file: BinaryIO, path: Path) -> _Header:
+    def broken(message: str) -> CloudError:
+        remedy = "Export the cloud again, as PLY with x, y and z."
+        return CloudError(f"broken PLY header: {message}", path=path, remedy=remedy)
+
+    start = file.read(_MAX_HEADER_BYTES)
+    if not start.startswith((b"ply\n", b"ply\r")):
+        raise CloudError("is not a PLY file", path=path, remedy="Give a point cloud as PLY, LAS or LAZ.")
+    newline = b"\n" if start.startswith((b"ply\n", b"ply\r\n")) else b"\r"
+    order: str | None = None
+    elements: list[_Element] = []
+    position = start.index(newline) + 1
+    while True:
+        end = start.find(newline, position)
+        line = start[position : end if end >= 0 else None].rstrip(b"\r ").decode("latin-1")
+        if line == "end_header":
+            position = len(start) if end < 0 else end + 1
+            break
+        if end < 0:
+            raise broken("the header has no end")
+        position = end + 1
+        match line.split():
+            case [] | ["comment" | "obj_info", *_]:
+                pass
+            case ["format", name, _]:
+                if name not in _FORMATS:
+                    raise broken(f"unknown format {name!r}")
+                order = _FORMATS[name]
+            case ["element", name, rows]:
+                if not (rows.isascii() and rows.isdigit() and len(rows) <= 18):
+                    raise broken(f"{rows[:40]!r} is not a number of rows")
+                if any(element.name == name for element in elements):
+                    raise broken(f"the element {name!r} is there twice")
+                elements.append(_Element(name, int(rows), {}))
+            case ["property", kind, name] if elements and kind in _SCALARS:
+                if name in elements[-1].kinds:
+                    raise broken(f"the property {name!r} is there twice")
+                elements[-1].kinds[name] = _SCALARS[kind]
+            case ["property", "list", counted, kind, name] if elements and {counted, kind} <= set(_SCALARS):
+                elements[-1].kinds[name] = None
+            case ["property", *words] if elements:
+                raise broken(f"unknown property {' '.join(words)[:60]!r}")
+            case _:
+                raise broken(f"unexpected line {line[:60]!r}")
+    if order is None:
+        raise broken("no format line")
+    at = next((k for k, element in enumerate(elements) if element.name == "vertex"), None)
+    if at is None:
+        raise CloudError("has no vertices", path=path, remedy="Give a point cloud; a material or scene is not one.")
+    if not all(elements[at].kinds.get(axis) for axis in "xyz"):
+        raise CloudError("its vertices have no x, y and z", path=path, remedy="Export the cloud again.")
+    if any(None in element.kinds.values() for element in elements[: at + 1]):
+        remedy = "Export it with x, y, z, colours and normals only."
+        raise CloudError("has lists in or before its vertices, which are not read", path=path, remedy=remedy)
+    return _Header(order, elements[:at], elements[at], position)
 
 
-def _short(path: Path, element: Element) -> CloudError:
+def _short(path: Path, element: _Element) -> CloudError:
     return CloudError(f"ends before its {count(element.rows, 'row')} of {element.name!r}", path=path, remedy=_TRUNCATED)
 
 
-# Binary
-
-
-def _read_binary(file: BinaryIO, header: Header, vertex: Element, size: int, path: Path) -> Columns:
-    body, position = file.read(size), 0
-    for element in header.elements:
+def _read_binary(file: BinaryIO, header: _Header, size: int, path: Path) -> Columns:
+    for element in (*header.before, header.vertex):
+        row = np.dtype([(name, f"{header.order}{kind}") for name, kind in element.kinds.items()])
         # Checked before anything is allocated: a header may promise any number of rows.
-        least = sum(np.dtype(p.count or p.scalar).itemsize for p in element.properties)
-        if element.rows * least > len(body) - position:
+        if element.rows * row.itemsize > size:
             raise _short(path, element)
-        if element.has_lists:
-            try:
-                offsets, position = _row_offsets(body, position, header, element)
-            except struct.error as error:
-                raise _short(path, element) from error
-            if element is vertex:
-                return _gather(body, offsets, header, vertex)
-        elif element is vertex:
-            row = np.dtype([(p.name, header.byte_order + p.scalar) for p in vertex.properties])
-            rows = np.frombuffer(body, dtype=row, count=vertex.rows, offset=position)
-            return {p.name: rows[p.name] for p in vertex.properties}
-        else:
-            position += element.rows * least
-    raise AssertionError("unreachable: the vertex element is in the header")
+        size -= element.rows * row.itemsize
+        body = file.read(element.rows * row.itemsize)
+    rows = np.frombuffer(body, dtype=row)
+    return {name: rows[name] for name in header.vertex.kinds}
 
 
-def _row_offsets(body: bytes, position: int, header: Header, element: Element) -> tuple[NDArray[np.int64], int]:
-    """Offsets (rows, properties) of every value of an element with lists, and where the element ends."""
-    order = header.byte_order
-    steps = [
-        (None if p.count is None else struct.Struct(order + _STRUCT[p.count]), np.dtype(p.scalar).itemsize)
-        for p in element.properties
-    ]
-    offsets = np.empty((element.rows, len(steps)), dtype=np.int64)
-    for row in range(element.rows):
-        for column, (counter, size) in enumerate(steps):
-            offsets[row, column] = position
-            if counter is None:
-                position += size
-            else:
-                (length,) = counter.unpack_from(body, position)
-                if length < 0:
-                    raise struct.error("a list of negative length")
-                position += counter.size + length * size
-        if position > len(body):
-            raise struct.error("past the end")
-    return offsets, position
-
-
-_STRUCT = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
-
-
-def _gather(body: bytes, offsets: NDArray[np.int64], header: Header, vertex: Element) -> Columns:
-    data = np.frombuffer(body, dtype=np.uint8)
-    columns: Columns = {}
-    for column, prop in enumerate(vertex.properties):
-        if prop.count is None:
-            kind = np.dtype(header.byte_order + prop.scalar)
-            columns[prop.name] = data[offsets[:, column, None] + np.arange(kind.itemsize)].view(kind)[:, 0]
-    return columns
-
-
-# ASCII
-
-
-def _read_ascii(file: BinaryIO, header: Header, vertex: Element, size: int, path: Path) -> Columns:
+def _read_ascii(file: BinaryIO, header: _Header, size: int, path: Path) -> Columns:
+    kinds = header.vertex.kinds
     with io.TextIOWrapper(file, encoding="latin-1") as text:  # ends lines at \n, \r\n and \r alike
         lines = (line for line in text if not line.isspace())
-        for element in header.elements:
+        for element in (*header.before, header.vertex):
             # A value takes a digit and a separator (the last may have none), so this bounds what is allocated.
-            if 2 * element.rows * len(element.properties) > size + 1:
+            if 2 * element.rows * len(element.kinds) > size + 1:
                 raise _short(path, element)
-            if element is vertex:
-                return _ascii_columns(lines, vertex, path)
-            if sum(1 for _ in islice(lines, element.rows)) < element.rows:
+            if element is not header.vertex and sum(1 for _ in islice(lines, element.rows)) < element.rows:
                 raise _short(path, element)
-    raise AssertionError("unreachable: the vertex element is in the header")
-
-
-def _ascii_columns(lines: Iterator[str], vertex: Element, path: Path) -> Columns:
-    if not vertex.rows:
-        return {p.name: np.zeros(0) for p in vertex.properties}
-    rows: Iterable[str] = islice(lines, vertex.rows)
-    if vertex.has_lists:
-        rows = (_without_lists(line, vertex) for line in rows)
-    names = [p.name for p in vertex.properties if p.count is None]
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # NumPy warns of an empty file; the row count below tells
-            values = np.loadtxt(rows, dtype=np.float64, comments=None, usecols=range(len(names)), ndmin=2)
-    except (ValueError, IndexError) as error:
-        raise CloudError(f"has a row that cannot be read: {error}", path=path, remedy=_TRUNCATED) from error
-    if len(values) < vertex.rows:
-        raise _short(path, vertex)
-    kinds = {p.name: p.scalar for p in vertex.properties}
-    return {name: _as_declared(values[:, i], kinds[name]) for i, name in enumerate(names)}
+        if not header.vertex.rows:
+            return {name: np.zeros(0) for name in kinds}
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # NumPy warns of an empty file; the row count below tells
+                values = np.loadtxt(
+                    islice(lines, header.vertex.rows), comments=None, usecols=range(len(kinds)), ndmin=2
+                )
+        except (ValueError, IndexError) as error:
+            raise CloudError(f"has a row that cannot be read: {error}", path=path, remedy=_TRUNCATED) from error
+    if len(values) < header.vertex.rows:
+        raise _short(path, header.vertex)
+    return {name: _as_declared(values[:, k], str(kind)) for k, (name, kind) in enumerate(kinds.items())}
 
 
 def _as_declared(values: NDArray[np.float64], kind: str) -> NDArray[np.generic]:
@@ -200,21 +203,6 @@ def _as_declared(values: NDArray[np.float64], kind: str) -> NDArray[np.generic]:
         return values
     limits = np.iinfo(kind)
     return np.nan_to_num(values).clip(limits.min, limits.max).astype(kind)
-
-
-def _without_lists(line: str, element: Element) -> str:
-    words, kept, position = line.split(), [], 0
-    for prop in element.properties:
-        if prop.count is None:
-            kept += words[position : position + 1]
-            position += 1
-        else:
-            length = int(words[position]) if position < len(words) else 0
-            position += 1 + max(length, 0)
-    return " ".join(kept)
-
-
-# Columns to a cloud
 
 
 def _cloud(columns: Columns, path: Path) -> Cloud:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldkit.captures.model import Capture
-from fieldkit.clouds.strays import voxel_edge_m
+from fieldkit.clouds.cells import voxel_edge_m
 from fieldkit.geometry import Pose, Similarity
 from fieldkit.geometry.geodesy import LocalFrame, utm_epsg_of
 from fieldkit.geometry.priors import SourceFrame

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from fieldkit.clouds.cells import Stand, find_stand
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
-from fieldkit.clouds.stand import Stand, find_stand
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Pose
 from fieldkit.reconstruction.interest import cuts_plants

@@ -12,9 +12,9 @@ from fieldkit.cache import StageCache, digest
 from fieldkit.captures import find_mask, quality_findings, read_image
 from fieldkit.captures.markers_file import MarkersFile
 from fieldkit.captures.model import Capture, Photo
+from fieldkit.clouds.cells import voxel_edge_m, without_strays
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.ground import Plane
-from fieldkit.clouds.strays import voxel_edge_m, without_strays
 from fieldkit.clouds.volume import Volume
 from fieldkit.errors import MetadataError, ReconstructionError
 from fieldkit.geometry import Intrinsics, Pose, Similarity

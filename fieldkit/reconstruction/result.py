@@ -143,7 +143,7 @@ class Reconstruction:
         plants: dense cloud of the plants: masked, in the volume, above the ground; without strays where metric.
         nearby: the same and what lies no farther than asked for beyond the volume and below the ground: a cloud that is
             moved onto a reference is cropped after that.
-        stray: share of the plants' points that were left out as strays (`fieldkit.clouds.strays`).
+        stray: share of the plants' points that were left out as strays (`fieldkit.clouds.cells`).
         scene: dense cloud of everything in the volume; None where it was not made.
         gsd_m: ground sampling distance at the volume's centre, median over images: metres per full-size pixel.
         fusion_rule: in words.

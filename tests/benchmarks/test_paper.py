@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.depth_images import depth_image
+from benchmarks.depth_images import DepthError, depth_image
 from benchmarks.paper import BASELINES, TESTS, PaperOptions, Plans, depth_table, distance_table
 from benchmarks.planner_transfer import Carried
 from fieldkit.cache import StageCache
-from fieldkit.clouds import DepthError
 from fieldkit.geometry import Intrinsics, Pose
 from tests.benchmarks.test_planner_studies import ran
 

@@ -57,7 +57,6 @@ def test_ascii_with_faces_lists_comments_and_unknown_properties(tmp_path: Path) 
         property float focal
         element vertex 2
         property double z
-        property list uchar int seen_by
         property uchar red
         property uchar green
         property uchar blue
@@ -67,7 +66,7 @@ def test_ascii_with_faces_lists_comments_and_unknown_properties(tmp_path: Path) 
         element face 1
         property list uchar int vertex_indices
     """
-    path = ply(tmp_path, header, b"1200\n3 2 7 8 1 2 3 0.5 1 2\n\n6 0 4 5 6 0.25 4 5\n3 0 1 0\n")
+    path = ply(tmp_path, header, b"1200\n3 1 2 3 0.5 1 2\n\n6 4 5 6 0.25 4 5\n3 0 1 0\n")
     cloud = read_ply(path)
     np.testing.assert_array_equal(cloud.points, [[1, 2, 3], [4, 5, 6]])
     np.testing.assert_array_equal(cloud.colors, [[1, 2, 3], [4, 5, 6]])
@@ -81,25 +80,25 @@ def test_ascii_line_endings(tmp_path: Path, newline: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "order"), [("little", "<"), ("big", ">")])
-def test_binary_of_both_byte_orders_with_lists_before_and_in_the_vertices(
-    tmp_path: Path, name: str, order: str
-) -> None:
+def test_binary_of_both_byte_orders_with_other_elements(tmp_path: Path, name: str, order: str) -> None:
     header = f"""
         format binary_{name}_endian 1.0
-        element strip 2
-        property list ushort short indices
+        element camera 2
+        property short k
         element vertex 2
         property int16 x
-        property list uint8 float32 weights
         property float64 y
         property float32 z
         property uint8 r
         property uint8 g
         property uint8 b
+        element face 1
+        property list uchar int vertex_indices
     """
-    body = struct.pack(order + "HhhH", 2, 5, 6, 0)
-    body += struct.pack(order + "hBffdfBBB", -7, 2, 0.5, 0.5, 1.25, 2.5, 1, 2, 3)
-    body += struct.pack(order + "hBdfBBB", 8, 0, -1.25, 3.5, 4, 5, 6)
+    body = struct.pack(order + "hh", 2, 5)
+    body += struct.pack(order + "hdfBBB", -7, 1.25, 2.5, 1, 2, 3) + struct.pack(
+        order + "hdfBBB", 8, -1.25, 3.5, 4, 5, 6
+    )
     cloud = read_ply(ply(tmp_path, header, body))
     np.testing.assert_array_equal(cloud.points, [[-7, 1.25, 2.5], [8, -1.25, 3.5]])
     np.testing.assert_array_equal(cloud.colors, [[1, 2, 3], [4, 5, 6]])
@@ -142,11 +141,6 @@ XYZ = "property float x\nproperty float y\nproperty float z"
         (f"format ascii 1.0\nelement vertex 2\n{XYZ}", b"1 2 3\n4   5\n", "row that cannot be read"),
         (f"format ascii 1.0\nelement vertex 999999999999999999\n{XYZ}", b"1 2 3\n", "ends before"),
         (f"format binary_little_endian 1.0\nelement vertex 999999999999999999\n{XYZ}", b"12345", "ends before"),
-        (
-            f"format binary_little_endian 1.0\nelement vertex 999999999\n{XYZ}\nproperty list int int l",
-            b"0" * 99,
-            "ends before",
-        ),
         (f"format binary_little_endian 1.0\nelement vertex -1\n{XYZ}", b"", "not a number of rows"),
         (f"format binary_little_endian 1.0\nelement vertex 1e3\n{XYZ}", b"", "not a number of rows"),
         (f"format morse 1.0\nelement vertex 1\n{XYZ}", b"", "unknown format"),
@@ -156,7 +150,7 @@ XYZ = "property float x\nproperty float y\nproperty float z"
         (f"format ascii 1.0\nelement vertex 0\n{XYZ}\nproperty quaternion q", b"", "unknown property"),
         (f"format ascii 1.0\nelement vertex 0\n{XYZ}\nproperty float x", b"", "'x' is there twice"),
         (f"format ascii 1.0\nelement vertex 0\n{XYZ}\nelement vertex 0", b"", "there twice"),
-        (f"format ascii 1.0\nelement vertex 0\n{XYZ}\nproperty list float int l", b"", "floating-point"),
+        (f"format ascii 1.0\nelement vertex 0\n{XYZ}\nproperty list int int l", b"", "lists in or before its vertices"),
         ("format ascii 1.0\nproperty float x", b"", "unexpected line"),
         (
             "format binary_big_endian 1.0\nelement vertex 1\n" + XYZ.replace("float", "double"),
@@ -166,7 +160,7 @@ XYZ = "property float x\nproperty float y\nproperty float z"
         (
             f"format binary_little_endian 1.0\nelement f 1\nproperty list char int l\nelement vertex 0\n{XYZ}",
             b"\xff" * 9,
-            "ends before",
+            "lists in or before its vertices",
         ),
     ],
 )
@@ -200,17 +194,16 @@ def test_a_full_disk(small_disk: Path) -> None:
 
 ASCII_EXAMPLE = (
     b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    b"property uchar red\nproperty uchar green\nproperty uchar blue\nproperty list uchar int near\n"
+    b"property uchar red\nproperty uchar green\nproperty uchar blue\n"
     b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
-    b"1 2 3 9 9 9 1 5\n4 5 6 8 8 8 0\n7 8 9 7 7 7 2 1 1\n3 0 1 2\n"
+    b"1 2 3 9 9 9\n4 5 6 8 8 8\n7 8 9 7 7 7\n3 0 1 2\n"
 )
 BINARY_EXAMPLE = (
-    b"ply\nformat binary_big_endian 1.0\nelement face 2\nproperty list uchar short vertex_indices\n"
-    b"element vertex 2\nproperty double x\nproperty double y\nproperty double z\nproperty list int char tags\n"
+    b"ply\nformat binary_big_endian 1.0\nelement camera 2\nproperty short k\n"
+    b"element vertex 2\nproperty double x\nproperty double y\nproperty double z\n"
     b"property float nx\nproperty float ny\nproperty float nz\nend_header\n"
-    + struct.pack(">Bhh", 2, 0, 1)
-    + struct.pack(">B", 0)
-    + 2 * struct.pack(">dddibfff", 1, 2, 3, 1, 7, 0, 0, 1)
+    + struct.pack(">hh", 0, 1)
+    + 2 * struct.pack(">dddfff", 1, 2, 3, 0, 0, 1)
 )
 FRAGMENTS = [b"", b"0", b"-1", b"99999999999", b"\n", b"\r", b"vertex", b"list", b"ascii", b"\xff" * 8, b"nan", b"\x00"]
 

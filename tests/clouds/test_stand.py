@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fieldkit.clouds.stand import find_stand
+from fieldkit.clouds.cells import find_stand
 from tests.clouds.examples import cone
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fieldkit.clouds import depth_mae, pooled_depth_error
+from benchmarks.depth_images import depth_mae, pooled_depth_error
 
 
 def test_both_countings_by_hand() -> None:

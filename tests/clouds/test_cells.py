@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fieldkit.clouds.strays import STRAY_M2, voxel_edge_m, without_strays
+from fieldkit.clouds.cells import STRAY_M2, voxel_edge_m, without_strays
 from tests.clouds.examples import cone
 
 Array = NDArray[np.float64]
