@@ -11,7 +11,6 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-
 STRAY_M2 = (0.0005, 0.005)
 STRAY_SHARE = 0.05
 """A piece with less surface than 5 % of the largest one does not count, nor one below 5 cm²; one of 50 cm² does."""
