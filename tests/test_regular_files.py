@@ -120,7 +120,7 @@ def test_no_module_opens_a_foreign_file_by_itself() -> None:
         "campaign/export.py",  # what pyogrio wrote just before
         "evaluation/rasters.py",  # what rasterio wrote just before
         "captures/capture.py",  # candidates, which list_folder looked at
-        "cli/completion.py", "evaluation/prediction.py", "report/html/document.py", "report/html/viewer.py",
+        "evaluation/prediction.py", "report/html/document.py", "report/html/viewer.py",
         "demo/flight.py",  # the package's own
         "planning/objective/plots_objective.py", "reconstruction/dense/cuda.py", "reconstruction/model_cache.py",
         "regular_files.py",

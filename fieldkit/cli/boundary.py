@@ -33,14 +33,12 @@ class Boundary:
     """A context around a command: swallows what it raises and holds the exit code it stands for.
 
     Attributes:
-        command: the subcommand's name, once known.
         resumable: whether it takes --resume.
         exit_code: what the process should end with.
     """
 
     def __init__(self, arguments: Sequence[str]) -> None:
         options = arguments[: arguments.index("--")] if "--" in arguments else arguments
-        self.command = ""
         self.resumable = False
         self.exit_code = 0
         self._json = "--json" in options
@@ -102,8 +100,10 @@ class Boundary:
             self._tell("MemoryError", "not enough memory", None, remedy)
             return EXIT_BUG
         if _is_typers(error):
-            name = " ".join(["fieldkit", self.command]).strip()
-            self._tell("UsageError", _sentence(error), None, f"'{name} --help' explains the command.")
+            context = getattr(error, "ctx", None)
+            name = "fieldkit" if context is None else context.command_path
+            if sentence := _sentence(error):  # none where help has been shown instead
+                self._tell("UsageError", sentence, None, f"'{name} --help' explains the command.")
             return int(getattr(error, "exit_code", EXIT_BUG))
         if any(words in str(error) for words in _NO_TEXT):
             remedy = "Rename it (a file from another system may have another encoding), or set LANG=C.UTF-8."

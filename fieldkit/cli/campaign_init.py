@@ -7,7 +7,16 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, SeedOption, emit_json, say
+from fieldkit.cli.common import (
+    DebugOption,
+    JsonOption,
+    PlotIdOption,
+    PlotsOption,
+    SeedOption,
+    emit_json,
+    say,
+    vehicles_like,
+)
 from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
@@ -27,7 +36,9 @@ def command(
     *,
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
-    vehicle: Annotated[str | None, Option("--vehicle", help="Profile, by name or path.")] = None,
+    vehicle: Annotated[
+        str | None, Option("--vehicle", autocompletion=vehicles_like, help="Profile, by name or path.")
+    ] = None,
     camera: Annotated[
         Path | None, Option("--camera-file", help="camera.toml for photographs that have none beside them.")
     ] = None,

@@ -18,6 +18,7 @@ from fieldkit.cli.common import (
     emit_json,
     show,
     table,
+    vehicles_like,
 )
 from fieldkit.cli.reconstruction_options import WorkersOption, processes, run_context
 from fieldkit.errors import UsageError
@@ -33,7 +34,13 @@ def command(
         float, Option("--growth", metavar="FACTOR", help="By which plants have grown since the last visit.")
     ] = 1.15,
     vehicle: Annotated[
-        str | None, Option("--vehicle", metavar="NAME", help="A profile's name or file, in place of the campaign's.")
+        str | None,
+        Option(
+            "--vehicle",
+            autocompletion=vehicles_like,
+            metavar="NAME",
+            help="A profile's name or file, in place of the campaign's.",
+        ),
     ] = None,
     format: MissionFormatOption = None,  # noqa: A002
     seed: SeedOption = 0,

@@ -20,6 +20,7 @@ from fieldkit.cli.common import (
     emit_json,
     say,
     show,
+    vehicles_like,
 )
 from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import NoCacheOption, open_cache, run_context
@@ -41,7 +42,12 @@ class AgainOptions:
 
     vehicle: Annotated[
         str | None,
-        Option("--vehicle", metavar="NAME", help="A profile's name or file: for the mission that flies again."),
+        Option(
+            "--vehicle",
+            autocompletion=vehicles_like,
+            metavar="NAME",
+            help="A profile's name or file: for the mission that flies again.",
+        ),
     ] = None
     output: Annotated[
         Path | None,

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, FitOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say
+from fieldkit.cli.common import (
+    DebugOption,
+    FitOption,
+    JsonOption,
+    PlotIdOption,
+    PlotsOption,
+    emit_json,
+    say,
+    vehicles_like,
+)
 from fieldkit.cli.mission_findings import finding_entries, show_findings, station_entry
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.figures.style import format_length, format_seconds
@@ -22,7 +31,9 @@ if TYPE_CHECKING:
 
 def command(
     file: Annotated[Path, Argument(help="A .plan, .waypoints, .kmz (DJI WPML) or Litchi .csv file.")],
-    vehicle: Annotated[str, Option("--vehicle", help="Vehicle profile: a name or a TOML file.")],
+    vehicle: Annotated[
+        str, Option("--vehicle", autocompletion=vehicles_like, help="Vehicle profile: a name or a TOML file.")
+    ],
     plan: Annotated[Path | None, Option("--plan", help="plan.json: compare the photographs with its stations.")] = None,
     site: Annotated[
         Path | None, Option("--site", help="Site file: check legs against its fence, zones and obstacles.")

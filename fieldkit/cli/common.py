@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from typer import Argument, Option
 
 from fieldkit.cli.boundary import emit_json, say
-from fieldkit.cli.help_page import OUTPUT, RUN
 from fieldkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -24,8 +23,11 @@ if TYPE_CHECKING:
 __all__ = [
     "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "FitOption", "JsonOption", "MissionFormatOption",
     "MissionOutputOption", "OutputOption", "OverwriteOption", "PlotIdOption", "PlotsOption", "ResumeOption",
-    "SeedOption", "SitePlotOptions", "emit_json", "say", "show", "table",
+    "SeedOption", "SitePlotOptions", "emit_json", "say", "scenes_like", "show", "table", "vehicles_like",
 ]  # fmt: skip
+
+RUN, OUTPUT = "Run", "Output"
+"""Headings in help of the options that every command has."""
 
 JsonOption = Annotated[
     bool, Option("--json", rich_help_panel=OUTPUT, help="Print one JSON object on stdout and nothing else there.")
@@ -105,6 +107,20 @@ OutputOption = Annotated[
 ]
 OverwriteOption = Annotated[bool, Option("--overwrite", rich_help_panel=RUN, help="Replace an existing result.")]
 ResumeOption = Annotated[bool, Option("--resume", rich_help_panel=RUN, help="Go on with an interrupted run.")]
+
+
+def vehicles_like(incomplete: str) -> list[str]:
+    """The names of vehicles that begin so, for the Tab key."""
+    from fieldkit.vehicles.vehicle_file import vehicle_names
+
+    return [name for name in vehicle_names() if name.startswith(incomplete)]
+
+
+def scenes_like(incomplete: str) -> list[str]:
+    """The names of fieldkit's own scenes that begin so, for the Tab key."""
+    from fieldkit.scenes.library import scene_names
+
+    return [name for name in scene_names() if name.startswith(incomplete)]
 
 
 def show(things: Iterable[RenderableType], *lines: object) -> None:

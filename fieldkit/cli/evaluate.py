@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Context, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show
+from fieldkit.cli.common import DebugOption, JsonOption, emit_json, show, vehicles_like
 from fieldkit.cli.option_groups import grouped
 from fieldkit.cli.reconstruction_options import (
     DISTANCES,
@@ -54,7 +54,12 @@ class FlightOptions:
         Path | None, Option("--mission", help="With --plan: the mission file that the vehicle was given.")
     ] = None
     vehicle: Annotated[
-        str, Option("--vehicle", help="With --mission: the vehicle's profile, a name or a TOML file.")
+        str,
+        Option(
+            "--vehicle",
+            autocompletion=vehicles_like,
+            help="With --mission: the vehicle's profile, a name or a TOML file.",
+        ),
     ] = ""
 
     def flown(self) -> tuple[Path, str] | None:

@@ -23,6 +23,7 @@ from fieldkit.cli.common import (
     say,
     show,
     table,
+    vehicles_like,
 )
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.wording import count, listed
@@ -39,7 +40,9 @@ _MOST_NAMED = 3
 
 def command(
     plan: Annotated[Path, Argument(help="plan.json, or the folder that holds it.")],
-    vehicle: Annotated[str, Option("--vehicle", metavar="NAME", help="A profile's name or file.")],
+    vehicle: Annotated[
+        str, Option("--vehicle", autocompletion=vehicles_like, metavar="NAME", help="A profile's name or file.")
+    ],
     site: Annotated[Path, Option("--site", help="Site file: home, plots, fence, obstacles.")],
     output: MissionOutputOption,
     format: MissionFormatOption = None,  # noqa: A002 - the option's name

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from fieldkit.cli.boundary import say
-from fieldkit.cli.pace import Pace
 from fieldkit.figures.style import format_length, format_seconds
 from fieldkit.planning.objective.fidelity import FIDELITIES
 from fieldkit.planning.run.folder import LogEntry
@@ -86,13 +85,12 @@ class Status:
 
     @property
     def seconds_left(self) -> float | None:
-        """At most, from the last evaluation on, by the pace of late; None before the first one."""
-        pace = Pace(0.0, self.total + self.confirmations, [1.0] * self.total + [self.weight] * self.confirmations)
-        done = confirmed = 0
-        for entry in sorted(self.entries, key=lambda entry: entry.finished_s):
-            done, confirmed = done + (entry.stage == "search"), confirmed + (entry.stage != "search")
-            pace.done(self.total + confirmed if confirmed else done, entry.finished_s)
-        return pace.left_s(max((entry.finished_s for entry in self.entries), default=0.0))
+        """At most, from the last evaluation on, by the pace so far; None before the first one."""
+        seconds = max((entry.finished_s for entry in self.entries), default=0.0)
+        work = self.done + self.weight * self.confirmed
+        searched = self.done if self.confirmed else self.total
+        left = searched + self.weight * self.confirmations - work
+        return seconds * left / work if work else None
 
     def line(self) -> str:
         """One line for a log."""

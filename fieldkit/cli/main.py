@@ -1,97 +1,116 @@
-"""The `fieldkit` command: finds the subcommand's file and runs it.
+"""The `fieldkit` command: a Typer group that imports a subcommand's file when it is wanted.
 
-This module and the files of the commands import nothing heavy, so that help is instant: the library is imported when
-a command runs. Even Typer is imported only for a subcommand, and its own groups are not used: they import pydantic to
-parse their options.
+This module and the files of the commands import Typer and the standard library only: the library is imported when a
+command runs.
 """
 
 from __future__ import annotations
 
+import inspect
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
 
 from fieldkit.cli.boundary import Boundary
-from fieldkit.errors import EXIT_OK, UsageError
+from fieldkit.errors import EXIT_OK
 from fieldkit.version import __version__
 
-if TYPE_CHECKING:
-    from fieldkit.cli.help_page import HelpPage
-
-# By stage of the work; in each, name: one line for `fieldkit --help`. The command is the function `command` in
-# fieldkit/cli/<name>.py; a name may be of two words, and its file is then <first>_<second>.py.
-STAGES: dict[str, dict[str, str]] = {
-    "Plan, once for a field": {
-        "reference": "Build a plot's reference cloud from a dense capture.",
-        "scene from-reference": "Make a scene of a reference's clouds, to plan on.",
-        "plan": "Find the camera poses that reconstruct a plot best.",
-    },
-    "Fly": {
-        "export-mission": "Write a plan as missions for a vehicle and its plots.",
-        "check-mission": "Say what photographs a mission would really give.",
-        "upload": "Bring a mission onto a vehicle, and make sure of it.",
-        "replay": "Stand in for a vehicle, by the recording of a real one.",
-    },
-    "Check and score, every date": {
-        "geotag": "Match photographs to a flight log, write their poses.",
-        "check": "Before leaving the field: will the photographs do?",
-        "evaluate": "Score new captures of one or many plots.",
-    },
-    "Many plots and dates, results": {
-        "campaign init": "Make a campaign: one plan over many plots and dates.",
-        "campaign plan": "Plan the next visit of every plot from its own last one.",
-        "campaign show": "Show a campaign's plots, dates, ranking and drift.",
-        "campaign export": "Write its table as CSV, GeoJSON or GeoPackage.",
-        "compare": "Compare evaluations: what differs, what is noise.",
-        "report": "Show results as one HTML file, with 3D views.",
-    },
-    "Simulate": {
-        "demo": "Try fieldkit on a small simulated plot, in minutes.",
-        "scene new": "Write a new scene file: plants, soil and light.",
-        "scene show": "List fieldkit's own scenes, or draw one.",
-        "simulate": "Photograph a simulated plot as a drone would.",
-    },
-    "This machine": {
-        "doctor": "Check this machine: packages, renderer, memory.",
-        "cache": "Show, prune or clear what runs keep for later ones.",
-        "completion": "Print the script for completion with the Tab key.",
-    },
+# By stage of the work. The command is the function `command` in fieldkit/cli/<name>.py; a name may be of two words, and
+# its file is then <first>_<second>.py.
+STAGES: dict[str, tuple[str, ...]] = {
+    "Plan, once for a field": ("reference", "scene from-reference", "plan"),
+    "Fly": ("export-mission", "check-mission", "upload"),
+    "Check and score, every date": ("geotag", "check", "evaluate"),
+    "Many plots and dates, results": (
+        "campaign init", "campaign plan", "campaign show", "campaign export", "compare", "report",
+    ),
+    "Simulate": ("demo", "scene new", "scene show", "simulate"),
+    "This machine": ("doctor", "cache"),
+}  # fmt: skip
+COMMANDS: dict[str, str] = {name: stage for stage, names in STAGES.items() for name in names}
+"""Every command, and the stage it stands under."""
+_GROUPS = {
+    "scene": "Scenes of simulated plots: new ones, those of fieldkit, and those made from a reference.",
+    "campaign": "One plan over many plots and dates: make it, plan the next visit, look at it, export it.",
 }
-COMMANDS = {name: line for commands in STAGES.values() for name, line in commands.items()}
+_SECTIONS = ("Example", "Files:", "Exit codes:", "See Also:")
+_HELP = {"help_option_names": ["--help", "-h"]}
 
-_INTRODUCTION = """\
-Usage: fieldkit COMMAND [OPTIONS] ...
 
-  Photographs of field plots: where to take them, how to fly there, and what
-  they are worth.
-"""
-_CLOSING = """
-Options:
-  --version  Show the version and exit.
-  --help     Show this message and exit.
+class Command(TyperCommand):
+    """A command that runs with its libraries' threads limited and a temporary folder of its own."""
 
-Every command takes --json (one JSON object on stdout, nothing else there) and
---debug (tracebacks). Exit codes: 0 done, 1 a bug in fieldkit, 2 wrong usage,
-3 bad input, 4 reconstruction failed, 5 mission unsafe or not for this vehicle,
-6 vehicle link failed, 130 interrupted, 143 ended by SIGTERM.
+    def invoke(self, ctx: Any) -> Any:
+        from fieldkit.runtime.temporary import temporary_folder
+        from fieldkit.runtime.threads import set_memory_environment, set_thread_environment
 
-'fieldkit COMMAND --help' explains a command, with examples.
-"""
+        set_thread_environment()  # before anything imports NumPy
+        set_memory_environment()
+        if isinstance(ctx.obj, Boundary):
+            ctx.obj.resumable = any(param.name == "resume" for param in self.params)
+        with temporary_folder():
+            return super().invoke(ctx)
+
+
+class _Imported(Mapping[str, Any]):
+    """The parsers of the commands whose names begin with some words, each made when it is looked up."""
+
+    def __init__(self, words: str) -> None:
+        self._words = words
+
+    def __iter__(self) -> Iterator[str]:
+        names = (name.removeprefix(self._words).split()[0] for name in COMMANDS if name.startswith(self._words))
+        return iter(dict.fromkeys(names))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def __getitem__(self, name: str) -> Any:
+        return command_of(self._words + name) if self._words + name in COMMANDS else _group(name, _GROUPS[name])
+
+
+class Commands(TyperGroup):
+    """The commands whose names begin with ``words``."""
+
+    words = ""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Imported(self.words)  # type: ignore[assignment]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line and give its exit code."""
-    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    arguments = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
     with Boundary(arguments) as boundary:
-        boundary.exit_code = _dispatch(arguments, boundary)
+        result = program().main(args=arguments, prog_name="fieldkit", standalone_mode=False, obj=boundary)
+        boundary.exit_code = result if isinstance(result, int) else EXIT_OK
     return boundary.exit_code
 
 
-def overview() -> str:
-    """What `fieldkit --help` prints."""
-    stages = (f"\n{title}:\n{_list(commands)}" for title, commands in STAGES.items())
-    return _INTRODUCTION + "".join(stages) + _CLOSING
+def program() -> Any:
+    """The whole command line."""
+    app = typer.Typer(cls=Commands, rich_markup_mode="rich", context_settings=_HELP)
+    app.callback(help=_page(_fieldkit))(_fieldkit)
+    return typer.main.get_command(app)
+
+
+def command_of(name: str) -> TyperCommand:
+    """The parser of a command and its options; imports the command's file."""
+    return parser_of(import_module(f"fieldkit.cli.{module_name(name)}").command, name.split()[-1], COMMANDS[name])
+
+
+def parser_of(command: Callable[..., int | None], name: str | None = None, stage: str | None = None) -> TyperCommand:
+    """The parser of a command's function, under a heading of the overview."""
+    app = typer.Typer(add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False)
+    app.command(name, cls=Command, help=_page(command), rich_help_panel=stage, context_settings=_HELP)(command)
+    parser = typer.main.get_command(app)
+    assert isinstance(parser, TyperCommand)
+    return parser
 
 
 def module_name(command: str) -> str:
@@ -99,74 +118,40 @@ def module_name(command: str) -> str:
     return command.replace("-", "_").replace(" ", "_")
 
 
-def typer_command(name: str) -> HelpPage:
-    """The parser of a command and its options; imports the command's file."""
-    return parser_of(import_module(f"fieldkit.cli.{module_name(name)}").command)
+def _group(name: str, says: str) -> Any:
+    class Group(Commands):
+        words = f"{name} "
+
+    app = typer.Typer(cls=Group, add_completion=False, rich_markup_mode="rich", context_settings=_HELP)
+    app.callback(help=says, no_args_is_help=True)(lambda: None)
+    group = typer.main.get_command(app)
+    group.name = name
+    group.rich_help_panel = next(COMMANDS[known] for known in COMMANDS if known.startswith(f"{name} "))  # type: ignore[attr-defined]
+    return group
 
 
-def parser_of(command: Callable[..., int | None]) -> HelpPage:
-    """The parser of a command's function."""
-    import typer
-
-    from fieldkit.cli.help_page import HelpPage
-
-    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
-    app.command(cls=HelpPage, context_settings={"help_option_names": ["--help", "-h"]})(command)
-    parser = typer.main.get_command(app)
-    assert isinstance(parser, HelpPage)
-    return parser
+def _page(command: Callable[..., object]) -> str:
+    """A command's docstring for Typer: paragraphs as one line each, sections as they are, no brackets as markup."""
+    blocks = inspect.cleandoc(command.__doc__ or "").split("\n\n")
+    text = "\n\n".join(block if block.startswith(_SECTIONS) else " ".join(block.split()) for block in blocks)
+    return text.replace("[", r"\[")
 
 
-def _list(names: Iterable[str]) -> str:
-    width = max(map(len, COMMANDS))
-    return "".join(f"  {name:{width}}  {COMMANDS[name]}\n" for name in names)
+def _version(asked: bool) -> None:
+    if asked:
+        sys.stdout.write(f"fieldkit {__version__}\n")
+        raise typer.Exit
 
 
-def _dispatch(arguments: list[str], boundary: Boundary) -> int:
-    match arguments:
-        case [] | ["-h" | "--help" | "help"]:
-            sys.stdout.write(overview())
-            return EXIT_OK
-        case ["help", *name]:
-            return _run([*name, "--help"], boundary)
-        case ["--version" | "-V", *_]:
-            sys.stdout.write(f"fieldkit {__version__}\n")
-            return EXIT_OK
-        case ["__complete", *words]:  # for the scripts that `fieldkit completion` prints
-            from fieldkit.cli.candidates import candidates
+def _fieldkit(
+    version: Annotated[
+        bool, typer.Option("--version", "-V", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Photographs of field plots: where to take them, how to fly there, and what they are worth.
 
-            sys.stdout.write(candidates(words, COMMANDS, typer_command).text())
-            return EXIT_OK
-        case _:
-            return _run(arguments, boundary)
+    Every command takes --json (one JSON object on stdout, nothing else there) and --debug (tracebacks).
 
-
-def _run(words: list[str], boundary: Boundary) -> int:
-    name, arguments = words[0], words[1:]
-    if arguments and f"{name} {arguments[0]}" in COMMANDS:
-        name, arguments = f"{name} {arguments[0]}", arguments[1:]
-    elif name not in COMMANDS:
-        group = [known for known in COMMANDS if known.startswith(f"{name} ")]
-        if group and arguments in ([], ["--help"], ["-h"]):
-            sys.stdout.write(_list(group) + f"\n'fieldkit {group[0]} --help' explains the first, and so on.\n")
-            return EXIT_OK
-        asked = " ".join([name, *arguments[:1]]) if group else name
-        raise UsageError(f"no such command: {asked}", remedy=_suggestion(asked))
-    from fieldkit.runtime.temporary import temporary_folder
-    from fieldkit.runtime.threads import set_memory_environment, set_thread_environment
-
-    set_thread_environment()  # before anything imports NumPy
-    set_memory_environment()
-    boundary.command = name
-    parser = typer_command(name)
-    boundary.resumable = any(param.name == "resume" for param in parser.params)
-    with temporary_folder():
-        result = parser.main(args=arguments, prog_name=f"fieldkit {name}", standalone_mode=False)
-    return result if isinstance(result, int) else EXIT_OK
-
-
-def _suggestion(name: str) -> str:
-    from fieldkit.documents.mistaken import MISSPELT, nearest
-
-    near = nearest(name, COMMANDS)
-    return MISSPELT.looks_like.format(f"`fieldkit {near}`") if near else "`fieldkit --help` lists the commands."
+    Exit codes: 0 done, 1 a bug in fieldkit, 2 wrong usage, 3 bad input, 4 reconstruction failed, 5 mission unsafe or
+    not for this vehicle, 6 vehicle link failed, 130 interrupted, 143 ended by SIGTERM.
+    """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from math import isfinite
 
-from fieldkit.documents.mistaken import CENTIMETRES
 from fieldkit.errors import UsageError
 
 _MOST_NOISE_M = 5.0
@@ -44,6 +43,8 @@ def read_pose_noise(text: str) -> tuple[float, float]:
     """Metres and degrees of ``--pose-noise M,DEG``. Raises UsageError: it is none, or more than a receiver is off."""
     metres, degrees = read_numbers("--pose-noise", text, (2,))
     if metres > _MOST_NOISE_M:
+        from fieldkit.documents.mistaken import CENTIMETRES
+
         raise UsageError(
             f"--pose-noise: {metres:g} m is more than any receiver is off: {CENTIMETRES.looks_like}",
             remedy="Write metres and degrees, like --pose-noise 0.02,1.",

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from typer import Option
 
-from fieldkit.cli.common import SEED, OverwriteOption, ResumeOption
-from fieldkit.cli.help_page import RUN
+from fieldkit.cli.common import RUN, SEED, OverwriteOption, ResumeOption, scenes_like, vehicles_like
 from fieldkit.cli.numbers import read_numbers, read_pose_noise
 from fieldkit.cli.reconstruction_options import WorkersOption
 from fieldkit.errors import UsageError
@@ -35,7 +34,10 @@ class PlotOptions:
     scenes: Annotated[
         list[Path] | None,
         Option(
-            "--scene", metavar="SCENE", help="Plan on a scene: a file, a folder or a name such as case-1. Repeatable."
+            "--scene",
+            metavar="SCENE",
+            autocompletion=scenes_like,
+            help="Plan on a scene: a file, a folder or a name such as case-1. Repeatable.",
         ),
     ] = None
     references: Annotated[
@@ -169,7 +171,12 @@ class EnvelopeOptions:
     pitch_deg: Annotated[str, Option("--pitch", metavar="LOW,HIGH", help="Of the gimbal, degrees.")] = ""
     vehicle: Annotated[
         str | None,
-        Option("--vehicle", metavar="NAME", help="A profile's name or file: plan what it can fly, with its camera."),
+        Option(
+            "--vehicle",
+            autocompletion=vehicles_like,
+            metavar="NAME",
+            help="A profile's name or file: plan what it can fly, with its camera.",
+        ),
     ] = None
     camera_file: Annotated[
         Path | None, Option("--camera-file", help="camera.toml: instead of the vehicle's or the scene's.")

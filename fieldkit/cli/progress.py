@@ -1,4 +1,4 @@
-"""Progress as people see it: bars on a terminal, plain lines in a log, nothing with --json."""
+"""Progress as people see it: Rich's bars on a terminal, plain lines in a log, nothing with --json."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from fieldkit.cli.boundary import say
-from fieldkit.cli.pace import Pace
 from fieldkit.figures.style import format_seconds
 from fieldkit.runtime.progress import Advance, Progress, Silent
 
 _LINE_EVERY_S = 10.0
+_PACE_OVER_S = 600.0
+"""The time left goes by the steps of so many last seconds: one step may take minutes."""
 
 
 @contextmanager
@@ -36,18 +37,16 @@ class Lines:
     ) -> Iterator[Advance]:
         """A stage in plain lines."""
         start = shown = time.monotonic()
-        pace = Pace(start, total or 0, weights, workers)
         count = 0
 
         def advance(steps: int) -> None:
             nonlocal count, shown
             count += steps
             now = time.monotonic()
-            pace.done(count, now)
             if now - shown >= _LINE_EVERY_S:
                 shown = now
-                left_s = pace.left_s(now)
-                left = "" if left_s is None else f", {format_seconds(left_s)} left"
+                done, work = _work(count, total, weights)
+                left = f", {format_seconds((now - start) * (work / done - 1.0))} left" if work and done else ""
                 say(f"{name}: {count}{f' of {total}' if total else ''}{left}")
 
         say(f"{name} …")
@@ -63,44 +62,44 @@ class Lines:
 def _bars() -> Iterator[Progress]:
     from rich import progress
     from rich.console import Console
-    from rich.text import Text
 
     console = Console(stderr=True, highlight=False)
-
-    class _Left(progress.ProgressColumn):
-        def render(self, task: progress.Task) -> Text:
-            left_s = None if task.finished else task.fields["pace"].left_s(time.monotonic())
-            return Text("" if left_s is None else f"{format_seconds(left_s)} left")
-
     columns = (
         progress.TextColumn("{task.description}"),
         progress.BarColumn(bar_width=None),
-        progress.MofNCompleteColumn(),
+        progress.TextColumn("{task.fields[steps]}"),
         progress.TimeElapsedColumn(),
-        _Left(),
+        progress.TimeRemainingColumn(),
     )
-    with progress.Progress(*columns, console=console, refresh_per_second=4, expand=True) as display:
+    with progress.Progress(
+        *columns, console=console, refresh_per_second=4, expand=True, speed_estimate_period=_PACE_OVER_S
+    ) as display:
 
         class Bars:
             @contextmanager
             def stage(
                 self, name: str, total: int | None = None, *, weights: Sequence[float] | None = None, workers: int = 1
             ) -> Iterator[Advance]:
-                pace = Pace(time.monotonic(), total or 0, weights, workers)
                 count = 0
 
                 def advance(steps: int) -> None:
                     nonlocal count
                     count += steps
-                    pace.done(count, time.monotonic())
-                    display.update(task, completed=count)
+                    display.update(task, completed=_work(count, total, weights)[0], steps=f"{count}/{total or '?'}")
 
-                task = display.add_task(name, total=total, pace=pace)
+                whole = _work(0, total, weights)[1]
+                task = display.add_task(name, total=whole, steps=f"0/{total or '?'}")
                 yield advance
-                done = max(1, count if total is None else total)
-                display.update(task, total=done, completed=done)
+                display.update(task, total=whole or 1, completed=whole or 1)
 
             def note(self, message: str) -> None:
                 console.print(f"note: {message}", markup=False)
 
         yield Bars()
+
+
+def _work(count: int, total: int | None, weights: Sequence[float] | None) -> tuple[float, float | None]:
+    """The work of ``count`` steps and of all; a step is 1 where steps have no weights."""
+    if weights is None or len(weights) != total:
+        return count, total
+    return sum(weights[:count]), sum(weights)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, TypeAlias
 
 from typer import Option
 
-from fieldkit.cli.common import OverwriteOption, ResumeOption, SeedOption
-from fieldkit.cli.help_page import RUN
+from fieldkit.cli.common import RUN, OverwriteOption, ResumeOption, SeedOption
 from fieldkit.cli.numbers import finite_numbers
 from fieldkit.errors import UsageError
 

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, OutputOption, OverwriteOption, SeedOption, emit_json, say
+from fieldkit.cli.common import (
+    DebugOption,
+    JsonOption,
+    OutputOption,
+    OverwriteOption,
+    SeedOption,
+    emit_json,
+    say,
+    scenes_like,
+)
 from fieldkit.cli.numbers import read_numbers, read_pose_noise
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import UsageError
@@ -121,7 +130,10 @@ class InexactOptions:
 
 @grouped
 def command(
-    scene: Annotated[Path, Argument(help="Scene file, a folder with scene.toml, or a name such as case-1.")],
+    scene: Annotated[
+        Path,
+        Argument(autocompletion=scenes_like, help="Scene file, a folder with scene.toml, or a name such as case-1."),
+    ],
     output: OutputOption,
     stations: StationOptions,
     *,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say
+from fieldkit.cli.common import DebugOption, JsonOption, PlotIdOption, PlotsOption, emit_json, say, vehicles_like
 from fieldkit.cli.mission_findings import finding_entries, show_findings
 from fieldkit.cli.option_groups import grouped
 from fieldkit.errors import MissionError, UsageError
@@ -75,7 +75,13 @@ def command(
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
     vehicle: Annotated[
-        str | None, Option("--vehicle", metavar="NAME", help="Vehicle profile to check for: a name or a TOML file.")
+        str | None,
+        Option(
+            "--vehicle",
+            autocompletion=vehicles_like,
+            metavar="NAME",
+            help="Vehicle profile to check for: a name or a TOML file.",
+        ),
     ] = None,
     force: Annotated[bool, Option("--force", help="Send a mission that check-mission finds errors in.")] = False,
     no_fence: Annotated[bool, Option("--no-fence", help="Leave the vehicle's fence as it is.")] = False,

@@ -37,7 +37,7 @@ def test_lines(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
     assert capsys.readouterr().err.splitlines() == [
         "features …",
         "features: 5 of 10, 11.0 s left",
-        "features: 9 of 10, 2.8 s left",
+        "features: 9 of 10, 2.4 s left",
         "features: done in 1:30 min",
         "note: IMG_1 is blurred",
     ]

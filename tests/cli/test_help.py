@@ -1,0 +1,90 @@
+"""Help: every command has a page, and examples that the command would take. Completion: what the Tab key offers."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import shlex
+import subprocess
+import sys
+from importlib import import_module
+
+import pytest
+import typer
+
+from fieldkit.cli.main import COMMANDS, STAGES, command_of, main, module_name
+
+
+def examples(name: str) -> list[str]:
+    """The command lines that a command's docstring gives as examples."""
+    text = inspect.cleandoc(import_module(f"fieldkit.cli.{module_name(name)}").command.__doc__ or "")
+    block = next(block for block in text.split("\n\n") if block.startswith("Example"))
+    lines = block.partition(":")[2].strip("\n")
+    # "Example: fieldkit …" may run over lines of the docstring, and is one line of the shell's.
+    return lines.splitlines() if lines.startswith("    ") else [" ".join(lines.split())]
+
+
+def fieldkits(line: str) -> list[str]:
+    """The words behind "fieldkit" of an example's command, without what the shell does with the output."""
+    words = shlex.split(line)
+    end = next((k for k, word in enumerate(words) if word in {"|", ">", ">>", "&&"}), len(words))
+    return words[1:end] if words[0] == "fieldkit" else []
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_examples_are_there_and_parse(name: str) -> None:
+    own = 0
+    for words in filter(None, map(fieldkits, examples(name))):
+        command = " ".join(words[:2]) if " ".join(words[:2]) in COMMANDS else words[0]
+        command_of(command).make_context(f"fieldkit {command}", words[len(command.split()) :])  # raises if it does not
+        own += command == name
+    assert own >= 1
+
+
+def test_an_example_that_does_not_parse_is_found() -> None:
+    with pytest.raises(typer.TyperException):
+        command_of("doctor").make_context("fieldkit doctor", ["--colour"])
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_page(name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    assert main([*name.split(), "--help"]) == 0
+    text = capsys.readouterr().out
+    assert f"Usage: fieldkit {name} " in text
+    assert "Output" in text
+    _, _, also = text.partition("See Also:\n")
+    for other in re.findall(r"fieldkit ([a-z-]+(?: [a-z-]+)?)", also.partition("╭")[0]):
+        assert other in COMMANDS or other.split()[0] in {known.split()[0] for known in COMMANDS}, other
+    codes = [int(n) for n in re.findall(r"(?m)^ +(\d)  ", text.partition("Exit codes:\n")[2].partition("\n \n")[0])]
+    assert codes == sorted(set(codes))
+
+
+def test_every_command_stands_under_its_stage_once() -> None:
+    assert [name for names in STAGES.values() for name in names] == list(COMMANDS)
+
+
+def completed(line: str) -> list[str]:
+    script = "import sys; from fieldkit.cli.main import main; sys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env={"_FIELDKIT_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(line.count(" "))},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("fieldkit ex", {"export-mission"}),
+        ("fieldkit scene ", {"from-reference", "new", "show"}),
+        ("fieldkit plan --fidelity ", {"draft", "standard", "fine"}),
+        ("fieldkit plan --method ci", {"circle"}),
+        ("fieldkit cache ", {"show", "prune", "clear"}),
+        ("fieldkit export-mission plan --vehicle px4-g", {"px4-gimbal"}),
+        ("fieldkit simulate test-case-5", {"test-case-5"}),
+    ],
+)
+def test_the_tab_key(line: str, offered: set[str]) -> None:
+    assert set(completed(line)) == offered
