@@ -29,7 +29,7 @@ def run(*arguments: str, **options: object) -> subprocess.CompletedProcess[str]:
 
 
 class TestHelp:
-    @pytest.mark.parametrize("arguments", [["--help"], ["--version"], [], ["scene"], *HELP])
+    @pytest.mark.parametrize("arguments", [["--help"], ["--version"], [], ["scene", "--help"], *HELP])
     def test_imports_nothing_heavy(self, arguments: list[str]) -> None:
         script = textwrap.dedent(f"""
             import sys
