@@ -9,9 +9,9 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fieldkit.pictures.overview import save_figure
-from fieldkit.pictures.panels import COLORS, DPI, FAINT, INK, PAPER, drawable
-from fieldkit.pictures.plot_axes import dress
+from benchmarks.curves import COLORS, dress
+from fieldkit.files import write_atomic
+from fieldkit.pictures.panels import DPI, FAINT, INK, PAPER, drawable, png
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def write_cost_plot(path: Path, costs: Sequence[Cost], *, memory_limit_bytes: in
     Raises:
         StorageError: the place is full or not writable.
     """
-    save_figure(path, draw_cost_plot(costs, memory_limit_bytes=memory_limit_bytes))
+    write_atomic(path, png(draw_cost_plot(costs, memory_limit_bytes=memory_limit_bytes)))
 
 
 def draw_cost_plot(costs: Sequence[Cost], *, memory_limit_bytes: int | None = None) -> Figure:

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.curves import draw_bands
 from benchmarks.objective_scenes import TuningPlot, tuning_plot
 from benchmarks.result import Cell, ResultTable, StudyResult, spread
-from fieldkit.pictures.curves import draw_bands, png
+from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import spearmanr
 
+from benchmarks.curves import draw_agreement
 from benchmarks.objective_scenes import SCENES, VIEWS, TuningPlot, tuning_plot
 from benchmarks.result import Cell, ResultTable, StudyResult
-from fieldkit.pictures.curves import draw_agreement, png
+from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.curves import draw_bands
 from benchmarks.depth_images import DepthError, depth_error
 from benchmarks.planner_runs import OF_A_KIND, Confirmed, Contender, Place, Ran, run_all
 from benchmarks.planner_transfer import Carried, carry, flown_over
@@ -17,7 +18,7 @@ from benchmarks.result import Cell, ResultTable, StudyResult, spread
 from benchmarks.suite import run_studies
 from fieldkit.cache import StageCache, digest
 from fieldkit.files import write_atomic
-from fieldkit.pictures.curves import draw_bands, png
+from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName, Objective, ObjectiveSettings

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.captures import rig_capture
+from benchmarks.curves import draw_regret
 from benchmarks.objective import NO_DATA
 from benchmarks.planner_rehearsed import rehearsed_table
 from benchmarks.planner_rest import value_against_rest
@@ -23,8 +24,7 @@ from benchmarks.suite import run_studies
 from fieldkit.cache import StageCache
 from fieldkit.errors import UsageError
 from fieldkit.evaluation.reference import build_reference
-from fieldkit.pictures.curves import png
-from fieldkit.pictures.search import draw_regret
+from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import MappingName
 from fieldkit.planning.run.folder import read_log, read_settings, searched

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from benchmarks.captures import rig_capture
+from benchmarks.curves import draw_agreement
 from benchmarks.recorded_scores import BANDS_PX, RIG, VIEWS
 from benchmarks.result import Cell, ResultTable, StudyResult
 from benchmarks.rigs import RigSet, load_rig
@@ -20,7 +21,7 @@ from fieldkit.captures import read_capture
 from fieldkit.evaluation.proxy import make_proxy
 from fieldkit.evaluation.reference import Reference, build_reference
 from fieldkit.geometry import Pose
-from fieldkit.pictures.curves import draw_agreement, png
+from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings

@@ -20,7 +20,7 @@ from fieldkit.captures import read_capture, read_image
 from fieldkit.captures.model import Capture
 from fieldkit.clouds import Cloud, chamfer_distance
 from fieldkit.evaluation.reference import Reference, build_reference
-from fieldkit.pictures.curves import png
+from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation
 from fieldkit.planning.objective.fidelity import FidelityName
 from fieldkit.planning.objective.objective import Objective, ObjectiveSettings

@@ -11,22 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from benchmarks.curves import COLORS, dress
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.clouds.volume import Volume
-from fieldkit.pictures.panels import (
-    COLORS,
-    FAINT,
-    INK,
-    Place,
-    add_panel,
-    colors_or_grey,
-    display_limits,
-    draw_cloud,
-    fitting_scale,
-    new_figure,
-    window_around,
-)
-from fieldkit.pictures.plot_axes import dress
+from fieldkit.pictures.panels import FAINT, INK, Place, add_panel, draw_cloud, fitting_scale, new_figure
 from fieldkit.pictures.projection import FRONT, TOP
 
 _WIDTH, _ROW, _MARGIN, _TITLE = 13.0, 3.6, 0.55, 0.6
@@ -63,29 +51,24 @@ def draw_subsets(
     """
     figure = new_figure(_WIDTH, _TITLE + _ROW * len(subsets), "Random subsets of a recorded rig")
     side = _ROW - 2 * _MARGIN + 0.3
-    everything = np.concatenate([subset.cloud.points for subset in subsets])
-    lower, upper = display_limits(everything, volume)
-    middle, size = 0.5 * (lower + upper), upper - lower
+    everything = np.concatenate([*(subset.cloud.points for subset in subsets), [volume.lower, volume.upper]])
+    lower, upper = everything.min(axis=0), everything.max(axis=0)
     for row, (subset, color) in enumerate(zip(subsets, _COLORS, strict=True)):
         bottom = _ROW * (len(subsets) - 1 - row) + 0.5
-        rig = Place(0.5, bottom, side, side)
-        reach = centers[:, :2].max(axis=0) - centers[:, :2].min(axis=0)
-        center = 0.5 * (centers[:, :2].max(axis=0) + centers[:, :2].min(axis=0))
-        window = window_around(center, rig, fitting_scale(reach, rig))
         title = f"{subset.name}: {1000 * subset.value_m:.2f} mm, {len(subset.views)} views"
-        axes = add_panel(figure, rig, window, title, unit="m")
-        draw_cloud(axes, subset.cloud.points, colors_or_grey(subset.cloud.points, subset.cloud.colors), TOP, window)
-        axes.plot(centers[:, 0], centers[:, 1], ".", color=FAINT, markersize=4, zorder=4)
-        chosen = centers[list(subset.views)]
-        axes.plot(chosen[:, 0], chosen[:, 1], "o", color=color, markersize=7, zorder=5)
-        for k, direction in enumerate((TOP, FRONT)):
-            place = Place(0.5 + (k + 1) * (side + 0.35), bottom, side, side)
-            extent = (size[direction.right], size[direction.up])
-            window = window_around((middle[direction.right], middle[direction.up]), place, fitting_scale(extent, place))
-            axes = add_panel(figure, place, window, f"cloud {direction.name}", unit="m")
-            draw_cloud(
-                axes, subset.cloud.points, colors_or_grey(subset.cloud.points, subset.cloud.colors), direction, window
-            )
+        views = (
+            (TOP, centers.min(axis=0), centers.max(axis=0), title),
+            *((direction, lower, upper, f"cloud {direction.name}") for direction in (TOP, FRONT)),
+        )
+        for k, (direction, low, high, name) in enumerate(views):
+            place = Place(0.5 + k * (side + 0.35), bottom, side, side)
+            scale = fitting_scale(high - low, direction, place)
+            axes, window = add_panel(figure, place, 0.5 * (low + high), direction, scale, name, unit="m")
+            draw_cloud(axes, subset.cloud, direction, window)
+            if not k:
+                axes.plot(centers[:, 0], centers[:, 1], ".", color=FAINT, markersize=4, zorder=4)
+                chosen = centers[list(subset.views)]
+                axes.plot(chosen[:, 0], chosen[:, 1], "o", color=color, markersize=7, zorder=5)
     _draw_values(figure, subsets, values)
     return figure
 

@@ -54,7 +54,7 @@ def command(
     Files:
         OUTPUT/plan.json  the stations, for simulate, export-mission and evaluate
         OUTPUT/search.json, evaluations.jsonl  what was asked for, every evaluation
-        OUTPUT/outcome.json, plan.png, search.png  what came of it
+        OUTPUT/outcome.json, plan.png  what came of it
 
     Exit codes:
         0  done

@@ -18,7 +18,6 @@ from fieldkit.results.visit import CAMPAIGN_FILE
 from fieldkit.runtime.progress import Progress, Silent
 
 TABLE_FILE = "compare.csv"
-PICTURE_FILE = "compare.png"
 MOST_EVALUATIONS = 100
 
 
@@ -28,7 +27,7 @@ class Comparison:
 
     Attributes:
         report: values, differences and what is said of them; what compare.json holds.
-        output: folder with compare.json, compare.csv and compare.png; None where nothing was to be written.
+        output: folder with compare.json and compare.csv; None where nothing was to be written.
     """
 
     report: ComparisonReport
@@ -81,11 +80,9 @@ def compare_evaluations(
     if output is None:
         return Comparison(report, None)
     from fieldkit.figures.spreadsheets import compare_csv
-    from fieldkit.pictures.comparison import write_compare_picture
 
     with atomic_folder(output, overwrite=overwrite, marker=COMPARE_FILE) as folder:
         write_atomic(folder / TABLE_FILE, compare_csv(report))
-        write_compare_picture(folder / PICTURE_FILE, report)
         write_atomic(folder / COMPARE_FILE, report.model_dump_json(indent=2) + "\n")
     return Comparison(report, Path(output))
 

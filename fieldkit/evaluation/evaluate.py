@@ -24,7 +24,7 @@ from fieldkit.evaluation.conversion import evaluation_report, failed_plot
 from fieldkit.evaluation.plan_adherence import FlownPlan, write_adherence
 from fieldkit.evaluation.plots import count_photographs, find_plots
 from fieldkit.evaluation.rasters import Rasters
-from fieldkit.evaluation.scoring import COMPARISON_FILE, Scoring, Spent, score_capture
+from fieldkit.evaluation.scoring import Scoring, Spent, score_capture
 from fieldkit.figures.spreadsheets import TRAITS_FILE, plot_rows, write_plots_csv, write_traits_csv
 from fieldkit.files import atomic_folder, storage_errors
 from fieldkit.geometry.priors import SourceFrame
@@ -35,7 +35,7 @@ from fieldkit.results.report_files import EVALUATION_FILE, describe_files, file_
 from fieldkit.runtime.progress import Progress
 from fieldkit.sites.plot_ids import plot_file_name
 
-__all__ = ["COMPARISON_FILE", "DISTANCES_M", "PLOTS_FILE", "evaluate_captures"]
+__all__ = ["DISTANCES_M", "PLOTS_FILE", "evaluate_captures"]
 
 DISTANCES_M = (0.002, 0.005, 0.010, 0.020)
 PLOTS_FILE = "plots.csv"
@@ -64,8 +64,8 @@ def evaluate_captures(
 
     Args:
         captures: a folder of photographs, or a folder of such folders (one per plot); never written to.
-        output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply,
-            overview.png and, with a reference, comparison.png.
+        output: folder of the result: evaluation.json, plots.csv, traits.csv and, per plot, a folder with cloud.ply
+            and overview.png.
         settings: choices; None takes the defaults. Bounds default to the reference's volume.
         reference: folder that `build_reference` wrote, or a cloud (PLY, LAS, LAZ); None gives figures that need none.
         reference_frame: of a cloud, as `open_reference` takes it.

@@ -24,7 +24,6 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.report_files import describe_files
 
 ADHERENCE_FILE = "adherence.csv"
-ADHERENCE_PICTURE = "adherence.png"
 _OWN_FRAME = "poses.csv"
 
 
@@ -134,7 +133,7 @@ class FlownPlan:
 
 
 def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvaluation:
-    """Write adherence.csv and adherence.png of a plot, and enter them in its files.
+    """Write adherence.csv of a plot, and enter it in its files.
 
     Args:
         folder: of the evaluation.
@@ -147,11 +146,9 @@ def write_adherence(folder: Path, place: str, plot: PlotEvaluation) -> PlotEvalu
     if plot.adherence is None:
         return plot
     from fieldkit.figures.spreadsheets import write_adherence_csv
-    from fieldkit.pictures.adherence import write_adherence_picture
 
     write_adherence_csv(folder / place / ADHERENCE_FILE, plot.adherence)
-    write_adherence_picture(folder / place / ADHERENCE_PICTURE, plot.name, plot.adherence)
-    names = [f"{place}/{ADHERENCE_FILE}", f"{place}/{ADHERENCE_PICTURE}"]
+    names = [f"{place}/{ADHERENCE_FILE}"]
     return plot.model_copy(update={"files": (*plot.files, *describe_files(folder, names))})
 
 

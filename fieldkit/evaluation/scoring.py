@@ -19,7 +19,6 @@ from fieldkit.evaluation.rasters import COARSE_RASTERS, NO_RASTERS, Rasters, coa
 from fieldkit.evaluation.reference import CLOUD_FILE, OVERVIEW_FILE, Reference
 from fieldkit.evaluation.traits import PlotOutline, outline_of, scale_doubt
 from fieldkit.figures.style import format_length
-from fieldkit.pictures.evaluation import write_comparison
 from fieldkit.pictures.overview import write_overview
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct, with_scene
 from fieldkit.reconstruction.result import Reconstruction
@@ -31,7 +30,6 @@ from fieldkit.results.report_files import describe_files
 from fieldkit.runtime.progress import Progress
 from fieldkit.runtime.usage import processor_seconds
 
-COMPARISON_FILE = "comparison.png"
 _DOUBTS = 3.0
 _OTHER_SHARE = 0.04
 """Chamfer distance of what is taken for other plants, as a share of the diagonal of the reference's box. Others, and
@@ -155,9 +153,6 @@ def score_capture(
             seconds=spent.seconds, cpu_seconds=spent.cpu_seconds,
         )  # fmt: skip
         write_overview(folder / place / OVERVIEW_FILE, plot, plants)
-        if scoring.index is not None:
-            write_comparison(folder / place / COMPARISON_FILE, plot, plants, scoring.index)
-            names.append(COMPARISON_FILE)
     return plot.model_copy(update={"files": describe_files(folder, [f"{place}/{n}" for n in names])})
 
 

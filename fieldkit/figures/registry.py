@@ -182,10 +182,10 @@ _ALL = (
         "complete", "how far the reference is from what was reconstructed",
     ),
     Figure(
-        "predicted_chamfer_m", "predicted chamfer distance", "mm", "prediction",
+        "predicted_chamfer_m", "predicted chamfer", "mm", "prediction",
         "Where a plot has no reference: how far its cloud is likely to be from its true plants (chamfer distance), "
         "from figures that need none. Nine in ten plots like those it was made on lie in the interval.",
-        _predicted("chamfer_m"), _half_interval, factor=1000.0, short="predicted chamfer", trend=True,
+        _predicted("chamfer_m"), _half_interval, factor=1000.0, trend=True,
     ),
     *(_trait(trait) for trait in DESCRIBED),
     Figure(

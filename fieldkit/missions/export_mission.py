@@ -264,8 +264,8 @@ def write_mission(contents: Mapping[Path, bytes], *, overwrite: bool) -> None:
 
 def picture_bytes(routed: Routed, site: Site, vehicle: Vehicle) -> bytes:
     """PNG of all flights over a site: all of it, and the first plot more closely."""
-    from fieldkit.pictures.curves import png
     from fieldkit.pictures.mission import draw_mission  # these bring Matplotlib along
+    from fieldkit.pictures.panels import png
 
     frame = SiteFrame(site.home)
     outlines = [np.array(frame.outline(corners)) for corners in site.fence]

@@ -1,4 +1,4 @@
-"""Picture of a flight: its legs and the cameras' frusta about the plants, home, the plots' names, and north."""
+"""Pictures of cameras about the plants: those of a plan, and those of a flight with its legs, home and plots."""
 
 from __future__ import annotations
 
@@ -8,18 +8,40 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from fieldkit.clouds.cloud import Cloud
 from fieldkit.geometry import Intrinsics, Pose
-from fieldkit.pictures.panels import INK, colors_or_grey, draw_cloud, drawable, view_row
-from fieldkit.pictures.projection import FRONT, TOP, Direction
+from fieldkit.pictures.panels import INK, Array, draw_cloud, drawable, view_row
+from fieldkit.pictures.projection import FRONT, SIDE, TOP, Direction
 
 _CAMERA, _LEG, _OUTLINE = "#c0262d", "#2f6db3", "#8a5a2b"
 _SHARE = 0.1
 _MOST_NAMES = 100
 
-Array = NDArray[np.float64]
+
+def draw_plan(title: str, positions: Array, forward: Array, plants: Cloud, others: Array | None = None) -> Figure:
+    """A plan's cameras about the plants: from above, from the front and from the side, to one scale.
+
+    Args:
+        title: of the figure.
+        positions: (n, 3) metres, plot frame.
+        forward: (n, 3) unit vectors of the optical axes.
+        plants: the reference.
+        others: (m, 3) the other cameras of a recorded set.
+    """
+    others = np.zeros((0, 3)) if others is None else others
+    arrow = 0.25 * float(np.median(np.linalg.norm(positions - plants.points.mean(axis=0), axis=1)))
+    everything = np.concatenate([plants.points, positions, positions + arrow * forward, others])
+    figure, views = view_row(title, [(direction, everything) for direction in (TOP, FRONT, SIDE)])
+    for direction, axes, window in views:
+        draw_cloud(axes, plants, direction, window)
+        axes.plot(
+            others[:, direction.right], others[:, direction.up], "o", color=INK, alpha=0.35, markersize=2, zorder=3
+        )
+        for number, (spot, axis) in enumerate(zip(positions, forward, strict=True), 1):
+            _draw_camera(axes, np.array([spot, spot + arrow * axis]), direction, linewidth=0.9, size=4.0)
+            _annotate(axes, str(number), direction.flat(spot))
+    return figure
 
 
 def draw_mission(
@@ -56,8 +78,7 @@ def draw_mission(
     centers = np.array([pose.center for pose in cameras])
     first = centers[:near]
     spread = float(np.linalg.norm(np.ptp(first, axis=0)))
-    depth = max(_SHARE * spread, 0.05)
-    frusta = [frustum(pose, camera, depth) for pose in cameras]
+    frusta = [frustum(pose, camera, max(_SHARE * spread, 0.05)) for pose in cameras]
     low, high = first[:, :2].min(axis=0) - 0.3 * spread, first[:, :2].max(axis=0) + 0.3 * spread
     beside = ((plants.points[:, :2] >= low) & (plants.points[:, :2] <= high)).all(axis=1)
     if near_plants is None:
@@ -68,52 +89,44 @@ def draw_mission(
     names = ("All of it from above", f"{first_plot} from above", f"{first_plot} from the front")
     numbers = list(stations) or [str(number) for number in range(1, len(cameras) + 1)]
     figure, views = view_row(title, [(TOP, whole), (TOP, close), (FRONT, close)], names=names)
-    for direction, axes, window in views:
-        beyond = direction is not FRONT
-        shown = plants if beyond else near_plants
+    for k, (direction, axes, window) in enumerate(views):
+        of_all = direction is TOP
+        shown = plants if of_all else near_plants
         if len(shown):
-            draw_cloud(axes, shown.points, colors_or_grey(shown.points, shown.colors), direction, window)
-        if direction is TOP:
-            for outline in outlines:
-                axes.plot(
-                    *np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2, scalex=False,
-                    scaley=False,
-                )  # fmt: skip
-        for leg in legs if beyond or near is None else legs[: near + 1]:
+            draw_cloud(axes, shown, direction, window)
+        for leg in legs if of_all or near is None else legs[: near + 1]:
             axes.plot(leg[:, direction.right], leg[:, direction.up], color=_LEG, linewidth=0.9, alpha=0.8, zorder=3)
-        closer = axes is not figure.axes[0]
-        if direction is TOP:
-            _draw_north(axes)
-            if home is not None:
-                _draw_home(axes, home)
-        if not closer:
+        if of_all:
+            _draw_surroundings(axes, outlines, home)
+        if k == 0:
             _name_plots(axes, centers, plots)
-        for number, corners in zip(numbers, frusta if beyond else frusta[:near], strict=False):
-            _draw_frustum(axes, corners, direction)
+        for number, corners in zip(numbers, frusta if of_all else frusta[:near], strict=False):
+            _draw_camera(axes, corners[[0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2]], direction, linewidth=0.6, size=2.5)
             x, y = direction.flat(corners[0])
-            if closer and window.left < x < window.right and window.bottom < y < window.top:
-                axes.annotate(
-                    drawable(number), (x, y), (3, 3), textcoords="offset points", size=7, color=INK, zorder=6,
-                    parse_math=False,
-                )  # fmt: skip
-        axes.set_xlim(window.left, window.right)
-        axes.set_ylim(window.bottom, window.top)
+            if k and window.left < x < window.right and window.bottom < y < window.top:
+                _annotate(axes, drawable(number), (x, y))
     return figure
 
 
-def _draw_north(axes: Axes) -> None:
+def frustum(pose: Pose, camera: Intrinsics, depth_m: float) -> Array:
+    """(5, 3) the projection centre, then the corners of the picture at the given depth, in order."""
+    pixels = np.array([[0, 0], [camera.width, 0], [camera.width, camera.height], [0, camera.height]], dtype=np.float64)
+    rays = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    corners = depth_m * np.column_stack([rays, np.ones(4)])
+    return np.vstack([pose.center, pose.center + corners @ pose.rotation])
+
+
+def _draw_surroundings(axes: Axes, outlines: Sequence[Array], home: Array | None) -> None:
+    """Outlines, north and home from above."""
+    for outline in outlines:
+        axes.plot(*np.vstack([outline, outline[:1]]).T, color=_OUTLINE, linewidth=0.9, zorder=2)
     axes.annotate(
         "N", (0.96, 0.97), (0.96, 0.86), xycoords="axes fraction", textcoords="axes fraction", size=8, color=INK,
         ha="center", va="center", zorder=7, arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.9},
     )  # fmt: skip
-
-
-def _draw_home(axes: Axes, home: Array) -> None:
-    x, y = float(home[0]), float(home[1])
-    axes.scatter([x], [y], marker="^", s=30, color=INK, zorder=6)
-    axes.annotate(
-        "home", (x, y), (5, -9), textcoords="offset points", size=7, color=INK, zorder=7, annotation_clip=True,
-    )  # fmt: skip
+    if home is not None:
+        axes.scatter([home[0]], [home[1]], marker="^", s=30, color=INK, zorder=6)
+        _annotate(axes, "home", (float(home[0]), float(home[1])), shift=(5, -9))
 
 
 def _name_plots(axes: Axes, centers: Array, plots: Sequence[str]) -> None:
@@ -128,17 +141,13 @@ def _name_plots(axes: Axes, centers: Array, plots: Sequence[str]) -> None:
         )  # fmt: skip
 
 
-def frustum(pose: Pose, camera: Intrinsics, depth_m: float) -> Array:
-    """(5, 3) the projection centre, then the corners of the picture at the given depth, in order."""
-    pixels = np.array([[0, 0], [camera.width, 0], [camera.width, camera.height], [0, camera.height]], dtype=np.float64)
-    rays = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
-    corners = depth_m * np.column_stack([rays, np.ones(4)])
-    return np.vstack([pose.center, pose.center + corners @ pose.rotation])
-
-
-def _draw_frustum(axes: Axes, corners: Array, direction: Direction) -> None:
-    order = [0, 1, 2, 0, 3, 4, 0, 1, 4, 3, 2]
-    axes.plot(
-        corners[order, direction.right], corners[order, direction.up], color=_CAMERA, linewidth=0.6, alpha=0.8, zorder=4
+def _annotate(axes: Axes, text: str, at: tuple[float, float], shift: tuple[float, float] = (3, 3)) -> None:
+    axes.annotate(
+        text, at, shift, textcoords="offset points", size=7, color=INK, zorder=6, parse_math=False, annotation_clip=True
     )
-    axes.plot(*direction.flat(corners[0]), "o", color=_CAMERA, markersize=2.5, zorder=5)
+
+
+def _draw_camera(axes: Axes, line: Array, direction: Direction, *, linewidth: float, size: float) -> None:
+    """A line that begins at the camera, which is a dot."""
+    axes.plot(line[:, direction.right], line[:, direction.up], color=_CAMERA, linewidth=linewidth, alpha=0.8, zorder=4)
+    axes.plot(*direction.flat(line[0]), "o", color=_CAMERA, markersize=size, zorder=5)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,30 +10,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
+from matplotlib.patches import Rectangle
 
-from fieldkit.clouds import Cloud, Volume
+from fieldkit.clouds import Cloud
 from fieldkit.figures.tables.reconstruction import quality_rows
 from fieldkit.figures.tables.scores import score_rows
 from fieldkit.files import write_atomic
 from fieldkit.geometry import Pose
 from fieldkit.pictures.panels import (
-    BOX,
     FAINT,
-    GROUND,
     INK,
-    Ground,
+    Array,
     Place,
     add_panel,
-    colors_or_grey,
-    display_limits,
     draw_cloud,
-    draw_ground,
-    draw_volume,
     drawable,
     fitting_scale,
     new_figure,
-    window_around,
+    png,
 )
 from fieldkit.pictures.projection import FRONT, SIDE, TOP, Direction
 from fieldkit.results.evaluation import ImageEntry, PlotEvaluation, ReconstructionEntry, ReferenceReport
@@ -43,9 +36,8 @@ _WIDTH, _HEIGHT = 15.0, 10.0
 _MARGIN, _GAP = 0.45, 0.55
 _UPPER = (4.55, 4.65)  # bottom and height of the row of panels with the plants
 _LOWER = (0.75, 3.15)
-_RIGHT = "#1f5fa8"
-_WRONG = "#c0262d"
-_MISSING = "#d98300"
+_GROUND, _BOX = "#8a5a2b", "#7a6fb0"
+_RIGHT, _WRONG, _MISSING = "#1f5fa8", "#c0262d", "#d98300"
 _TEXT_COLUMNS = 51
 _LABELS_WIDTH = 1.65
 _CAMERAS_WIDTH = 4.25
@@ -57,7 +49,7 @@ def write_overview(path: Path, report: ReferenceReport | PlotEvaluation, plants:
     Raises:
         StorageError: the place is full or not writable.
     """
-    save_figure(path, draw_overview(report, plants))
+    write_atomic(path, png(draw_overview(report, plants)))
 
 
 def draw_overview(report: ReferenceReport | PlotEvaluation, plants: Cloud) -> Figure:
@@ -72,108 +64,85 @@ def draw_overview(report: ReferenceReport | PlotEvaluation, plants: Cloud) -> Fi
     """
     if report.volume is None:
         raise ValueError("a reconstruction that failed has nothing to show")
-    volume = Volume(report.volume.lower_m, report.volume.upper_m)
     name = f"{report.source}: reference" if isinstance(report, ReferenceReport) else report.name
     figure = new_figure(_WIDTH, _HEIGHT, name)
-    ground = _ground(report)
-    unit = "m" if report.metric else ""
-    draw_plants(figure, plants, volume, ground, unit)
-    _draw_cameras(figure, report, plants, volume, ground, unit)
-    _draw_figures(figure, report)
+    lower, upper = _limits(plants.points, report)
+    directions = (FRONT, SIDE, TOP)
+    _draw_panels(
+        figure, report, plants, lower, upper, _side_by_side([float((upper - lower)[d.right]) for d in directions]),
+        directions, [direction.name.capitalize() for direction in directions],
+    )  # fmt: skip
+    spots = [spot for image in report.image_reports if (spot := image.center_m or image.known_center_m) is not None]
+    everything = np.array([report.volume.lower_m, report.volume.upper_m, *spots])
+    places = [Place(_MARGIN + i * (_CAMERAS_WIDTH + _GAP), _LOWER[0], _CAMERAS_WIDTH, _LOWER[1]) for i in range(2)]
+    views = _draw_panels(
+        figure, report, plants, everything.min(axis=0), everything.max(axis=0), places, (TOP, FRONT),
+        ("Cameras from above", "Cameras from the front"),
+    )  # fmt: skip
+    for axes, direction in views:
+        arrow = 0.05 * min(float(np.ptp(axes.get_xlim())), float(np.ptp(axes.get_ylim())))
+        for image in report.image_reports:
+            _draw_camera(axes, image, direction, arrow)
+    _legend(figure, report)
+    _write_figures(figure, report)
     return figure
 
 
-def save_figure(path: Path, figure: Figure) -> None:
-    """Write a figure as PNG; the same figure gives the same bytes.
-
-    Raises:
-        StorageError: the place is full or not writable.
-    """
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", facecolor=figure.get_facecolor(), metadata={"Software": None})
-    write_atomic(path, picture.getvalue())
-
-
-def draw_plants(
+def _draw_panels(
     figure: Figure,
+    report: ReconstructionEntry,
     plants: Cloud,
-    volume: Volume,
-    ground: Ground | None,
-    unit: str,
-    row: tuple[float, float] = _UPPER,
-    *,
-    limits: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
-) -> list[Axes]:
-    """Three panels with the plants from the front, the side and above, all to one scale.
-
-    Args:
-        figure: 15 inches wide.
-        plants: the cloud.
-        volume: of interest.
-        ground: line to draw, or None.
-        unit: ``"m"``, or empty where lengths are not metres.
-        row: bottom and height of the panels, inches.
-        limits: of what fits into the panels, (3,) and (3,), see `display_limits`; None takes those of the plants.
-    """
-    lower, upper = display_limits(plants.points, volume) if limits is None else limits
-    if ground is not None:
-        lower = np.array([*lower[:2], min(lower[2], ground.offset_m / max(float(ground.normal[2]), 0.1))])
-    size, middle = upper - lower, 0.5 * (lower + upper)
-    directions = (FRONT, SIDE, TOP)
-    places = _side_by_side([float(size[d.right]) for d in directions], row)
-    scale = max(fitting_scale((size[d.right], size[d.up]), p) for d, p in zip(directions, places, strict=True))
-    colors = colors_or_grey(plants.points, plants.colors)
+    lower: Array,
+    upper: Array,
+    places: Sequence[Place],
+    directions: Sequence[Direction],
+    titles: Sequence[str],
+) -> list[tuple[Axes, Direction]]:
+    """Panels of the part between two corners (3,), to one scale: plants, volume of interest and ground."""
+    middle = 0.5 * (lower + upper)
+    scale = max(fitting_scale(upper - lower, d, place) for d, place in zip(directions, places, strict=True))
     panels = []
-    for direction, place in zip(directions, places, strict=True):
-        window = window_around((middle[direction.right], middle[direction.up]), place, scale)
-        axes = add_panel(figure, place, window, direction.name.capitalize(), unit=unit)
-        draw_cloud(axes, plants.points, colors, direction, window)
-        draw_volume(axes, volume, direction)
-        if ground is not None:
-            draw_ground(axes, ground, direction, window, middle)
-        panels.append(axes)
+    for direction, place, title in zip(directions, places, titles, strict=True):
+        unit = "m" if report.metric else ""
+        axes, window = add_panel(figure, place, middle, direction, scale, title, unit=unit)
+        draw_cloud(axes, plants, direction, window)
+        if report.volume is not None:
+            low, high = direction.flat(np.array(report.volume.lower_m)), direction.flat(np.array(report.volume.upper_m))
+            axes.add_patch(Rectangle(
+                low, high[0] - low[0], high[1] - low[1], fill=False, edgecolor=_BOX, linewidth=0.9,
+                linestyle=(0, (5, 3)), zorder=3,
+            ))  # fmt: skip
+        ground = None if report.frame is None else report.frame.ground
+        if ground is not None and direction.up == 2 and abs(ground.normal[2]) > 1e-6:
+            # Where the ground cuts the plane through the middle that faces the viewer.
+            ends = np.array([window.left, window.right])
+            known = ground.normal[direction.right] * ends + ground.normal[direction.toward] * middle[direction.toward]
+            axes.plot(ends, (ground.offset_m - known) / ground.normal[2], color=_GROUND, linewidth=1.1, zorder=2)
+        panels.append((axes, direction))
     return panels
 
 
-def _side_by_side(widths: Sequence[float], row: tuple[float, float]) -> list[Place]:
+def _limits(points: Array, report: ReconstructionEntry) -> tuple[Array, Array]:
+    """Lower and upper corner of the part to show: all points without stragglers down to the ground, else the volume."""
+    assert report.volume is not None
+    if not len(points):
+        return np.array(report.volume.lower_m), np.array(report.volume.upper_m)
+    lower, upper = np.quantile(points, [0.001, 0.999], axis=0)
+    small = 0.05 * max(float((upper - lower).max()), 1e-6)
+    flat = upper - lower < small
+    lower, upper = np.where(flat, lower - small, lower), np.where(flat, upper + small, upper)
+    if report.frame is not None and (ground := report.frame.ground) is not None:
+        lower[2] = min(lower[2], ground.offset_m / max(ground.normal[2], 0.1))
+    return lower, upper
+
+
+def _side_by_side(widths: Sequence[float]) -> list[Place]:
     """Panels in a row, about as wide as their content, each at least a fifth."""
     room = _WIDTH - 2 * _MARGIN - (len(widths) - 1) * _GAP
     shares = np.maximum(np.array(widths) / sum(widths), 0.2)
     lengths = room * shares / shares.sum()
     lefts = _MARGIN + np.concatenate([[0.0], np.cumsum(lengths + _GAP)[:-1]])
-    return [Place(float(left), row[0], float(length), row[1]) for left, length in zip(lefts, lengths, strict=True)]
-
-
-def _draw_cameras(
-    figure: Figure,
-    report: ReconstructionEntry,
-    plants: Cloud,
-    volume: Volume,
-    ground: Ground | None,
-    unit: str,
-) -> None:
-    images = report.image_reports
-    spots = [image.center_m or image.known_center_m for image in images]
-    everything = np.array([*volume.corners(), *(spot for spot in spots if spot is not None)])
-    lower, upper = everything.min(axis=0), everything.max(axis=0)
-    size, middle = upper - lower, 0.5 * (lower + upper)
-    places = [Place(_MARGIN + i * (_CAMERAS_WIDTH + _GAP), _LOWER[0], _CAMERAS_WIDTH, _LOWER[1]) for i in range(2)]
-    scale = max(fitting_scale((size[d.right], size[d.up]), p) for d, p in zip((TOP, FRONT), places, strict=True))
-    colors = colors_or_grey(plants.points, plants.colors)
-    for direction, place, title in (
-        (TOP, places[0], "Cameras from above"),
-        (FRONT, places[1], "Cameras from the front"),
-    ):
-        window = window_around((middle[direction.right], middle[direction.up]), place, scale)
-        axes = add_panel(figure, place, window, title, unit=unit)
-        draw_cloud(axes, plants.points, colors, direction, window)
-        draw_volume(axes, volume, direction)
-        if ground is not None:
-            draw_ground(axes, ground, direction, window, middle)
-        arrow = 0.05 * min(window.right - window.left, window.top - window.bottom)
-        for image in images:
-            _draw_camera(axes, image, direction, arrow)
-    _legend(figure, report)
+    return [Place(float(left), _UPPER[0], float(n), _UPPER[1]) for left, n in zip(lefts, lengths, strict=True)]
 
 
 def _draw_camera(axes: Axes, image: ImageEntry, direction: Direction, arrow: float) -> None:
@@ -205,8 +174,8 @@ def _legend(figure: Figure, report: ReconstructionEntry) -> None:
             [], [], marker="o", color=_MISSING, fillstyle="none", markersize=5, linestyle="",
             label=f"not registered ({len(missing)}{where})",
         ),
-        Line2D([], [], color=BOX, linewidth=0.9, linestyle=(0, (5, 3)), label="volume of interest"),
-        Line2D([], [], color=GROUND, linewidth=1.1, label="ground"),
+        Line2D([], [], color=_BOX, linewidth=0.9, linestyle=(0, (5, 3)), label="volume of interest"),
+        Line2D([], [], color=_GROUND, linewidth=1.1, label="ground"),
     ]  # fmt: skip
     figure.legend(
         handles=marks, loc="lower left", bbox_to_anchor=(_MARGIN / _WIDTH - 0.005, 0.012), ncols=5, fontsize=8,
@@ -214,7 +183,7 @@ def _legend(figure: Figure, report: ReconstructionEntry) -> None:
     )  # fmt: skip
 
 
-def _draw_figures(figure: Figure, report: ReferenceReport | PlotEvaluation) -> None:
+def _write_figures(figure: Figure, report: ReferenceReport | PlotEvaluation) -> None:
     left = _MARGIN + 2 * (_CAMERAS_WIDTH + _GAP)
     lines: list[tuple[str, str]] = []
     scores = score_rows(report) if isinstance(report, PlotEvaluation) else ()
@@ -228,10 +197,3 @@ def _draw_figures(figure: Figure, report: ReferenceReport | PlotEvaluation) -> N
         y = (top - index * step) / _HEIGHT
         figure.text(left / _WIDTH, y, label, size=size, color=FAINT, va="center", parse_math=False)
         figure.text((left + _LABELS_WIDTH) / _WIDTH, y, value, size=size, color=INK, va="center", parse_math=False)
-
-
-def _ground(report: ReconstructionEntry) -> Ground | None:
-    if report.frame is None or report.frame.ground is None:
-        return None
-    normal: NDArray[np.float64] = np.array(report.frame.ground.normal)
-    return Ground(normal, report.frame.ground.offset_m)

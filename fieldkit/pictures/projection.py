@@ -18,20 +18,15 @@ _FULL_SHADE_SHARE = 0.04  # of the depth range; deeper steps are fully shaded
 
 @dataclass(frozen=True)
 class Direction:
-    """A direction to look at a cloud from.
-
-    Attributes:
-        name: for people.
-        right, up: axes (0, 1, 2) that run to the right and upwards.
-        toward: axis that runs towards the viewer, and its sign.
-        sign: +1 or −1.
-    """
+    """A direction to look at a cloud from, by axes (0, 1, 2)."""
 
     name: str
     right: int
     up: int
     toward: int
+    """The axis that runs towards the viewer."""
     sign: float
+    """+1 or −1, of that axis."""
 
     def flat(self, point: NDArray[np.float64]) -> tuple[float, float]:
         """Coordinates (to the right, upwards) of a point (3,) in the picture."""
@@ -45,12 +40,7 @@ TOP = Direction("from above", 0, 1, 2, 1.0)
 
 @dataclass(frozen=True)
 class Window:
-    """The part of the plane that a picture shows, and its resolution.
-
-    Attributes:
-        left, right, bottom, top: metres.
-        width, height: pixels.
-    """
+    """The part of the plane that a picture shows, in metres, and its size in pixels."""
 
     left: float
     right: float

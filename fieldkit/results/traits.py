@@ -42,7 +42,7 @@ class TraitsEntry(Strict):
     height_m: Annotated[
         Length | None,
         Described(
-            "plant height", "height", "m", 2, "of the highest leaf",
+            "height", "height", "m", 2, "of the highest leaf",
             "Of the highest leaf above the ground, as a person measures it with a ruler.",
         ),
     ] = None  # fmt: skip

@@ -18,7 +18,7 @@ from fieldkit.clouds import Cloud, chamfer_distance
 from fieldkit.clouds.volume import Volume
 from fieldkit.geometry import Similarity
 from fieldkit.geometry.priors import SourceFrame
-from fieldkit.pictures.curves import png
+from fieldkit.pictures.panels import png
 from fieldkit.planning.objective.evaluation import Evaluation, StageCost
 from fieldkit.reconstruction.pipeline import KnownPlot, reconstruct
 from fieldkit.reconstruction.settings import ReconstructionSettings

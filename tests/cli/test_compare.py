@@ -27,7 +27,7 @@ def test_json_is_the_report(two: list[str], tmp_path: Path, capsys: pytest.Captu
     report = ComparisonReport.model_validate_json(json.dumps(document))
     assert [each.label for each in report.evaluations] == ["may", "june"]
     assert report == ComparisonReport.model_validate_json((out / "compare.json").read_text())
-    assert sorted(path.name for path in out.iterdir()) == ["compare.csv", "compare.json", "compare.png"]
+    assert sorted(path.name for path in out.iterdir()) == ["compare.csv", "compare.json"]
     assert "'=1+1" in (out / "compare.csv").read_text()
     assert main(["compare", *two, "-o", str(out)]) == 2
     assert "--overwrite" in capsys.readouterr().err

@@ -212,7 +212,6 @@ def test_a_plan_by_the_score_is_made_where_nothing_can_be_rendered(
     assert (plan.method.chamfer_m, plan.method.repeats, plan.method.weights) == (None, 0, (1.0, 0.0, 0.5))
     assert plan.method.expected_m == outcome.expected_m is not None
     assert (run / "plan.png").stat().st_size > 100
-    assert not (run / "search.png").exists()
 
 
 @pytest.mark.slow
@@ -243,5 +242,5 @@ def test_photographs_are_chosen_resumed_and_extended(tmp_path: Path, capsys: pyt
         place = places[name].position
         assert place is not None
         assert np.linalg.norm(np.array(station.position_m) - place) < 0.02  # the frame is moved onto the ground
-    for name in ("plan.png", "search.png", "progress.csv", "outcome.json"):
+    for name in ("plan.png", "progress.csv", "outcome.json"):
         assert (tmp_path / "run" / name).stat().st_size > 100

@@ -81,7 +81,7 @@ class TestAgainstItself:
         assert float(rows[0]["chamfer_m"]) == plot["chamfer_m"]
         assert float(rows[0]["f_score_0.005"]) == plot["f_score"]["0.005"]
         names = {path.name for path in (warm.folder / "out" / "small_plot").iterdir()}
-        assert names == {"cloud.ply", "overview.png", "comparison.png"}
+        assert names == {"cloud.ply", "overview.png"}
 
 
 def test_fewer_photographs_score_worse(warm: CommandLine, photographs: Photographs, built: Built) -> None:
@@ -107,6 +107,5 @@ def test_without_a_reference(warm: CommandLine, small_plot: Path, built: Built) 
         assert isinstance(plot[key], float), key
         assert plot[key] > 0
     assert plot["unregistered"] == {}
-    assert not (warm.folder / "out" / "small_plot" / "comparison.png").exists()
     # Without a reference the volume of a plot is its own; here both are given.
     assert plot["points"] == built.report["points"]

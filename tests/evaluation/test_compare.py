@@ -142,7 +142,6 @@ def test_by_blocks_the_same_surface_is_within_noise_and_a_shifted_one_beyond(
     assert report.blocks.fewest >= 30
     assert json.loads((tmp_path / "out" / "compare.json").read_text())["version"] == 1
     assert ComparisonReport.model_validate_json((tmp_path / "out" / "compare.json").read_text()) == report
-    assert (tmp_path / "out" / "compare.png").stat().st_size > 20_000
     rows = list(csv.DictReader(io.StringIO((tmp_path / "out" / "compare.csv").read_text())))
     (row,) = [r for r in rows if (r["figure"], r["evaluation"], r["less"]) == ("chamfer_m", "july", "may")]
     assert row["beyond_noise"] == "true"

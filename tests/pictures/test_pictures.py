@@ -1,4 +1,4 @@
-"""The overview, the comparison and the cost plot."""
+"""The overview, the cost plot and the picture of a plan."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from benchmarks.cost_picture import Cost, draw_cost_plot, write_cost_plot
-from fieldkit.clouds import Cloud, score
+from fieldkit.clouds import Cloud
 from fieldkit.errors import CaptureError, StorageError
 from fieldkit.evaluation.conversion import failed_plot, plot_evaluation, reference_report
-from fieldkit.pictures.evaluation import draw_comparison, write_comparison
+from fieldkit.pictures.mission import draw_plan
 from fieldkit.pictures.overview import draw_overview, write_overview
 from fieldkit.pictures.panels import drawable, nice_length
 from fieldkit.reconstruction.settings import ReconstructionSettings
-from fieldkit.results.evaluation import PlotEvaluation
-from tests.evaluation.examples import plant_cloud, reconstruction
+from tests.evaluation.examples import reconstruction
 
 SETTINGS = ReconstructionSettings()
 
@@ -95,8 +94,6 @@ class TestOverview:
         failed = failed_plot("p", CaptureError("none"), seconds=0, cpu_seconds=0)
         with pytest.raises(ValueError, match="nothing to show"):
             draw_overview(failed, Cloud.empty())
-        with pytest.raises(ValueError, match="nothing to compare"):
-            draw_comparison(failed, Cloud.empty(), Cloud.empty())
 
     def test_full_disk(self, small_disk: Path) -> None:
         (small_disk / "filler").write_bytes(b"x" * (1000 << 10))
@@ -105,34 +102,6 @@ class TestOverview:
             write_overview(
                 small_disk / "o.png", reference_report(result, SETTINGS, seconds=1, cpu_seconds=1), result.plants
             )
-
-
-class TestComparison:
-    @pytest.fixture
-    def scored(self) -> tuple[PlotEvaluation, Cloud, Cloud]:
-        """A leaf of the reference is missing in the estimate."""
-        result, reference = reconstruction(), plant_cloud(seed=1)
-        estimate = result.plants.select(result.plants.points[:, 0] < 0.08)
-        plot = plot_evaluation("plot 7", result, SETTINGS, score=score(reference, estimate), seconds=1, cpu_seconds=1)
-        return plot, estimate, reference
-
-    def test_missing_parts_are_red_in_the_lower_row_only(self, scored: tuple[PlotEvaluation, Cloud, Cloud]) -> None:
-        figure = draw_comparison(*scored)
-        picture = pixels(figure).astype(int)
-        height = len(picture)
-        red = (picture[..., 0] > 120) & (picture[..., 1] < 60) & (picture[..., 2] < 80)
-        assert np.count_nonzero(red[: height // 2]) == 0
-        assert np.count_nonzero(red[height // 2 : int(0.88 * height)]) > 500
-
-    def test_figures(self, scored: tuple[PlotEvaluation, Cloud, Cloud], tmp_path: Path) -> None:
-        plot, estimate, reference = scored
-        said = texts(draw_comparison(plot, estimate, reference))
-        assert plot.f_score is not None
-        for value in plot.f_score.values():
-            assert f"{value:.3f}" in said
-        assert "no correction by ICP" in said
-        write_comparison(tmp_path / "c.png", plot, estimate, reference)
-        assert (tmp_path / "c.png").stat().st_size > 10_000
 
 
 class TestCost:
@@ -160,3 +129,16 @@ def test_nice_lengths(length: float, nice: float) -> None:
 def test_drawable() -> None:
     assert drawable("Feld 样\n7") == "Feld □ 7"
     assert "□" not in drawable("größer – × ° −")
+
+
+def test_a_plan_shows_its_cameras_and_the_views_that_were_left() -> None:
+    plants = Cloud(np.random.default_rng(0).uniform(0, 0.5, (50, 3)))
+    positions = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.2], [-1.0, 0.0, 0.8]])
+    others = np.array([[0.5, 2.0, 1.0], [-2.0, 0.3, 1.0]])
+    figure = draw_plan("plan", positions, -positions / np.linalg.norm(positions, axis=1)[:, None], plants, others)
+    above = figure.axes[0]
+    assert [text.get_text() for text in above.texts if text.get_text().isdigit()] == ["1", "2", "3"]
+    drawn = [np.array(line.get_xydata()) for line in above.lines]
+    assert any(np.allclose(points, others[:, :2]) for points in drawn if points.shape == (2, 2))
+    low, high = above.get_xlim()
+    assert low < -2.0 < 1.0 < high

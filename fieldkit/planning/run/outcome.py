@@ -1,4 +1,4 @@
-"""The results of a planning run: outcome.json, progress.csv, the plan and its pictures."""
+"""The results of a planning run: outcome.json, progress.csv, the plan and its picture."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from fieldkit.documents.csv_text import csv_text
 from fieldkit.documents.json_file import read_json_object, schema_text, validated
 from fieldkit.figures.style import format_length
 from fieldkit.files import write_atomic
-from fieldkit.pictures.curves import png
-from fieldkit.pictures.plants_apart import draw_plants_apart
-from fieldkit.pictures.search import draw_plan, draw_search
+from fieldkit.pictures.mission import draw_plan
+from fieldkit.pictures.panels import png
 from fieldkit.planning.methods.registry import METHODS
 from fieldkit.planning.problem import PlanningProblem
 from fieldkit.planning.run.folder import LogEntry, RunFolder, searched
@@ -24,8 +23,7 @@ from fieldkit.results.fields import Count, Length, Strict
 from fieldkit.results.plan import Plan, PlanMethod, PlanPlants
 from fieldkit.results.plan_file import PLAN_FILE, plan_from_poses, save_plan
 
-OUTCOME_FILE, PROGRESS_FILE, SEARCH_PICTURE, PLAN_PICTURE = "outcome.json", "progress.csv", "search.png", "plan.png"
-PLANTS_PICTURE = "plants.png"
+OUTCOME_FILE, PROGRESS_FILE, PLAN_PICTURE = "outcome.json", "progress.csv", "plan.png"
 _MAX_BYTES = 16 << 20
 _REMEDY = "Give the folder of a finished run of `fieldkit plan`."
 
@@ -154,10 +152,6 @@ def write_outcome(
     write_atomic(run.path / OUTCOME_FILE, outcome.model_dump_json(indent=2) + "\n")
     if trials:
         write_atomic(run.path / PROGRESS_FILE, progress_table(trials))
-        values = [entry.value_m if entry.measured else None for entry in trials]
-        history = {model: [weights_of(e).get(model) for e in trials] for model in models_of(trials)}
-        figure = draw_search(values, best_so_far(trials), history, outcome.chamfer_m)
-        write_atomic(run.path / SEARCH_PICTURE, png(figure))
     cameras = chosen.trial.cameras
     like = "" if settings.plots == 1 else "plots like "
     worth = "not confirmed" if outcome.chamfer_m is None else f"chamfer distance {format_length(outcome.chamfer_m)}"
@@ -168,9 +162,6 @@ def write_outcome(
         None if views is None else views.positions,
     )  # fmt: skip
     write_atomic(run.path / PLAN_PICTURE, png(figure))
-    for number, (name, plants, apart) in enumerate(setup.apart):
-        picture = PLANTS_PICTURE if not number else PLANTS_PICTURE.replace(".", f"-{number + 1}.")
-        write_atomic(run.path / picture, png(draw_plants_apart(name, plants, apart)))
     save_plan(run.path / PLAN_FILE, _plan(run, setup, chosen, outcome))
     return outcome
 

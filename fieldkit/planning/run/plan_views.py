@@ -44,7 +44,7 @@ def plan_views(
 
     Args:
         output: the run's folder: search.json before the start, evaluations.jsonl during the run; at the end plan.json,
-            outcome.json, progress.csv, plan.png and search.png.
+            outcome.json, progress.csv and plan.png.
         settings: of the run.
         cache: of stages, for recorded sets.
         workers: number of processes that evaluate.

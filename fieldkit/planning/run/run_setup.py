@@ -57,7 +57,6 @@ class RunSetup:
         problem: for the methods.
         envelope: as in plan.json.
         make_objective: makes the objective of all plots, for the executor.
-        apart: by name of each given recorded plot, its plants and how they were told apart; only for plans for a kind.
         plant_height_m: of the first given plot, for which cameras are stated if they are fitted to each plot; else
             None.
         photographs: names of recorded photographs, in the order of the problem's views; empty if they are rendered.
@@ -67,7 +66,6 @@ class RunSetup:
     envelope: PlanEnvelope
     make_objective: Callable[[], Evaluator]
     photographs: tuple[str, ...] = ()
-    apart: tuple[tuple[str, Cloud, PlantsApart], ...] = ()
     plant_height_m: float | None = None
 
     @cached_property
@@ -164,9 +162,8 @@ def set_up_run(
         unmet = settings.repeats if settings.plots > 1 else 0
         found = [kind.plot(number) for number in range(settings.plots + unmet)]
     drawn = kind.recorded if settings.plots > len(descriptions) else ()
-    apart = tuple((given.source.name, *plants) for given, plants in zip(settings.given, drawn, strict=False))
-    for name, _, how in apart:
-        progress.note(f"{name}: {_told_apart(how)}")
+    for given, (_, apart) in zip(settings.given, drawn, strict=False):
+        progress.note(f"{given.source.name}: {_told_apart(apart)}")
     height_m = found[0][0].height_m
     envelope = _envelope(found[: settings.plots], height_m, settings.envelope)
     plots = [plot for plot, _ in found]
@@ -185,7 +182,7 @@ def set_up_run(
             partial(kind.proxy, camera=camera), source, wanted, seed=settings.seed,
             stretches={number: plot.stretch for number, plot in enumerate(plots) if plot.stretch is not None},
         ),
-        apart=apart, plant_height_m=height_m if settings.plots > 1 else None,
+        plant_height_m=height_m if settings.plots > 1 else None,
     )  # fmt: skip
 
 
@@ -223,7 +220,7 @@ def _scene_of(plot: GivenPlot, folder: Path, number: int, progress: Progress) ->
 
 
 def _told_apart(apart: PlantsApart) -> str:
-    """A sentence on how plots of a recorded plot's kind are drawn; ``PLAN/plants.png`` shows it."""
+    """A sentence on how plots of a recorded plot's kind are drawn."""
     if apart.count:
         told = count(apart.count, "plant is", "plants are")
         return f"{told} told apart; on other plots of the kind each is turned and scaled"
