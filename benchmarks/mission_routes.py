@@ -122,7 +122,9 @@ def _site(plots: int) -> Site:
     grid = [(20.0 + _EAST_M * (k % _COLUMNS), 15.0 + _NORTH_M * (k // _COLUMNS), 0.0) for k in range(plots)]
     latitude, longitude, _ = frame.to_geodetic(np.array(grid))
     rows = tuple(
-        SitePlot(name=f"plot-{k:03}", latitude_deg=float(a), longitude_deg=float(b), row_heading_deg=72.0)
+        SitePlot(
+            name=f"plot-{k:03}", latitude_deg=float(a), longitude_deg=float(b), row_heading_deg=72.0, plant_height_m=2.0
+        )
         for k, (a, b) in enumerate(zip(latitude, longitude, strict=True))
     )
     return Site(name="field", home=home, plots=rows)

@@ -154,6 +154,8 @@ def test_a_mission(installed: Installed) -> None:
         "ardupilot-pitch",
         "--site",
         str(site),
+        "--plant-height",
+        "0.5",
         "--adjust",
         "--no-picture",
         "-o",
@@ -195,7 +197,17 @@ def test_a_plan_a_mission_and_a_report(installed: Installed) -> None:
     options = ("--method", "score", "--for", "this-plot", "-n", "4", "--repeats", "0", "--workers", "1")
     installed.run("plan", "--scene", "tiny.toml", "--vehicle", "ardupilot-pitch", *options, "-o", "Plan Süd")
     site = installed.package / "shipped" / "missions" / "sites" / "example.toml"
-    mission = ("--vehicle", "ardupilot-pitch", "--site", str(site), "-o", "süd.plan")
+    mission = (
+        "--vehicle",
+        "ardupilot-pitch",
+        "--site",
+        str(site),
+        "--plant-height",
+        "unknown",
+        "--adjust",
+        "-o",
+        "süd.plan",
+    )
     installed.run("export-mission", "Plan Süd", *mission)
     installed.run("report", "Plan Süd", "-o", "Bericht.html")
     assert "WebGLRenderer" in (installed.folder / "Bericht.html").read_text("utf-8")

@@ -11,8 +11,9 @@ from pathlib import Path
 from small_plot import plan
 
 from fieldkit import export_mission
-from fieldkit.missions.check import check_mission
+from fieldkit.missions.check import check_mission, check_on_ground
 from fieldkit.missions.files.reading import read_mission
+from fieldkit.missions.ground import ground_of
 from fieldkit.vehicles.vehicle_file import load_vehicle
 
 folder = Path(tempfile.mkdtemp(prefix="fieldkit-"))
@@ -27,14 +28,18 @@ amsl_m = 81.0
 name = "plot 7"
 latitude_deg = 52.2961
 longitude_deg = 10.4371
+length_m = 0.3
+width_m = 0.3
+plant_height_m = 0.4
 """
 )
 export_mission(plan(), "ardupilot-pitch", folder / "field.toml", folder / "mission.plan", adjust=True, picture=False)
 
 # %%
 vehicle = load_vehicle("ardupilot-pitch")
-report = check_mission(read_mission(folder / "mission.plan"), vehicle)
-print("may be flown" if report.ok else "must not be flown")
+ground = ground_of(folder / "mission.plan", None, vehicle.clearance_m)  # from the mission.json beside the file
+report = check_on_ground(read_mission(folder / "mission.plan"), vehicle, ground)
+print("may be flown" if report.may_be_flown else "must not be flown, or is not checked against plants")
 for shot in report.taken[:3]:
     print(f"heading {shot.heading_deg:.0f}°, pitch {shot.pitch_deg:.0f}°, {shot.settled_s:.1f} s after standing still")
 

@@ -36,7 +36,7 @@ METRE = 1 / 111_320  # of latitude, in degrees
 plots = [
     {
         "type": "Feature",
-        "properties": {"id": f"r{row}c{column}", "row_heading_deg": 90.0},
+        "properties": {"id": f"r{row}c{column}", "row_heading_deg": 90.0, "plant_height_m": 0.4},
         "geometry": {
             "type": "Point",
             "coordinates": [10.4371 + 3 * column * METRE / 0.612, 52.2961 + 3 * row * METRE],

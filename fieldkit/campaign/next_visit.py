@@ -34,7 +34,7 @@ from fieldkit.runtime.progress import Progress
 from fieldkit.scenes.plants_apart import tell_apart
 from fieldkit.sites.fitted import fitted_to_height
 from fieldkit.sites.plot_ids import plot_file_name
-from fieldkit.sites.plot_plants import PlanFacts, plants_on
+from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, plants_on, with_plant_height
 from fieldkit.sites.site import SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
@@ -136,9 +136,17 @@ def _next_plan(
     begun = time.perf_counter()
     name = f"{plot.name} of {date}"
     plants = grown(read_cloud(file), growth)
+    plot = _at_least(plot, float(plants.points[:, 2].max()))
     made, carried_m = plan_for_plants(plan, plants, name, vehicle=vehicle, seed=seed, plot=plot)
     assert made.method is not None
     return NextPlan(plot.name, made, date, made.method.expected_m, carried_m, time.perf_counter() - begun)
+
+
+def _at_least(plot: SitePlot, height_m: float | None) -> SitePlot:
+    """A plot whose plants are at least so high: what its site says may be of an earlier date."""
+    if height_m is None or (plot.plant_height_m or 0.0) >= height_m:
+        return plot
+    return plot.model_copy(update={"plant_height_m": height_m})
 
 
 def plan_for_plants(
@@ -242,9 +250,12 @@ class NextVisit:
 
 def plan_next_visit(
     campaign: Campaign, date: str, output: Path, *, vehicle: str | None = None, growth: float = GROWTH,
-    format: str | None = None, seed: int = 0, workers: int = 1, overwrite: bool = False, progress: Progress,  # noqa: A002
+    plant_height: PlantHeight | None = None, format: str | None = None, seed: int = 0, workers: int = 1,  # noqa: A002
+    overwrite: bool = False, progress: Progress,
 ) -> NextVisit:  # fmt: skip
     """`next_plans`, kept in the campaign's folder (plans/DATE/PLOT.json), and one mission over all plots.
+
+    Plants are at least as high as the grown ones of each plot's plan.
 
     Args:
         campaign: with visits.
@@ -252,7 +263,7 @@ def plan_next_visit(
         output: the mission file.
         vehicle: a profile's name or file; the campaign's own where None.
         growth, seed, workers, progress: as `next_plans`.
-        format: as `export_mission`.
+        plant_height, format: as `export_mission`; a height is needed for plots without a visit alone.
         overwrite: replace plans for the date, and files.
 
     Raises:
@@ -269,9 +280,12 @@ def plan_next_visit(
         )
     profile = load_vehicle(given)
     plans = next_plans(campaign, profile, growth=growth, seed=seed, workers=workers, progress=progress)
+    site = with_plant_height(campaign.site, {each.plot: each.plan for each in plans}, plant_height)
+    tops = [None if each.date is None else PlanFacts(each.plan).top_m for each in plans]
+    plots = tuple(_at_least(plot, top_m) for plot, top_m in zip(site.plots, tops, strict=True))
     mission = export_mission(
-        {each.plot: each.plan for each in plans}, profile, campaign.site, output, format=format, overwrite=overwrite,
-        seed=seed, plans=False,
+        {each.plot: each.plan for each in plans}, profile, site.model_copy(update={"plots": plots}), output,
+        format=format, overwrite=overwrite, seed=seed, plans=False,
     )  # fmt: skip
     with atomic_folder(folder, overwrite=overwrite) as made:
         for each in plans:

@@ -14,8 +14,10 @@ from fieldkit.cli.common import (
     MissionFormatOption,
     MissionOutputOption,
     OverwriteOption,
+    PlantHeightOption,
     SeedOption,
     emit_json,
+    plant_height,
     show,
     table,
     vehicles_like,
@@ -42,6 +44,7 @@ def command(
             help="A profile's name or file, in place of the campaign's.",
         ),
     ] = None,
+    height: PlantHeightOption = None,
     format: MissionFormatOption = None,  # noqa: A002
     seed: SeedOption = 0,
     workers: WorkersOption = None,
@@ -78,8 +81,8 @@ def command(
     campaign = read_campaign(campaign_folder(folder))
     with run_context(as_json=as_json) as progress:
         made = plan_next_visit(
-            campaign, day, output, vehicle=vehicle, growth=growth, format=format, seed=seed,
-            workers=processes(workers), overwrite=overwrite, progress=progress,
+            campaign, day, output, vehicle=vehicle, growth=growth, plant_height=plant_height(height), format=format,
+            seed=seed, workers=processes(workers), overwrite=overwrite, progress=progress,
         )  # fmt: skip
     if as_json:
         plots = [

@@ -15,9 +15,11 @@ from fieldkit.cli.common import (
     JsonOption,
     MissionFormatOption,
     OverwriteOption,
+    PlantHeightOption,
     SeedOption,
     SitePlotOptions,
     emit_json,
+    plant_height,
     say,
     show,
     vehicles_like,
@@ -55,6 +57,7 @@ class AgainOptions:
     ] = None
     format: MissionFormatOption = None
     adjust: AdjustOption = False
+    height: PlantHeightOption = None
 
     def check(self, site: Path | None) -> None:
         """Raise UsageError where a mission needs more than is given, or a vehicle is given without one."""
@@ -110,6 +113,11 @@ def command(
     """
     again.check(place.site)
     site = place.load(tell=None if as_json else say)
+    if site is not None and again.height is not None:
+        from fieldkit.results.plan_file import load_plan
+        from fieldkit.sites.plot_plants import with_plant_height
+
+        site = with_plant_height(site, load_plan(plan), plant_height(again.height))
     cache = open_cache(no_cache=no_cache, resume=False)
     from fieldkit.fieldcheck import CheckSettings, check_captures
 

@@ -11,22 +11,24 @@ from fieldkit.cli.common import (
     DebugOption,
     FitOption,
     JsonOption,
+    PlantHeightOption,
     PlotIdOption,
     PlotsOption,
     emit_json,
+    plant_height,
     say,
     vehicles_like,
 )
 from fieldkit.cli.mission_findings import finding_entries, show_findings, station_entry
 from fieldkit.errors import EXIT_OK, MissionError, UsageError
 from fieldkit.figures.style import format_length, format_seconds
-from fieldkit.wording import count
+from fieldkit.wording import count, listed
 
 if TYPE_CHECKING:
-    from fieldkit.missions.files.read_mission import ReadMission
     from fieldkit.missions.findings import Report
-    from fieldkit.sites.site import Site
-    from fieldkit.vehicles.vehicle import Vehicle
+    from fieldkit.missions.ground import Ground
+
+_SITE = "Give the site file that says where home is."
 
 
 def command(
@@ -36,57 +38,66 @@ def command(
     ],
     plan: Annotated[Path | None, Option("--plan", help="plan.json: compare the photographs with its stations.")] = None,
     site: Annotated[
-        Path | None, Option("--site", help="Site file: check legs against its fence, zones and obstacles.")
+        Path | None,
+        Option("--site", help="Site file: check legs against its fence, zones, obstacles and its plots' plants."),
     ] = None,
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
+    height: PlantHeightOption = None,
     fit: FitOption = None,
     as_json: JsonOption = False,
     debug: DebugOption = False,
 ) -> int:
     """Check a mission file: what it would photograph, and what speaks against flying it.
 
-    The items are carried out as the vehicle's autopilot does, also in files that other programs wrote. Ends with exit
-    code 5 where there is an error.
+    The items are carried out as the vehicle's autopilot does, also in files that other programs wrote. Plants are those
+    of the plan; without it those that the mission.json beside the file says it keeps clear of, or all of each plot's
+    outline, up to plant_height_m. What is not checked against plants is never said to be fit to fly.
 
     Examples:
         fieldkit check-mission plot.plan --vehicle ardupilot-pitch --plan plan.json --site site.toml
         fieldkit check-mission from_qgc.waypoints --vehicle ./my_drone.toml --json
 
     Exit codes:
-        0  no errors
+        0  no errors, and checked against the plants of all plots; or no plots are known
         2  wrong usage
         3  a file cannot be used
-        5  there are errors: the mission must not be flown
+        5  there are errors: the mission must not be flown; or plots are not checked against plants
 
     See Also:
         fieldkit export-mission, fieldkit upload
     """
-    for option, given in (("--plan", plan), ("--plots", plots)):
-        if given is not None and site is None:
-            raise UsageError(
-                f"{option} says nothing without --site", remedy="Give the site file that says where home is."
-            )
     from fieldkit.documents.mistaken import check_order
-    from fieldkit.missions.check import check_mission
+    from fieldkit.missions.check import check_on_ground
     from fieldkit.missions.files.reading import read_mission
+    from fieldkit.missions.ground import ground_of
+    from fieldkit.results.plan_file import load_plan
     from fieldkit.sites.site_file import load_site
     from fieldkit.vehicles.vehicle_file import load_vehicle
 
+    if plots is not None and site is None:
+        raise UsageError("--plots says nothing without --site", remedy=_SITE)
     if plan is not None and site is not None:
         check_order(plan, site)
     flown_by = load_vehicle(vehicle)
     read = read_mission(file)
-    place = None if site is None else load_site(site, plots, plot_id, tell=None if as_json else say)
-    report = check_mission(read, flown_by) if place is None else _on_site(read, flown_by, plan, place, fit)
+    ground = ground_of(
+        file, None if site is None else load_site(site, plots, plot_id, tell=None if as_json else say),
+        flown_by.clearance_m, plans=None if plan is None else load_plan(plan), fit=fit,
+        plant_height=plant_height(height),
+    )  # fmt: skip
+    if plan is not None and ground is None:
+        raise UsageError("--plan says nothing without --site", remedy=_SITE)
+    report = check_on_ground(read, flown_by, ground, compare=plan is not None)
     if as_json:
-        emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report)})
+        emit_json({"file": file, "format": read.format, "vehicle": flown_by.title, **_facts(report, ground)})
     else:
         _show(report, file)
-    return EXIT_OK if report.ok else MissionError.exit_code
+    unknown = report.may_be_flown is None and ground is not None
+    return EXIT_OK if report.ok and not unknown else MissionError.exit_code
 
 
-def _facts(report: Report) -> dict[str, Any]:
+def _facts(report: Report, ground: Ground | None) -> dict[str, Any]:
     deviations = {d.photograph: d for d in report.deviations}
     poses = []
     for shot in report.photographs:
@@ -108,7 +119,9 @@ def _facts(report: Report) -> dict[str, Any]:
             "off_plan_m": None if near is None else near.metres,
         })  # fmt: skip
     return {
-        "ok": report.ok,
+        "ok": report.may_be_flown,
+        "checked_against_plants": report.unchecked == {},
+        "plants": _plants(ground),
         "photographs": len(report.taken),
         "findings": finding_entries(report.findings),
         "poses": poses,
@@ -124,26 +137,29 @@ def _show(report: Report, file: Path) -> None:
         farthest = max(report.deviations, key=lambda d: d.metres)
         those = count(len(report.deviations), "photograph matches", "photographs match")
         say(f"{those} the plan, at most {format_length(farthest.metres)} off")
-    errors = sum(finding.severity == "error" for finding in report.findings)
-    verdict = "may be flown" if report.ok else f"must not be flown: {count(errors, 'error')}"
     taken = count(len(report.taken), "photograph")
     way = f"{format_length(report.length_m)} and about {format_seconds(report.seconds)} from take-off to landing"
-    say(f"{file.name}: {taken}, {way}; {verdict}")
+    say(f"{file.name}: {taken}, {way}; {_verdict(report)}")
 
 
-def _on_site(read: ReadMission, vehicle: Vehicle, plan: Path | None, site: Site, fit: bool | None) -> Report:
-    """A check against the plan's photographs, as near as the vehicle comes to them, and all that the site says."""
-    from fieldkit.missions.check import check_mission
-    from fieldkit.results.plan_file import load_plan
-    from fieldkit.sites.fitted import flown_plans
-    from fieldkit.sites.placement import grounds_m, home_of, place
-    from fieldkit.sites.reach import nearest
-    from fieldkit.sites.site_obstacles import site_obstacles
+def _plants(ground: Ground | None) -> list[dict[str, Any]]:
+    """By plot, whether it is checked against its plants."""
+    if ground is None:
+        return []
+    return [
+        {
+            "plot": plot.name, "plant_height_m": plot.plant_height_m, "checked": plot.name not in ground.unchecked,
+            "why_not": ground.unchecked.get(plot.name),
+        }
+        for plot in ground.site.plots
+    ]  # fmt: skip
 
-    plans = None if plan is None else flown_plans(load_plan(plan), site.plots, fit)
-    obstacles = site_obstacles(site, vehicle.clearance_m, plans)
-    shots, moved = nearest(() if plans is None else place(plans, site), site, vehicle, obstacles)
-    return check_mission(
-        read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
-        origin=home_of(site), moved=moved,
-    )  # fmt: skip
+
+def _verdict(report: Report) -> str:
+    from fieldkit.missions.ground import NO_PLOTS
+
+    if report.may_be_flown is None:
+        unchecked = report.unchecked
+        return f"not checked against plants: {NO_PLOTS if unchecked is None else listed(list(unchecked))}"
+    errors = sum(finding.severity == "error" for finding in report.findings)
+    return "may be flown" if report.may_be_flown else f"must not be flown: {count(errors, 'error')}"

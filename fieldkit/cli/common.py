@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -17,13 +18,15 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from fieldkit.figures.content import Cell
+    from fieldkit.sites.plot_plants import PlantHeight
     from fieldkit.sites.site import Site
     from fieldkit.sites.site_file import Tell
 
 __all__ = [
     "SEED", "AdjustOption", "CampaignArgument", "DebugOption", "FitOption", "JsonOption", "MissionFormatOption",
-    "MissionOutputOption", "OutputOption", "OverwriteOption", "PlotIdOption", "PlotsOption", "ResumeOption",
-    "SeedOption", "SitePlotOptions", "emit_json", "say", "scenes_like", "show", "table", "vehicles_like",
+    "MissionOutputOption", "OutputOption", "OverwriteOption", "PlantHeightOption", "PlotIdOption", "PlotsOption",
+    "ResumeOption", "SeedOption", "SitePlotOptions", "emit_json", "plant_height", "say", "scenes_like",
+    "show", "table", "vehicles_like",
 ]  # fmt: skip
 
 RUN, OUTPUT = "Run", "Output"
@@ -97,6 +100,41 @@ class SitePlotOptions:
         from fieldkit.sites.site_file import load_site
 
         return load_site(self.site, self.plots, self.plot_id, tell=tell)
+
+
+PlantHeightOption = Annotated[
+    str | None,
+    Option(
+        "--plant-height",
+        metavar="METRES",
+        help='Height of the highest plants of all plots; or "unknown", where plots do not say theirs, for 30 % more '
+        "than the plan's. Without: plant_height_m of the plots.",
+    ),
+]
+
+
+def plant_height(given: str | None) -> PlantHeight | None:
+    """What --plant-height says.
+
+    Raises:
+        UsageError: it is neither a height nor "unknown".
+    """
+    from fieldkit.sites.site import TALLEST_M
+
+    if given is None:
+        return None
+    if given == "unknown":
+        return "unknown"
+    try:
+        metres = float(given)
+    except ValueError:
+        metres = math.nan
+    if not 0.0 <= metres <= TALLEST_M:
+        raise UsageError(
+            f"--plant-height: {given} is no height of plants",
+            remedy=f'Give metres from 0 to {TALLEST_M:g}, like 1.64, or "unknown".',
+        )
+    return metres
 
 
 AdjustOption = Annotated[

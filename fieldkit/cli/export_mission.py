@@ -16,10 +16,12 @@ from fieldkit.cli.common import (
     MissionFormatOption,
     MissionOutputOption,
     OverwriteOption,
+    PlantHeightOption,
     PlotIdOption,
     PlotsOption,
     SeedOption,
     emit_json,
+    plant_height,
     say,
     show,
     table,
@@ -48,6 +50,7 @@ def command(
     format: MissionFormatOption = None,  # noqa: A002 - the option's name
     plots: PlotsOption = None,
     plot_id: PlotIdOption = None,
+    height: PlantHeightOption = None,
     fit: Annotated[
         bool | None,
         Option(
@@ -65,14 +68,15 @@ def command(
 ) -> None:
     """Write a plan as missions that a vehicle flies over the plots of a site.
 
-    Photographs have the plan's heading and gimbal pitch, each after standing still; legs keep clear of the plan's
-    plants, fences and obstacles; several flights are numbered where one battery does not do. Beside them mission.json
-    says what is flown where; each route is written as GeoJSON, and one picture of all flights is drawn. Whatever is
-    unsafe or out of reach is an error; where a plot is sloping, larger or planted otherwise than the plan's, that is
-    said.
+    Photographs have the plan's heading and gimbal pitch, each after standing still; legs keep clear of the plots'
+    plants, whose height has to be known, of fences and obstacles; several flights are numbered where one battery does
+    not do. Beside them mission.json says what is flown where; each route is written as GeoJSON, and one picture of all
+    flights is drawn. Whatever is unsafe or out of reach is an error; where a plot is sloping, larger or planted
+    otherwise than the plan's, that is said.
 
     Examples:
         fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml -o mission.plan
+        fieldkit export-mission maize-plan --vehicle ardupilot-pitch --site site.toml --plant-height 1.6 -o mission.plan
         fieldkit export-mission maize-plan --vehicle px4-gimbal --site site.toml --plots plots.gpkg --fit -o field
         fieldkit export-mission maize-plan --vehicle dji-mini-4-pro --site site.toml --format litchi --adjust -o field
 
@@ -88,8 +92,8 @@ def command(
     from fieldkit.missions.export_mission import export_mission
 
     done = export_mission(
-        plan, vehicle, site, output, format=format, plots=plots, plot_id=plot_id, fit=fit, adjust=adjust,
-        picture=not no_picture, overwrite=overwrite, seed=seed, tell=None if as_json else say,
+        plan, vehicle, site, output, format=format, plots=plots, plot_id=plot_id, plant_height=plant_height(height),
+        fit=fit, adjust=adjust, picture=not no_picture, overwrite=overwrite, seed=seed, tell=None if as_json else say,
     )  # fmt: skip
     if as_json:
         emit_json(_facts(done))
@@ -117,6 +121,8 @@ def _facts(done: ExportedMission) -> dict[str, object]:
         ],
         "lowest_m": routed.lowest_m,
         "nearest_plant_m": routed.plants_m,
+        "clear_of_plants_m": routed.least_clear_m,
+        "plants": [{"plot": plot, "clear_m": clear_m} for plot, clear_m in routed.clear_m.items()],
         "moved": [str(each) for each in routed.moved],
         "fit": [asdict(each) for each in routed.fit],
         "fitted": [each.fit.model_dump() for each in routed.own.values() if each.fit is not None],
@@ -131,8 +137,6 @@ def _say_stations(done: ExportedMission) -> None:
         say(f"Moved: {text}")
     if len(moved) > _MOST_MOVED:
         say(f"Moved: {count(len(moved) - _MOST_MOVED, 'more kind')}; --json lists all.")
-    if routed.plants_m is None:
-        say("Warning: the plan does not say where plants are. Legs between its stations may lead through them.")
     for name, flown in routed.own.items():
         assert flown.fit is not None
         factors = {"high": flown.fit.height, "far along": flown.fit.length, "far across": flown.fit.width}
@@ -165,17 +169,24 @@ def _show_flights(done: ExportedMission) -> None:
         )
         for file, each in zip(done.files, routed.flights, strict=False)
     ]  # fmt: skip
-    plants = "not known" if routed.plants_m is None else f"{format_length(routed.plants_m)} at the nearest"
+    plants = _plants(routed.least_clear_m, routed.plants_m)
     plots = len({shot.plot for each in routed.flights for shot in each.mission.shots})
     summary = (
         f"{count(routed.photographs // plots, 'station')} on {count(plots, 'plot')}: "
         f"{count(routed.photographs, 'photograph')}, {format_length(routed.length_m)} and "
         f"{format_seconds(routed.time_s)} from take-off to landing, "
         f"{count(len(routed.flights), 'battery', 'batteries')}; lowest camera {format_length(routed.lowest_m)} above "
-        f"the ground; plants: {plants}."
+        f"the ground; {plants}."
     )
     flights = table("Flights", ["flight", "plots>", "photographs>", "length>", "time>", "battery>"], rows)
     show([*flights, summary, "Battery: share of its usable time, reserve left out."], *done.files)
+
+
+def _plants(clear_m: float | None, nearest_m: float | None) -> str:
+    if clear_m is None:
+        return "not checked against plants"
+    nearest = "" if nearest_m is None else f", the nearest {format_length(nearest_m)} away"
+    return f"clear of plants up to {format_length(clear_m)} high{nearest}"
 
 
 def _say_fit(findings: Sequence[FitFinding]) -> None:

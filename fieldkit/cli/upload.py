@@ -135,7 +135,7 @@ def command(
     read, place = _with_items(mission).behind_home(), None if site is None else load_site(site, plots, plot_id)
     check_size(read.items)
     profile = None if vehicle is None else load_vehicle(vehicle)
-    found = findings_by_dialect(read, profile, place)
+    found = findings_by_dialect(read, profile, place, file=mission)
     fewest = min(found.values(), key=_errors)
     if not force:
         _require_no_errors(fewest, mission)

@@ -168,7 +168,8 @@ def _mission(folder: Path, progress: Progress) -> ExportedMission:
     with progress.stage("Mission"):
         (folder / "mission").mkdir()
         site = missions_folder() / "sites" / "example.toml"
-        return export_mission(folder / "plan", VEHICLE, site, folder / "mission" / "demo.plan")
+        height_m = measured_height_m(SEEN)
+        return export_mission(folder / "plan", VEHICLE, site, folder / "mission" / "demo.plan", plant_height=height_m)
 
 
 def _captures_and_scores(

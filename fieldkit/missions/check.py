@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,13 +19,14 @@ from fieldkit.missions.files.dji_models import dji_model
 from fieldkit.missions.files.limits import LEAST_WAYPOINTS, LONGEST_STAY_S, MOST_WAYPOINTS
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding, Report, error, warning
+from fieldkit.missions.ground import Ground
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Shot
 from fieldkit.routing.obstacles import Corners, Obstacles, Volume
-from fieldkit.sites.placement import SiteFrame
-from fieldkit.sites.reach import Unreachable
+from fieldkit.sites.placement import SiteFrame, grounds_m, home_of, place
+from fieldkit.sites.reach import Unreachable, nearest
 from fieldkit.sites.site import SiteHome
 from fieldkit.vehicles.vehicle import Vehicle
-from fieldkit.wording import count
+from fieldkit.wording import count, listed
 
 _MOST_LEG_FINDINGS = 50
 _CORNERS = 64
@@ -41,6 +42,7 @@ def check_mission(
     obstacles: Obstacles | None = None,
     origin: Home | None = None,
     moved: Sequence[Unreachable] = (),
+    unchecked: Mapping[str, str] | None = None,
 ) -> Report:
     """Everything that can be said of a mission without flying it.
 
@@ -53,6 +55,7 @@ def check_mission(
             looked at besides.
         origin: home as the site has it; stands in for a home that the file lacks.
         moved: of ``planned``, those that the vehicle cannot take and are the nearest poses that it can (`nearest`).
+        unchecked: plots whose plants are not among ``obstacles``, and why; None where no plots are known.
     """
     if read.home is None and origin is not None:
         read = replace(read, home=origin)
@@ -84,8 +87,34 @@ def check_mission(
     if planned and home is not None:
         findings += plan_findings(matched, flown.photographs, planned)
         findings += adjusted_findings(matched, moved)
+    findings += _unchecked_findings(unchecked or {})
     findings.sort(key=lambda f: (f.severity != "error", -1 if f.item is None else f.item, f.code))
-    return Report(flown.photographs, tuple(findings), matched, flown.seconds, flown.length_m)
+    return Report(flown.photographs, tuple(findings), matched, flown.seconds, flown.length_m, unchecked)
+
+
+def check_on_ground(read: ReadMission, vehicle: Vehicle, ground: Ground | None, *, compare: bool = False) -> Report:
+    """`check_mission` on plots, as far as they are known.
+
+    Args:
+        read: the file.
+        vehicle: that is to fly it.
+        ground: its plots, their plans and plants.
+        compare: with the plans' photographs, as near as the vehicle comes to them; of every plot there has to be one.
+    """
+    if ground is None:
+        return check_mission(read, vehicle)
+    site, obstacles = ground.site, ground.obstacles(vehicle.clearance_m)
+    shots, moved = nearest(place(ground.plans, site) if compare else (), site, vehicle, obstacles)
+    return check_mission(
+        read, vehicle, planned=shots, grounds=grounds_m(site, shots).tolist(), obstacles=obstacles,
+        origin=home_of(site), moved=moved, unchecked=ground.unchecked,
+    )  # fmt: skip
+
+
+def _unchecked_findings(unchecked: Mapping[str, str]) -> Iterator[Finding]:
+    for why in dict.fromkeys(unchecked.values()):
+        plots = [plot for plot, reason in unchecked.items() if reason == why]
+        yield warning("plants-unchecked", f"not checked against the plants of {listed(plots)}: {why}")
 
 
 def _fit(read: ReadMission, vehicle: Vehicle) -> Iterator[Finding]:

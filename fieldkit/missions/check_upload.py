@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from fieldkit.missions.check import check_mission
+from pathlib import Path
+
+from fieldkit.missions.check import check_on_ground
 from fieldkit.missions.files.read_mission import ReadMission
 from fieldkit.missions.findings import Finding
-from fieldkit.sites.placement import home_of
+from fieldkit.missions.ground import ground_of
 from fieldkit.sites.site import Site
-from fieldkit.sites.site_obstacles import site_obstacles
 from fieldkit.vehicles.vehicle import Mount, Vehicle
 from fieldkit.vehicles.vehicle_file import load_vehicle
 
@@ -17,7 +18,7 @@ _OF_A_PROFILE = frozenset({"too-low"})
 
 
 def findings_by_dialect(
-    read: ReadMission, vehicle: Vehicle | None = None, site: Site | None = None
+    read: ReadMission, vehicle: Vehicle | None = None, site: Site | None = None, *, file: Path | None = None
 ) -> dict[str, tuple[Finding, ...]]:
     """What speaks against flying a mission, by the autopilot that it may be for.
 
@@ -26,26 +27,24 @@ def findings_by_dialect(
     Args:
         read: the file; its items count from 1 (`ReadMission.behind_home`).
         vehicle: that it is for; the autopilot that the file names, or all, where not given.
-        site: whose home, fence, zones, obstacles and ceiling count.
+        site: whose home, fence, zones, obstacles, ceiling and plots count.
+        file: that was read, for the mission.json beside it.
 
     Raises:
         MissionError: a polygon of the site is of no use.
         MetadataError: a profile of fieldkit's own is missing.
     """
     if vehicle is not None:
-        return {vehicle.dialect: _findings(read, vehicle, site)}
+        return {vehicle.dialect: _findings(read, vehicle, site, file)}
     dialects = [name for name in _PROFILES if read.firmware in (None, name)] or list(_PROFILES)
     return {
-        name: tuple(f for f in _findings(read, _any_vehicle(name), site) if f.code not in _OF_A_PROFILE)
+        name: tuple(f for f in _findings(read, _any_vehicle(name), site, file) if f.code not in _OF_A_PROFILE)
         for name in dialects
     }
 
 
-def _findings(read: ReadMission, vehicle: Vehicle, site: Site | None) -> tuple[Finding, ...]:
-    if site is None:
-        return check_mission(read, vehicle).findings
-    obstacles = site_obstacles(site, vehicle.clearance_m)
-    return check_mission(read, vehicle, obstacles=obstacles, origin=home_of(site)).findings
+def _findings(read: ReadMission, vehicle: Vehicle, site: Site | None, file: Path | None) -> tuple[Finding, ...]:
+    return check_on_ground(read, vehicle, ground_of(file, site, vehicle.clearance_m)).findings
 
 
 def _any_vehicle(dialect: str) -> Vehicle:

@@ -16,7 +16,7 @@ from fieldkit.routing.mission import Fence, GeoPoint, Mission, Shot, Via
 from fieldkit.sites.fit import FitFinding, fit_site, require_fit
 from fieldkit.sites.fitted import flown_plans
 from fieldkit.sites.placement import PlotFrame, SiteFrame, grounds_m, home_of, place
-from fieldkit.sites.plot_plants import facts_of, plants_on
+from fieldkit.sites.plot_plants import PlotPlants, facts_of, plants_on
 from fieldkit.sites.reach import Unreachable, adjusted, require_reachable
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_obstacles import site_obstacles
@@ -48,6 +48,7 @@ class Routed:
         lowest_m: least height of a photograph above its plot's ground.
         plants_m: least distance between a plant and anything that is flown; None where the plan does not say where the
             plants are.
+        clear_m: by plot, the height of plants that all of it keeps clear of; None where nobody says where they stand.
         plants: (m, 3) of all plots, site frame; as high as they are taken to be there.
         plants_of: the same by plot.
         fit: what does not fit on which plot, or is worth knowing; errors are none of it.
@@ -60,8 +61,15 @@ class Routed:
     plants_m: float | None
     plants: Array
     plants_of: Mapping[str, Array]
+    clear_m: Mapping[str, float | None]
     fit: tuple[FitFinding, ...] = ()
     own: Mapping[str, Plan] = field(default_factory=dict)
+
+    @property
+    def least_clear_m(self) -> float | None:
+        """The height of plants that everything keeps clear of on every plot; None where that is not known of one."""
+        known = [clear_m for clear_m in self.clear_m.values() if clear_m is not None]
+        return min(known) if len(known) == len(self.clear_m) else None
 
     @property
     def photographs(self) -> int:
@@ -102,7 +110,7 @@ def route_plan(
     Args:
         plan: stations in the plot frame; for all plots, or each plot's own by name.
         vehicle: flies it.
-        site: home, plots, fence, zones, obstacles.
+        site: home, plots with their plants' heights, fence, zones, obstacles.
         fit: see `flown_plans`.
         adjust: fly the nearest poses where the plan's cannot be taken.
         seed: of the search for the order of many plots.
@@ -127,7 +135,8 @@ def route_plan(
         _stops(shots, frame, vehicle), (0.0, 0.0, 0.0), _landing(site, frame), obstacles, vehicle,
         takeoff_m=site.takeoff_m, transit_m=site.transit_m, seed=seed,
     )  # fmt: skip
-    plants = _plants(plans, site)
+    on_plots = _plants_of(plans, site)
+    plants = _placed(on_plots, site)
     heights = [shot.place.height_m for shot in shots] - grounds_m(site, shots)
     routed = tuple(
         RoutedFlight(_mission(flight, number, len(flights), shots, frame, site, vehicle), flight)
@@ -135,7 +144,8 @@ def route_plan(
     )
     return Routed(
         routed, moved, float(heights.min()), _nearest(flights, shots, plants) if plants else None,
-        np.concatenate([np.zeros((0, 3)), *plants.values()]), plants, findings,
+        np.concatenate([np.zeros((0, 3)), *plants.values()]), plants,
+        {name: None if each is None else each.clear_m for name, each in on_plots.items()}, findings,
         {} if isinstance(plans, Plan) else {name: each for name, each in plans.items() if each is not plan},
     )  # fmt: skip
 
@@ -186,15 +196,19 @@ def _fence(site: Site) -> Fence | None:
     return Fence(site.fence, tuple(zone.corners for zone in site.no_fly), site.ceiling_m)
 
 
-def _plants(plans: Plans, site: Site) -> dict[str, Array]:
+def _plants_of(plans: Plans, site: Site) -> dict[str, PlotPlants | None]:
+    facts = facts_of(plans, site.plots)
+    return {plot.name: plants_on(each, plot) for plot, each in zip(site.plots, facts, strict=True)}
+
+
+def _placed(plants: Mapping[str, PlotPlants | None], site: Site) -> dict[str, Array]:
     """(m, 3) points of the plants in the site frame, by plot; none where the plan does not say where they are."""
     frame = SiteFrame(site.home)
-    found = {}
-    for plot, facts in zip(site.plots, facts_of(plans, site.plots), strict=True):
-        plants = plants_on(facts, plot)
-        if plants is not None:
-            found[plot.name] = frame.to_local(*PlotFrame.of(site, plot).to_geodetic(plants.points))
-    return found
+    return {
+        plot.name: frame.to_local(*PlotFrame.of(site, plot).to_geodetic(of_plot.points))
+        for plot in site.plots
+        if (of_plot := plants[plot.name]) is not None and len(of_plot.points)
+    }
 
 
 def _nearest(flights: Sequence[Flight], shots: Sequence[Shot], plants: dict[str, Array]) -> float:
@@ -204,7 +218,7 @@ def _nearest(flights: Sequence[Flight], shots: Sequence[Shot], plants: dict[str,
         plots = [None, *(shots[index].plot for index in flight.stops), None]
         for leg, a, b in zip(flight.legs, plots, plots[1:], strict=False):
             places = np.array(leg.points)
-            for name in {a, b} - {None}:
+            for name in {a, b} & plants.keys():
                 least = min(least, _distance(places[:-1], places[1:], plants[str(name)]))
     return float(least)
 

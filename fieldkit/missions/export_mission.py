@@ -27,6 +27,7 @@ from fieldkit.results.mission_file import record_bytes, record_path
 from fieldkit.results.plan import Plan, Plans, station_number
 from fieldkit.results.plan_file import PLAN_FILE, load_plan, plan_bytes
 from fieldkit.sites.placement import SiteFrame
+from fieldkit.sites.plot_plants import PlantHeight, with_plant_height
 from fieldkit.sites.site import Site
 from fieldkit.sites.site_file import Tell, load_plots, load_site, with_plots
 from fieldkit.sites.site_obstacles import site_obstacles
@@ -62,6 +63,7 @@ def export_mission(
     format: str | None = None,  # noqa: A002
     plots: Path | None = None,
     plot_id: str | None = None,
+    plant_height: PlantHeight | None = None,
     fit: bool | None = None,
     adjust: bool = False,
     route: bool = True,
@@ -84,6 +86,8 @@ def export_mission(
         format: "plan", "waypoints", "wpml", "litchi" or "kml"; None takes the one of the output's suffix, else "plan".
         plots: a file of plots that takes the place of the site's own.
         plot_id: field of the plots file that holds the plots' ids; None looks for one.
+        plant_height: of the plants of all plots, metres; "unknown" for those that do not say: 30 % more than the plan's
+            tallest (`with_plant_height`). Without, a plot that does not say is an error.
         fit: whether to fit the plan to each plot (`flown_plans`). Fitted plans are written as MISSION-PLOT.json:
             `evaluate --plan` and `check` have to be given these.
         adjust: fly the nearest poses where the vehicle cannot take the plan's.
@@ -109,6 +113,7 @@ def export_mission(
     place = site if isinstance(site, Site) else load_site(site, plots, plot_id, tell=tell)
     if isinstance(site, Site) and plots is not None:
         place = with_plots(site, load_plots(plots, plot_id))
+    place = with_plant_height(place, loaded, plant_height)
     routed = route_for_files(loaded, profile, place, format, fit=fit, adjust=adjust, seed=seed)
     written = _plan_files(output, routed.own) if plans else {}
     more = {file: plan_bytes(routed.own[plot]) for plot, file in written.items()}

@@ -17,6 +17,7 @@ from fieldkit.results.mission import (
     MissionFlight,
     MissionHome,
     MissionPlace,
+    MissionPlants,
     MissionPlot,
     MissionRecord,
     MissionStation,
@@ -25,7 +26,7 @@ from fieldkit.results.mission import (
 )
 from fieldkit.routing.mission import Fence, GeoPoint, Shot, Via
 from fieldkit.sites.placement import PlotFrame, SiteFrame
-from fieldkit.sites.site import Site, SiteHome
+from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.vehicles.vehicle import Vehicle
 from fieldkit.version import __version__
 
@@ -64,7 +65,7 @@ def mission_record(
         speed_mps=mission.speed_mps,
         settle_s=mission.settle_s,
         exposure_s=mission.exposure_s,
-        plots=tuple(_plot(site, PlotFrame.of(site, plot), plot.name, plans[plot.name]) for plot in site.plots),
+        plots=tuple(_plot(site, plot, _plants(routed, plot, vehicle), plans[plot.name]) for plot in site.plots),
         flights=tuple(_flight(each, name) for each, name in zip(routed.flights, names, strict=True)),
         inside=fence.inside,
         outside=fence.outside,
@@ -103,8 +104,16 @@ def way(record: MissionRecord, flight: MissionFlight) -> tuple[GeoPoint, ...]:
     return (*begin, *geo_points((*flight.stops, landing)), end)
 
 
-def _plot(site: Site, frame: PlotFrame, name: str, plan: FlownPlan) -> MissionPlot:
-    home = site.home
+def _plants(routed: Routed, plot: SitePlot, vehicle: Vehicle) -> MissionPlants | None:
+    if plot.plant_height_m is None:
+        return None
+    return MissionPlants(
+        height_m=plot.plant_height_m, clear_m=routed.clear_m[plot.name], clearance_m=vehicle.clearance_m
+    )
+
+
+def _plot(site: Site, plot: SitePlot, plants: MissionPlants | None, plan: FlownPlan) -> MissionPlot:
+    home, frame = site.home, PlotFrame.of(site, plot)
     datum: Literal["ellipsoid", "sea level", "unknown"] = (
         "ellipsoid" if home.ellipsoid_m is not None else "sea level" if home.amsl_m is not None else "unknown"
     )
@@ -114,8 +123,8 @@ def _plot(site: Site, frame: PlotFrame, name: str, plan: FlownPlan) -> MissionPl
         datum=datum,
     )  # fmt: skip
     return MissionPlot(
-        name=name, origin=origin, ground_m=frame.ground_m, row_heading_deg=frame.row_heading_deg,
-        gradient=frame.gradient, plan=plan,
+        name=plot.name, origin=origin, ground_m=frame.ground_m, row_heading_deg=frame.row_heading_deg,
+        gradient=frame.gradient, length_m=plot.length_m, width_m=plot.width_m, plants=plants, plan=plan,
     )  # fmt: skip
 
 

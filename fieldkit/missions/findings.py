@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -115,6 +115,7 @@ class Report:
         deviations: from the plan, where one was given.
         seconds: of the flight, from take-off to landing, estimated.
         length_m: from take-off to landing.
+        unchecked: plots that are not checked against plants, and why; None where no plots are known.
     """
 
     photographs: tuple[Photograph, ...]
@@ -122,11 +123,17 @@ class Report:
     deviations: tuple[Deviation, ...]
     seconds: float
     length_m: float
+    unchecked: Mapping[str, str] | None = None
 
     @property
     def ok(self) -> bool:
-        """Whether there is no error."""
+        """Whether there is no error. That alone does not say that it may be flown: see `may_be_flown`."""
         return not any(finding.severity == "error" for finding in self.findings)
+
+    @property
+    def may_be_flown(self) -> bool | None:
+        """Whether there is no error; None where there is none and plants could not be checked."""
+        return (True if self.unchecked == {} else None) if self.ok else False
 
     @property
     def taken(self) -> tuple[Photograph, ...]:

@@ -55,6 +55,17 @@ class FlownPlan(Strict):
     sha256: Sha256
 
 
+class MissionPlants(Strict):
+    """What a mission keeps clear of on a plot."""
+
+    height_m: Length
+    """Of the highest plants, as it was given at the export."""
+    clear_m: Length | None = None
+    """Height of plants that everything flown keeps clear of; null where nobody said where they stand."""
+    clearance_m: Length
+    """Distance kept from them."""
+
+
 class MissionPlot(Strict):
     """A plot's frame: x along the row, y to its left, z upright above the plot's ground."""
 
@@ -67,6 +78,11 @@ class MissionPlot(Strict):
     """Compass heading of x."""
     gradient: tuple[Slope, Slope]
     """Rise of the ground per metre along x and y."""
+    length_m: Length | None = None
+    """Of the plot, along x and about the origin; null where nobody said."""
+    width_m: Length | None = None
+    """Across."""
+    plants: MissionPlants | None = None
     plan: FlownPlan
     """Whose stations are flown here."""
 

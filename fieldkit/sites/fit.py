@@ -130,20 +130,22 @@ def plants_outgrown(plan: Plan, plant_height_m: float, *, plot: str = "plot") ->
 def _plants(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[FitFinding]:
     height, top, plants = plot.plant_height_m, facts.top_m, plants_on(facts, plot)
     if height is None:
-        if facts.plan.plant_height_m is not None:
-            yield FitFinding(
-                plot.name, "plant-height-unknown", "note",
-                "the site does not say how high its plants are, so the plan is flown as for plants of "
-                f"{facts.plan.plant_height_m:.2f} m",
-                "Measure them and give plant_height_m: the plan is then fitted to it.",
-            )  # fmt: skip
-        return
-    if top is None or plants is None:
+        made_for = "" if top is None else f"; the plan's are {top:.2f} m high"
         yield FitFinding(
-            plot.name, "plants-unknown", "note",
-            f"the plan does not say where plants are, so those of {height:.2f} m cannot be kept clear of",
-            "Make the plan again with fieldkit plan, which writes them into plan.json.",
+            plot.name, "plant-height-unknown", "error",
+            f"nobody says how high its plants are, and a mission has to keep clear of them{made_for}",
+            "Measure the highest plants: plant_height_m in the plots file gives each plot's, --plant-height METRES one "
+            "for all. --plant-height unknown keeps clear of plants 30 % taller than the plan's.",
         )  # fmt: skip
+        return
+    if plants is None:
+        yield FitFinding(
+            plot.name, "plants-unknown", "warning",
+            f"not checked against plants: neither the plan nor the site says where those of {height:.2f} m stand",
+            "Make the plan again with fieldkit plan, which writes them into plan.json, or give the plot's outline.",
+        )  # fmt: skip
+        return
+    if top is None:
         return
     if height > top + HIGHER_M:
         before = PlotPlants(facts.points, (), plants.cell_m)
@@ -178,9 +180,14 @@ def _size(facts: PlanFacts, plot: SitePlot, clearance_m: float) -> Iterator[FitF
     if beyond is not None and beyond.blocks:
         inside = _among(facts, PlotPlants(np.zeros((0, 3)), beyond.blocks, beyond.cell_m), clearance_m)
         if inside:
+            why = (
+                "reaches beyond the plan's plants"
+                if len(beyond.points)
+                else "counts as full, for the plan knows no plants"
+            )
             yield FitFinding(
                 plot.name, "plot-larger", "error",
-                f"the plot of {sizes} reaches beyond the plan's plants, and {_stations(inside)} would stand among its "
+                f"the plot of {sizes} {why}, and {_stations(inside)} would stand among its "
                 f"plants of {plot.plant_height_m:.2f} m, or nearer to them than {clearance_m:g} m",
                 "Plan on a plot of this size, or give length_m and width_m of what is planted there.",
             )  # fmt: skip

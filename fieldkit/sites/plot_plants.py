@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 import shapely
@@ -15,13 +16,17 @@ from fieldkit.errors import MissionError
 from fieldkit.results.plan import Plan, PlanPlants, Plans, plan_on
 from fieldkit.sites.plants import BAND_M, Band, no_fly_bands
 from fieldkit.sites.rows import row_spacing_m
-from fieldkit.sites.site import SitePlot
+from fieldkit.sites.site import Site, SitePlot
 from fieldkit.sites.terrain import LEVEL, Gradient
 
 SAME_SPACING = 0.1
 """Share by which a row spacing may differ and still be the plan's."""
 BESIDE_M = 0.25
 """A plot that reaches no farther beyond the plan's plants is not larger: where its edge is drawn is a convention."""
+UNKNOWN_SHARE = 1.3
+"""By what plants of unknown height may be taller than the tallest that their plan knows."""
+PlantHeight = float | Literal["unknown"]
+"""Metres, for all plots; or "unknown"."""
 _STEP_M = 0.05
 _SHORT_M = BAND_M + 0.02  # by which bands may lie inside the spheres about the points
 _FARTHEST_M, _HIGHEST_M = 10_000.0, 100.0
@@ -113,6 +118,12 @@ class PlotPlants:
     blocks: tuple[Block, ...]
     cell_m: float
 
+    @property
+    def clear_m(self) -> float:
+        """The height of plants that is kept clear of, wherever they stand."""
+        tops = [block.top_m for block in self.blocks]
+        return min([*tops, float(self.points[:, 2].max())] if len(self.points) else tops)
+
     def bands(self, clearance_m: float, slope: Gradient = LEVEL) -> tuple[Band, ...]:
         """The air that the points take, as `no_fly_bands`, in a frame with z above the ground at the origin.
 
@@ -141,7 +152,34 @@ class PlotPlants:
         return found
 
 
-def plants_on(facts: PlanFacts, plot: SitePlot) -> PlotPlants | None:
+def with_plant_height(site: Site, plans: Plans | None, given: PlantHeight | None) -> Site:
+    """The site with its plots' plant heights as they are given.
+
+    Args:
+        site: whose plots may say theirs.
+        plans: flown there; none where they are not known.
+        given: metres replace what plots say; "unknown" fills in, where a plot says none, `UNKNOWN_SHARE` times the
+            tallest plants that its plan knows.
+    """
+    if given is None:
+        return site
+    heights = [_unknown_height_m(plans, plot) if given == "unknown" else given for plot in site.plots]
+    plots = [
+        plot.model_copy(update={"plant_height_m": height})
+        for plot, height in zip(site.plots, heights, strict=True)
+    ]  # fmt: skip
+    return site.model_copy(update={"plots": tuple(plots)})
+
+
+def _unknown_height_m(plans: Plans | None, plot: SitePlot) -> float | None:
+    plan = plans if isinstance(plans, Plan) else (plans or {}).get(plot.name)
+    if plot.plant_height_m is not None or plan is None:
+        return plot.plant_height_m
+    known = [height for height in (PlanFacts(plan).top_m, plan.plant_height_m) if height is not None]
+    return UNKNOWN_SHARE * max(known) if known else None
+
+
+def plants_on(facts: PlanFacts | None, plot: SitePlot) -> PlotPlants | None:
     """The plants of a plot: the plan's, changed by what the site says of this plot.
 
     - Where ``plant_height_m`` is more than the plan's plants have, all of them are stretched upwards to it, in steps of
@@ -149,13 +187,14 @@ def plants_on(facts: PlanFacts, plot: SitePlot) -> PlotPlants | None:
     - Where ``row_spacing_m`` is another than the plan's rows have (by more than 10 %), the rectangle about the plan's
       plants counts as full.
     - Where a plot of known size and plant height reaches beyond the plan's plants, what lies beyond counts as full.
+    - Where no plan says where plants are, all of a plot of known size and plant height counts as full.
 
     Returns:
-        None where the plan does not say where plants are, and none are known here.
+        None where neither the plan nor the site says where plants are.
     """
+    if facts is None or facts.plan.plants is None or facts.top_m is None or facts.box is None:
+        return _full(plot)
     top, box = facts.top_m, facts.box
-    if facts.plan.plants is None or top is None or box is None:
-        return None
     steps = math.ceil(((plot.plant_height_m or 0.0) - top) / _STEP_M - 1e-6)
     height, points = top + _STEP_M * max(steps, 0), facts.points
     if steps > 0 and top > 0.0:
@@ -166,6 +205,14 @@ def plants_on(facts: PlanFacts, plot: SitePlot) -> PlotPlants | None:
     if plot.size_m is not None and plot.plant_height_m is not None:
         blocks += [Block(low, high, plot.plant_height_m) for low, high in _beyond(plot.size_m, box)]
     return PlotPlants(points, tuple(blocks), facts.plan.plants.cell_m)
+
+
+def _full(plot: SitePlot) -> PlotPlants | None:
+    if plot.size_m is None or plot.plant_height_m is None:
+        return None
+    length, width = 0.5 * plot.size_m[0], 0.5 * plot.size_m[1]
+    block = Block((-length, -width), (length, width), plot.plant_height_m)
+    return PlotPlants(np.zeros((0, 3)), (block,), _STEP_M)
 
 
 def other_spacing(plan_m: float | None, plot_m: float) -> bool:

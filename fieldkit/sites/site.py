@@ -22,6 +22,8 @@ UNDULATION_M = 110.0
 _MIXED_UP_M = 10.0
 _STEEPEST = 1.0  # no field is taken off from across such a slope
 _SAME_PLACE_M = 0.1
+TALLEST_M = 20.0
+"""Of plants."""
 
 
 def _printable(name: str) -> str:
@@ -46,7 +48,7 @@ def _in_metres(value: float, least: float, most: float) -> float:
 
 Height = Annotated[float, Field(ge=-1000, le=10_000)]
 Side = Annotated[float, Field(ge=0.1, le=1000)]
-PlantHeight = Annotated[float, AfterValidator(lambda value: _in_metres(value, 0.0, 20.0))]
+PlantHeight = Annotated[float, AfterValidator(lambda value: _in_metres(value, 0.0, TALLEST_M))]
 RowSpacing = Annotated[float, AfterValidator(lambda value: _in_metres(value, 0.05, 10.0))]
 Slope = Annotated[float, Field(ge=0, le=STEEPEST_PERCENT)]
 Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_printable)]

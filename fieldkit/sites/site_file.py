@@ -7,8 +7,10 @@ not in the field.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,8 @@ from fieldkit.sites.geojson import Feature, wgs84_features
 from fieldkit.sites.plot_ids import ID_FIELDS, IdProblem, PlotIds, plot_ids
 from fieldkit.sites.plot_shapes import heading_near, plot_shape
 from fieldkit.sites.site import Site, SiteHome, SitePlot
-from fieldkit.sites.vector_files import VectorFile, read_features, read_wgs84
+from fieldkit.sites.vector_files import NUMBERS, VectorFile, read_features, read_wgs84
+from fieldkit.wording import listed
 
 FARTHEST_M = 100_000.0
 """From home; what lies farther away is not where it was meant to be."""
@@ -37,6 +40,10 @@ _PLOTS_REMEDY = "Plots are polygons or points; height_m, row_heading_deg … are
 _AS_THEY_ARE = (
     "height_m", "datum", "slope_percent", "slope_deg", "uphill_heading_deg", "plant_height_m", "row_spacing_m"
 )  # fmt: skip
+_PROPERTIES = (*NUMBERS, "datum", "ground_points")
+_NEAR = 0.87
+"""Likeness from which a column's name is a slip: plant_heigth_m and lenght_m are, height and length are not."""
+_MOST_COLUMNS = 12
 _SIDES_M = (0.1, 1000.0)
 _NO_PLOTS = 'Give it [[plots]], or plots = "plots.geojson"; --plots takes such a file, too.'
 
@@ -52,11 +59,13 @@ class PlotsFile:
         plots: in the file's order.
         ids: which field their names are from.
         file: as GeoJSON in WGS 84.
+        unused: columns that say nothing of a plot here.
     """
 
     plots: tuple[SitePlot, ...]
     ids: PlotIds
     file: VectorFile
+    unused: tuple[str, ...] = ()
 
     def geojson(self) -> bytes | None:
         """The plots as GeoJSON in WGS 84 that gives the same plots to any reader, its ids under "plot_id".
@@ -116,6 +125,8 @@ def load_site(
         found = read_plots(plots, plot_id)
         if tell is not None:
             tell(f"{found.ids.sentence()}.")
+            if found.unused:
+                tell(f"Columns that are not used: {listed(list(found.unused), _MOST_COLUMNS)}.")
         return with_plots(site, found.plots, path=plots)
     if plot_id is not None:
         raise MetadataError(
@@ -164,6 +175,7 @@ def read_plots(path: Path, plot_id: str | None = None) -> PlotsFile:
         ids = plot_ids(features, plot_id)
     except IdProblem as problem:
         raise MetadataError(str(problem), path=path, remedy=problem.remedy) from problem
+    unused = _unused(features, ids.field, path)
     plots: list[SitePlot] = []
     towards: float | None = None
     for feature, name in zip(features, ids.ids, strict=True):
@@ -176,7 +188,22 @@ def read_plots(path: Path, plot_id: str | None = None) -> PlotsFile:
         if from_shape and towards is None:
             towards = plot.row_heading_deg
         plots.append(plot)
-    return PlotsFile(tuple(plots), ids, file)
+    return PlotsFile(tuple(plots), ids, file, unused)
+
+
+def _unused(features: Sequence[Feature], id_field: str | None, path: Path) -> tuple[str, ...]:
+    """The columns that are not used; one that nearly is a property of plots is an error."""
+    columns = dict.fromkeys(name for feature in features for name in feature.properties)
+    others = [name for name in columns if name not in (*_PROPERTIES, id_field) and name.casefold() not in ID_FIELDS]
+    for name in others:
+        plain = re.sub(r"\W+", "_", name.casefold()).strip("_")
+        near = get_close_matches(plain, [known for known in _PROPERTIES if known not in columns], n=1, cutoff=_NEAR)
+        if near:
+            raise MetadataError(
+                f'has a column "{name}", which is not used: is {near[0]} meant?', path=path,
+                remedy=f"Name it {near[0]} (metres and degrees), or otherwise than a property of plots.",
+            )  # fmt: skip
+    return tuple(others)
 
 
 def with_plots(site: Site, plots: Sequence[SitePlot], *, path: Path | None = None) -> Site:

@@ -25,11 +25,13 @@ def test_planned_exported_checked(line: CommandLine) -> None:
     assert plan.envelope.lower_m[2] == 1.0
     assert plan.envelope.pitch_deg == (-90.0, 30.0)
     assert plan.camera is not None
+    assert plan.plants is not None
     assert (plan.camera.width, plan.camera.height) == (800, 600)
     assert plan.camera.params[0] / 800 == pytest.approx(3871.0 / 4056, rel=1e-3)
 
     mission = ("--vehicle", "ardupilot-pitch", "--site", str(SITE))
-    exported = run(line, "export-mission", "plan", *mission, "--no-picture", "-o", "mission.plan")
+    height = ("--plant-height", str(round(max(z for _, _, z in plan.plants.points_m), 2)))
+    exported = run(line, "export-mission", "plan", *mission, *height, "--no-picture", "-o", "mission.plan")
     assert exported["moved"] == []
     assert exported["photographs"] == 6
     checked = run(line, "check-mission", "mission.plan", *mission, "--plan", "plan")

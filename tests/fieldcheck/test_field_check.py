@@ -41,7 +41,9 @@ from fieldkit.results.mission_file import load_mission
 from fieldkit.results.plan import Plan, PlanPlants
 from fieldkit.results.plan_file import plan_bytes, plan_from_poses
 from fieldkit.sites.fitted import flown_plan
+from fieldkit.sites.plot_plants import with_plant_height
 from fieldkit.sites.site import Site, SiteHome, SitePlot
+from fieldkit.sites.site_file import load_site
 
 ROOT = Path(__file__).parents[2]
 
@@ -518,7 +520,7 @@ class TestReport:
 
 
 class TestRefly:
-    site = ROOT / "missions" / "sites" / "example.toml"
+    site = with_plant_height(load_site(ROOT / "missions" / "sites" / "example.toml"), None, 0.9)
 
     def test_stations_keep_their_numbers(self, tmp_path: Path) -> None:
         plan = plan_from_poses([Pose(p.rotation, p.center + np.array([0.0, 0.0, 1.5])) for p in stations()])

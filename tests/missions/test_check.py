@@ -22,6 +22,7 @@ from fieldkit.missions.files.waypoints import waypoints_bytes
 from fieldkit.missions.files.writing import mission_bytes
 from fieldkit.missions.findings import Report, error, grouped
 from fieldkit.missions.items import Command, MissionItem
+from fieldkit.results.plan import PlanPlants
 from fieldkit.results.plan_file import plan_from_poses, save_plan
 from fieldkit.routing.mission import Circle, Fence, GeoPoint, Home, Mission, Shot
 from fieldkit.routing.obstacles import Obstacles, Volume
@@ -409,7 +410,7 @@ def test_findings_that_say_the_same_are_one_and_causes_come_first(tmp_path: Path
 
 def test_the_command_with_a_plan_and_a_site(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     site_file = missions_folder() / "sites" / "example.toml"
-    plan = plan_from_poses(ring(9, 2.5, 2.0))
+    plan = plan_from_poses(ring(9, 2.5, 2.0), plants=PlanPlants(points_m=((0.0, 0.0, 0.9),), cell_m=0.05))
     save_plan(tmp_path / "plan.json", plan)
     site = load_site(site_file)
     start = GeoPoint(site.home.latitude_deg, site.home.longitude_deg, 5.0)
@@ -418,10 +419,11 @@ def test_the_command_with_a_plan_and_a_site(tmp_path: Path, capsys: pytest.Captu
     )  # fmt: skip
     by = load_vehicle("ardupilot-pitch")
     (tmp_path / "ring.plan").write_bytes(mission_bytes("plan", mission, by))
-    options: dict[str, Any] = {"plan": tmp_path / "plan.json", "site": site_file, "as_json": True}
+    options: dict[str, Any] = {"plan": tmp_path / "plan.json", "site": site_file, "height": "0.9", "as_json": True}
     assert command(tmp_path / "ring.plan", "ardupilot-pitch", **options) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["findings"] == []
+    assert (answer["ok"], answer["checked_against_plants"]) == (True, True)
     assert max(pose["off_plan_m"] for pose in answer["poses"]) < 0.002
     # To the weather station, a no-fly zone of the site.
     astray = replace(mission, landing=GeoPoint(50.86516, 6.44699, 5.0))
@@ -439,7 +441,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert command(good, "ardupilot-pitch", as_json=True) == 0
     shown = capsys.readouterr()
     answer = json.loads(shown.out)
-    assert (answer["ok"], answer["photographs"]) == (True, 13)
+    assert (answer["ok"], answer["checked_against_plants"], answer["photographs"]) == (None, False, 13)
     assert answer["findings"][0].keys() >= {"code", "station", "message"}
     assert len(answer["poses"]) == 13
     assert command(bad, "ardupilot-pitch", as_json=True) == 5

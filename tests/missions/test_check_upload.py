@@ -42,7 +42,10 @@ def test_the_sites_home_and_obstacles_count() -> None:
     read = ReadMission("plan", render(small_mission(), vehicle())[1:], home=HOME, firmware="ardupilot")
     plot = SitePlot(latitude_deg=50.865, longitude_deg=6.4473, height_m=92.0, datum="amsl")
     plain = Site(home=home, plots=(plot,))
-    assert findings_by_dialect(read, None, plain)["ardupilot"] == ()
+    assert {f.code for f in findings_by_dialect(read, None, plain)["ardupilot"]} == {"plants-unchecked"}
+    planted = plot.model_copy(update={"length_m": 4.0, "width_m": 4.0, "plant_height_m": 2.0})
+    full = findings_by_dialect(read, None, plain.model_copy(update={"plots": (planted,)}))
+    assert errors(full["ardupilot"]) == {"leg-plants"}
     shot = small_mission().shots[0].place
     mast = Obstacle(
         name="mast", latitude_deg=shot.latitude_deg, longitude_deg=shot.longitude_deg, radius_m=1.0, top_m=9.0

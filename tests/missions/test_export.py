@@ -22,6 +22,7 @@ from fieldkit.results.plan import Plan, PlanPlants, Station
 from fieldkit.routing.mission import Shot
 from fieldkit.scenes.rigs import ring
 from fieldkit.sites.placement import SiteFrame, home_of, place
+from fieldkit.sites.plot_plants import with_plant_height
 from fieldkit.sites.site import NoFly, Site
 from fieldkit.sites.site_file import load_site
 from fieldkit.sites.site_obstacles import site_obstacles
@@ -31,8 +32,14 @@ SITES = Path(__file__).parents[2] / "missions" / "sites"
 VEHICLE = load_vehicle("ardupilot-pitch")
 
 
-def site() -> Site:
-    return load_site(SITES / "example.toml")
+HEIGHT_M = 0.85
+"""Of the plots' plants: no more than those of `planned`, so that these stay as they are."""
+LOW_M = 0.3
+"""Of plants beside those of `planned`, where plots reach farther: its stations stand clear of them."""
+
+
+def site(plots: Path | None = None, height_m: float = HEIGHT_M) -> Site:
+    return with_plant_height(load_site(SITES / "example.toml", plots), None, height_m)
 
 
 def planned(count: int = 7, *, height_m: float = 1.2, plants: bool = True) -> Plan:
@@ -103,13 +110,13 @@ def test_what_is_written_passes_its_check_against_the_plan(
 
 def test_no_file_takes_more_than_a_battery(tmp_path: Path) -> None:
     """Also where a flight as planned would just do, and holds in whole seconds are too much."""
-    plots = SITES / "plots.geojson"
     flown_by = VEHICLE.model_copy(update={"trigger": VEHICLE.trigger.model_copy(update={"settle_s": 3.05})})
-    planned_s = route_plan(planned(5), flown_by, load_site(SITES / "example.toml", plots)).time_s
+    field = site(SITES / "plots.geojson", LOW_M)
+    planned_s = route_plan(planned(5), flown_by, field).time_s
     tired = {"endurance_s": 1.001 * planned_s / (1.0 - flown_by.battery.reserve)}
     flown_by = flown_by.model_copy(update={"battery": flown_by.battery.model_copy(update=tired)})
-    assert len(route_plan(planned(5), flown_by, load_site(SITES / "example.toml", plots)).flights) == 1
-    done = export_mission(planned(5), flown_by, SITES / "example.toml", tmp_path / "m", plots=plots, picture=False)
+    assert len(route_plan(planned(5), flown_by, field).flights) == 1
+    done = export_mission(planned(5), flown_by, field, tmp_path / "m", picture=False)
     assert len(done.routed.flights) == 2
     for file, each in zip(done.files, done.routed.flights, strict=False):
         report = check_mission(read_mission(file), flown_by)
@@ -141,7 +148,12 @@ def test_stations_too_low_over_plants_for_a_vehicle_are_raised_over_them(tmp_pat
 def test_many_plots_take_several_flights_in_numbered_files(tmp_path: Path) -> None:
     vehicle = VEHICLE.model_copy(update={"battery": VEHICLE.battery.model_copy(update={"endurance_s": 320.0})})
     done = export_mission(
-        planned(5), vehicle, SITES / "example.toml", tmp_path / "field.plan", plots=SITES / "plots.geojson"
+        planned(5),
+        vehicle,
+        SITES / "example.toml",
+        tmp_path / "field.plan",
+        plots=SITES / "plots.geojson",
+        plant_height=LOW_M,
     )
     plots = [plot for each in done.routed.flights for plot in each.flight.plots]
     assert len(done.routed.flights) > 1

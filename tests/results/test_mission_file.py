@@ -19,14 +19,14 @@ from fieldkit.results.plan_file import load_plan, save_plan
 from fieldkit.results.report_files import file_sha256
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.site_file import load_site
-from tests.missions.test_export import SITES, VEHICLE, planned
+from tests.missions.test_export import LOW_M, SITES, VEHICLE, planned
 
 PLOTS = SITES / "plots.geojson"
 PLAN = planned(5, height_m=1.6)
 
 
 def exported(folder: Path, plan: Path | Plan = PLAN, **more: Any) -> ExportedMission:
-    options = {"plots": PLOTS, "picture": False, **more}
+    options = {"plots": PLOTS, "picture": False, "plant_height": LOW_M, **more}
     return export_mission(plan, VEHICLE, SITES / "example.toml", folder / "field.plan", **options)
 
 
@@ -75,7 +75,8 @@ def test_plans_are_named_by_the_hash_of_their_file(tmp_path: Path) -> None:
     site = load_site(SITES / "example.toml")
     (plot,) = site.plots
     tall = plot.model_copy(update={"name": "tall", "latitude_deg": plot.latitude_deg + 1e-4, "plant_height_m": 1.2})
-    site = site.model_copy(update={"plots": (plot, tall)})
+    low = plot.model_copy(update={"plant_height_m": 0.9})
+    site = site.model_copy(update={"plots": (low, tall)})
 
     def plans(name: str, plan: Path | Plan, **more: Any) -> list[FlownPlan]:
         export_mission(plan, VEHICLE, site, tmp_path / name / "mission.plan", picture=False, **more)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from fieldkit.cli.main import main
 from fieldkit.errors import MissionError
 from fieldkit.missions.export import route_plan
-from fieldkit.results.plan import Plan, PlanCamera, PlanPlants
+from fieldkit.results.plan import Plan, PlanCamera, PlanPlants, Plans
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.fit import FitFinding, fit_site, plants_outgrown, require_fit
-from fieldkit.sites.plot_plants import PlanFacts, plants_on
+from fieldkit.sites.plot_plants import PlanFacts, plants_on, with_plant_height
 from fieldkit.sites.rows import row_spacing_m
 from fieldkit.sites.site import Site, SiteHome, SitePlot
 from fieldkit.sites.site_obstacles import site_obstacles
@@ -62,12 +62,37 @@ def site_with(*plots: dict[str, Any]) -> Site:
 
 
 def findings(plan: Plan, **plot: Any) -> dict[str, FitFinding]:
-    return {finding.code: finding for finding in fit_site(plan, site_with(plot), VEHICLE.clearance_m)}
+    """What is found on a plot whose plants are those of `planned`, unless it says otherwise."""
+    site = site_with({"plant_height_m": 0.9, **plot})
+    return {finding.code: finding for finding in fit_site(plan, site, VEHICLE.clearance_m)}
 
 
 def test_nothing_is_said_of_what_nobody_said() -> None:
     assert findings(planned()) == {}
-    assert findings(planned(plants=False)) == {}
+
+
+def test_without_a_plant_height_a_plan_does_not_fit() -> None:
+    for plan in (planned(), planned(plants=False), planned().model_copy(update={"plant_height_m": 0.9})):
+        found = findings(plan, plant_height_m=None)
+        assert found.keys() == {"plant-height-unknown"}
+        assert found["plant-height-unknown"].severity == "error"
+        assert "--plant-height METRES" in found["plant-height-unknown"].remedy
+
+
+def test_heights_that_are_given_for_all_plots_or_not_known() -> None:
+    plan, site = planned(), site_with({}, {"plant_height_m": 1.2})
+    top_m = PlanFacts(plan).top_m
+    assert top_m is not None
+
+    def heights(plans: Plans | None, given: float | Literal["unknown"] | None) -> list[float | None]:
+        return [plot.plant_height_m for plot in with_plant_height(site, plans, given).plots]
+
+    assert heights(plan, None) == [None, 1.2]
+    assert heights(plan, 1.64) == [1.64, 1.64]
+    assert heights(plan, "unknown") == [pytest.approx(1.3 * top_m), 1.2]
+    stated = plan.model_copy(update={"plant_height_m": 1.1})
+    assert heights({"p0": stated}, "unknown") == [pytest.approx(1.3 * 1.1), 1.2]
+    assert heights(planned(plants=False), "unknown") == heights(None, "unknown") == [None, 1.2]
 
 
 def test_the_plans_plants_are_09_m_high() -> None:
@@ -92,7 +117,7 @@ def test_higher_plants_are_flown_clear_of_or_refused() -> None:
     with pytest.raises(
         MissionError, match=r"does not fit p1: plants of 1\.40 m.*\(1 more plot does not fit\)"
     ) as caught:
-        route_plan(over, VEHICLE, site_with({}, {"plant_height_m": 1.4}, {"plant_height_m": 1.5}))
+        route_plan(over, VEHICLE, site_with(*({"plant_height_m": m} for m in (0.9, 1.4, 1.5))))
     assert caught.value.exit_code == 5
     assert "--fit, or plan again" in caught.value.remedy
 
@@ -119,9 +144,22 @@ def test_lower_plants_are_noted_and_change_nothing() -> None:
 
 
 def test_a_plan_without_plants_cannot_keep_clear_of_them() -> None:
-    found = findings(planned(plants=False), plant_height_m=1.5, row_spacing_m=0.75, length_m=3.0, width_m=2.0)
-    assert found.keys() == {"plants-unknown", "row-spacing-unknown", "size-unknown"}
-    assert {finding.severity for finding in found.values()} == {"note"}
+    found = findings(planned(plants=False), plant_height_m=1.5, row_spacing_m=0.75)
+    assert found.keys() == {"plants-unknown", "row-spacing-unknown"}
+    assert found["plants-unknown"].severity == "warning"
+    assert "not checked against plants" in found["plants-unknown"].message
+
+
+def test_without_the_plans_plants_all_of_an_outline_counts_as_full() -> None:
+    outline = {"length_m": 3.0, "width_m": 2.0, "plant_height_m": 1.5}
+    found = findings(planned(plants=False), **outline)
+    assert found.keys() == {"plot-larger", "size-unknown"}
+    assert found["plot-larger"].severity == "error"
+    assert "counts as full, for the plan knows no plants" in found["plot-larger"].message
+    assert findings(planned(plants=False, height_m=2.1), **outline).keys() == {"size-unknown"}
+    high = route_plan(planned(plants=False, height_m=2.1), VEHICLE, site_with(outline))
+    assert high.clear_m == {"p0": 1.5}
+    assert min(leg[:, 2].min() for leg in high.legs()[1:-1]) > 1.5 + VEHICLE.clearance_m - 0.03
 
 
 def test_a_plot_that_is_not_all_photographed() -> None:
@@ -143,7 +181,7 @@ def test_stations_over_a_plot_that_is_larger_than_the_plans() -> None:
     assert "stations 1, 2, 3, 4 and 3 more would stand among its plants of 0.90 m" in refused.message
     above = planned(height_m=2.0)
     assert findings(above, **larger).keys() == {"plot-size"}
-    assert "plot-larger" not in findings(planned(height_m=1.2), length_m=6.0, width_m=3.0)
+    assert "plot-larger" not in findings(planned(height_m=1.2), length_m=6.0, width_m=3.0, plant_height_m=None)
     routed = route_plan(above, VEHICLE, site_with(larger))
     assert min(leg[:, 2].min() for leg in routed.legs()[1:-1]) > 0.9 + VEHICLE.clearance_m - 0.03
 

@@ -120,7 +120,7 @@ def test_where_no_height_is_known_that_is_said() -> None:
     plan = plan_in_envelope().model_copy(update={"plant_height_m": 0.9})
     site = site_with({"name": "a"}, {"name": "b", "plant_height_m": 0.9})
     (finding,) = fit_site(flown_plans(plan, site.plots), site, VEHICLE.clearance_m)
-    assert (finding.plot, finding.code, finding.severity) == ("a", "plant-height-unknown", "note")
+    assert (finding.plot, finding.code, finding.severity) == ("a", "plant-height-unknown", "error")
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,9 @@ def test_what_cannot_be_fitted_is_refused(plan: Plan, known: dict[str, Any], mes
 def test_every_plot_has_its_own_plan_and_its_file(tmp_path: Path) -> None:
     plan = plan_in_envelope()
     site = site_with(
-        {"name": "as/planned"}, {"name": "high/1", "plant_height_m": 1.2}, {"name": "high:1", "plant_height_m": 1.1}
+        {"name": "as/planned", "plant_height_m": 0.9},
+        {"name": "high/1", "plant_height_m": 1.2},
+        {"name": "high:1", "plant_height_m": 1.1},
     )
     plans = fitted_to(plan, site.plots)
     assert plans["as/planned"] is plan

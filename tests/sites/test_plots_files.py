@@ -411,3 +411,33 @@ def test_names_of_a_results_own_files_are_left_to_them() -> None:
     reserved = ("evaluation.json", "plots.csv")
     names = [plot_file_name(name, reserved) for name in ("evaluation.json", "plot 1", "Plots.csv", "plots.csv")]
     assert names == ["%65valuation.json", "plot 1", "%50lots.csv", "%70lots.csv"]
+
+
+@pytest.mark.parametrize(
+    ("column", "meant"),
+    [
+        ("plant_heigth_m", "plant_height_m"), ("PLANT_HEIGHT_M", "plant_height_m"),
+        ("plant height (m)", "plant_height_m"),
+        ("plant_height", "plant_height_m"), ("plant_height_cm", "plant_height_m"), ("lenght_m", "length_m"),
+        ("uphill_headng_deg", "uphill_heading_deg"), ("slope_percnt", "slope_percent"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("driver", ["GeoJSON", "GPKG"])
+def test_a_column_that_nearly_is_a_property_is_named(tmp_path: Path, driver: str, column: str, meant: str) -> None:
+    file = write_plots(
+        tmp_path / f"plots{KINDS[driver]}", places(), "EPSG:4326", plot_id=list(IDS), **{column: [1] * 4}
+    )
+    with pytest.raises(MetadataError, match=re.escape(f'"{column}", which is not used: is {meant} meant?')) as caught:
+        load_plots(file)
+    assert meant in caught.value.remedy
+
+
+def test_columns_that_are_not_used_are_told(tmp_path: Path) -> None:
+    file = write_plots(
+        tmp_path / "plots.geojson", places(), "EPSG:4326", plot_id=list(IDS), variety=list("abcd"), height=[1] * 4,
+        plant_height_m=[1.0] * 4, plant_height_cm=[100] * 4,
+    )  # fmt: skip
+    assert read_plots(file).unused == ("variety", "height", "plant_height_cm")
+    told: list[str] = []
+    load_site(site_file(tmp_path), file, tell=told.append)
+    assert told[1] == "Columns that are not used: variety, height and plant_height_cm."

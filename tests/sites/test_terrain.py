@@ -39,7 +39,9 @@ SLOPES = st.floats(0.5, 40)
 
 def site_with(home: SiteHome | None = None, **plot: Any) -> Site:
     home = home or SiteHome(latitude_deg=50.8649, longitude_deg=LONGITUDE, ellipsoid_m=140.0)
-    return Site(home=home, plots=(SitePlot(latitude_deg=LATITUDE, longitude_deg=LONGITUDE, **plot),))
+    return Site(
+        home=home, plots=(SitePlot(**{"plant_height_m": 0.85, **plot}, latitude_deg=LATITUDE, longitude_deg=LONGITUDE),)
+    )
 
 
 def uphill(east: NDArray[np.float64], north: NDArray[np.float64], percent: float, heading: float) -> Any:

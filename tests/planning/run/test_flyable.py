@@ -24,12 +24,13 @@ from fieldkit.results.plan import Plan
 from fieldkit.results.plan_file import plan_from_poses
 from fieldkit.runtime.progress import Silent
 from fieldkit.sites.placement import place
+from fieldkit.sites.plot_plants import with_plant_height
 from fieldkit.sites.reach import unreachable
 from fieldkit.sites.site_file import load_site
 from fieldkit.vehicles.vehicle_file import load_vehicle, vehicle_names, vehicles_folder
 from tests.planning.bowl import bowl_settings
 
-SITE = load_site(Path(__file__).parents[3] / "missions" / "sites" / "example.toml")
+SITE = with_plant_height(load_site(Path(__file__).parents[3] / "missions" / "sites" / "example.toml"), None, 2.0)
 TARGET = Volume((-1.0, -1.0, 0.03), (1.0, 1.0, 2.2))
 PROFILES = st.sampled_from(vehicle_names())
 NO_CAMERA = """model = "PINHOLE"

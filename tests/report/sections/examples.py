@@ -32,7 +32,7 @@ from fieldkit.results.plan_file import save_plan
 from fieldkit.results.report_files import describe_files, file_sha256, save_report
 from fieldkit.results.traits import TraitsEntry
 from tests.evaluation.examples import plant_cloud, reconstruction
-from tests.missions.test_export import SITES, planned
+from tests.missions.test_export import LOW_M, SITES, planned
 
 SETTINGS = ReconstructionSettings()
 HOSTILE = '<script>document.title="owned"</script>"\'><img src=x onerror=alert(1)>\u202egnp.exe'
@@ -135,7 +135,13 @@ def write_mission(folder: Path, plots: Path | None = None) -> Path:
     """A mission's folder; its mission.json."""
     folder.mkdir(parents=True)
     done = export_mission(
-        planned(5), "ardupilot-pitch", SITES / "example.toml", folder / "field.plan", plots=plots, picture=False
+        planned(5),
+        "ardupilot-pitch",
+        SITES / "example.toml",
+        folder / "field.plan",
+        plots=plots,
+        picture=False,
+        plant_height=LOW_M,
     )
     return next(file for file in done.files if file.suffix == ".json")
 

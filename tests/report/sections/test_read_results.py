@@ -23,7 +23,7 @@ from fieldkit.report.write_report import write_report
 from fieldkit.results.plan_file import save_plan
 from fieldkit.sites.placement import PlotFrame, SiteFrame
 from fieldkit.sites.site_file import load_site
-from tests.missions.test_export import SITES, VEHICLE, planned
+from tests.missions.test_export import LOW_M, SITES, VEHICLE, planned
 from tests.report.sections.examples import (
     write_campaign,
     write_evaluation,
@@ -137,7 +137,13 @@ class TestMissions:
         battery = VEHICLE.battery.model_copy(update={"endurance_s": 320.0})
         vehicle, plots = VEHICLE.model_copy(update={"battery": battery}), SITES / "plots.geojson"
         done = export_mission(
-            planned(5), vehicle, SITES / "example.toml", tmp_path / "field.plan", plots=plots, picture=False
+            planned(5),
+            vehicle,
+            SITES / "example.toml",
+            tmp_path / "field.plan",
+            plots=plots,
+            picture=False,
+            plant_height=LOW_M,
         )
         flights = len(done.routed.flights)
         assert flights > 1
@@ -184,7 +190,7 @@ class TestMissions:
         save_plan(tmp_path / "plan" / "plan.json", planned(5, height_m=2.0))
         export_mission(
             tmp_path / "plan", "ardupilot-pitch", SITES / "example.toml", tmp_path / "mission", plots=HILLSIDE,
-            picture=False, route=False,
+            picture=False, route=False, plant_height=LOW_M,
         )  # fmt: skip
         results = read_results(tmp_path)
         (part,), (plan,) = results.missions, results.plans

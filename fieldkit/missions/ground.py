@@ -1,0 +1,174 @@
+"""What a mission is checked over: plots and their plants, as the site, the plan and the mission.json beside it say."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from fieldkit.missions.export_record import plot_frame
+from fieldkit.regular_files import read_regular
+from fieldkit.results.mission import MissionPlot, MissionRecord
+from fieldkit.results.mission_file import load_mission, record_path
+from fieldkit.results.plan import Plan, Plans
+from fieldkit.results.plan_file import load_plan
+from fieldkit.routing.obstacles import Obstacles
+from fieldkit.sites.fitted import flown_plans
+from fieldkit.sites.placement import PlotFrame
+from fieldkit.sites.plot_plants import PlanFacts, PlantHeight, plants_on, with_plant_height
+from fieldkit.sites.site import NoFly, Site, SiteHome, SitePlot
+from fieldkit.sites.site_obstacles import site_obstacles
+
+NO_PLOTS = "no plots are given, and no mission.json lies beside the file"
+_NO_HEIGHT = "the height of its plants is not known"
+_NOWHERE = "neither a plan nor the plot's outline says where its plants stand"
+_SAME_M, _SAME_DEG = 0.05, 0.5
+"""By which a plot's frame and size may differ from those in mission.json."""
+_TRANSIT_M = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Plots with what is known of their plants."""
+
+    site: Site
+    plans: Mapping[str, Plan] = field(default_factory=dict)
+    """By plot; of those whose plan is known."""
+    known_clear: frozenset[str] = frozenset()
+    """Plots whose plants the export has kept clear of, as mission.json says of this very file."""
+    unchecked: Mapping[str, str] = field(default_factory=dict)
+    """Plots that are not checked against plants, and why."""
+
+    def obstacles(self, clearance_m: float) -> Obstacles:
+        """All that legs keep clear of."""
+        return site_obstacles(self.site, clearance_m, self.plans, known_clear=self.known_clear)
+
+
+def ground_of(
+    file: Path | None, site: Site | None, clearance_m: float, *, plans: Plans | None = None, fit: bool | None = None,
+    plant_height: PlantHeight | None = None,
+) -> Ground | None:  # fmt: skip
+    """What is known of the ground below a mission.
+
+    Plants are the plan's, where it is given or lies beside the mission as mission.json says. Without a plan, a plot
+    counts as clear where mission.json says so of this very file, of plants as high as these, here, and for as much
+    clearance; else all of its outline counts as full.
+
+    Args:
+        file: the mission, beside which its mission.json may lie.
+        site: with plots; those of mission.json where None.
+        clearance_m: that the vehicle keeps to plants.
+        plans: flown there.
+        fit: as at the export.
+        plant_height: see `with_plant_height`; comes before what the plots and mission.json say.
+
+    Returns:
+        None where there are no plots.
+    """
+    found = None if file is None else _record_of(file)
+    record, unchanged = found if found is not None else (None, False)
+    if site is None and record is None:
+        return None
+    exported = {} if record is None else {plot.name: plot for plot in record.plots}
+    if site is None:
+        assert record is not None
+        site = _site_of(record)
+    else:
+        site = site.model_copy(update={"plots": tuple(_with_height(p, exported.get(p.name)) for p in site.plots)})
+    site = with_plant_height(site, plans, plant_height)
+    if plans is not None:
+        flown = flown_plans(plans, site.plots, fit)
+        by_plot = {p.name: flown for p in site.plots} if isinstance(flown, Plan) else dict(flown)
+    else:
+        by_plot = {} if file is None else _plans_beside(file, exported)
+    clear, unchecked = set(), {}
+    for plot in site.plots:
+        plan = by_plot.get(plot.name)
+        if plot.plant_height_m is None:
+            unchecked[plot.name] = _NO_HEIGHT
+        elif plan is None or not PlanFacts(plan).points.size:
+            if unchanged and _kept_clear(exported.get(plot.name), plot, PlotFrame.of(site, plot), clearance_m):
+                clear.add(plot.name)
+            elif plants_on(None, plot) is None:
+                unchecked[plot.name] = _NOWHERE
+    return Ground(site, by_plot, frozenset(clear), unchecked)
+
+
+def _record_of(file: Path) -> tuple[MissionRecord, bool] | None:
+    """The mission.json that names a mission file, and whether the file still is what was exported."""
+    for mission in (file, file.with_stem(re.sub(r"-\d+$", "", file.stem) or file.stem)):
+        if not record_path(mission).is_file():
+            continue
+        record = load_mission(record_path(mission))
+        hashes = [entry.sha256 for entry in record.files if entry.name == file.name]
+        if hashes:
+            return record, _sha256(file) in hashes
+    return None
+
+
+def _site_of(record: MissionRecord) -> Site:
+    """The site as far as mission.json has it."""
+    low = _TRANSIT_M if record.ceiling_m is None else min(_TRANSIT_M, record.ceiling_m)
+    return Site(
+        name=record.name, home=SiteHome(**record.home.model_dump()), fence=record.inside, ceiling_m=record.ceiling_m,
+        no_fly=tuple(NoFly(corners=ring) for ring in record.outside), takeoff_m=low, transit_m=low,
+        plots=tuple(_plot_of(plot) for plot in record.plots),
+    )  # fmt: skip
+
+
+def _plot_of(plot: MissionPlot) -> SitePlot:
+    along, across = plot.gradient
+    percent = 100.0 * math.hypot(along, across)
+    uphill = (plot.row_heading_deg + math.degrees(math.atan2(-across, along))) % 360.0 if percent else None
+    return SitePlot(
+        name=plot.name, latitude_deg=plot.origin.latitude_deg, longitude_deg=plot.origin.longitude_deg,
+        height_m=plot.ground_m, datum="home", row_heading_deg=plot.row_heading_deg, slope_percent=percent,
+        uphill_heading_deg=uphill, length_m=plot.length_m, width_m=plot.width_m,
+        plant_height_m=None if plot.plants is None else plot.plants.height_m,
+    )  # fmt: skip
+
+
+def _with_height(plot: SitePlot, exported: MissionPlot | None) -> SitePlot:
+    """A plot that says no plant height with the one that it was exported for."""
+    if plot.plant_height_m is not None or exported is None or exported.plants is None:
+        return plot
+    return plot.model_copy(update={"plant_height_m": exported.plants.height_m})
+
+
+def _plans_beside(file: Path, exported: Mapping[str, MissionPlot]) -> dict[str, Plan]:
+    """The plans of plots that lie beside the mission, by the names and hashes that mission.json gives."""
+    loaded: dict[str, Plan | None] = {}
+    for plot in exported.values():
+        name, sha256 = plot.plan.name, plot.plan.sha256
+        if sha256 not in loaded:
+            beside = None if name is None else file.with_name(Path(name).name)
+            same = beside is not None and beside.is_file() and _sha256(beside) == sha256
+            loaded[sha256] = load_plan(beside) if beside is not None and same else None
+    found = {plot.name: loaded[plot.plan.sha256] for plot in exported.values()}
+    return {name: plan for name, plan in found.items() if plan is not None}
+
+
+def _kept_clear(exported: MissionPlot | None, plot: SitePlot, frame: PlotFrame, clearance_m: float) -> bool:
+    """Whether an export has kept clear of all plants of a plot."""
+    if exported is None or exported.plants is None or exported.plants.clear_m is None or plot.plant_height_m is None:
+        return False
+    before, size = plot_frame(exported), (exported.length_m, exported.width_m)
+    origin = before.to_plot(frame.tangent.latitude_deg, frame.tangent.longitude_deg, frame.ground_m)
+    turned = abs((frame.row_heading_deg - before.row_heading_deg + 180.0) % 360.0 - 180.0)
+    return bool(
+        plot.plant_height_m <= exported.plants.clear_m + 1e-6
+        and clearance_m <= exported.plants.clearance_m + 1e-6
+        and float(np.linalg.norm(origin)) <= _SAME_M
+        and turned <= _SAME_DEG
+        and np.allclose(frame.gradient, before.gradient, atol=1e-3)
+        and (plot.size_m is None or np.allclose(plot.size_m, [s or 0.0 for s in size], atol=_SAME_M))
+    )
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(read_regular(file)).hexdigest()

@@ -1,0 +1,233 @@
+"""No mission into the plants, in any format: what exports and checks make of plots, plans and mission.json."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fieldkit.cli.main import main
+from fieldkit.errors import MissionError
+from fieldkit.missions.export_mission import export_mission
+from fieldkit.missions.ground import ground_of
+from fieldkit.results.plan import Plan
+from fieldkit.results.plan_file import save_plan
+from fieldkit.sites.site_file import load_site
+from fieldkit.vehicles.vehicle_file import load_vehicle
+from tests.missions.test_export import planned
+
+FLOWN = [
+    ("ardupilot-pitch", "plan", ".plan"), ("ardupilot-pitch", "waypoints", ".waypoints"),
+    ("px4-gimbal", "plan", ".plan"),
+    ("dji-mavic-3-enterprise", "wpml", ".kmz"), ("dji-mini-4-pro", "litchi", ".csv"),
+]  # fmt: skip
+SITE = """\
+format = 1
+ceiling_m = 30.0
+[home]
+latitude_deg = 50.8649
+longitude_deg = 6.4473
+amsl_m = 92.0
+"""
+Answer = dict[str, Any]
+
+
+def plots_file(folder: Path, name: str, heights: Sequence[float | None], *, half_m: float = 0.7, **more: Any) -> Path:
+    """Plots in a row, each a rectangle of 2.6 × 1.4 m with room for the stations of `planned` beside the plants."""
+    features = []
+    for k, height in enumerate(heights):
+        east, north = 6.4473 + 1.2e-4 * k, 50.8650
+        dx, dy = 1.3 / 70_300, half_m / 111_260
+        ring = [[east + x * dx, north + y * dy] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
+        known = {} if height is None else {"plant_height_m": height}
+        features.append({
+            "type": "Feature", "properties": {"plot_id": f"P{k}", **known, **more},
+            "geometry": {"type": "Polygon", "coordinates": [ring]},
+        })  # fmt: skip
+    (folder / name).write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return folder / name
+
+
+class Field:
+    """A folder with a site, a plan of plants 0.9 m high, and the commands."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.folder, self.capsys = folder, capsys
+        (folder / "site.toml").write_text(SITE)
+        self.plan = planned(6, height_m=2.0)
+        (folder / "plan").mkdir()
+        save_plan(folder / "plan" / "plan.json", self.plan)
+
+    def export(self, vehicle: str, form: str, plots: Path, *more: str) -> tuple[int, str]:
+        call = ["export-mission", str(self.folder / "plan"), "--vehicle", vehicle, "--format", form, "--no-picture"]
+        call += ["--site", str(self.folder / "site.toml"), "--plots", str(plots), "-o", str(self.folder / "m"), *more]
+        code = main([*call, "--overwrite"])
+        return code, " ".join(self.capsys.readouterr().err.split())
+
+    def check(self, suffix: str, vehicle: str, plots: Path | None = None, *more: str) -> tuple[int, Answer, str]:
+        """Exit code, JSON, and what people are told."""
+        call = ["check-mission", str(self.folder / f"m{suffix}"), "--vehicle", vehicle, *more]
+        if plots is not None:
+            call += ["--site", str(self.folder / "site.toml"), "--plots", str(plots)]
+        code = main([*call, "--json"])
+        answer = json.loads(self.capsys.readouterr().out)
+        assert main(call) == code
+        return code, answer, " ".join(self.capsys.readouterr().err.split())
+
+
+@pytest.fixture
+def field(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Field:
+    return Field(tmp_path, capsys)
+
+
+def codes(answer: Answer, severity: str = "error") -> set[str]:
+    return {finding["code"] for finding in answer["findings"] if finding["severity"] == severity}
+
+
+@pytest.mark.parametrize(("vehicle", "form", "suffix"), FLOWN)
+def test_a_mission_into_the_plants_is_found_with_and_without_its_record_and_plan(
+    field: Field, vehicle: str, form: str, suffix: str
+) -> None:
+    as_planned, tall = (plots_file(field.folder, f"{h}.geojson", [h, h]) for h in (0.9, 2.3))
+    unknown = plots_file(field.folder, "unknown.geojson", [None, 0.9])
+    code, told = field.export(vehicle, form, as_planned, "--adjust")
+    assert code == 0
+    assert "clear of plants up to 0.90 m high" in told
+    record = field.folder / "m.mission.json"
+    # By mission.json, alone and for the same plots: nothing is among plants of the height that it was exported for.
+    for given in (None, as_planned, unknown):
+        code, answer, told = field.check(suffix, vehicle, given)
+        assert (code, answer["ok"], answer["checked_against_plants"]) == (0, True, True), answer
+        assert told.endswith("may be flown")
+    # Taller ones, by the plots' outlines and by the plan.
+    for more in ([], ["--plan", str(field.folder / "plan")]):
+        code, answer, told = field.check(suffix, vehicle, tall, *more)
+        assert (code, answer["ok"]) == (5, False)
+        assert "leg-plants" in codes(answer)
+        assert "must not be flown" in told
+    record.unlink()
+    code, answer, told = field.check(suffix, vehicle, tall)
+    assert (code, answer["ok"], codes(answer)) == (5, False, {"leg-plants"})
+    code, answer, told = field.check(suffix, vehicle, as_planned)
+    assert (code, answer["ok"]) == (0, True)  # 2 m high, all of them are over the outline
+    # Nobody says how high: never "may be flown".
+    for more in ([], ["--plan", str(field.folder / "plan")]):
+        code, answer, told = field.check(suffix, vehicle, unknown, *more)
+        assert (code, answer["ok"], answer["checked_against_plants"]) == (5, None, False)
+        assert [plot["checked"] for plot in answer["plants"]] == [False, True]
+        assert "plants-unchecked" in codes(answer, "warning")
+        assert told.endswith("not checked against plants: P0")
+    code, answer, told = field.check(suffix, vehicle, unknown, "--plant-height", "0.9")
+    assert (code, answer["ok"]) == (0, True)
+    code, answer, told = field.check(suffix, vehicle)
+    assert (code, answer["ok"], answer["checked_against_plants"]) == (0, None, False)
+    assert "may be flown" not in told
+    assert "not checked against plants: no plots are given" in told
+
+
+@pytest.mark.parametrize(("vehicle", "form"), [("ardupilot-pitch", "plan"), ("dji-mini-4-pro", "litchi")])
+def test_an_export_needs_the_height_of_the_plants(field: Field, vehicle: str, form: str) -> None:
+    unknown = plots_file(field.folder, "unknown.geojson", [0.9, None, None])
+    code, told = field.export(vehicle, form, unknown, "--adjust")
+    assert code == 5
+    assert "P1" in told
+    assert "--plant-height METRES" in told
+    assert not list(field.folder.glob("m.*"))
+    assert field.export(vehicle, form, unknown, "--adjust", "--plant-height", "164")[0] == 2
+    code, told = field.export(vehicle, form, unknown, "--adjust", "--plant-height", "1.2")
+    assert code == 0
+    assert "clear of plants up to 1.20 m high" in told
+    code, told = field.export(vehicle, form, unknown, "--adjust", "--plant-height", "unknown")
+    assert code == 0
+    assert "clear of plants up to 0.90 m high" in told  # of the plot that says so
+    record = json.loads((field.folder / "m.mission.json").read_text())
+    unknown_m = pytest.approx(1.17, abs=0.01)
+    assert [plot["plants"]["height_m"] for plot in record["plots"]] == [0.9, unknown_m, unknown_m]
+    code, told = field.export(vehicle, form, unknown, "--adjust", "--plant-height", "2.1")
+    assert code == 5
+    assert "would stand" in told
+
+
+def test_a_plan_without_plants_is_not_said_to_be_clear_of_them(field: Field, tmp_path: Path) -> None:
+    save_plan(field.folder / "plan" / "plan.json", planned(6, height_m=2.0, plants=False))
+    (field.folder / "site.toml").write_text(SITE + (
+        '[[plots]]\nname = "P0"\nlatitude_deg = 50.865\nlongitude_deg = 6.4473\nplant_height_m = 0.9\n'
+    ))  # fmt: skip
+    site = str(field.folder / "site.toml")
+    call = ["--vehicle", "ardupilot-pitch", "--site", site]
+    assert (
+        main(["export-mission", str(tmp_path / "plan"), *call, "--json", "--no-picture", "-o", str(tmp_path / "m")])
+        == 0
+    )
+    answer = json.loads(field.capsys.readouterr().out)
+    assert answer["clear_of_plants_m"] is None
+    assert answer["plants"] == [{"plot": "P0", "clear_m": None}]
+    for more in ([], ["--plan", str(tmp_path / "plan")]):
+        assert main(["check-mission", str(tmp_path / "m.plan"), *call, *more, "--json"]) == 5
+        answer = json.loads(field.capsys.readouterr().out)
+        assert (answer["ok"], codes(answer), codes(answer, "warning")) == (None, set(), {"plants-unchecked"})
+        assert "outline" in answer["plants"][0]["why_not"]
+
+
+@pytest.mark.parametrize("change", ["edited", "moved", "larger", "taller", "bolder vehicle", "none"])
+def test_a_record_counts_for_the_very_file_plots_plants_and_clearance(field: Field, change: str) -> None:
+    site = load_site(field.folder / "site.toml", plots_file(field.folder, "p.geojson", [0.9], half_m=0.28))
+    plan, vehicle = planned(6, height_m=2.0), load_vehicle("ardupilot-pitch")
+    done = export_mission(plan, vehicle, site, field.folder / "m.plan", picture=False)
+    clearance_m = vehicle.clearance_m
+    (plot,) = site.plots
+    if change == "edited":
+        done.files[0].write_text(done.files[0].read_text() + " ")
+    elif change == "moved":
+        plot = plot.model_copy(update={"latitude_deg": plot.latitude_deg + 2e-6})
+    elif change == "larger":
+        plot = plot.model_copy(update={"width_m": 0.8})
+    elif change == "taller":
+        plot = plot.model_copy(update={"plant_height_m": 1.0})
+    elif change == "bolder vehicle":
+        clearance_m += 0.1
+    ground = ground_of(done.files[0], site.model_copy(update={"plots": (plot,)}), clearance_m)
+    assert ground is not None
+    assert ground.unchecked == {}
+    assert ground.known_clear == (frozenset({"P0"}) if change == "none" else frozenset())
+
+
+def test_fitted_plans_beside_a_mission_say_where_its_plants_are(field: Field) -> None:
+    stated = field.plan.model_copy(update={"plant_height_m": 0.9})
+    save_plan(field.folder / "plan" / "plan.json", stated)
+    plots = plots_file(field.folder, "p.geojson", [1.1, 0.9])
+    assert field.export("ardupilot-pitch", "plan", plots)[0] == 0
+    ground = ground_of(field.folder / "m.plan", None, 0.5)
+    assert ground is not None
+    assert set(ground.plans) == {"P0"}
+    assert ground.known_clear == {"P1"}
+    assert field.check(".plan", "ardupilot-pitch")[1]["ok"] is True
+    (field.folder / "m-P0.json").write_text("{}")  # another file of that name
+    changed = ground_of(field.folder / "m.plan", None, 0.5)
+    assert changed is not None
+    assert set(changed.plans) == set()
+
+
+def test_several_flights_share_a_record(field: Field) -> None:
+    plots = plots_file(field.folder, "p.geojson", [0.9] * 4)
+    vehicle = load_vehicle("ardupilot-pitch")
+    tired = vehicle.model_copy(update={"battery": vehicle.battery.model_copy(update={"endurance_s": 300.0})})
+    done = export_mission(
+        field.plan, tired, field.folder / "site.toml", field.folder / "m.plan", plots=plots, picture=False
+    )
+    assert len(done.routed.flights) > 1
+    for file in done.files[: len(done.routed.flights)]:
+        ground = ground_of(file, None, vehicle.clearance_m)
+        assert ground is not None
+        assert ground.known_clear == {"P0", "P1", "P2", "P3"}
+
+
+def test_python_says_no_more_than_the_commands(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text(SITE)
+    plots = plots_file(tmp_path, "unknown.geojson", [None])
+    plan: Plan = planned(6, height_m=2.0)
+    with pytest.raises(MissionError, match="nobody says how high its plants are"):
+        export_mission(plan, "ardupilot-pitch", tmp_path / "site.toml", tmp_path / "m", plots=plots, picture=False)
