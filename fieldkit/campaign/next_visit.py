@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -279,8 +279,10 @@ def plan_next_visit(
             "which vehicle flies? The campaign does not say", remedy="Give --vehicle NAME, as for export-mission."
         )
     profile = load_vehicle(given)
-    plans = next_plans(campaign, profile, growth=growth, seed=seed, workers=workers, progress=progress)
-    site = with_plant_height(campaign.site, {each.plot: each.plan for each in plans}, plant_height)
+    site = with_plant_height(campaign.site, campaign.plan, plant_height)
+    plans = next_plans(
+        replace(campaign, site=site), profile, growth=growth, seed=seed, workers=workers, progress=progress
+    )
     tops = [None if each.date is None else PlanFacts(each.plan).top_m for each in plans]
     plots = tuple(_at_least(plot, top_m) for plot, top_m in zip(site.plots, tops, strict=True))
     mission = export_mission(
@@ -289,6 +291,6 @@ def plan_next_visit(
     )  # fmt: skip
     with atomic_folder(folder, overwrite=overwrite) as made:
         for each in plans:
-            if each.date is not None:
+            if each.plan != campaign.carried_plan(each.plot):
                 save_plan(made / f"{plot_file_name(each.plot)}.json", each.plan)
     return NextVisit(plans, mission)
